@@ -1,0 +1,1 @@
+"""A clip of a planar mechanism in, a simulator of it out."""

@@ -1,0 +1,60 @@
+"""Shape checks for the arrays that flow between the stages."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monodyn.errors import MonodynError
+
+
+def frozen(
+    where: str,
+    values: object,
+    shape: tuple[int | None, ...],
+    *,
+    dtype: type = np.float64,
+    error: type[MonodynError] = MonodynError,
+) -> np.ndarray:
+    """Copy ``values`` into a read-only array of a stated shape.
+
+    Args:
+        where: Name of the field, for the message.
+        values: Anything numpy can make an array of.
+        shape: Expected length by axis; ``None`` takes any length.
+        dtype: Element type of the copy.
+        error: Class of the exception.
+
+    Returns:
+        A read-only, C-contiguous copy.
+
+    Raises:
+        MonodynError: (or ``error``) the number of axes or a length differs.
+    """
+    array = np.array(values, dtype=dtype, order="C")
+    if array.ndim != len(shape) or any(
+        want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
+    ):
+        expected = ", ".join("any" if n is None else str(n) for n in shape)
+        raise error(f"{where}: expected an array of shape ({expected}), got {array.shape}.")
+    array.flags.writeable = False
+    return array
+
+
+def increasing(where: str, times: np.ndarray, *, error: type[MonodynError] = MonodynError) -> np.ndarray:
+    """Return ``times`` [s] (sample,) if they are finite and strictly increase.
+
+    Args:
+        where: Name of the field, for the message.
+        times: Time stamps [s], shape (sample,).
+        error: Class of the exception.
+
+    Raises:
+        MonodynError: (or ``error``) a time is not finite or does not come after the one before it.
+    """
+    if not np.all(np.isfinite(times)):
+        raise error(f"{where}: expected finite times, got {times[~np.isfinite(times)][0]}.")
+    steps = np.diff(times)
+    if np.any(steps <= 0):
+        i = int(np.argmax(steps <= 0))
+        raise error(f"{where}: must increase, but sample {i + 1} is {times[i + 1]:g} s after {times[i]:g} s.")
+    return times

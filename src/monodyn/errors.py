@@ -1,0 +1,25 @@
+"""Every exception that Monodyn raises on purpose.
+
+The children are named by who can put the matter right: whoever gave the input, the mechanism file,
+the clip or the setting. A message is one sentence: where, expected, got, what to do.
+"""
+
+
+class MonodynError(Exception):
+    """Base of every exception that Monodyn raises on purpose."""
+
+
+class MechanismError(MonodynError):
+    """The mechanism file, or a parameter named for it, cannot be used."""
+
+
+class VideoError(MonodynError):
+    """The clip (or the encoder record) cannot be used."""
+
+
+class SettingsError(MonodynError):
+    """A setting, a frame range or an output folder cannot be used."""
+
+
+class FitError(MonodynError):
+    """A result is not to be trusted; raised by ``check()``, carries the status sentence."""

@@ -1,0 +1,126 @@
+"""The data that flows between the stages: frames, masks, cameras, poses.
+
+Frozen dataclasses without algorithms. Arrays name their axes from a closed list: frame, time, dof, point,
+body, param, height, width. SI units and radians throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from monodyn.arrays import frozen, increasing
+from monodyn.errors import VideoError
+
+Progress = Callable[[str, int, int | None], None]
+"""Called as ``progress(step, done, total)`` on long work; ``total`` is None where it is unknown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One decoded picture in square pixels, upright.
+
+    Attributes:
+        index: Number of the frame in the clip, from 0.
+        time: Presentation time stamp [s].
+        luma: Grey picture, uint8 (height, width).
+        chroma: Blue and red difference planes, each uint8 (about half height, half width) with 128 as
+            neutral, or None for a grey clip.
+    """
+
+    index: int
+    time: float
+    luma: np.ndarray
+    chroma: tuple[np.ndarray, np.ndarray] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Mask:
+    """Soft foreground of one frame.
+
+    Attributes:
+        index: Number of the frame in the clip, from 0.
+        time: Presentation time stamp [s].
+        coverage: Share of each pixel that the mechanism covers, uint8 (height, width), 255 is all of it.
+    """
+
+    index: int
+    time: float
+    coverage: np.ndarray
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera before the plane of the mechanism (OpenCV frame: x right, y down, z forward).
+
+    In the mechanism's frame (x right, y up, z toward the camera) the camera stands at ``(x, y, depth)`` and
+    looks along -z when ``pitch`` and ``yaw`` are zero.
+
+    Attributes:
+        width: Picture width [px].
+        height: Picture height [px].
+        focal: Focal length [px].
+        x: Camera position to the right of the mechanism's origin [m].
+        y: Camera position above the mechanism's origin [m].
+        depth: Distance of the camera from the plane of the mechanism [m].
+        roll: Turn about the optical axis [rad]; positive turns the picture of the mechanism clockwise.
+        pitch: Turn about the camera's x axis [rad]; positive looks up.
+        yaw: Turn about the camera's y axis [rad]; positive looks right.
+    """
+
+    width: int
+    height: int
+    focal: float
+    x: float = 0.0
+    y: float = 0.0
+    depth: float = 1.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Measured joint positions of one record (a clip or an encoder log).
+
+    Attributes:
+        joints: Joint names, in the order of the dof axis.
+        frame: Frame numbers, int (frame,).
+        time: Time stamps [s], (frame,).
+        position: Joint positions [rad or m], unwrapped, (frame, dof); NaN where not seen.
+        covariance: Covariance of each frame's positions, (frame, dof, dof).
+        seen: True where the frame was measured, bool (frame,).
+        metric: True when slides are in metres; False when they are in the start scale of the mechanism file, as
+            a picture gives them.
+    """
+
+    joints: tuple[str, ...]
+    frame: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
+    covariance: np.ndarray
+    seen: np.ndarray
+    metric: bool = field(default=True)
+
+    def __post_init__(self) -> None:
+        frames, dofs = len(self.time), len(self.joints)
+        set_ = object.__setattr__
+        set_(self, "frame", frozen("Poses.frame", self.frame, (frames,), dtype=np.int64, error=VideoError))
+        set_(self, "time", frozen("Poses.time", self.time, (frames,), error=VideoError))
+        set_(self, "position", frozen("Poses.position", self.position, (frames, dofs), error=VideoError))
+        set_(self, "covariance", frozen("Poses.covariance", self.covariance, (frames, dofs, dofs), error=VideoError))
+        set_(self, "seen", frozen("Poses.seen", self.seen, (frames,), dtype=np.bool_, error=VideoError))
+        increasing("Poses.time", self.time, error=VideoError)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def part(self, first: int, stop: int) -> Poses:
+        """Return rows ``first`` to ``stop - 1``."""
+        rows = slice(first, stop)
+        return Poses(
+            self.joints, self.frame[rows], self.time[rows], self.position[rows], self.covariance[rows],
+            self.seen[rows], self.metric,
+        )  # fmt: skip
