@@ -1,0 +1,143 @@
+"""A file or a folder into a stream of grey pictures with their presentation time stamps.
+
+The one idea: the stamps of all frames are read first, without decoding where the container allows it, and each
+decoded picture finds its number by its stamp. So a frame number means the same in every pass, whatever the
+decoder drops, and a pass may start anywhere. Frames are handed over one at a time; nothing is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from monodyn.arrays import frozen, increasing
+from monodyn.errors import VideoError
+from monodyn.types import Frame
+
+Decode = Callable[[int, int], Iterator[Frame]]
+
+
+@dataclass(frozen=True, eq=False)
+class Video:
+    """A clip: its size, its time stamps and a way to stream its frames.
+
+    Luma is in the video ("limited") range whatever the file holds: black 16, white 235.
+
+    Attributes:
+        path: File or folder of the clip.
+        width: Picture width in square pixels, upright [px].
+        height: Picture height in square pixels, upright [px].
+        times: Presentation time stamps of all frames [s], increasing, (frame,).
+    """
+
+    path: Path
+    width: int
+    height: int
+    times: np.ndarray
+    decode: Decode = field(repr=False)
+    remarks: list[str] = field(default_factory=list, repr=False)
+
+    def __post_init__(self) -> None:
+        times = frozen("Video.times", self.times, (None,), error=VideoError)
+        object.__setattr__(self, "times", increasing("Video.times", times, error=VideoError))
+
+    @property
+    def count(self) -> int:
+        """Number of frames in the clip."""
+        return len(self.times)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was dropped, missing or assumed, in sentences; complete after a pass over the frames."""
+        return tuple(self.remarks)
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        """Decode frames ``start`` to ``stop - 1``, one at a time.
+
+        A frame that cannot be decoded is left out (its number is skipped) and counted in ``notes``. A frame's
+        arrays stay valid for as long as they are held; they are read-only.
+
+        Args:
+            start: First frame number.
+            stop: Frame number after the last one; None goes to the end of the clip.
+
+        Returns:
+            An iterator of frames with increasing numbers.
+
+        Raises:
+            VideoError: the range lies outside the clip.
+        """
+        end = self.count if stop is None else stop
+        if not 0 <= start <= end <= self.count:
+            raise VideoError(
+                f"frames: expected a range within 0:{self.count}, got {start}:{end}; "
+                f"clip '{self.path}' has {self.count} frames."
+            )
+        return self.decode(start, end)
+
+
+def read(path: str | Path, *, rate: float | None = None) -> Video:
+    """Open a clip and read the time stamps of its frames.
+
+    Args:
+        path: Video file (mp4, mov, webm, mkv, avi, gif, ...) or a folder of numbered pictures (png, jpg, bmp, tif).
+        rate: Frames a second [Hz] in place of the time stamps of the file; None uses the stamps (30 a second for a
+            folder, which has none).
+
+    Returns:
+        The clip; its pictures are decoded by ``Video.frames``.
+
+    Raises:
+        VideoError: the path is missing or not a video, has no picture stream, no time stamps, or fewer than two frames.
+
+    Example:
+        >>> import monodyn
+        >>> video = monodyn.read("clip.mp4")  # doctest: +SKIP
+        >>> video.width, video.height, video.count  # doctest: +SKIP
+        (720, 480, 300)
+    """
+    if rate is not None and not (np.isfinite(rate) and rate > 0):
+        raise VideoError(f"rate: expected a positive number of frames a second, got {rate:g}.")
+    path = Path(path)
+    if path.is_dir():
+        from monodyn.vision.folder import read_folder
+
+        return Video(path, *read_folder(path, rate))
+    if not path.exists():
+        raise VideoError(
+            f"clip '{path}': expected a video file or a folder of pictures, found nothing; check the path."
+        )
+    if not path.is_file():
+        raise VideoError(
+            f"clip '{path}': expected a file or a folder, got a device or pipe; save the clip to a file."
+        )
+    from monodyn.vision.container import read_container
+
+    return Video(path, *read_container(path, rate))
+
+
+def read_picture(path: str | Path, video: Video) -> Frame:
+    """Read one still picture as a frame that compares with the frames of ``video``.
+
+    Args:
+        path: Picture file (png, jpg, bmp, tif), of the clip's upright size.
+        video: The clip the picture belongs to.
+
+    Returns:
+        A frame with index -1 and the time of the clip's first frame [s].
+
+    Raises:
+        VideoError: the file is missing or not a picture, or its size differs from the clip's.
+    """
+    from monodyn.vision.folder import load_picture
+
+    luma, chroma = load_picture(Path(path), "background")
+    if luma.shape != (video.height, video.width):
+        raise VideoError(
+            f"background '{path}': expected a picture of {video.width}x{video.height} px like the clip, "
+            f"got {luma.shape[1]}x{luma.shape[0]} px; take it with the same camera and size."
+        )
+    return Frame(-1, float(video.times[0]), luma, chroma)
