@@ -79,13 +79,15 @@ def open_stream(path: Path) -> tuple[Any, Any]:
     except (av.error.FFmpegError, OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise VideoError(
-            f"clip '{path}': expected a video file, cannot read it as one ({why}); check the file or convert it to mp4."
+            f"clip '{path}': expected a video file, cannot read it as one ({why}); "
+            "check the file or convert it to mp4."
         ) from None
     names = set(container.format.name.split(","))
     if names & set(_NOT_CLIPS) or any(name.endswith("_pipe") for name in names):
         container.close()
         raise VideoError(
-            f"clip '{path}': expected a video file, got {_kind(names)}; give a clip or a folder of numbered pictures."
+            f"clip '{path}': expected a video file, got {_kind(names)}; "
+            "give a clip or a folder of numbered pictures."
         )
     streams = [s for s in container.streams.video if "attached_pic" not in str(s.disposition)]
     if not streams:

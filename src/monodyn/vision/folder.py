@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,7 +31,8 @@ def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, A
         Width and height [px], times [s] (frame,), the decode function and the notes, as ``Video`` takes them.
 
     Raises:
-        VideoError: no numbered pictures, more than one series, fewer than two pictures, the first is unreadable.
+        VideoError: no numbered pictures, more than one series, fewer than two pictures, or the first is
+            unreadable.
     """
     files, numbers = _series(path)
     if len(files) < 2:
@@ -107,7 +109,7 @@ def _series(path: Path) -> tuple[list[Path], list[int]]:
         )
     series = sorted(next(iter(found.values())))
     numbers = [number for number, _ in series]
-    for (number, file), (following, other) in zip(series, series[1:], strict=False):
+    for (number, file), (following, other) in itertools.pairwise(series):
         if number == following:
             raise VideoError(
                 f"clip '{path}': expected one picture for each number, got '{file.name}' and '{other.name}'; "

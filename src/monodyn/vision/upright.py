@@ -1,7 +1,7 @@
 """A decoded picture of any format into 8-bit luma and chroma planes in square pixels, upright.
 
-The common case (yuv420p in video range, square pixels, no rotation) costs nothing: the planes of the decoder are
-handed on without a copy.
+The common case (yuv420p in video range, square pixels, no rotation) costs nothing: the planes of the decoder
+are handed on without a copy.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A file or a folder into a stream of grey pictures with their presentation time stamps.
 
-The one idea: the stamps of all frames are read first, without decoding where the container allows it, and each
-decoded picture finds its number by its stamp. So a frame number means the same in every pass, whatever the
-decoder drops, and a pass may start anywhere. Frames are handed over one at a time; nothing is kept.
+The one idea: the stamps of all frames are read first, without decoding where the container allows it, and
+each decoded picture finds its number by its stamp. So a frame number means the same in every pass, whatever
+the decoder drops, and a pass may start anywhere. Frames are handed over one at a time; nothing is kept.
 """
 
 from __future__ import annotations
@@ -83,15 +83,17 @@ def read(path: str | Path, *, rate: float | None = None) -> Video:
     """Open a clip and read the time stamps of its frames.
 
     Args:
-        path: Video file (mp4, mov, webm, mkv, avi, gif, ...) or a folder of numbered pictures (png, jpg, bmp, tif).
-        rate: Frames a second [Hz] in place of the time stamps of the file; None uses the stamps (30 a second for a
-            folder, which has none).
+        path: Video file (mp4, mov, webm, mkv, avi, gif, ...) or a folder of numbered pictures (png, jpg, bmp,
+            tif).
+        rate: Frames a second [Hz] in place of the time stamps of the file; None uses the stamps (30 a second
+            for a folder, which has none).
 
     Returns:
         The clip; its pictures are decoded by ``Video.frames``.
 
     Raises:
-        VideoError: the path is missing or not a video, has no picture stream, no time stamps, or fewer than two frames.
+        VideoError: the path is missing or not a video, has no picture stream, no time stamps, or fewer than
+            two frames.
 
     Example:
         >>> import monodyn
