@@ -1,0 +1,248 @@
+"""Bounded Levenberg-Marquardt on normal equations with the shape of an arrow.
+
+Some unknowns (``shared``) touch every residual, others (``local``) only those of their own block: parameters
+of a mechanism against the start states of many short records. Each block is eliminated on its own, so that an
+iteration costs as much as its residuals, whatever the number of blocks. A dense problem is an arrow without
+blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """When a least-squares search stops.
+
+    Attributes:
+        evaluations: The residuals are evaluated at most so often.
+        relative: Done when the predicted decrease of the cost is below this share of the cost.
+        decrease: Done when the predicted decrease of the cost is below this, in units of the cost.
+        damping: First damping, relative to the squared norm of each column of the Jacobian.
+    """
+
+    evaluations: int = 100
+    relative: float = 1e-12
+    decrease: float = 0.0
+    damping: float = 1e-3
+
+
+USUAL = SearchSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class Arrow:
+    """The cost 1/2 r.r at one point, with its Gauss-Newton model in blocks.
+
+    Attributes:
+        cost: 1/2 r.r.
+        hessian: J.J of the shared unknowns, (shared, shared).
+        gradient: J.r of the shared unknowns, (shared,).
+        cross: J.J of shared with local unknowns, (block, shared, local).
+        local_hessian: J.J of the local unknowns, (block, local, local).
+        local_gradient: J.r of the local unknowns, (block, local).
+    """
+
+    cost: float
+    hessian: np.ndarray
+    gradient: np.ndarray
+    cross: np.ndarray
+    local_hessian: np.ndarray
+    local_gradient: np.ndarray
+
+    @property
+    def finite(self) -> bool:
+        """True when nothing in the model is NaN or infinite."""
+        parts = (self.hessian, self.gradient, self.cross, self.local_hessian, self.local_gradient)
+        return bool(np.isfinite(self.cost)) and all(bool(np.isfinite(part).all()) for part in parts)
+
+
+@dataclass(frozen=True, eq=False)
+class ArrowSolution:
+    """Where a search on an arrow ended.
+
+    Attributes:
+        shared: Shared unknowns, (shared,).
+        local: Local unknowns, (block, local).
+        model: Cost and Gauss-Newton model there.
+        status: What ended the search, one sentence.
+        converged: True when no step promises a lower cost.
+        evaluations: Number of evaluations.
+        at_bound: True for shared unknowns that lie on a bound, (shared,).
+    """
+
+    shared: np.ndarray
+    local: np.ndarray
+    model: Arrow
+    status: str
+    converged: bool
+    evaluations: int
+    at_bound: np.ndarray
+
+
+CONVERGED = "The minimum is reached."
+STALLED = "No smaller cost was found along any damped step."
+EXHAUSTED = "The evaluations ran out before the minimum was reached."
+NOT_EVALUABLE = "The residuals are not finite at the start; choose another start."
+
+LEAST_DAMPING = 1e-10
+MOST_DAMPING = 1e12
+
+
+def minimize_arrow(
+    evaluate: Callable[[np.ndarray, np.ndarray], Arrow | None],
+    shared: np.ndarray,
+    local: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    settings: SearchSettings = USUAL,
+) -> ArrowSolution:
+    """Minimize 1/2 r(shared, local).r subject to lower <= shared <= upper.
+
+    Each step solves (H + damping D) dx = -g with D the largest diagonal of H seen so far; shared unknowns
+    that the step carries over a bound are put on it and the others solved again, so that the step is the
+    best one inside.
+    A point that cannot be evaluated (None, NaN, infinite) counts as a rejected step.
+
+    Args:
+        evaluate: Gives the model at (shared, local), or None where the residuals do not exist.
+        shared: Start of the shared unknowns, (shared,), inside the bounds.
+        local: Start of the local unknowns, (block, local); without bounds.
+        lower: Lower bounds of the shared unknowns, (shared,).
+        upper: Upper bounds of the shared unknowns, (shared,).
+        settings: When to stop.
+
+    Returns:
+        The best point found; its status says why the search ended.
+
+    Source:
+        Marquardt, An algorithm for least-squares estimation of nonlinear parameters, 1963; the scaling by the
+        largest diagonal is Moré's, 1978.
+    """
+    shared, local = np.array(shared, dtype=float), np.array(local, dtype=float)
+    model = evaluate(shared, local)
+    evaluations = 1
+    if model is None or not model.finite:
+        size, (blocks, width) = len(shared), local.shape
+        empty = Arrow(
+            float("inf"), np.zeros((size, size)), np.zeros(size), np.zeros((blocks, size, width)),
+            np.zeros((blocks, width, width)), np.zeros((blocks, width)),
+        )  # fmt: skip
+        return _end(shared, local, empty, NOT_EVALUABLE, False, evaluations, lower, upper)
+    damping, scale = settings.damping, _diagonals(model)
+    while evaluations < settings.evaluations:
+        step, local_step, promised = damped_step(model, damping, scale, lower - shared, upper - shared)
+        if promised <= settings.decrease + max(settings.relative, 1e-15) * model.cost:
+            done = damping < 1.0
+            return _end(shared, local, model, CONVERGED if done else STALLED, done, evaluations, lower, upper)
+        at, local_at = np.clip(shared + step, lower, upper), local + local_step
+        trial = evaluate(at, local_at)
+        evaluations += 1
+        gain = (model.cost - trial.cost) / promised if trial is not None and trial.finite else -np.inf
+        damping = _next_damping(damping, gain)
+        if gain > 1e-4 and trial is not None:
+            shared, local, model = at, local_at, trial
+            scale = _largest(scale, _diagonals(model))
+        elif damping > MOST_DAMPING:
+            return _end(shared, local, model, STALLED, False, evaluations, lower, upper)
+    return _end(shared, local, model, EXHAUSTED, False, evaluations, lower, upper)
+
+
+def damped_step(
+    model: Arrow,
+    damping: float,
+    scale: tuple[np.ndarray, np.ndarray],
+    room_below: np.ndarray,
+    room_above: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Solve one damped, bounded step.
+
+    Args:
+        model: Gauss-Newton model at the point.
+        damping: Share of the scale that is added to the diagonal.
+        scale: Diagonals of the shared (shared,) and local (block, local) parts.
+        room_below: Lower bounds less the point, (shared,).
+        room_above: Upper bounds less the point, (shared,).
+
+    Returns:
+        Shared step (shared,), local step (block, local), and the decrease of the cost the model promises.
+    """
+    hessian = model.hessian + np.diag(damping * scale[0])
+    local = model.local_hessian + (damping * scale[1])[:, :, None] * np.eye(scale[1].shape[1])
+    right = np.concatenate((np.swapaxes(model.cross, 1, 2), model.local_gradient[:, :, None]), axis=2)
+    solved = np.linalg.solve(local, right) if local.size else right
+    size = len(model.gradient)
+    reduced = hessian - np.einsum("bsl,blt->st", model.cross, solved[:, :, :size])
+    gradient = model.gradient - np.einsum("bsl,bl->s", model.cross, solved[:, :, size])
+    step = _bounded_solve(reduced, gradient, room_below, room_above)
+    local_step = -solved[:, :, size] - solved[:, :, :size] @ step
+    promised = -(model.gradient @ step + np.sum(model.local_gradient * local_step)) - 0.5 * (
+        step @ model.hessian @ step
+        + 2.0 * np.einsum("s,bsl,bl->", step, model.cross, local_step)
+        + np.einsum("bl,blm,bm->", local_step, model.local_hessian, local_step)
+    )
+    return step, local_step, float(promised)
+
+
+def _bounded_solve(
+    hessian: np.ndarray, gradient: np.ndarray, room_below: np.ndarray, room_above: np.ndarray
+) -> np.ndarray:
+    """Minimize g.d + 1/2 d.H.d over room_below <= d <= room_above by adding bounds to an active set."""
+    step = np.zeros_like(gradient)
+    active = ((room_below >= 0) & (gradient > 0)) | ((room_above <= 0) & (gradient < 0))
+    for _ in range(len(gradient) + 1):
+        inside = ~active
+        if not inside.any():
+            break
+        right = -(gradient + hessian[:, active] @ step[active])[inside]
+        step[inside] = _scaled_solve(hessian[np.ix_(inside, inside)], right)
+        over = inside & ((step < room_below) | (step > room_above))
+        if not over.any():
+            break
+        step[over] = np.clip(step[over], room_below[over], room_above[over])
+        active |= over
+    return step
+
+
+def _scaled_solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve a positive semidefinite system after scaling its diagonal to one."""
+    root = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(root, root)
+    try:
+        return np.linalg.solve(scaled, right / root) / root
+    except np.linalg.LinAlgError:
+        return np.linalg.lstsq(scaled, right / root, rcond=1e-12)[0] / root
+
+
+def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:
+    """Diagonals of the model; an unknown without influence gets 1."""
+    shared = np.diag(model.hessian)
+    local = np.diagonal(model.local_hessian, axis1=1, axis2=2)
+    return np.where(shared > 0, shared, 1.0), np.where(local > 0, local, 1.0)
+
+
+def _largest(
+    a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    return np.maximum(a[0], b[0]), np.maximum(a[1], b[1])
+
+
+def _next_damping(damping: float, gain: float) -> float:
+    """Less damping after a step that kept its promise, more after one that did not."""
+    if gain > 0.75:
+        return max(0.1 * damping, LEAST_DAMPING)
+    if gain > 0.25:
+        return max(0.5 * damping, LEAST_DAMPING)
+    if gain > 1e-4:
+        return 2.0 * damping
+    return max(8.0 * damping, 1e-6)
+
+
+def _end(shared, local, model, status, converged, evaluations, lower, upper) -> ArrowSolution:
+    at_bound = (shared <= lower) | (shared >= upper)
+    return ArrowSolution(shared, local, model, status, converged, evaluations, at_bound)
