@@ -1,1 +1,1 @@
-
+"""Tracked motion in, identified mechanism out."""

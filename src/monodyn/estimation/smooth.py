@@ -1,0 +1,162 @@
+"""Measured joint positions in, smooth motion out: local cubics through the neighbours of each time.
+
+The estimate starts the identification, it never replaces the measurements: the fit itself knows the dynamics
+and smooths better than any filter. Time stamps may be uneven and frames may be missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.types import Poses
+
+WINDOWS = (7, 11, 17, 27)
+"""Numbers of neighbours that are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Smooth motion through a record.
+
+    Attributes:
+        time: Times of the estimates [s], (frame,).
+        position: Joint positions [rad or m], (frame, dof); NaN for a joint with under 5 measured samples.
+        velocity: Joint rates [rad/s or m/s], (frame, dof).
+        acceleration: Second derivative [rad/s^2 or m/s^2], (frame, dof).
+        acceleration_std: Its standard deviation from the noise alone, (frame, dof).
+        noise: Standard deviation of the measurements about the curve [rad or m], (dof,).
+        outlier: True for measurements that lie far from the curve through their neighbours, (frame, dof).
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    acceleration_std: np.ndarray
+    noise: np.ndarray
+    outlier: np.ndarray
+
+
+def smooth(poses: Poses) -> Smoothed:
+    """Estimate position, rate and acceleration at every time stamp of a record.
+
+    At each time a cubic is fitted to the nearest measured samples, weighted (1 - |t/h|^3)^3 by distance and
+    again by the size of their residual; the number of neighbours is the one of ``WINDOWS`` that predicts
+    left-out samples best.
+
+    Args:
+        poses: The record; NaN and unseen samples are gaps.
+
+    Returns:
+        The motion at ``poses.time``.
+
+    Source:
+        Cleveland, Robust locally weighted regression and smoothing scatterplots, 1979.
+    """
+    frames, dofs = poses.position.shape
+    motion = np.full((4, frames, dofs), np.nan)
+    noise, outlier = np.full(dofs, np.nan), np.zeros((frames, dofs), dtype=bool)
+    for dof in range(dofs):
+        use = np.flatnonzero(poses.seen & np.isfinite(poses.position[:, dof]))
+        if len(use) < 5:
+            continue
+        times, values = poses.time[use], poses.position[use, dof]
+        found = _best_window(times, values, poses.time)
+        motion[:, :, dof], noise[dof] = found.curve, found.noise
+        outlier[use, dof] = found.far
+    return Smoothed(poses.time, motion[0], motion[1], motion[2], motion[3], noise, outlier)
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """Rows position, velocity, acceleration, its std at the asked times; how well the samples are met."""
+
+    curve: np.ndarray
+    noise: float
+    far: np.ndarray
+    error: float
+
+
+def _best_window(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> _Curve:
+    """Fit with each number of neighbours and keep the one that predicts left-out samples best."""
+    widths = [count for count in WINDOWS if count <= len(times)] or [len(times)]
+    tried = [_fit(times, values, count) for count in widths]
+    best = min(tried, key=lambda curve: curve.error)
+    near = ~best.far
+    count = min(widths[tried.index(best)], int(near.sum()))
+    rows, _ = _cubics(times[near], values[near], np.ones(int(near.sum())), at, count)
+    return _Curve(rows * np.array([[1.0], [1.0], [1.0], [best.noise]]), best.noise, best.far, best.error)
+
+
+def _fit(times: np.ndarray, values: np.ndarray, count: int) -> _Curve:
+    """Fit at the samples, down-weight those far off, fit again."""
+    weight = np.ones(len(times))
+    least = 1e-9 * float(np.ptp(values)) + 1e-12
+    for _ in range(8):
+        curve, share = _cubics(times, values, weight, times, count)
+        rest = np.maximum(1.0 - share, 0.05)
+        left_out = np.abs(values - curve[0]) / rest
+        size = max(float(np.median(left_out)) / 0.6745, least)
+        if left_out.max() < 6.0 * size:
+            break
+        weight = np.clip(1.0 - (left_out / (6.0 * size)) ** 2, 0.0, 1.0) ** 2 + 1e-6
+    residual = left_out * np.sqrt(rest)
+    noise = max(float(np.median(residual)) / 0.6745, least)
+    far = (left_out > 8.0 * size) & (residual > 8.0 * noise)
+    return _Curve(curve, noise, far, float(np.mean(np.minimum(left_out, 6.0 * size))))
+
+
+def _cubics(
+    times: np.ndarray, values: np.ndarray, weight: np.ndarray, at: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fit a cubic about each asked time.
+
+    Args:
+        times: Times of the samples [s], (sample,).
+        values: Samples, (sample,).
+        weight: Weight of each sample, (sample,).
+        at: Asked times [s], (frame,).
+        count: Number of neighbours.
+
+    Returns:
+        Rows position, velocity, acceleration and std of the acceleration for unit noise, (4, frame); and the
+        share of a sample in its own estimate (its leverage), (frame,), of use where ``at`` are the samples.
+    """
+    near = _neighbours(times, at, count)
+    offset = times[near] - at[:, None]
+    reach = np.abs(offset).max(axis=1) * (1.0 + 1.0 / count)
+    x = offset / reach[:, None]
+    kernel = (1.0 - np.abs(x) ** 3) ** 3 * weight[near]
+    degree = min(3, count - 2)
+    basis = x[:, :, None] ** np.arange(degree + 1)
+    weighted = basis * kernel[:, :, None]
+    normal = np.einsum("fki,fkj->fij", weighted, basis)
+    normal += 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(degree + 1)
+    influence = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2))
+    coefficient = np.einsum("fik,fk->fi", influence, values[near])
+    second = 2.0 / reach**2
+    spread = np.sqrt(np.einsum("fk,fk->f", influence[:, 2], influence[:, 2])) * second
+    rows = np.stack((coefficient[:, 0], coefficient[:, 1] / reach, coefficient[:, 2] * second, spread))
+    own = np.argmin(np.abs(offset), axis=1)
+    return rows, influence[np.arange(len(at)), 0, own]
+
+
+def _neighbours(times: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
+    """Indices of the ``count`` samples nearest to each asked time, (frame, count)."""
+    first = np.searchsorted(times, at) - count // 2
+    first = np.clip(first, 0, len(times) - count)
+    for _ in range(count):
+        after = np.minimum(first + count, len(times) - 1)
+        closer = (first + count < len(times)) & (np.abs(times[after] - at) < np.abs(times[first] - at))
+        if not closer.any():
+            break
+        first = first + closer
+    for _ in range(count):
+        before = np.maximum(first - 1, 0)
+        closer = (first > 0) & (np.abs(times[before] - at) < np.abs(times[first + count - 1] - at))
+        if not closer.any():
+            break
+        first = first - closer
+    return first[:, None] + np.arange(count)
