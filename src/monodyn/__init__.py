@@ -1,1 +1,90 @@
-"""A clip of a planar mechanism in, a simulator of it out."""
+"""A clip of a planar mechanism in, a simulator of it out.
+
+The public names are loaded when they are first used, so that ``import monodyn`` costs next to nothing:
+
+    mechanism = monodyn.load("double.xml")                    # MJCF, URDF or a bundled name
+    video = monodyn.read("clip.mp4")
+    masks = monodyn.segment(video)                            # streamed: foreground coverage per frame
+    scene = monodyn.locate(masks, mechanism)                  # camera, sizes, initial pose
+    poses = monodyn.track(scene.masks, scene)                 # joint positions and covariance per frame
+    fit = monodyn.identify(poses, scene.mechanism).check()    # parameters and covariance, or advice
+    future = monodyn.predict(fit, until=10.0)
+    monodyn.report(fit, future, to="run/")
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from monodyn.errors import FitError as FitError
+    from monodyn.errors import MechanismError as MechanismError
+    from monodyn.errors import MonodynError as MonodynError
+    from monodyn.errors import SettingsError as SettingsError
+    from monodyn.errors import VideoError as VideoError
+    from monodyn.estimation.identify import Fit as Fit
+    from monodyn.estimation.identify import IdentifySettings as IdentifySettings
+    from monodyn.estimation.identify import identify as identify
+    from monodyn.estimation.records import read_poses as read_poses
+    from monodyn.estimation.records import write_poses as write_poses
+    from monodyn.mechanism import Mechanism as Mechanism
+    from monodyn.mechanism import load as load
+    from monodyn.mechanism import write_mjcf as write_mjcf
+    from monodyn.mechanism import write_urdf as write_urdf
+    from monodyn.pipeline import RunSettings as RunSettings
+    from monodyn.pipeline import run as run
+    from monodyn.results.fill import fill as fill
+    from monodyn.results.predict import predict as predict
+    from monodyn.results.report import report as report
+    from monodyn.types import Camera as Camera
+    from monodyn.types import Frame as Frame
+    from monodyn.types import Mask as Mask
+    from monodyn.types import Poses as Poses
+    from monodyn.vision.locate import LocateSettings as LocateSettings
+    from monodyn.vision.locate import locate as locate
+    from monodyn.vision.segment import SegmentSettings as SegmentSettings
+    from monodyn.vision.segment import segment as segment
+    from monodyn.vision.track import TrackSettings as TrackSettings
+    from monodyn.vision.track import track as track
+    from monodyn.vision.video import Video as Video
+    from monodyn.vision.video import read as read
+
+_HOMES = {
+    "errors": ("FitError", "MechanismError", "MonodynError", "SettingsError", "VideoError"),
+    "types": ("Camera", "Frame", "Mask", "Poses"),
+    "mechanism": ("Mechanism", "load", "write_mjcf", "write_urdf"),
+    "vision.video": ("Video", "read"),
+    "vision.segment": ("SegmentSettings", "segment"),
+    "vision.locate": ("LocateSettings", "locate"),
+    "vision.track": ("TrackSettings", "track"),
+    "estimation.identify": ("Fit", "IdentifySettings", "identify"),
+    "estimation.records": ("read_poses", "write_poses"),
+    "results.predict": ("predict",),
+    "results.fill": ("fill",),
+    "results.report": ("report",),
+    "pipeline": ("RunSettings", "run"),
+}
+"""Public names by the module that they are loaded from."""
+
+__all__ = ["__version__", *sorted(name for names in _HOMES.values() for name in names)]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name from the module it lives in."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("monodyn")
+    for home, names in _HOMES.items():
+        if name in names:
+            from importlib import import_module
+
+            value = getattr(import_module(f"monodyn.{home}"), name)
+            globals()[name] = value
+            return value
+    raise AttributeError(f"module 'monodyn' has no attribute '{name}'; public names: {', '.join(__all__)}.")
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return list(__all__)

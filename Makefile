@@ -1,0 +1,45 @@
+# make demo and make test work on a fresh machine with Python 3.11 or newer: they create .venv themselves.
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+DEMO ?= demo-run
+
+.PHONY: demo test check fmt lint types docs bench clean
+
+$(READY): pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	touch $@
+
+demo: $(READY)  ## the main job on the bundled clip
+	$(BIN)/monodyn run examples/double.mp4 --model examples/double.xml --out $(DEMO) --force
+
+test: $(READY)  ## all tests; MONODYN_DATA names a folder with recordings for the longer ones
+	$(BIN)/python -m pytest
+
+check: $(READY)  ## exactly what CI runs
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(BIN)/python -m pytest
+
+fmt: $(READY)  ## format and fix what can be fixed
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+lint: $(READY)
+	$(BIN)/ruff check .
+
+types: $(READY)
+	$(BIN)/pyright
+
+docs: $(READY)  ## check that the documentation says what the code does
+	$(BIN)/python -m pytest tests/test_docs.py tests/test_architecture.py
+
+bench: $(READY)  ## accuracy and speed tables (MONODYN_DATA)
+	$(BIN)/python benchmarks/accuracy.py
+	$(BIN)/python benchmarks/speed.py
+
+clean:
+	rm -rf .venv build dist $(DEMO)
