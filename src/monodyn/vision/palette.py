@@ -1,0 +1,230 @@
+"""From samples and background to the colours of the mechanism and every pixel's gain.
+
+The gain of a pixel is the factor from its difference to the background to coverage (0 to 255). It is zero where the
+mechanism has the background's own colour: such pixels say nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.types import Frame
+from monodyn.vision.background import Background
+
+CHROMA_WEIGHT = 0.25
+"""Weight of a colour difference against a grey difference: a chroma sample covers four pixels."""
+NEAR_COLOUR = 30.0
+"""Pixels within this distance of one of the mechanism's colours look like it [grey levels]."""
+COLOURS = 3
+"""Most colours a mechanism may have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Palette:
+    """Colours of the mechanism.
+
+    Attributes:
+        colours: Grey level, blue and red difference of each colour, (colour, 3); the last two are NaN for a grey clip.
+        luma_gain: Factor from grey difference to coverage, float32 (colour, height, width).
+        chroma_gain: Factors for the blue and the red difference, or None where grey suffices.
+        trust: How well a pixel tells mechanism from background, 0 to 1, float32 (height, width).
+    """
+
+    colours: np.ndarray
+    luma_gain: np.ndarray
+    chroma_gain: tuple[np.ndarray, np.ndarray] | None
+    trust: np.ndarray
+
+
+def choose_palette(
+    samples: Sequence[Frame],
+    background: Background,
+    colour: str,
+    contrast: float,
+) -> Palette:
+    """Find the mechanism's colours among the pixels that differ from the background.
+
+    Args:
+        samples: Frames of the clip.
+        background: Its background.
+        colour: ``auto``, ``grey`` or ``colour``.
+        contrast: Least difference that counts as seen [grey levels].
+
+    Returns:
+        The palette.
+
+    Raises:
+        VideoError: no pixel differs from the background: nothing moves.
+    """
+    grey_only = colour == "grey" or background.chroma is None or any(f.chroma is None for f in samples)
+    pixels = _moving_pixels(samples, background, grey_only, contrast)
+    if len(pixels) < 50:
+        raise VideoError(
+            "the clip: expected a mechanism that moves, got a still picture; nothing differs from the background by "
+            f"more than {contrast:g} grey levels (--segment.contrast lowers that)."
+        )
+    colours = _clusters(pixels, grey_only)
+    if colour == "auto" and not grey_only:
+        grey_only = _grey_suffices(pixels, colours, contrast)
+    if grey_only:
+        colours = _clusters(np.column_stack([pixels[:, :1], np.zeros((len(pixels), 2)), pixels[:, 3:]]), True)
+    return _gains(colours, background, grey_only, contrast)
+
+
+def lingering(samples: Sequence[Frame], background: Background, palette: Palette) -> list[np.ndarray]:
+    """Find where the first background shows the mechanism itself, because it stays there most of the time.
+
+    Args:
+        samples: Frames of the clip.
+        background: Its background, which may hold parts of the mechanism.
+        palette: Colours of the mechanism.
+
+    Returns:
+        For each sample the pixels of such places that look like the mechanism, bool (height, width).
+    """
+    around = _surroundings(samples, background)
+    suspect = _looks_like(background.luma, background.chroma, palette, around)
+    return [suspect & _looks_like(frame.luma, frame.chroma, palette, around) for frame in samples]
+
+
+def _looks_like(
+    luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None, palette: Palette, around: list[np.ndarray]
+) -> np.ndarray:
+    """Return where a picture is near a colour of the mechanism and nearer to it than to the surroundings."""
+    planes = _full_size(luma, chroma if palette.chroma_gain is not None else None)
+    colours = palette.colours.astype(np.float32)
+    near = np.min([_apart(planes, list(colour)) for colour in colours], axis=0)
+    return (near < NEAR_COLOUR**2) & (near < 0.25 * _apart(planes, around))
+
+
+def _apart(planes: list[np.ndarray], other: list) -> np.ndarray:
+    """Return the squared distance of colours [grey levels squared]."""
+    return sum((plane - value) ** 2 for plane, value in zip(planes, other, strict=False))  # type: ignore[return-value]
+
+
+def _full_size(luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None) -> list[np.ndarray]:
+    """Return the planes of a picture at full size, float32 (height, width) each."""
+    import cv2
+
+    size = (luma.shape[1], luma.shape[0])
+    small = () if chroma is None else chroma
+    return [luma.astype(np.float32)] + [
+        cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_LINEAR) for plane in small
+    ]
+
+
+def _moving_pixels(
+    samples: Sequence[Frame],
+    background: Background,
+    grey_only: bool,
+    contrast: float,
+) -> np.ndarray:
+    """Gather colours of inner foreground pixels beside their backgrounds: (pixel, 6)."""
+    import cv2
+
+    rows = []
+    behind = _full_size(background.luma, None if grey_only else background.chroma)
+    inner = np.ones((3, 3), np.uint8)
+    around = _surroundings(samples, background)
+    picks = range(0, len(samples), max(1, len(samples) // 24))
+    for i in picks:
+        frame = samples[i]
+        planes = _full_size(frame.luma, None if grey_only else frame.chroma)
+        moving = _apart(planes, behind) > max(contrast, 5.0 * background.noise) ** 2
+        moving &= _apart(planes, around) > _apart(behind, around)
+        core = cv2.erode(moving.astype(np.uint8), inner) > 0
+        if core.sum() < 20:
+            core = moving
+        y, x = np.nonzero(core)
+        step = max(1, len(y) // 1500)
+        y, x = y[::step], x[::step]
+        columns = [plane[y, x] for plane in planes + behind]
+        if grey_only:
+            columns = [columns[0], 0 * columns[0], 0 * columns[0], columns[1], 0 * columns[0], 0 * columns[0]]
+        rows.append(np.column_stack(columns))
+    return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, 6))
+
+
+def _surroundings(samples: Sequence[Frame], background: Background) -> list[np.ndarray]:
+    """Return the background's planes, where anything moves filled from around it, each (height, width)."""
+    import cv2
+
+    stack = np.stack([frame.luma for frame in samples[:: max(1, len(samples) // 24)]])
+    moves = (stack.max(axis=0).astype(np.int16) - stack.min(axis=0)) > max(16.0, 8.0 * background.noise)
+    still = 1.0 - cv2.dilate(moves.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.float32)
+    size = (still.shape[1] // 8, still.shape[0] // 8)
+    blur = 0.06 * max(size)
+
+    def spread(plane: np.ndarray) -> np.ndarray:
+        return cv2.GaussianBlur(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), (0, 0), blur)
+
+    weight = np.maximum(spread(still), 1e-6)
+    full = (still.shape[1], still.shape[0])
+    planes = _full_size(background.luma, background.chroma)
+    return [cv2.resize(spread(still * p) / weight, full, interpolation=cv2.INTER_LINEAR) for p in planes]
+
+
+def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:
+    """Return the main colours (colour, 3) by k-means, near ones merged, rare ones dropped."""
+    import cv2
+
+    values = pixels[:, :3].astype(np.float32)
+    if len(np.unique(values, axis=0)) <= COLOURS:
+        return np.median(values, axis=0)[None].astype(np.float64)
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.5)
+    cv2.setRNGSeed(1)
+    _, labels, _ = cv2.kmeans(values, COLOURS, None, criteria, 3, cv2.KMEANS_PP_CENTERS)
+    groups = [values[labels[:, 0] == k] for k in range(COLOURS)]
+    groups = sorted((g for g in groups if len(g)), key=len, reverse=True)
+    centres: list[np.ndarray] = []
+    sizes: list[int] = []
+    for group in groups:
+        centre = np.median(group, axis=0)
+        near = [i for i, other in enumerate(centres) if np.linalg.norm(other - centre) < 45.0]
+        if near:
+            i = near[0]
+            centres[i] = (centres[i] * sizes[i] + centre * len(group)) / (sizes[i] + len(group))
+            sizes[i] += len(group)
+        else:
+            centres.append(centre)
+            sizes.append(len(group))
+    kept = [c for c, n in zip(centres, sizes, strict=True) if n >= 0.12 * len(values)]
+    return np.array(kept or centres[:1], dtype=np.float64)
+
+
+def _grey_suffices(pixels: np.ndarray, colours: np.ndarray, contrast: float) -> bool:
+    """Return whether the grey level alone tells nearly every moving pixel from its background."""
+    nearest = np.argmin(np.linalg.norm(pixels[:, None, :3] - colours[None], axis=2), axis=1)
+    grey = np.abs(colours[nearest, 0] - pixels[:, 3])
+    return float(np.mean(grey > 2.5 * contrast)) > 0.9
+
+
+def _gains(colours: np.ndarray, background: Background, grey_only: bool, contrast: float) -> Palette:
+    """Compute each pixel's gains: ``W (F - B) / |F - B|_W^2``, faded out below the least contrast."""
+    import cv2
+
+    height, width = background.luma.shape
+    grey = colours[:, 0, None, None] - background.luma[None]
+    strength = grey**2
+    differences = None
+    if not grey_only:
+        assert background.chroma is not None
+        planes = [cv2.resize(p, (width, height), interpolation=cv2.INTER_LINEAR) for p in background.chroma]
+        differences = [colours[:, 1 + i, None, None] - planes[i][None] for i in range(2)]
+        strength = strength + CHROMA_WEIGHT * (differences[0] ** 2 + differences[1] ** 2)
+    seen = strength > contrast**2
+    scale = np.where(seen, 255.0 / np.maximum(strength, 1.0), 0.0)
+    trust = np.sqrt(np.max(np.where(seen, strength, 0.0), axis=0))
+    trust = np.clip(trust / 60.0, 0.0, 1.0) * background.known
+    luma_gain = (grey * scale).astype(np.float32)
+    chroma_gain = None
+    if differences is not None:
+        chroma_gain = tuple((CHROMA_WEIGHT * d * scale).astype(np.float32) for d in differences)
+    shown = colours.copy()
+    if grey_only:
+        shown[:, 1:] = np.nan
+    return Palette(shown, luma_gain, chroma_gain, trust.astype(np.float32))  # type: ignore[arg-type]
