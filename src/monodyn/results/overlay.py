@@ -1,0 +1,221 @@
+"""The clip with the mechanism drawn over it, as a film and as stills.
+
+The one idea: everything is drawn straight into the luma and chroma planes that the decoder gives and the
+encoder takes, so no picture is ever converted to RGB and back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monodyn.types import Camera, Frame, Poses, Progress
+
+if TYPE_CHECKING:
+    from monodyn.mechanism import Mechanism
+    from monodyn.vision.video import Video
+
+TICKS = 90_000
+"""Time stamps of the film are whole multiples of 1 / TICKS seconds."""
+
+
+@dataclass(frozen=True)
+class Ink:
+    """A colour as luma and chroma in video range, and a line width on a 480 px high picture [px]."""
+
+    luma: int
+    blue: int
+    red: int
+    width: float
+
+
+FITTED = Ink(luma=173, blue=42, red=26, width=2.0)
+PREDICTED = Ink(luma=126, blue=40, red=220, width=2.0)
+TRACKED = Ink(luma=225, blue=128, red=128, width=1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """What is drawn over one frame.
+
+    Attributes:
+        outlines: Polygons [px], each (point, 2), with the ink of each.
+        caption: One short line in the corner.
+    """
+
+    outlines: Sequence[tuple[np.ndarray, Ink]]
+    caption: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The motion to draw: the identified mechanism at every frame of a clip.
+
+    Attributes:
+        mechanism: The identified mechanism.
+        camera: Camera in metres of the identified scale.
+        position: Joint positions at every frame of the clip [rad or m], (frame, dof); NaN is not drawn.
+        fit_frames: First frame of the fit and the one after its last.
+        tracked: Measured joint positions in metres of the identified scale, drawn thin where they differ.
+    """
+
+    mechanism: Mechanism
+    camera: Camera
+    position: np.ndarray
+    fit_frames: tuple[int, int]
+    tracked: Poses | None = None
+
+    def drawing(self, index: int, time: float) -> Drawing:
+        """Return what to draw over a frame.
+
+        Args:
+            index: Frame number.
+            time: Its time stamp [s].
+        """
+        first, stop = self.fit_frames
+        kind = "predicted" if index >= stop else "fitted" if index >= first else "before the fit"
+        model = self._outlines(self.position[index])
+        inks: list[tuple[np.ndarray, Ink]] = []
+        tracked = self._tracked(index)
+        if tracked and (not model or _apart(model, tracked)):
+            inks += [(polygon, TRACKED) for polygon in tracked]
+        inks += [(polygon, PREDICTED if index >= stop else FITTED) for polygon in model]
+        return Drawing(inks, f"{time:.2f} s  {kind if model else 'no model'}")
+
+    def _tracked(self, index: int) -> list[np.ndarray]:
+        if self.tracked is None:
+            return []
+        row = int(np.searchsorted(self.tracked.frame, index))
+        if row >= len(self.tracked) or self.tracked.frame[row] != index or not self.tracked.seen[row]:
+            return []
+        return self._outlines(self.tracked.position[row])
+
+    def _outlines(self, position: np.ndarray) -> list[np.ndarray]:
+        if not np.all(np.isfinite(position)):
+            return []
+        from monodyn.vision.silhouette import outline
+
+        return [polygon for _, polygon in outline(self.mechanism, self.camera, position)]
+
+
+def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float = 2.0) -> bool:
+    """Tell whether two sets of outlines differ by more than ``least_px`` in a box corner."""
+    return any(
+        np.max(np.abs(a.min(0) - b.min(0))) > least_px or np.max(np.abs(a.max(0) - b.max(0))) > least_px
+        for a, b in zip(model, tracked, strict=True)
+    )
+
+
+def write_overlay(
+    path: str | Path, video: Video, motion: Motion, *, progress: Progress | None = None
+) -> None:
+    """Write the clip with the mechanism drawn over it, H.264 with the clip's own time stamps.
+
+    Args:
+        path: The film to write (mp4).
+        video: The clip.
+        motion: What to draw.
+        progress: Called with the number of frames written.
+
+    Raises:
+        OSError: the film cannot be written.
+    """
+    import av
+
+    size = (video.width + video.width % 2, video.height + video.height % 2)
+    try:
+        with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
+            stream: Any = container.add_stream(
+                "libx264", rate=_rate(video), options={"preset": "veryfast", "crf": "21"}
+            )
+            stream.width, stream.height = size
+            stream.pix_fmt = "yuv420p"
+            stream.codec_context.time_base = Fraction(1, TICKS)
+            for done, frame in enumerate(video.frames(), start=1):
+                planes = draw(frame, motion.drawing(frame.index, frame.time))
+                picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+                picture.pts = round((frame.time - video.times[0]) * TICKS)
+                picture.time_base = Fraction(1, TICKS)
+                container.mux(stream.encode(picture))
+                if progress is not None:
+                    progress("overlay", done, video.count)
+            container.mux(stream.encode())
+    except av.error.FFmpegError as error:
+        raise OSError(error.errno, error.strerror or str(error)) from error
+
+
+def _rate(video: Video) -> Fraction:
+    step = float(np.median(np.diff(video.times)))
+    return Fraction(1.0 / step).limit_denominator(1001)
+
+
+def still(frame: Frame, drawing: Drawing, quality: int = 82) -> bytes:
+    """Return one frame with its drawing as a JPEG file.
+
+    Args:
+        frame: The frame.
+        drawing: What to draw over it.
+        quality: JPEG quality, 0 to 100.
+    """
+    import cv2
+
+    picture = cv2.cvtColor(draw(frame, drawing), cv2.COLOR_YUV2BGR_I420)
+    height, width = frame.luma.shape
+    return cv2.imencode(".jpg", picture[:height, :width], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+
+
+def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
+    """Return a frame with its drawing as stacked planes (I420), uint8 (1.5 height, width), sizes made even.
+
+    Args:
+        frame: The frame; it is not changed.
+        drawing: What to draw over it.
+    """
+    import cv2
+
+    height, width = (n + n % 2 for n in frame.luma.shape)
+    planes = np.empty((height * 3 // 2, width), np.uint8)
+    luma = planes[:height]
+    blue, red = planes[height:].reshape(2, height // 2, width // 2)
+    _fill(luma, frame.luma)
+    for target, plane in zip((blue, red), frame.chroma or (), strict=False):
+        _fill(target, plane)
+    if frame.chroma is None:
+        planes[height:] = 128
+    scale = height / 480.0
+    for polygon, ink in drawing.outlines:
+        thick = max(1, round(ink.width * scale))
+        fine = [np.round(polygon * 16).astype(np.int32)]
+        coarse = [np.round((polygon - 0.5) * 8).astype(np.int32)]
+        cv2.polylines(luma, fine, True, 24, thick + 2, cv2.LINE_AA, 4)
+        cv2.polylines(luma, fine, True, ink.luma, thick, cv2.LINE_AA, 4)
+        cv2.polylines(blue, coarse, True, ink.blue, max(1, (thick + 1) // 2), cv2.LINE_8, 4)
+        cv2.polylines(red, coarse, True, ink.red, max(1, (thick + 1) // 2), cv2.LINE_8, 4)
+    if drawing.caption:
+        _write(luma, drawing.caption, scale)
+    return planes
+
+
+def _fill(target: np.ndarray, plane: np.ndarray) -> None:
+    """Copy a plane and repeat its last row and column where the target is larger."""
+    rows, columns = min(target.shape[0], plane.shape[0]), min(target.shape[1], plane.shape[1])
+    target[:rows, :columns] = plane[:rows, :columns]
+    target[rows:, :columns] = target[rows - 1, :columns]
+    target[:, columns:] = target[:, columns - 1 : columns]
+
+
+def _write(luma: np.ndarray, text: str, scale: float) -> None:
+    """Write a caption into the lower left corner, light on dark."""
+    import cv2
+
+    x, y = round(12 * scale), luma.shape[0] - round(14 * scale)
+    thick, edge = max(1, round(scale)), max(1, round(scale))
+    for dx, dy, grey in [(-edge, 0, 20), (edge, 0, 20), (0, -edge, 20), (0, edge, 20), (0, 0, 232)]:
+        cv2.putText(
+            luma, text, (x + dx, y + dy), cv2.FONT_HERSHEY_SIMPLEX, 0.55 * scale, grey, thick, cv2.LINE_AA
+        )
