@@ -1,0 +1,249 @@
+"""Derivatives of a rollout along many directions at once: numba kernels, the forward-mode twin of ``dynamics.py``.
+
+With tau = M(q) a + bias(q, v) solved for a, a direction d obeys M da = dtau - (dM a + dbias): the inverse dynamics at
+fixed a, differentiated by hand, then one solve with the factors already at hand. The same Runge-Kutta steps are taken
+for the motion and its derivatives, so these are the exact derivatives of what ``rollout`` returns.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from monodyn.mechanism.dynamics import (
+    AW, AX, AY, CREEP, FN, FX, FY, M, MX, MY, OX, OY, SW, SX, SY, VW, VX, VY, WORK, C, J, S, forward, place,
+)  # fmt: skip
+from monodyn.mechanism.tree import (
+    ANCHOR_X, ANCHOR_Y, ANGLE, ARMATURE, AXIS_X, AXIS_Y, COM_X, COM_Y, DAMPING, FRICTION, HINGE, INERTIA, MASS, REST,
+    STIFFNESS,
+)  # fmt: skip
+
+DPHI, DOX, DOY, DSX, DSY, DVW, DVX, DVY, DAW, DAX, DAY, DFN, DFX, DFY = range(14)
+TANGENT = 14
+
+
+@njit(cache=True, error_model="numpy")
+def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
+    """Fill A (AW..AY) and each link's own force (FN..FY) at the accelerations ``a``, then sum forces inward."""
+    for i in range(parent.size):
+        p = parent[i]
+        w[i, AW] = w[i, SW] * a[i]
+        w[i, AX] = w[i, SX] * a[i]
+        w[i, AY] = w[i, SY] * a[i]
+        if p < 0:
+            w[i, AX] -= gravity[0]
+            w[i, AY] -= gravity[1]
+        else:
+            w[i, AW] += w[p, AW]
+            w[i, AX] += w[p, AX] + v[i] * (w[i, SW] * w[p, VY] - w[p, VW] * w[i, SY])
+            w[i, AY] += w[p, AY] + v[i] * (w[p, VW] * w[i, SX] - w[i, SW] * w[p, VX])
+        px = w[i, M] * w[i, VX] - w[i, VW] * w[i, MY]
+        py = w[i, M] * w[i, VY] + w[i, VW] * w[i, MX]
+        w[i, FN] = (
+            w[i, J] * w[i, AW] + w[i, MX] * w[i, AY] - w[i, MY] * w[i, AX] + w[i, VX] * py - w[i, VY] * px
+        )
+        w[i, FX] = w[i, M] * w[i, AX] - w[i, AW] * w[i, MY] - w[i, VW] * py
+        w[i, FY] = w[i, M] * w[i, AY] + w[i, AW] * w[i, MX] + w[i, VW] * px
+    for i in range(parent.size - 1, -1, -1):
+        p = parent[i]
+        if p >= 0:
+            w[p, FN] += w[i, FN]
+            w[p, FX] += w[i, FX]
+            w[p, FY] += w[i, FY]
+
+
+@njit(cache=True, error_model="numpy")
+def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t):  # pragma: no cover - compiled
+    """Differentiate ``place``: origins, motion subspaces and velocities of every link, outward."""
+    for i in range(parent.size):
+        p = parent[i]
+        ax, ay = links[i, ANCHOR_X], links[i, ANCHOR_Y]
+        for k in range(dq.shape[1]):
+            dphi = dlinks[i, ANGLE, k]
+            if p < 0:
+                dox = dlinks[i, ANCHOR_X, k] - dlinks[0, ANCHOR_X, k]
+                doy = dlinks[i, ANCHOR_Y, k] - dlinks[0, ANCHOR_Y, k]
+            else:
+                turn = t[p, DPHI, k]
+                dx, dy = dlinks[i, ANCHOR_X, k] - turn * ay, dlinks[i, ANCHOR_Y, k] + turn * ax
+                dox = t[p, DOX, k] + w[p, C] * dx - w[p, S] * dy
+                doy = t[p, DOY, k] + w[p, S] * dx + w[p, C] * dy
+                dphi += turn
+            if kind[i] == HINGE:
+                dphi += w[i, SW] * dq[i, k]
+                t[i, DSX, k] = w[i, SW] * doy
+                t[i, DSY, k] = -w[i, SW] * dox
+            else:
+                dx = dlinks[i, AXIS_X, k] - dphi * links[i, AXIS_Y]
+                dy = dlinks[i, AXIS_Y, k] + dphi * links[i, AXIS_X]
+                t[i, DSX, k] = w[i, C] * dx - w[i, S] * dy
+                t[i, DSY, k] = w[i, S] * dx + w[i, C] * dy
+                dox += t[i, DSX, k] * q[i] + w[i, SX] * dq[i, k]
+                doy += t[i, DSY, k] * q[i] + w[i, SY] * dq[i, k]
+            t[i, DPHI, k] = dphi
+            t[i, DOX, k] = dox
+            t[i, DOY, k] = doy
+            dvw = w[i, SW] * dv[i, k]
+            dvx = t[i, DSX, k] * v[i] + w[i, SX] * dv[i, k]
+            dvy = t[i, DSY, k] * v[i] + w[i, SY] * dv[i, k]
+            if p >= 0:
+                dvw += t[p, DVW, k]
+                dvx += t[p, DVX, k]
+                dvy += t[p, DVY, k]
+            t[i, DVW, k] = dvw
+            t[i, DVX, k] = dvx
+            t[i, DVY, k] = dvy
+
+
+@njit(cache=True, error_model="numpy")
+def _push(parent, links, dlinks, dgravity, v, a, dv, w, t):  # pragma: no cover - compiled
+    """Differentiate each link's acceleration and the force it needs, outward (``w`` holds single-link inertias)."""
+    for i in range(parent.size):
+        p = parent[i]
+        m, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]
+        c, s = w[i, C], w[i, S]
+        x = w[i, OX] + c * cx - s * cy
+        y = w[i, OY] + s * cx + c * cy
+        vw, vx, vy = w[i, VW], w[i, VX], w[i, VY]
+        aw, ax, ay = w[i, AW], w[i, AX], w[i, AY]
+        px, py = m * vx - vw * w[i, MY], m * vy + vw * w[i, MX]
+        for k in range(dv.shape[1]):
+            daw = 0.0
+            dax = t[i, DSX, k] * a[i]
+            day = t[i, DSY, k] * a[i]
+            if p < 0:
+                dax -= dgravity[0, k]
+                day -= dgravity[1, k]
+            else:
+                daw += t[p, DAW, k]
+                dax += t[p, DAX, k] + dv[i, k] * (w[i, SW] * w[p, VY] - w[p, VW] * w[i, SY])
+                dax += v[i] * (w[i, SW] * t[p, DVY, k] - t[p, DVW, k] * w[i, SY] - w[p, VW] * t[i, DSY, k])
+                day += t[p, DAY, k] + dv[i, k] * (w[p, VW] * w[i, SX] - w[i, SW] * w[p, VX])
+                day += v[i] * (t[p, DVW, k] * w[i, SX] + w[p, VW] * t[i, DSX, k] - w[i, SW] * t[p, DVX, k])
+            t[i, DAW, k], t[i, DAX, k], t[i, DAY, k] = daw, dax, day
+            bx, by = dlinks[i, COM_X, k] - t[i, DPHI, k] * cy, dlinks[i, COM_Y, k] + t[i, DPHI, k] * cx
+            dx = t[i, DOX, k] + c * bx - s * by
+            dy = t[i, DOY, k] + s * bx + c * by
+            dm = dlinks[i, MASS, k]
+            dmx = dm * x + m * dx
+            dmy = dm * y + m * dy
+            dj = dlinks[i, INERTIA, k] + dmx * x + dmy * y + m * (x * dx + y * dy)
+            dvw, dvx, dvy = t[i, DVW, k], t[i, DVX, k], t[i, DVY, k]
+            dpx = dm * vx + m * dvx - dvw * w[i, MY] - vw * dmy
+            dpy = dm * vy + m * dvy + dvw * w[i, MX] + vw * dmx
+            t[i, DFN, k] = dj * aw + w[i, J] * daw + dmx * ay + w[i, MX] * day - dmy * ax - w[i, MY] * dax
+            t[i, DFN, k] += dvx * py + vx * dpy - dvy * px - vy * dpx
+            t[i, DFX, k] = dm * ax + m * dax - daw * w[i, MY] - aw * dmy - dvw * py - vw * dpy
+            t[i, DFY, k] = dm * ay + m * day + daw * w[i, MX] + aw * dmx + dvw * px + vw * dpx
+
+
+@njit(cache=True, error_model="numpy")
+def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da):  # pragma: no cover - compiled
+    """Sum the force derivatives inward and write the joint-space right-hand side into ``da``."""
+    for i in range(parent.size - 1, -1, -1):
+        p = parent[i]
+        slope = 0.0
+        grip = 0.0
+        x = v[i] / CREEP
+        if x > 20.0:
+            grip = 1.0
+        elif x < -20.0:
+            grip = -1.0
+        else:
+            grip = np.tanh(x)
+            slope = links[i, FRICTION] * (1.0 - grip * grip) / CREEP
+        for k in range(dq.shape[1]):
+            da[i, k] = -(
+                w[i, SW] * t[i, DFN, k]
+                + t[i, DSX, k] * w[i, FX]
+                + w[i, SX] * t[i, DFX, k]
+                + t[i, DSY, k] * w[i, FY]
+                + w[i, SY] * t[i, DFY, k]
+                + dlinks[i, ARMATURE, k] * a[i]
+                + dlinks[i, DAMPING, k] * v[i]
+                + (links[i, DAMPING] + slope) * dv[i, k]
+                + dlinks[i, FRICTION, k] * grip
+                + dlinks[i, STIFFNESS, k] * (q[i] - links[i, REST])
+                + links[i, STIFFNESS] * (dq[i, k] - dlinks[i, REST, k])
+            )
+            if p >= 0:
+                t[p, DFN, k] += t[i, DFN, k]
+                t[p, DFX, k] += t[i, DFX, k]
+                t[p, DFY, k] += t[i, DFY, k]
+
+
+@njit(cache=True, error_model="numpy")
+def _solve_all(parent, h, x):  # pragma: no cover - compiled
+    """Solve for every column of ``x`` (dof, direction) in place with the factors ``h``."""
+    for i in range(parent.size - 1, -1, -1):
+        j = parent[i]
+        while j >= 0:
+            for k in range(x.shape[1]):
+                x[j, k] -= h[i, j] * x[i, k]
+            j = parent[j]
+    for i in range(parent.size):
+        for k in range(x.shape[1]):
+            x[i, k] /= h[i, i]
+        j = parent[i]
+        while j >= 0:
+            for k in range(x.shape[1]):
+                x[i, k] -= h[i, j] * x[j, k]
+            j = parent[j]
+
+
+@njit(cache=True, error_model="numpy")
+def rollout_tangents(
+    parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0
+):  # pragma: no cover - compiled
+    """Integrate motion and tangents; ``dpar`` is (dof, 14, param), ``dgpar`` (2, param)."""
+    n = parent.size
+    params = dpar.shape[2]
+    ways = params + 2 * n
+    dlinks = np.zeros((n, dpar.shape[1], ways))
+    dlinks[:, :, :params] = dpar
+    dgravity = np.zeros((2, ways))
+    dgravity[:, :params] = dgpar
+    w, h, tau = np.empty((n, WORK)), np.empty((n, n)), np.zeros(n)
+    t = np.empty((n, TANGENT, ways))
+    x, u, a = np.empty((4, n)), np.empty((4, n)), np.empty((4, n))
+    dx, du, da = np.zeros((4, n, ways)), np.zeros((4, n, ways)), np.empty((4, n, ways))
+    q, v = np.empty((times.size, n)), np.empty((times.size, n))
+    dq, dv = np.empty((times.size, n, ways)), np.empty((times.size, n, ways))
+    if times.size == 0:
+        return q, v, dq, dv
+    x[0], u[0] = q0, v0
+    for i in range(n):
+        dx[0, i, params + i] = 1.0
+        du[0, i, params + n + i] = 1.0
+    q[0], v[0], dq[0], dv[0] = x[0], u[0], dx[0], du[0]
+    for f in range(1, times.size):
+        step = (times[f] - times[f - 1]) / substeps
+        for _ in range(substeps):
+            for r in range(4):
+                if r > 0:
+                    part = step if r == 3 else 0.5 * step
+                    for i in range(n):
+                        x[r, i] = x[0, i] + part * u[r - 1, i]
+                        u[r, i] = u[0, i] + part * a[r - 1, i]
+                        for k in range(ways):
+                            dx[r, i, k] = dx[0, i, k] + part * du[r - 1, i, k]
+                            du[r, i, k] = du[0, i, k] + part * da[r - 1, i, k]
+                forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
+                place(parent, kind, links, x[r], u[r], w)
+                _needed_forces(parent, gravity, u[r], a[r], w)
+                _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t)
+                _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t)
+                _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r])
+                _solve_all(parent, h, da[r])
+            for i in range(n):
+                x[0, i] += step / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
+                u[0, i] += step / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
+                for k in range(ways):
+                    dx[0, i, k] += (
+                        step / 6.0 * (du[0, i, k] + 2.0 * (du[1, i, k] + du[2, i, k]) + du[3, i, k])
+                    )
+                    du[0, i, k] += (
+                        step / 6.0 * (da[0, i, k] + 2.0 * (da[1, i, k] + da[2, i, k]) + da[3, i, k])
+                    )
+        q[f], v[f], dq[f], dv[f] = x[0], u[0], dx[0], du[0]
+    return q, v, dq, dv

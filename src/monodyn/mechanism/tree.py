@@ -1,0 +1,112 @@
+"""The arrays a mechanism becomes: the joint tree for the dynamics, the shapes for the picture.
+
+Both are in the plane frame: x right, y up, z toward the camera. Every joint owns one link; a link's frame sits at its
+joint and turns with it, so a body with several joints becomes a chain of massless links and one that carries it all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.arrays import frozen
+from monodyn.errors import MechanismError
+
+HINGE = 0
+SLIDE = 1
+
+ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, MASS, COM_X, COM_Y, INERTIA = range(9)
+DAMPING, FRICTION, STIFFNESS, REST, ARMATURE = range(9, 14)
+COLUMNS = 14
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """The joint tree as plain arrays, one row a joint (dof) and the link that moves with it.
+
+    Columns of ``links`` (named by the constants of this module):
+
+    * ``ANCHOR_X, ANCHOR_Y`` joint position in the parent link's frame at q = 0 [m] (the world's for a root);
+    * ``ANGLE`` turn of the link's frame against the parent link's at q = 0 [rad];
+    * ``AXIS_X, AXIS_Y`` of a slide: its unit direction in the link's own frame; of a hinge: its sign (+1 turns
+      counter-clockwise) and 0;
+    * ``MASS`` [kg], ``COM_X, COM_Y`` centre of mass in the link's frame [m], ``INERTIA`` about it [kg m^2];
+    * ``DAMPING`` [N m s/rad or N s/m], ``FRICTION`` [N m or N], ``STIFFNESS`` [N m/rad or N/m] about ``REST`` [rad or
+      m], ``ARMATURE`` [kg m^2 or kg].
+
+    Attributes:
+        parent: Row of the parent link, -1 for the world, int64 (dof,); a parent comes before its children.
+        kind: ``HINGE`` or ``SLIDE``, int64 (dof,).
+        links: float64 (dof, 14).
+        gravity: Acceleration of free fall [m/s^2], (2,).
+    """
+
+    parent: np.ndarray
+    kind: np.ndarray
+    links: np.ndarray
+    gravity: np.ndarray
+
+    def __post_init__(self) -> None:
+        dofs = len(self.parent)
+        set_ = object.__setattr__
+        set_(
+            self, "parent", frozen("Tree.parent", self.parent, (dofs,), dtype=np.int64, error=MechanismError)
+        )
+        set_(self, "kind", frozen("Tree.kind", self.kind, (dofs,), dtype=np.int64, error=MechanismError))
+        set_(self, "links", frozen("Tree.links", self.links, (dofs, COLUMNS), error=MechanismError))
+        set_(self, "gravity", frozen("Tree.gravity", self.gravity, (2,), error=MechanismError))
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """What the camera sees: each geom is the convex hull of its points, every point grown by the geom's radius.
+
+    Attributes:
+        link: Row of the link that the geom moves with, int64 (geom,).
+        body: Name of the geom's body, by geom.
+        first: Geom ``g`` owns points ``first[g]`` to ``first[g + 1] - 1``, int64 (geom + 1,).
+        points: Position in the link's frame at the depth of the whole mechanism [m], (point, 3): x and y turn with
+            the link, z is the distance toward the camera from the plane of the first root body.
+        radius: Growth of the points [m], (geom,).
+    """
+
+    link: np.ndarray
+    body: tuple[str, ...]
+    first: np.ndarray
+    points: np.ndarray
+    radius: np.ndarray
+
+    def __post_init__(self) -> None:
+        geoms = len(self.body)
+        set_ = object.__setattr__
+        set_(self, "link", frozen("Shapes.link", self.link, (geoms,), dtype=np.int64, error=MechanismError))
+        set_(
+            self,
+            "first",
+            frozen("Shapes.first", self.first, (geoms + 1,), dtype=np.int64, error=MechanismError),
+        )
+        set_(self, "points", frozen("Shapes.points", self.points, (None, 3), error=MechanismError))
+        set_(self, "radius", frozen("Shapes.radius", self.radius, (geoms,), error=MechanismError))
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What the picture knows about sizes, around the current values of the mechanism that carries it.
+
+    Attributes:
+        names: Names of the size parameters.
+        information: Information matrix (inverse covariance) of the logarithms of those parameters, (param, param);
+            zero along their common scale, which no picture shows.
+    """
+
+    names: tuple[str, ...]
+    information: np.ndarray
+
+    def __post_init__(self) -> None:
+        params = len(self.names)
+        shape = (params, params)
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(
+            self, "information", frozen("Measured.information", self.information, shape, error=MechanismError)
+        )
