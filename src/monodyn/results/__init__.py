@@ -1,1 +1,1 @@
-
+"""What follows from a fit: prediction, filled gaps, tables, the overlay and the report."""
