@@ -1,0 +1,77 @@
+"""Tables of joint positions: round trip, encoder logs, whole messages."""
+
+import numpy as np
+import pytest
+
+from monodyn.errors import VideoError
+from monodyn.estimation.records import read_poses, write_poses
+from monodyn.types import Poses
+
+
+def poses(count=12):
+    rng = np.random.default_rng(5)
+    position = rng.normal(size=(count, 2))
+    position[3] = np.nan
+    seen = np.ones(count, dtype=bool)
+    seen[3] = False
+    covariance = np.zeros((count, 2, 2))
+    covariance[:, 0, 0], covariance[:, 1, 1] = 0.001**2, rng.uniform(0.001, 0.1, count) ** 2
+    time = np.cumsum(rng.uniform(0.01, 0.1, count))
+    return Poses(("a", "b"), np.arange(7, 7 + count), time, position, covariance, seen)
+
+
+def test_round_trip(tmp_path):
+    before = poses()
+    write_poses(before, tmp_path / "poses.csv")
+    after = read_poses(tmp_path / "poses.csv", ["a", "b"])
+    for name in ("frame", "time", "position", "seen"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+    np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-15)  # square of a square root
+    assert after.joints == before.joints
+    assert after.metric
+
+
+def test_encoder_log_in_the_order_of_the_mechanism(tmp_path):
+    time = np.arange(50) * 0.01
+    a, b = np.sin(5 * time) + 0.001 * np.random.default_rng(6).normal(size=50), 2.0 * time
+    lines = ["time,b,extra,a"] + [f"{t},{y},0,{x}" for t, x, y in zip(time, a, b, strict=True)]
+    (tmp_path / "log.csv").write_text("\ufeff" + "\r\n".join(lines) + "\r\n\r\n")
+    found = read_poses(tmp_path / "log.csv", ["a", "b"])
+    np.testing.assert_array_equal(found.position[:, 0], a)
+    np.testing.assert_array_equal(found.position[:, 1], b)
+    std = np.sqrt(found.covariance[0, 0, 0])
+    assert 0.0005 < std < 0.002  # the noise put in is 0.001
+    assert found.seen.all()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,b\n0,1\n", "log.csv: column 'a' is missing; columns: 'time', 'b'."),
+        ("a,b\n0,1\n", "log.csv: column 'time' is missing; columns: 'a', 'b'."),
+        ("time,a\n0,1\n1,x\n", "log.csv: line 3, column 'a': expected a number, got 'x'."),
+        ("time,a\n0,1\n\n1\n", "log.csv: line 4 has 1 cells, expected 2 as in the header."),
+        ("time,a\n1,1\n0.5,1\n", "log.csv: column 'time': must increase, but sample 1 is 0.5 s after 1 s."),
+        ("time,a\n,1\n0.5,1\n", "log.csv: column 'time': expected finite times, got nan."),
+        ("", "log.csv: expected a header line and rows of numbers, got 0 lines."),
+        ("time,a\n", "log.csv: expected a header line and rows of numbers, got 1 lines."),
+        ("time,a\n0,\n1,nan\n", "log.csv: expected measured joint positions, got none in 2 rows."),
+        ("time,a,a\n0,1,2\n", "log.csv: column 'a' is there 2 times; keep one."),
+    ],
+)
+def test_bad_tables_have_whole_messages(tmp_path, text, message):
+    (tmp_path / "log.csv").write_text(text)
+    with pytest.raises(VideoError) as error:
+        read_poses(tmp_path / "log.csv", ["a"])
+    assert str(error.value) == message
+
+
+def test_files_that_are_no_tables(tmp_path):
+    with pytest.raises(
+        VideoError, match=r"none\.csv: cannot be read \(No such file or directory\); name a table"
+    ):
+        read_poses(tmp_path / "none.csv", ["a"])
+    (tmp_path / "clip.mp4").write_bytes(bytes(range(128, 256)))
+    with pytest.raises(VideoError) as error:
+        read_poses(tmp_path / "clip.mp4", ["a"])
+    assert str(error.value) == "clip.mp4: expected a table of comma-separated values, got binary data."
