@@ -33,6 +33,7 @@ class Trace:
         states: Motion under the identified dynamics at ``poses.time``.
         rows: First fitted row of ``poses`` and the one after the last.
         future: Prediction from the end of the fitted rows, or None.
+        future_frame: Frame numbers of the prediction, int (frame,).
     """
 
     name: str
@@ -40,6 +41,7 @@ class Trace:
     states: States
     rows: tuple[int, int]
     future: Prediction | None = None
+    future_frame: np.ndarray | None = None
 
     def errors(self) -> np.ndarray:
         """Measured minus simulated positions [rad or m], (frame, dof); NaN where not seen."""
@@ -52,14 +54,6 @@ class Trace:
         A joint without measured rows there has None.
         """
         return rms_of(self.poses.joints, self.errors()[self.rows[1] :])
-
-    def future_frames(self) -> np.ndarray:
-        """Frame numbers of the prediction, int (frame,); beyond the record they are counted on."""
-        if self.future is None:
-            return np.zeros(0, dtype=np.int64)
-        known = self.poses.frame[self.rows[1] :][: len(self.future.time)]
-        last = int(known[-1]) if len(known) else int(self.poses.frame[-1])
-        return np.concatenate([known, last + 1 + np.arange(len(self.future.time) - len(known))])
 
 
 def rms_of(joints: Sequence[str], error: np.ndarray) -> dict[str, float | None]:
@@ -76,15 +70,22 @@ def rms_of(joints: Sequence[str], error: np.ndarray) -> dict[str, float | None]:
     return found
 
 
-def states_table(trace: Trace) -> str:
+def states_table(traces: Sequence[Trace]) -> str:
     """Return ``states.csv``: ``frame,time,<joint>,...,<joint>_vel,...,<joint>_std,...``.
 
+    Several records follow each other, with a last column ``record`` that counts them from 0.
+
     Args:
-        trace: The record and its motion.
+        traces: The records and their motion.
     """
-    joints, states = trace.poses.joints, trace.states
+    joints, several = traces[0].poses.joints, len(traces) > 1
     header = ["frame", "time", *joints, *(f"{j}_vel" for j in joints), *(f"{j}_std" for j in joints)]
-    return table(header, trace.poses.frame, [states.time, states.position, states.velocity, states.std])
+    text = ",".join([*header, "record"] if several else header) + "\n"
+    for number, trace in enumerate(traces):
+        states = trace.states
+        columns = [states.time, states.position, states.velocity, states.std]
+        text += rows_text(trace.poses.frame, columns, f",{number}" if several else "")
+    return text
 
 
 def prediction_table(trace: Trace) -> str:
@@ -95,25 +96,22 @@ def prediction_table(trace: Trace) -> str:
     """
     joints, future = trace.poses.joints, trace.future
     header = ["frame", "time", *joints, *(f"{j}_std" for j in joints)]
-    if future is None:
-        return ",".join(header) + "\n"
-    return table(header, trace.future_frames(), [future.time, future.position, future.std])
+    text = ",".join(header) + "\n"
+    if future is None or trace.future_frame is None:
+        return text
+    return text + rows_text(trace.future_frame, [future.time, future.position, future.std])
 
 
-def table(header: Sequence[str], frames: Iterable[int], columns: Sequence[np.ndarray]) -> str:
-    """Return comma-separated text: one row per frame.
+def rows_text(frames: Iterable[int], columns: Sequence[np.ndarray], end: str = "") -> str:
+    """Return comma-separated lines, one per frame, with numbers that read back as they were.
 
     Args:
-        header: Column names.
         frames: Frame numbers.
         columns: Arrays (frame,) or (frame, dof), side by side.
+        end: Put at the end of every line.
     """
-    values = np.column_stack(columns)
-    lines = [",".join(header)]
-    lines += [
-        f"{frame}," + ",".join(map(repr, row)) for frame, row in zip(frames, values.tolist(), strict=True)
-    ]
-    return "\n".join(lines) + "\n"
+    rows = np.column_stack(columns).tolist()
+    return "".join(f"{n},{','.join(map(repr, row))}{end}\n" for n, row in zip(frames, rows, strict=True))
 
 
 def fit_document(

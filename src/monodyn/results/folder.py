@@ -1,8 +1,8 @@
 """The run folder: which files are ours, and how they get there without ever destroying anything.
 
 Every file is written beside its place and renamed into it when it is whole. A folder that already holds a run
-is refused unless it may be replaced; then the new run grows in the sub-folder ``unfinished`` and takes the old
-one's place only when it is complete, so a full disk or Ctrl-C leaves the old run as it was.
+is refused unless it may be replaced; then the new run grows in the sub-folder ``unfinished`` and takes the
+old one's place only when it is complete, so a full disk or Ctrl-C leaves the old run as it was.
 """
 
 from __future__ import annotations

@@ -122,11 +122,17 @@ def write_overlay(
         motion: What to draw.
         progress: Called with the number of frames written.
 
+    Returns:
+        The first, middle and last frame as JPEG files, each with a caption.
+
     Raises:
         OSError: the film cannot be written.
     """
     import av
+    import av.error
 
+    kept = {0, (video.count - 1) // 2, video.count - 1}
+    stills: list[tuple[bytes, str]] = []
     size = (video.width + video.width % 2, video.height + video.height % 2)
     try:
         with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
@@ -137,7 +143,10 @@ def write_overlay(
             stream.pix_fmt = "yuv420p"
             stream.codec_context.time_base = Fraction(1, TICKS)
             for done, frame in enumerate(video.frames(), start=1):
-                planes = draw(frame, motion.drawing(frame.index, frame.time))
+                drawing = motion.drawing(frame.index, frame.time)
+                if frame.index in kept:
+                    stills.append((still(frame, drawing), f"Frame {frame.index}, {drawing.caption}"))
+                planes = draw(frame, drawing)
                 picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
                 picture.pts = round((frame.time - video.times[0]) * TICKS)
                 picture.time_base = Fraction(1, TICKS)
@@ -147,6 +156,7 @@ def write_overlay(
             container.mux(stream.encode())
     except av.error.FFmpegError as error:
         raise OSError(error.errno, error.strerror or str(error)) from error
+    return stills
 
 
 def _rate(video: Video) -> Fraction:

@@ -71,6 +71,7 @@ def open_stream(path: Path) -> tuple[Any, Any]:
         VideoError: libav cannot read the file, or it holds no moving picture.
     """
     import av
+    import av.error
 
     try:
         container = av.open(
@@ -145,6 +146,7 @@ def pictures(container: Any, stream: Any, faults: list[int] | None = None) -> It
         faults: One entry is added for every packet or picture that is damaged.
     """
     import av
+    import av.error
 
     faults = [] if faults is None else faults
     packets = container.demux(stream)
@@ -193,6 +195,7 @@ def _stamps(path: Path, first: dict[str, Any], notes: list[str]) -> tuple[np.nda
 def _packet_stamps(path: Path) -> list[int] | None:
     """Read the stamps of all packets without decoding; None where a packet has none."""
     import av
+    import av.error
 
     container, stream = open_stream(path)
     found: list[int] = []
@@ -280,7 +283,7 @@ class _Clip:
 
     def _run(self, tick: int | None) -> Iterator[Frame]:
         """Decode from the key frame before ``tick`` (None: from the start), numbering by stamp."""
-        import av
+        import av.error
         from av.video.reformatter import VideoReformatter
 
         reformatter, last, position = VideoReformatter(), -1, -1

@@ -1,0 +1,281 @@
+"""A fit and its motion as one self-contained page: advice first, then angles, pictures and tables.
+
+The page needs no network: the plotting script of the installed plotly package is written into it.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monodyn.results.export import Trace, frames_of, rms_of
+from monodyn.types import Camera
+
+if TYPE_CHECKING:
+    from monodyn.estimation.identify import Fit
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """What the report says beside the fit.
+
+    Attributes:
+        title: Heading.
+        subtitle: One line under it.
+        notes: Sentences after the fit's own advice (from the clip, the camera, the tracking).
+        pictures: JPEG files with a caption each.
+        camera: Camera in metres of the identified scale.
+        seconds: Wall time by stage [s].
+        settings: Settings of the run, nested.
+        versions: Versions by package.
+    """
+
+    title: str
+    subtitle: str = ""
+    notes: Sequence[str] = ()
+    pictures: Sequence[tuple[bytes, str]] = ()
+    camera: Camera | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+
+def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
+    """Return the report as HTML text.
+
+    Args:
+        fit: The fit.
+        traces: The records beside their motion under the identified dynamics.
+        page: What is said beside the fit.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    plots = [plot for trace in traces for plot in _plots(fit, trace, several=len(traces) > 1)]
+    environment = Environment(
+        loader=PackageLoader("monodyn.results", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    return environment.get_template("report.html.j2").render(
+        title=page.title,
+        subtitle=page.subtitle,
+        status=str(fit.status),
+        ok=bool(fit.ok),
+        advice=[*fit.advice, *page.notes],
+        facts=_facts(fit, traces, page),
+        plots=plots,
+        pictures=[
+            {"data": base64.b64encode(data).decode("ascii"), "caption": caption}
+            for data, caption in page.pictures
+        ],
+        parameters=[_parameter(row) for row in fit.parameters if row.free],
+        others=[_parameter(row) for row in fit.parameters if not row.free],
+        combinations=[
+            {"name": c.name, "value": number(c.value, c.std), "std": number(c.std)} for c in fit.combinations
+        ],
+        cards=_cards(fit, page),
+        plotly=Markup(_plotly() if plots else ""),
+    )
+
+
+def _plotly() -> str:
+    """Return plotly's script; a closing tag inside it would end the page's script element."""
+    from importlib.resources import files
+
+    return (
+        (files("plotly") / "package_data" / "plotly.min.js")
+        .read_text(encoding="utf-8")
+        .replace("</script", "<\\/script")
+    )
+
+
+def number(value: float | None, std: float | None = None) -> str:
+    """Write a number with the digits that its standard deviation leaves, five without one.
+
+    Args:
+        value: The number; None is unknown.
+        std: Its standard deviation, when known.
+    """
+    if value is None or math.isnan(value):
+        return "unknown"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if std is None or not math.isfinite(std) or std <= 0 or value == 0:
+        return f"{value:.5g}".replace("-", "−")
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
+    return f"{value:.{min(max(digits, 2), 8)}g}".replace("-", "−")
+
+
+def _parameter(row: Any) -> dict[str, Any]:
+    """Return one line of the parameter table."""
+    if row.at_bound:
+        source, flag = "at its bound", True
+    elif not row.identifiable:
+        source, flag = "not determined by this motion", True
+    else:
+        source, flag = "estimated", False
+    lower, upper = number(row.lower, row.std), number(row.upper, row.std)
+    interval = (
+        "unbounded" if not (math.isfinite(row.lower) or math.isfinite(row.upper)) else f"{lower} to {upper}"
+    )
+    return {
+        "name": row.name,
+        "value": number(row.value, row.std),
+        "interval": interval,
+        "unit": row.unit,
+        "free": row.free,
+        "source": source,
+        "flag": flag,
+    }
+
+
+def _facts(fit: Fit, traces: Sequence[Trace], page: Page) -> list[dict[str, str]]:
+    """Return the few numbers under the heading."""
+    facts = []
+    if traces:
+        seen = sum(int(np.sum(trace.poses.seen)) for trace in traces)
+        total = sum(len(trace.poses) for trace in traces)
+        facts.append(
+            {"value": f"{seen} of {total}", "label": "frames tracked" if page.camera else "samples measured"}
+        )
+    if len(traces) == 1:
+        first, stop = frames_of(traces[0])
+        facts.append({"value": f"{first} to {stop - 1}", "label": "frames used for the fit"})
+        joints = fit.mechanism.joints
+        fitted = rms_of([j.name for j in joints], traces[0].errors()[slice(*traces[0].rows)])
+        facts.append({"value": _sizes(joints, fitted), "label": "fit error, rms by joint"})
+        heldout = traces[0].heldout()
+        if any(value is not None for value in heldout.values()):
+            facts.append({"value": _sizes(joints, heldout), "label": "prediction error, rms by joint"})
+    if page.seconds:
+        facts.append({"value": f"{sum(page.seconds.values()):.1f} s", "label": "computing time"})
+    return facts
+
+
+def _sizes(joints: Sequence[Any], values: Mapping[str, float | None]) -> str:
+    """Write one error per joint: degrees for a hinge, millimetres for a slide."""
+    parts = []
+    for joint in joints:
+        value = values[joint.name]
+        if value is None:
+            parts.append("–")
+        elif joint.kind == "hinge":
+            parts.append(f"{math.degrees(value):.3g}°")
+        else:
+            parts.append(f"{1000 * value:.3g} mm")
+    return " · ".join(parts)
+
+
+def _plots(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, Any]]:
+    """Return the data of one figure per joint."""
+    poses, states = trace.poses, trace.states
+    first, stop = trace.rows
+    plots = []
+    for dof, joint in enumerate(fit.mechanism.joints):
+        scale = 180.0 / math.pi if joint.kind == "hinge" else 1000.0
+        observed = np.where(poses.seen, poses.position[:, dof], np.nan) * scale
+        whole = {
+            "time": states.time,
+            "value": states.position[:, dof] * scale,
+            "std": states.std[:, dof] * scale,
+            "error_time": poses.time,
+            "error": states.position[:, dof] * scale - observed,
+        }
+        fitted = {name: values[:stop] for name, values in whole.items()}
+        late = {name: whole[name][stop:] for name in ("error_time", "error")}
+        plots.append(
+            {
+                "title": f"{trace.name}: {joint.name}" if several else joint.name,
+                "unit": "deg" if joint.kind == "hinge" else "mm",
+                "time": _list(poses.time),
+                "observed": _list(observed),
+                "window": [float(poses.time[first]), float(poses.time[stop - 1])],
+                "fitted": _band(**fitted),
+                "predicted": _predicted(trace, dof, scale, late),
+            }
+        )
+    return plots
+
+
+def _predicted(trace: Trace, dof: int, scale: float, late: dict[str, np.ndarray]) -> dict[str, Any] | None:
+    """Return the curve of the prediction with its error where the record goes on."""
+    future = trace.future
+    if future is None or not len(future.time):
+        return None
+    return _band(future.time, future.position[:, dof] * scale, future.std[:, dof] * scale, **late)
+
+
+def _band(
+    time: np.ndarray, value: np.ndarray, std: np.ndarray, error_time: np.ndarray, error: np.ndarray
+) -> dict[str, Any]:
+    half = 1.96 * np.where(np.isfinite(std), std, 0.0)
+    return {
+        "time": _list(time),
+        "value": _list(value),
+        "lower": _list(value - half),
+        "upper": _list(value + half),
+        "error_time": _list(error_time),
+        "error": _list(error),
+    }
+
+
+def _list(values: np.ndarray) -> list[float | None]:
+    """Return numbers short enough for a figure; unknown ones as null."""
+    return [float(f"{v:.6g}") if math.isfinite(v) else None for v in np.asarray(values, dtype=float).tolist()]
+
+
+def _cards(fit: Fit, page: Page) -> list[dict[str, Any]]:
+    """Return the small tables at the end."""
+    cards = []
+    if page.camera is not None:
+        camera = page.camera
+        rows = [
+            ("picture", f"{camera.width} × {camera.height} px"),
+            ("focal length", f"{camera.focal:.1f} px"),
+            ("position", f"{camera.x:.4f} m right, {camera.y:.4f} m up"),
+            ("distance", f"{camera.depth:.4f} m"),
+            (
+                "turn",
+                ", ".join(f"{n} {math.degrees(getattr(camera, n)):.2f}°" for n in ("roll", "pitch", "yaw")),
+            ),
+        ]
+        cards.append({"title": "Camera", "rows": rows})
+    for i, start in enumerate(fit.starts):
+        title = "Start state" if len(fit.starts) == 1 else f"Start state of record {i + 1}"
+        rows = [("time", f"{start.time:.4f} s")]
+        for dof, joint in enumerate(fit.mechanism.joints):
+            unit = "rad" if joint.kind == "hinge" else "m"
+            rows.append((joint.name, f"{start.q0[dof]:.5g} {unit}, {start.v0[dof]:.5g} {unit}/s"))
+        cards.append({"title": title, "rows": rows})
+    if page.seconds:
+        cards.append(
+            {"title": "Seconds by stage", "rows": [(k, f"{v:.2f}") for k, v in page.seconds.items()]}
+        )
+    if page.settings:
+        cards.append({"title": "Settings", "rows": list(flat(page.settings).items())})
+    if page.versions:
+        cards.append({"title": "Versions", "rows": list(page.versions.items())})
+    return cards
+
+
+def flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """Return nested settings as dotted names and texts.
+
+    Args:
+        settings: The settings.
+        prefix: Put before every name.
+    """
+    found: dict[str, str] = {}
+    for name, value in settings.items():
+        if isinstance(value, Mapping) and value:
+            found.update(flat(value, f"{prefix}{name}."))
+        else:
+            found[f"{prefix}{name}"] = "–" if value in (None, "", [], {}, ()) else str(value)
+    return found

@@ -1,0 +1,264 @@
+"""The files that follow from a fit: ``fit.json``, tables, the identified mechanism and the report page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.results.export import Trace, fit_document, json_text, prediction_table, states_table
+from monodyn.results.folder import RunFolder
+from monodyn.results.overlay import Motion, write_overlay
+from monodyn.results.page import Page, page_text
+from monodyn.types import Camera, Poses, Progress
+
+if TYPE_CHECKING:
+    from monodyn.estimation.identify import Fit
+    from monodyn.mechanism import Mechanism
+    from monodyn.results.predict import Prediction
+    from monodyn.vision.video import Video
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The clip a fit comes from and its camera, for drawing.
+
+    Attributes:
+        video: The clip.
+        camera: Camera in metres of the identified scale.
+        camera_table: Rows with the name, value and std of the camera's parameters.
+    """
+
+    video: Video
+    camera: Camera
+    camera_table: Sequence[Any] = ()
+
+
+def report(
+    fit: Fit,
+    future: Prediction | None = None,
+    *,
+    to: str | Path,
+    poses: Poses | None = None,
+    scene: Any = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Write what a fit says into a folder: tables, the identified mechanism, the report page.
+
+    Args:
+        fit: The fit.
+        future: Its prediction, from ``predict``.
+        to: The folder; it may not hold a run yet.
+        poses: The whole record to compare with; the fitted frames alone when it is left out.
+        scene: Where the mechanism is in the picture, from ``locate``; adds the overlay and the pictures.
+        force: Replace a run that is already there.
+        progress: Called with the number of frames drawn.
+
+    Returns:
+        The report page.
+
+    Raises:
+        SettingsError: the folder is a file, holds a run, or cannot be written.
+
+    Example:
+        >>> monodyn.report(fit, future, to="run/")  # doctest: +SKIP
+    """
+    traces = [trace_of(fit, poses, future)] if poses is not None else fitted_traces(fit, future)
+    view = None if scene is None else view_of(fit, scene)
+    folder = RunFolder(to, force=force)
+    title = fit.mechanism.name if view is None else view.video.path.name
+    write_results(folder, fit, traces, Page(title, _subtitle(fit)), view=view, progress=progress)
+    folder.finish()
+    return folder.path / "report.html"
+
+
+def write_results(
+    folder: RunFolder,
+    fit: Fit,
+    traces: Sequence[Trace],
+    page: Page,
+    *,
+    view: View | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Write all files that follow from a fit, the ones that cost least first.
+
+    Args:
+        folder: Where to.
+        fit: The fit.
+        traces: The records beside their motion.
+        page: What the report says beside the fit.
+        view: Clip and camera; None for encoder records.
+        progress: Called with the number of frames drawn.
+
+    Returns:
+        The content of ``fit.json``.
+
+    Raises:
+        SettingsError: a file cannot be written.
+    """
+    document = fit_document(
+        fit,
+        traces=traces,
+        camera=None if view is None else view.camera,
+        camera_table=() if view is None else view.camera_table,
+    )
+    document["advice"] += list(page.notes)
+    folder.write_text("fit.json", json_text(document))
+    write_models(folder, fit.mechanism)
+    if traces:
+        folder.write_text("states.csv", states_table(traces))
+        folder.write_text("prediction.csv", prediction_table(traces[0]))
+    if view is not None and traces:
+        page = replace(page, camera=view.camera, pictures=_film(folder, fit, traces[0], view, progress))
+    folder.write_text("report.html", page_text(fit, traces, page))
+    return document
+
+
+def write_models(folder: RunFolder, mechanism: Mechanism) -> None:
+    """Write the identified mechanism as ``model.xml`` and ``model.urdf``.
+
+    Args:
+        folder: Where to.
+        mechanism: The mechanism.
+    """
+    from monodyn.mechanism import write_mjcf, write_urdf
+
+    folder.write("model.xml", lambda path: write_mjcf(mechanism, path))
+    folder.write("model.urdf", lambda path: write_urdf(mechanism, path))
+
+
+def _film(
+    folder: RunFolder, fit: Fit, trace: Trace, view: View, progress: Progress | None
+) -> list[tuple[bytes, str]]:
+    """Write ``overlay.mp4``; return pictures of its first, middle and last frame."""
+    from monodyn.results.fill import fill
+
+    position = fill(fit, view.video.times).position
+    first, stop = trace.rows
+    frames = (int(trace.poses.frame[first]), int(trace.poses.frame[stop - 1]) + 1)
+    motion = Motion(fit.mechanism, view.camera, position, frames, trace.poses)
+    pictures: list[tuple[bytes, str]] = []
+    folder.write(
+        "overlay.mp4",
+        lambda path: pictures.extend(write_overlay(path, view.video, motion, progress=progress)),
+    )
+    return pictures
+
+
+def trace_of(
+    fit: Fit, poses: Poses, future: Prediction | None = None, *, name: str = "", record: int = 0
+) -> Trace:
+    """Put a record beside its motion under the identified dynamics.
+
+    Args:
+        fit: The fit.
+        poses: The whole record; the fitted rows are found by their times.
+        future: Its prediction.
+        name: What to call the record.
+        record: Number of the record within the fit.
+
+    Returns:
+        The trace, slides in metres of the identified scale.
+
+    Raises:
+        VideoError: the record is not the one that was fitted.
+    """
+    from monodyn.results.fill import fill
+
+    fitted = fit.records[record].time
+    first = int(np.searchsorted(poses.time, fitted[0] - 1e-9))
+    stop = first + len(fitted)
+    if stop > len(poses) or not np.allclose(poses.time[first:stop], fitted, rtol=0.0, atol=1e-9):
+        raise VideoError(
+            "poses: expected the record that was fitted, got other time stamps; pass the same record."
+        )
+    record_poses = metric(poses, fit.mechanism, fit.scale)
+    numbers = None
+    if future is not None:
+        numbers = frame_numbers(future.time, poses.time, poses.frame)
+    return Trace(name, record_poses, fill(fit, poses.time, record=record), (first, stop), future, numbers)
+
+
+def fitted_traces(fit: Fit, future: Prediction | None = None, names: Sequence[str] = ()) -> list[Trace]:
+    """Put all fitted records beside their motion.
+
+    Args:
+        fit: The fit.
+        future: Prediction of the first record.
+        names: What to call the records.
+    """
+    return [
+        trace_of(
+            fit,
+            poses,
+            future if number == 0 else None,
+            name=names[number] if names else f"record {number + 1}",
+            record=number,
+        )
+        for number, poses in enumerate(fit.records)
+    ]
+
+
+def frame_numbers(times: np.ndarray, known: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """Return frame numbers of time stamps: those of a record, counted on after its end.
+
+    Args:
+        times: Time stamps [s], (frame,).
+        known: Time stamps of the record [s].
+        numbers: Its frame numbers.
+    """
+    step = float(np.median(np.diff(known))) if len(known) > 1 else 1.0
+    count = np.interp(times, known, numbers)
+    beyond = np.maximum(times - known[-1], 0.0) / step
+    return np.round(count + beyond).astype(np.int64)
+
+
+def metric(poses: Poses, mechanism: Mechanism, scale: float) -> Poses:
+    """Return a record with its slides in metres of the identified scale.
+
+    Args:
+        poses: The record.
+        mechanism: The mechanism.
+        scale: Metres per unit of the start scale.
+    """
+    if poses.metric:
+        return poses
+    factor = np.array([scale if joint.kind == "slide" else 1.0 for joint in mechanism.joints])
+    return replace(
+        poses,
+        position=poses.position * factor,
+        covariance=poses.covariance * np.outer(factor, factor),
+        metric=True,
+    )
+
+
+def view_of(fit: Fit, scene: Any) -> View:
+    """Return clip and camera of a scene in metres of the identified scale.
+
+    Args:
+        fit: The fit.
+        scene: The scene, from ``locate``.
+    """
+    camera, scale = scene.camera, fit.scale
+    camera = replace(camera, x=camera.x * scale, y=camera.y * scale, depth=camera.depth * scale)
+    rows = [
+        {
+            "name": row.name,
+            "value": row.value * (scale if row.unit == "m" else 1.0),
+            "std": row.std * (scale if row.unit == "m" else 1.0),
+            "unit": row.unit,
+        }
+        for row in scene.parameters
+    ]
+    return View(scene.masks.video, camera, rows)
+
+
+def _subtitle(fit: Fit) -> str:
+    count = len(fit.mechanism.joints)
+    return f"Mechanism {fit.mechanism.name} with {count} joint{'s' if count > 1 else ''}."
