@@ -85,7 +85,7 @@ def load_picture(path: Path, what: str) -> Planes:
     if picture is None:
         raise VideoError(f"{what} '{path}': expected a png, jpg, bmp or tif picture, cannot read it as one.")
     form = "gray" if picture.ndim == 2 else "bgr24"
-    frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format=form)
+    frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture, dtype=np.uint8), format=form)
     return upright_planes(frame, VideoReformatter(), (frame.width, frame.height), Turn())
 
 

@@ -14,12 +14,43 @@ import math
 import numpy as np
 from numba import njit
 
-from monodyn.mechanism.kinematics import link_frames
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
 
 RING = 32
 """Points on the outline of a ball."""
 ROUNDING = math.sqrt(2.0 * math.pi / RING / math.sin(2.0 * math.pi / RING))
 """Growth of the ring that gives the polygon the area of the circle."""
+
+
+@njit(cache=True)
+def link_frames(parent: np.ndarray, kind: np.ndarray, links: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Place every link's frame in the plane.
+
+    Args:
+        parent: Parent of each link, -1 for the world, (dof,).
+        kind: Joint kinds, (dof,).
+        links: Link table of the mechanism's tree, (dof, 14).
+        q: Joint positions [rad or m], (dof,).
+
+    Returns:
+        Position [m] and angle [rad] of each link, (dof, 3).
+    """
+    frames = np.empty((q.shape[0], 3))
+    for i in range(q.shape[0]):
+        x, y, angle = 0.0, 0.0, 0.0
+        if parent[i] >= 0:
+            x, y, angle = frames[parent[i], 0], frames[parent[i], 1], frames[parent[i], 2]
+        c, s = math.cos(angle), math.sin(angle)
+        x, y = x + c * links[i, ANCHOR_X] - s * links[i, ANCHOR_Y], y + s * links[i, ANCHOR_X] + c * links[i, ANCHOR_Y]
+        angle += links[i, ANGLE]
+        if kind[i] == HINGE:
+            angle += links[i, AXIS_X] * q[i]
+        else:
+            c, s = math.cos(angle), math.sin(angle)
+            x += (c * links[i, AXIS_X] - s * links[i, AXIS_Y]) * q[i]
+            y += (s * links[i, AXIS_X] + c * links[i, AXIS_Y]) * q[i]
+        frames[i, 0], frames[i, 1], frames[i, 2] = x, y, angle
+    return frames
 
 
 @njit(cache=True)

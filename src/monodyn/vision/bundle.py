@@ -1,0 +1,214 @@
+"""Joint refinement of camera, sizes and poses over key frames, on the sub-pixel edges of their masks.
+
+Least squares of the edge displacements along the outline's normals over all key frames. The poses are eliminated frame
+by frame (Schur complement), so a step costs little more than the frames' edge searches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.mechanism import Mechanism
+from monodyn.types import Camera
+from monodyn.vision.camera import PARAMETERS, value_of, with_values
+from monodyn.vision.contour import edge_terms
+from monodyn.vision.rig import rig_of
+
+SIZES = (".length", ".width", ".tail", ".tip")
+"""Sizes that a picture shows; they are refined as logarithms."""
+NOISE_PX = 0.3
+"""Standard deviation of an edge sample, systematic part included [px]."""
+LOG_SPREAD = 1.0
+"""Standard deviation of the logarithm of a start size: the file's sizes are only a start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """A mechanism before a camera with poses in key frames.
+
+    Attributes:
+        mechanism: Sizes in the start scale.
+        camera: The camera.
+        positions: Joint positions, (key frame, dof).
+        names: Parameters that were refined.
+        information: Information matrix of the refined parameters (sizes and depth as logarithms), poses eliminated,
+            without the weak start values, (param, param).
+        rms_px: Root mean square of the edge displacements of each key frame [px].
+        matched: Share of outline samples within 1.5 px of an edge, by key frame.
+        inside: Mean coverage inside of the outline, by key frame.
+    """
+
+    mechanism: Mechanism
+    camera: Camera
+    positions: np.ndarray
+    names: tuple[str, ...]
+    information: np.ndarray
+    rms_px: np.ndarray
+    matched: np.ndarray
+    inside: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Variables:
+    """The refined parameters as one vector: sizes and depths as logarithms, the rest as they are."""
+
+    names: tuple[str, ...]
+    log: np.ndarray
+
+    def read(self, mechanism: Mechanism, camera: Camera) -> np.ndarray:
+        values = mechanism.values
+        x = np.array([value_of(camera, n) if n in PARAMETERS else values[n] for n in self.names])
+        return np.where(self.log, np.log(np.where(self.log, np.maximum(x, 1e-12), 1.0)), x)
+
+    def write(self, x: np.ndarray, mechanism: Mechanism, camera: Camera) -> tuple[Mechanism, Camera]:
+        values = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
+        pairs = dict(zip(self.names, values.tolist(), strict=True))
+        seen = {n: v for n, v in pairs.items() if n in PARAMETERS}
+        return mechanism.with_values({n: v for n, v in pairs.items() if n not in PARAMETERS}), with_values(camera, seen)
+
+
+def refine(
+    coverages: Sequence[np.ndarray],
+    trust: np.ndarray,
+    mechanism: Mechanism,
+    camera: Camera,
+    positions: np.ndarray,
+    names: Sequence[str],
+    start: dict[str, float],
+    *,
+    reaches: Sequence[float],
+    shrink: float = 1.0,
+    spacing: float = 3.0,
+) -> Bundle:
+    """Refine camera, sizes and poses together.
+
+    Args:
+        coverages: Masks of the key frames, uint8 (height, width).
+        trust: How well each pixel tells mechanism from background.
+        mechanism: Start sizes.
+        camera: Start camera.
+        positions: Start poses, (key frame, dof).
+        names: Parameters to refine: sizes and ``camera.*``.
+        start: Values of the mechanism file, to which a weak spring holds what the masks do not show.
+        reaches: Search length along the normals of each iteration, the last one repeated until it settles [px].
+        shrink: Pixels of the camera per pixel of the masks.
+        spacing: Distance between outline samples [px].
+
+    Returns:
+        The refined bundle.
+    """
+    variables = _Variables(tuple(names), np.array([n.endswith(SIZES) or n in LOG_CAMERA for n in names], dtype=bool))
+    x = variables.read(mechanism, camera)
+    anchor, stiffness = _springs(variables, mechanism, start)
+    q = np.array(positions, dtype=np.float64)
+    last = None
+    for reach in reaches:
+        mechanism, camera = variables.write(x, mechanism, camera)
+        last = _terms(coverages, trust, variables, x, mechanism, camera, q, reach, shrink, spacing)
+        step, q_step = _step(last, x, anchor, stiffness)
+        x = x + step
+        q = q + q_step
+    mechanism, camera = variables.write(x, mechanism, camera)
+    assert last is not None
+    final = _terms(coverages, trust, variables, x, mechanism, camera, q, reaches[-1], shrink, spacing)
+    return Bundle(
+        mechanism, camera, q, tuple(names), _information(final), final.facts[:, 2], final.facts[:, 1], final.facts[:, 3]
+    )
+
+
+LOG_CAMERA = ("camera.depth", "camera.focal")
+
+
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """Normal equations of every key frame: blocks of poses (q) and shared parameters (x)."""
+
+    qq: np.ndarray
+    qx: np.ndarray
+    xx: np.ndarray
+    q: np.ndarray
+    x: np.ndarray
+    facts: np.ndarray
+
+
+def _springs(variables: _Variables, mechanism: Mechanism, start: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the start values and stiffness (1 / variance) of the weak springs."""
+    anchor = np.zeros(len(variables.names))
+    stiffness = np.zeros(len(variables.names))
+    for i, name in enumerate(variables.names):
+        if name.endswith(SIZES):
+            anchor[i], stiffness[i] = np.log(start[name]), 1.0 / LOG_SPREAD**2
+        elif name.endswith(".offset"):
+            lengths = [v for n, v in start.items() if n.endswith(".length")]
+            spread = abs(start[name]) + 0.02 * float(np.mean(lengths))
+            anchor[i], stiffness[i] = start[name], 1.0 / spread**2
+        elif name in ("camera.roll", "camera.pitch", "camera.yaw"):
+            stiffness[i] = 1.0
+    return anchor, stiffness
+
+
+def _terms(
+    coverages: Sequence[np.ndarray],
+    trust: np.ndarray,
+    variables: _Variables,
+    x: np.ndarray,
+    mechanism: Mechanism,
+    camera: Camera,
+    q: np.ndarray,
+    reach: float,
+    shrink: float,
+    spacing: float,
+) -> _Terms:
+    """Search the edges of every key frame and form its normal equations."""
+    base = rig_of(mechanism, camera, shrink=shrink)
+    rigs = [base]
+    steps = np.where(variables.log, 1e-6, 1e-7)
+    for i in range(len(x)):
+        shifted = x.copy()
+        shifted[i] += steps[i]
+        rigs.append(rig_of(*variables.write(shifted, mechanism, camera), shrink=shrink))
+    stacked = [np.stack([getattr(rig, field) for rig in rigs]) for field in ("links", "points", "radius", "camera")]
+    blocks = [
+        edge_terms(
+            coverage, trust, base.parent, base.kind, base.link, base.first, *stacked, steps, pose, reach, spacing
+        )
+        for coverage, pose in zip(coverages, q, strict=True)
+    ]
+    dofs = q.shape[1]
+    normal = np.stack([block[0] for block in blocks])
+    right = np.stack([block[1] for block in blocks])
+    facts = np.stack([block[2] for block in blocks])
+    return _Terms(
+        normal[:, :dofs, :dofs], normal[:, :dofs, dofs:], normal[:, dofs:, dofs:], right[:, :dofs], right[:, dofs:], facts
+    )
+
+
+def _step(
+    terms: _Terms, x: np.ndarray, anchor: np.ndarray, stiffness: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve the damped normal equations by eliminating the poses."""
+    weight = 1.0 / NOISE_PX**2
+    good = (terms.facts[:, 0] > 0).astype(np.float64)
+    damping = 1e-4 + 1e-3 * np.einsum("kii->ki", terms.qq)
+    qq = terms.qq + np.einsum("ki,ij->kij", damping, np.eye(terms.qq.shape[1]))
+    inverse = np.linalg.inv(qq)
+    gain = np.einsum("kij,kjx->kix", inverse, terms.qx)
+    xx = np.einsum("k,kxy->xy", good, terms.xx - np.einsum("kix,kiy->kxy", terms.qx, gain))
+    right = np.einsum("k,kx->x", good, terms.x - np.einsum("kix,ki->kx", gain, terms.q))
+    system = weight * xx + np.diag(stiffness)
+    system += np.diag(1e-3 * weight * np.maximum(np.diag(xx), 0.0) + 1e-9)
+    step = np.linalg.solve(system, weight * right + stiffness * (anchor - x))
+    step = np.clip(step, -0.35, 0.35)
+    q_step = np.einsum("kij,kj->ki", inverse, terms.q - np.einsum("kix,x->ki", terms.qx, step))
+    return step, np.clip(q_step, -0.35, 0.35)
+
+
+def _information(terms: _Terms) -> np.ndarray:
+    """Return the information of the shared parameters with the poses eliminated, without springs."""
+    weight = 1.0 / NOISE_PX**2
+    dofs = terms.qq.shape[1]
+    inverse = np.linalg.inv(terms.qq + 1e-9 * np.eye(dofs))
+    return weight * np.sum(terms.xx - np.einsum("kix,kij,kjy->kxy", terms.qx, inverse, terms.qx), axis=0)

@@ -1,0 +1,125 @@
+"""From the samples of a clip to a few masks that differ from one another, reduced for the global search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.types import Mask
+from monodyn.vision.segment import Masks
+from monodyn.vision.silhouette import row_sums
+
+UNKNOWN = 0.15
+"""Trust below which a pixel says nothing."""
+COARSE_PX = 170
+"""Largest side of the reduced picture of the moving part [px]."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeyFrame:
+    """One mask, whole and reduced.
+
+    Attributes:
+        index: Number of the frame in the clip.
+        time: Time stamp [s].
+        coverage: Mask, uint8 (height, width).
+        coarse: Reduced mask, 127 where the background is not known, uint8.
+        sums: Row prefix sums of ``coarse``.
+        area: Covered area of the reduced mask [reduced px^2].
+    """
+
+    index: int
+    time: float
+    coverage: np.ndarray
+    coarse: np.ndarray
+    sums: np.ndarray
+    area: float
+
+
+@dataclass(frozen=True, eq=False)
+class KeyFrames:
+    """Masks spread over the motion.
+
+    Attributes:
+        frames: The key frames, in the order of time.
+        shrink: Pixels of the clip per reduced pixel.
+        trust: How well each pixel tells mechanism from background, float32 (height, width).
+        coarse_trust: The same, reduced.
+    """
+
+    frames: tuple[KeyFrame, ...]
+    shrink: int
+    trust: np.ndarray
+    coarse_trust: np.ndarray
+
+    def spread(self, count: int) -> list[int]:
+        """Return the numbers of ``count`` frames whose masks differ most, the fullest first.
+
+        Args:
+            count: How many, at most.
+        """
+        small = np.stack([frame.coarse.astype(np.float32).ravel() / 255.0 for frame in self.frames])
+        areas = small.sum(axis=1)
+        chosen = [int(np.argmax(areas))]
+        apart = np.full(len(small), np.inf)
+        while len(chosen) < min(count, len(small)):
+            apart = np.minimum(apart, np.abs(small - small[chosen[-1]]).sum(axis=1))
+            chosen.append(int(np.argmax(apart)))
+        return chosen
+
+
+def key_frames(masks: Masks) -> KeyFrames:
+    """Compute the masks of the sample frames, whole and reduced.
+
+    Args:
+        masks: The soft foreground of the clip.
+
+    Returns:
+        One key frame a sample.
+    """
+    empty = _empty(masks)
+    return replace(empty, frames=tuple(_reduced(masks.of(frame), empty) for frame in masks.samples.frames))
+
+
+def key_frame(mask: Mask, masks: Masks) -> tuple[KeyFrame, KeyFrames]:
+    """Make a key frame of one mask.
+
+    Args:
+        mask: A mask of the clip.
+        masks: The soft foreground of the clip.
+
+    Returns:
+        The key frame, alone and as a set of one.
+    """
+    empty = _empty(masks)
+    frame = _reduced(mask, empty)
+    return frame, replace(empty, frames=(frame,))
+
+
+def _empty(masks: Masks) -> KeyFrames:
+    """Return a set without frames: the reduction of the picture and its trust."""
+    import cv2
+
+    trust = masks.palette.trust
+    top, bottom, left, right = masks.background.reach
+    shrink = max(1, round(max(bottom - top, right - left) / COARSE_PX))
+    height, width = trust.shape
+    size = (width // shrink, height // shrink)
+    coarse_trust = cv2.resize(trust[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA)
+    return KeyFrames((), shrink, trust, coarse_trust)
+
+
+def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
+    """Reduce a mask; what is not known of the background counts half."""
+    import cv2
+
+    height, width = frames.coarse_trust.shape
+    shrink = frames.shrink
+    coarse = cv2.resize(
+        mask.coverage[: height * shrink, : width * shrink], (width, height), interpolation=cv2.INTER_AREA
+    )
+    coarse[coarse < 40] = 0
+    area = float(coarse.sum()) / 255.0
+    coarse[frames.coarse_trust < UNKNOWN] = 127
+    return KeyFrame(mask.index, mask.time, mask.coverage, coarse, row_sums(coarse), area)

@@ -1,0 +1,257 @@
+"""From masks and topology to the scene: camera, sizes up to one common scale, and the first pose.
+
+A global search on reduced key frames finds the mechanism; a joint refinement on the sub-pixel edges of the key frames
+fits camera, sizes and poses; then the background is taken again with the mechanism masked out, and the refinement
+repeated on the better masks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from monodyn.errors import SettingsError
+from monodyn.mechanism import Measured, Mechanism
+from monodyn.types import Camera, Progress
+from monodyn.vision.bundle import SIZES, Bundle, refine
+from monodyn.vision.camera import PARAMETERS, with_values
+from monodyn.vision.keyframes import KeyFrames, key_frames
+from monodyn.vision.outline import covered_pixels
+from monodyn.vision.rig import rig_of
+from monodyn.vision.search import Guess, place, search
+from monodyn.vision.segment import Masks
+
+COARSE_REACHES = (9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0)
+FINE_REACHES = (8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0)
+LAST_REACHES = (5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0)
+
+
+@dataclass(frozen=True)
+class LocateSettings:
+    """How camera, sizes and first pose are found.
+
+    Attributes:
+        focal: Focal length [px]; 0 takes the picture's longer side, which a common lens has within a third. A camera
+            square to the plane does not show it.
+        search_frames: Key frames of the global search.
+        refine_frames: Key frames of the joint refinement.
+    """
+
+    focal: float = 0.0
+    search_frames: int = 7
+    refine_frames: int = 32
+
+    def __post_init__(self) -> None:
+        if not self.focal >= 0.0:
+            raise SettingsError(f"locate.focal: expected 0 or more px, got {self.focal}.")
+        for name in ("search_frames", "refine_frames"):
+            if getattr(self, name) < 2:
+                raise SettingsError(f"locate.{name}: expected 2 or more key frames, got {getattr(self, name)}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A mechanism before a camera, as a clip shows it.
+
+    Attributes:
+        mechanism: With sizes in the start scale and what the picture knows of them (``measured``).
+        camera: The camera, in the start scale.
+        masks: The clip's masks over the background without the mechanism.
+        frame: Number of the frame of the first pose.
+        position: Joint positions there [rad; m in the start scale], (dof,).
+        key_frames: Numbers of the frames that were refined jointly.
+        key_positions: Joint positions there, (key frame, dof).
+        spread: Standard deviations of the refined camera parameters by name.
+        rms_px: Root mean square distance between outline and mask edges [px].
+        advice: Sentences for the user.
+    """
+
+    mechanism: Mechanism
+    camera: Camera
+    masks: Masks = field(repr=False)
+    frame: int
+    position: np.ndarray
+    key_frames: tuple[int, ...]
+    key_positions: np.ndarray
+    spread: Mapping[str, float]
+    rms_px: float
+    advice: tuple[str, ...]
+
+
+def locate(
+    masks: Masks,
+    mechanism: Mechanism,
+    settings: LocateSettings | None = None,
+    *,
+    fix: Mapping[str, float] | None = None,
+    free: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Scene:
+    """Find camera, sizes and first pose from the topology alone.
+
+    Args:
+        masks: The soft foreground of the clip.
+        mechanism: Topology, shape kinds and start sizes; its fixed parameters stay as they are.
+        settings: How the search goes.
+        fix: Values of ``camera.*`` parameters that must stay.
+        free: ``camera.*`` parameters to estimate besides x, y and depth.
+        progress: Called as the steps go.
+
+    Returns:
+        The scene.
+
+    Raises:
+        SettingsError: a name in ``fix`` or ``free`` is not a camera parameter.
+    """
+    settings = settings or LocateSettings()
+    fix = dict(fix or {})
+    for name in (*fix, *free):
+        if name not in PARAMETERS:
+            raise SettingsError(f"parameter '{name}' is not one of the camera's; camera: {', '.join(PARAMETERS)}.")
+    video = masks.video
+    focal = settings.focal or float(max(video.width, video.height))
+    camera = with_values(Camera(video.width, video.height, focal), fix)
+    names = _refined_names(mechanism, fix, free)
+    pinned = frozenset([*fix, *(p.name for p in mechanism.parameters if not p.free)])
+    report = progress or (lambda step, done, total: None)
+
+    report("locate", 0, 4)
+    frames = key_frames(masks)
+    guesses = search(frames, mechanism, camera, pinned, settings.search_frames)
+    report("locate", 1, 4)
+    start = mechanism.values
+    guess = min((_settle(g, frames, names, start, settings.search_frames) for g in guesses[:4]), key=lambda g: g.score)
+    report("locate", 2, 4)
+    bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, FINE_REACHES)
+    report("locate", 3, 4)
+    positions, fits = _all_poses(frames, bundle)
+    covered = [
+        covered_pixels(bundle.mechanism, bundle.camera, q, grow=3.0) if fits_ else np.ones_like(frames.trust, dtype=bool)
+        for q, fits_ in zip(positions, fits, strict=True)
+    ]
+    masks = masks.refined(covered)
+    frames = key_frames(masks)
+    again = Guess(bundle.mechanism, bundle.camera, positions, np.zeros(len(positions)))
+    bundle, picks = _refine_whole(frames, again, names, start, settings.refine_frames, LAST_REACHES)
+    report("locate", 4, 4)
+    return _scene(masks, frames, bundle, picks, settings)
+
+
+def _refined_names(mechanism: Mechanism, fix: Mapping[str, float], free: Sequence[str]) -> list[str]:
+    """List the parameters that the pictures are asked for."""
+    names = [p.name for p in mechanism.parameters if p.free and p.name.endswith((*SIZES, ".offset"))]
+    cameras = ["camera.x", "camera.y", "camera.depth", *free]
+    for i, parent in enumerate(mechanism.tree.parent):
+        if parent < 0 and mechanism.tree.kind[i] == 1:
+            # where a slide is zero is a matter of choice: the camera's place fixes it
+            direction = np.abs(mechanism.tree.links[i, 3:5])
+            gauge = "camera.x" if direction[0] >= direction[1] else "camera.y"
+            cameras = [name for name in cameras if name != gauge]
+    return names + [name for name in dict.fromkeys(cameras) if name not in fix]
+
+
+def _settle(guess: Guess, frames: KeyFrames, names: Sequence[str], start: dict[str, float], count: int) -> Guess:
+    """Refine a guess on the reduced key frames, place the poses anew, and refine again."""
+    chosen = [frames.frames[i] for i in frames.spread(count)]
+    coverages = [frame.coarse for frame in chosen]
+    for _ in range(2):
+        bundle = refine(
+            coverages, frames.coarse_trust, guess.mechanism, guess.camera, guess.positions, names, start,
+            reaches=COARSE_REACHES, shrink=frames.shrink, spacing=1.5,
+        )  # fmt: skip
+        rig = rig_of(bundle.mechanism, bundle.camera, shrink=frames.shrink)
+        placed = [
+            place(frame, frames, rig, bundle.mechanism, near=q)
+            for frame, q in zip(chosen, bundle.positions, strict=True)
+        ]
+        new = Guess(
+            bundle.mechanism, bundle.camera, np.array([q for q, _ in placed]), np.array([m for _, m in placed])
+        )
+        if new.score > guess.score:
+            return guess
+        guess = new
+    return guess
+
+
+def _refine_whole(
+    frames: KeyFrames,
+    guess: Guess,
+    names: Sequence[str],
+    start: dict[str, float],
+    count: int,
+    reaches: Sequence[float],
+) -> tuple[Bundle, list[int]]:
+    """Refine on whole pictures over key frames that fit."""
+    picks = sorted(frames.spread(count))
+    if len(guess.positions) == len(frames.frames):
+        positions = guess.positions[picks]
+    else:
+        rig = rig_of(guess.mechanism, guess.camera, shrink=frames.shrink)
+        positions = np.array([place(frames.frames[i], frames, rig, guess.mechanism)[0] for i in picks])
+    mechanism, camera = guess.mechanism, guess.camera
+    bundle = None
+    for part in (reaches[: len(reaches) // 2], reaches[len(reaches) // 2 :]):
+        coverages = [frames.frames[i].coverage for i in picks]
+        bundle = refine(coverages, frames.trust, mechanism, camera, positions, names, start, reaches=part)
+        good = _fits(bundle.matched, bundle.inside)
+        mechanism, camera, positions = bundle.mechanism, bundle.camera, bundle.positions
+        if good.sum() >= max(3, len(picks) // 4):
+            picks = [pick for pick, ok in zip(picks, good, strict=True) if ok]
+            positions = positions[good]
+    assert bundle is not None
+    return bundle, picks
+
+
+def _fits(matched: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return which poses lie on their masks."""
+    return (matched > 0.55) & (inside > 0.65)
+
+
+def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarray]:
+    """Find the pose in every sample frame, and whether it fits."""
+    from monodyn.vision.contour import follow
+    from monodyn.vision.search import limits
+
+    coarse = rig_of(bundle.mechanism, bundle.camera, shrink=frames.shrink)
+    rig = rig_of(bundle.mechanism, bundle.camera)
+    lower, upper = limits(bundle.mechanism)
+    spread = np.full(len(lower), 1.0)
+    positions, good = [], []
+    for frame in frames.frames:
+        q, _ = place(frame, frames, coarse, bundle.mechanism)
+        q, _, facts = follow(
+            frame.coverage, frames.trust, *rig, q, lower, upper, spread, np.array([8.0, 6.0, 5.0, 4.0, 4.0]), 3.0
+        )
+        positions.append(q)
+        good.append(bool(_fits(facts[1:2], facts[3:4])[0]))
+    return np.array(positions), np.array(good)
+
+
+def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle, picks: list[int], settings: LocateSettings) -> Scene:
+    """Collect the result and what the picture knows of the sizes."""
+    sizes = [i for i, name in enumerate(bundle.names) if name.endswith(SIZES)]
+    others = [i for i in range(len(bundle.names)) if i not in sizes]
+    information = bundle.information
+    rest = information[np.ix_(others, others)] + 1e-9 * np.eye(len(others))
+    cross = information[np.ix_(sizes, others)]
+    known = information[np.ix_(sizes, sizes)] - cross @ np.linalg.solve(rest, cross.T)
+    measured = Measured(tuple(bundle.names[i] for i in sizes), 0.5 * (known + known.T))
+    covariance = np.linalg.pinv(information + 1e-6 * np.eye(len(information)))
+    spread = {bundle.names[i]: float(np.sqrt(max(covariance[i, i], 0.0))) for i in others}
+    spread = {name: value for name, value in spread.items() if name in PARAMETERS}
+    order = [frames.frames[i].index for i in picks]
+    first = int(np.argmin(order))
+    advice = []
+    rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
+    share = float(np.mean(_fits(bundle.matched, bundle.inside)))
+    if share < 0.7:
+        advice.append(
+            f"The mechanism lies on its mask in only {share:.0%} of the key frames: check the drawn outline in the "
+            "overlay, the mechanism file, and whether other things move in the clip."
+        )
+    return Scene(
+        bundle.mechanism.with_measured(measured), bundle.camera, masks, order[first], bundle.positions[first],
+        tuple(order), bundle.positions, spread, rms, tuple(advice),
+    )  # fmt: skip

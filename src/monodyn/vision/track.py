@@ -1,0 +1,189 @@
+"""From masks and scene to joint positions with covariance in every frame, streamed.
+
+Each frame starts from the motion's prediction and moves the outline onto the mask's edges within the move limits. A
+pose that does not fit is looked for anew in the whole picture; one that still does not fit was not seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.errors import SettingsError
+from monodyn.types import Mask, Poses, Progress
+from monodyn.vision.contour import follow
+from monodyn.vision.keyframes import key_frame
+from monodyn.vision.locate import Scene
+from monodyn.vision.rig import Rig, rig_of
+from monodyn.vision.search import limits, place
+from monodyn.vision.segment import Masks
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """How the mechanism is followed.
+
+    Attributes:
+        spacing: Distance between outline samples [px].
+        reach: Search length along the normals once the pose is near [px].
+        first_reach: Search length from the prediction [px].
+        move: Most that a hinge may depart from its prediction in a frame [rad]; a slide may depart by this share of
+            the mechanism's length.
+        matched: Least share of outline samples on an edge in a frame that counts as seen.
+        inside: Least coverage just inside of the outline in a frame that counts as seen.
+        patience: Frames between two searches of the whole picture while the mechanism is lost.
+    """
+
+    spacing: float = 3.0
+    reach: float = 4.0
+    first_reach: float = 7.0
+    move: float = 0.6
+    matched: float = 0.5
+    inside: float = 0.6
+    patience: int = 3
+
+    def __post_init__(self) -> None:
+        for name in ("spacing", "reach", "first_reach", "move", "patience"):
+            if not getattr(self, name) > 0:
+                raise SettingsError(f"track.{name}: expected more than 0, got {getattr(self, name)}.")
+        for name in ("matched", "inside"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise SettingsError(f"track.{name}: expected a share from 0 to 1, got {getattr(self, name)}.")
+
+
+CORRELATION = 2.0
+"""Neighbouring edge samples share the codec's blocks: their errors count as if there were half as many."""
+LEAST_NOISE_PX = 0.05
+"""Least standard deviation of an edge sample [px]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A pose in one frame: positions (dof,), covariance (dof, dof), whether it lies on the mask, how well."""
+
+    position: np.ndarray
+    covariance: np.ndarray
+    fits: bool
+    score: float
+
+
+def track(
+    masks: Masks, scene: Scene, settings: TrackSettings | None = None, *, progress: Progress | None = None
+) -> Poses:
+    """Follow the mechanism through the clip.
+
+    Args:
+        masks: The clip's masks; ``scene.masks`` has the better background.
+        scene: Camera, sizes and first pose.
+        settings: How the mechanism is followed.
+        progress: Called with the number of frames done.
+
+    Returns:
+        Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not lie on its
+        mask are not seen and hold NaN.
+    """
+    follower = Follower(scene, settings or TrackSettings())
+    rows = []
+    for done, mask in enumerate(masks, start=1):
+        rows.append((mask.index, mask.time, *follower.step(mask)))
+        if progress is not None:
+            progress("track", done, masks.video.count)
+    index, time, position, covariance, seen = zip(*rows, strict=True)
+    joints = tuple(joint.name for joint in scene.mechanism.joints)
+    return Poses(
+        joints, np.array(index), np.array(time), np.array(position), np.array(covariance), np.array(seen), metric=False
+    )
+
+
+class Follower:
+    """Follows the mechanism from frame to frame; what it remembers is the motion so far."""
+
+    def __init__(self, scene: Scene, settings: TrackSettings) -> None:
+        self._scene = scene
+        self._settings = settings
+        self._rig: Rig = rig_of(scene.mechanism, scene.camera)
+        self._lower, self._upper = limits(scene.mechanism)
+        self._hinge = self._rig.kind == 0
+        reach = float(np.ptp(scene.mechanism.shapes.points[:, :2], axis=0).max())
+        self._move = np.where(self._hinge, settings.move, settings.move * reach)
+        self._known = dict(zip(scene.key_frames, scene.key_positions, strict=True))
+        self._past: list[tuple[float, np.ndarray]] = []
+        self._lost = 0
+
+    def step(self, mask: Mask) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Find the pose in the next frame.
+
+        Args:
+            mask: The next mask, in the order of time.
+
+        Returns:
+            Joint positions (dof,), their covariance (dof, dof), and whether the mechanism was seen.
+        """
+        found = None
+        for start in self._predictions(mask):
+            candidate = self._follow(mask, start)
+            if found is None or candidate.score > found.score:
+                found = candidate
+            if found.fits:
+                break
+        if (found is None or not found.fits) and self._lost % self._settings.patience == 0:
+            candidate = self._search(mask)
+            if found is None or candidate.score > found.score:
+                found = candidate
+        if found is not None and found.fits:
+            self._past = [*self._past[-2:], (mask.time, found.position)]
+            self._lost = 0
+            return found.position, found.covariance, True
+        self._lost += 1
+        dofs = len(self._lower)
+        return np.full(dofs, np.nan), np.full((dofs, dofs), np.nan), False
+
+    def _predictions(self, mask: Mask) -> list[np.ndarray]:
+        """Return where the mechanism may be: by constant acceleration, by constant rate, where it was."""
+        predictions = []
+        past = self._past
+        if mask.index in self._known and not past:
+            predictions.append(self._known[mask.index])
+        if past and self._lost < 30:
+            t = [time for time, _ in past]
+            q = [position for _, position in past]
+            if len(past) == 3:
+                weights = [
+                    (mask.time - t[1]) * (mask.time - t[2]) / ((t[0] - t[1]) * (t[0] - t[2])),
+                    (mask.time - t[0]) * (mask.time - t[2]) / ((t[1] - t[0]) * (t[1] - t[2])),
+                    (mask.time - t[0]) * (mask.time - t[1]) / ((t[2] - t[0]) * (t[2] - t[1])),
+                ]
+                if np.sum(np.abs(weights)) < 16.0:
+                    predictions.append(sum(w * p for w, p in zip(weights, q, strict=True)))
+            if len(past) >= 2:
+                rate = (q[-1] - q[-2]) / (t[-1] - t[-2])
+                predictions.append(q[-1] + rate * min(mask.time - t[-1], 3.0 * (t[-1] - t[-2])))
+            predictions.append(q[-1])
+        return [np.clip(p, self._lower, self._upper) for p in predictions]
+
+    def _follow(self, mask: Mask, start: np.ndarray) -> _Found:
+        """Move a start pose onto the mask within the move limits."""
+        s = self._settings
+        reaches = np.array([s.first_reach, 0.5 * (s.first_reach + s.reach), s.reach, s.reach])
+        lower = np.maximum(self._lower, start - self._move)
+        upper = np.minimum(self._upper, start + self._move)
+        trust = self._scene.masks.palette.trust
+        q, normal, facts = follow(
+            mask.coverage, trust, *self._rig, start, lower, upper, self._move, reaches, s.spacing
+        )
+        noise = CORRELATION * max(facts[2], LEAST_NOISE_PX) ** 2
+        information = normal / noise + np.diag(1.0 / self._move**2)
+        fits = facts[0] >= 8 and facts[1] >= s.matched and facts[3] >= s.inside
+        return _Found(q, np.linalg.inv(information), bool(fits), float(facts[1] + facts[3]))
+
+    def _search(self, mask: Mask) -> _Found:
+        """Look for the mechanism in the whole picture."""
+        scene = self._scene
+        frame, frames = key_frame(mask, scene.masks)
+        coarse = rig_of(scene.mechanism, scene.camera, shrink=frames.shrink)
+        q, _ = place(frame, frames, coarse, scene.mechanism)
+        if self._past:
+            turns = np.round((self._past[-1][1] - q) / (2.0 * np.pi))
+            q = q + np.where(self._hinge & ~np.isfinite(self._lower), 2.0 * np.pi * turns, 0.0)
+        return self._follow(mask, q)
