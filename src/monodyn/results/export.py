@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -119,7 +119,7 @@ def fit_document(
     *,
     traces: Sequence[Trace] = (),
     camera: Camera | None = None,
-    camera_table: Sequence[Any] = (),
+    camera_std: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """Return the content of ``fit.json``.
 
@@ -127,7 +127,7 @@ def fit_document(
         fit: The fit.
         traces: The records that were fitted; the first one's frames and held-out error are given.
         camera: Camera in metres of the identified scale.
-        camera_table: Rows with name, value and std of the camera's parameters.
+        camera_std: Standard deviations of the estimated camera parameters by name, e.g. ``camera.depth``.
     """
     joints = [joint.name for joint in fit.mechanism.joints]
     trace = traces[0] if traces else None
@@ -139,12 +139,10 @@ def fit_document(
         "parameters": [parameter_row(estimate) for estimate in fit.parameters],
         "combinations": [{"name": c.name, "value": c.value, "std": c.std} for c in fit.combinations],
         "initial_state": [start_row(joints, start) for start in fit.starts],
-        "rms": dict(zip(joints, np.asarray(fit.rms, dtype=float).tolist(), strict=True)),
+        "rms": dict(fit.rms),
         "heldout_rms": trace.heldout() if trace is not None else dict.fromkeys(joints),
         "scale": fit.scale,
-        "camera": None
-        if camera is None
-        else {**asdict(camera), "estimates": [dict(row) for row in camera_table]},
+        "camera": None if camera is None else {**asdict(camera), "std": dict(camera_std or {})},
         "fit_frames": None if trace is None else frames_of(trace),
     }
     if len(fit.starts) == 1:
@@ -173,8 +171,8 @@ def start_row(joints: Sequence[str], start: Any) -> dict[str, Any]:
     dofs = len(joints)
     return {
         "time": float(start.time),
-        "position": dict(zip(joints, np.asarray(start.q0).tolist(), strict=True)),
-        "velocity": dict(zip(joints, np.asarray(start.v0).tolist(), strict=True)),
+        "position": dict(zip(joints, np.asarray(start.position).tolist(), strict=True)),
+        "velocity": dict(zip(joints, np.asarray(start.velocity).tolist(), strict=True)),
         "position_std": dict(zip(joints, std[:dofs].tolist(), strict=True)),
         "velocity_std": dict(zip(joints, std[dofs:].tolist(), strict=True)),
     }

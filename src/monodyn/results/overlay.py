@@ -98,7 +98,7 @@ class Motion:
     def _outlines(self, position: np.ndarray) -> list[np.ndarray]:
         if not np.all(np.isfinite(position)):
             return []
-        from monodyn.vision.silhouette import outline
+        from monodyn.vision.outline import outline
 
         return [polygon for _, polygon in outline(self.mechanism, self.camera, position)]
 
@@ -113,7 +113,7 @@ def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float =
 
 def write_overlay(
     path: str | Path, video: Video, motion: Motion, *, progress: Progress | None = None
-) -> None:
+) -> list[tuple[bytes, str]]:
     """Write the clip with the mechanism drawn over it, H.264 with the clip's own time stamps.
 
     Args:

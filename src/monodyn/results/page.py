@@ -8,12 +8,13 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from monodyn.results.export import Trace, frames_of, rms_of
+from monodyn.results.log import RunLog
 from monodyn.types import Camera
 
 if TYPE_CHECKING:
@@ -30,9 +31,7 @@ class Page:
         notes: Sentences after the fit's own advice (from the clip, the camera, the tracking).
         pictures: JPEG files with a caption each.
         camera: Camera in metres of the identified scale.
-        seconds: Wall time by stage [s].
-        settings: Settings of the run, nested.
-        versions: Versions by package.
+        log: Settings, versions and seconds of the run, or None.
     """
 
     title: str
@@ -40,9 +39,7 @@ class Page:
     notes: Sequence[str] = ()
     pictures: Sequence[tuple[bytes, str]] = ()
     camera: Camera | None = None
-    seconds: Mapping[str, float] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    versions: Mapping[str, str] = field(default_factory=dict)
+    log: RunLog | None = None
 
 
 def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
@@ -154,8 +151,8 @@ def _facts(fit: Fit, traces: Sequence[Trace], page: Page) -> list[dict[str, str]
         heldout = traces[0].heldout()
         if any(value is not None for value in heldout.values()):
             facts.append({"value": _sizes(joints, heldout), "label": "prediction error, rms by joint"})
-    if page.seconds:
-        facts.append({"value": f"{sum(page.seconds.values()):.1f} s", "label": "computing time"})
+    if page.log is not None:
+        facts.append({"value": f"{sum(page.log.seconds.values()):.1f} s", "label": "computing time"})
     return facts
 
 
@@ -252,16 +249,13 @@ def _cards(fit: Fit, page: Page) -> list[dict[str, Any]]:
         rows = [("time", f"{start.time:.4f} s")]
         for dof, joint in enumerate(fit.mechanism.joints):
             unit = "rad" if joint.kind == "hinge" else "m"
-            rows.append((joint.name, f"{start.q0[dof]:.5g} {unit}, {start.v0[dof]:.5g} {unit}/s"))
+            rows.append((joint.name, f"{start.position[dof]:.5g} {unit}, {start.velocity[dof]:.5g} {unit}/s"))
         cards.append({"title": title, "rows": rows})
-    if page.seconds:
-        cards.append(
-            {"title": "Seconds by stage", "rows": [(k, f"{v:.2f}") for k, v in page.seconds.items()]}
-        )
-    if page.settings:
-        cards.append({"title": "Settings", "rows": list(flat(page.settings).items())})
-    if page.versions:
-        cards.append({"title": "Versions", "rows": list(page.versions.items())})
+    if page.log is not None:
+        seconds = [(name, f"{value:.2f}") for name, value in page.log.seconds.items()]
+        cards.append({"title": "Seconds by stage", "rows": seconds})
+        cards.append({"title": "Settings", "rows": list(flat(page.log.settings).items())})
+        cards.append({"title": "Versions", "rows": list(page.log.versions.items())})
     return cards
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,12 +30,12 @@ class View:
     Attributes:
         video: The clip.
         camera: Camera in metres of the identified scale.
-        camera_table: Rows with the name, value and std of the camera's parameters.
+        camera_std: Standard deviations of the estimated camera parameters by name.
     """
 
     video: Video
     camera: Camera
-    camera_table: Sequence[Any] = ()
+    camera_std: Mapping[str, float] = field(default_factory=dict)
 
 
 def report(
@@ -68,11 +68,11 @@ def report(
     Example:
         >>> monodyn.report(fit, future, to="run/")  # doctest: +SKIP
     """
-    traces = [trace_of(fit, poses, future)] if poses is not None else fitted_traces(fit, future)
+    trace = trace_of(fit, poses, future) if poses is not None else fitted_trace(fit, future)
     view = None if scene is None else view_of(fit, scene)
     folder = RunFolder(to, force=force)
     title = fit.mechanism.name if view is None else view.video.path.name
-    write_results(folder, fit, traces, Page(title, _subtitle(fit)), view=view, progress=progress)
+    write_results(folder, fit, [trace], Page(title, _subtitle(fit)), view=view, progress=progress)
     folder.finish()
     return folder.path / "report.html"
 
@@ -102,13 +102,7 @@ def write_results(
     Raises:
         SettingsError: a file cannot be written.
     """
-    document = fit_document(
-        fit,
-        traces=traces,
-        camera=None if view is None else view.camera,
-        camera_table=() if view is None else view.camera_table,
-    )
-    document["advice"] += list(page.notes)
+    document = result_document(fit, traces, page.notes, view)
     folder.write_text("fit.json", json_text(document))
     write_models(folder, fit.mechanism)
     if traces:
@@ -117,6 +111,27 @@ def write_results(
     if view is not None and traces:
         page = replace(page, camera=view.camera, pictures=_film(folder, fit, traces[0], view, progress))
     folder.write_text("report.html", page_text(fit, traces, page))
+    return document
+
+
+def result_document(
+    fit: Fit, traces: Sequence[Trace], notes: Sequence[str] = (), view: View | None = None
+) -> dict[str, Any]:
+    """Return the content of ``fit.json`` with the notes after the fit's own advice.
+
+    Args:
+        fit: The fit.
+        traces: The records beside their motion.
+        notes: Sentences about clip, camera and tracking.
+        view: Clip and camera; None for encoder records.
+    """
+    document = fit_document(
+        fit,
+        traces=traces,
+        camera=None if view is None else view.camera,
+        camera_std=None if view is None else view.camera_std,
+    )
+    document["advice"] += list(notes)
     return document
 
 
@@ -171,7 +186,7 @@ def trace_of(
     """
     from monodyn.results.fill import fill
 
-    fitted = fit.records[record].time
+    fitted = fit.time[record]
     first = int(np.searchsorted(poses.time, fitted[0] - 1e-9))
     stop = first + len(fitted)
     if stop > len(poses) or not np.allclose(poses.time[first:stop], fitted, rtol=0.0, atol=1e-9):
@@ -185,24 +200,22 @@ def trace_of(
     return Trace(name, record_poses, fill(fit, poses.time, record=record), (first, stop), future, numbers)
 
 
-def fitted_traces(fit: Fit, future: Prediction | None = None, names: Sequence[str] = ()) -> list[Trace]:
-    """Put all fitted records beside their motion.
+def fitted_trace(fit: Fit, future: Prediction | None = None) -> Trace:
+    """Put the fitted frames of the first record beside their motion, from the residual that the fit keeps.
 
     Args:
         fit: The fit.
-        future: Prediction of the first record.
-        names: What to call the records.
+        future: Its prediction.
     """
-    return [
-        trace_of(
-            fit,
-            poses,
-            future if number == 0 else None,
-            name=names[number] if names else f"record {number + 1}",
-            record=number,
-        )
-        for number, poses in enumerate(fit.records)
-    ]
+    from monodyn.results.fill import fill
+
+    time, residual = fit.time[0], fit.residual[0]
+    position = fill(fit, time).position + residual
+    joints = tuple(joint.name for joint in fit.mechanism.joints)
+    count, dofs = residual.shape
+    seen = np.asarray(np.isfinite(residual).any(axis=1))
+    poses = Poses(joints, np.arange(count), time, position, np.zeros((count, dofs, dofs)), seen)
+    return trace_of(fit, poses, future)
 
 
 def frame_numbers(times: np.ndarray, known: np.ndarray, numbers: np.ndarray) -> np.ndarray:
@@ -247,16 +260,9 @@ def view_of(fit: Fit, scene: Any) -> View:
     """
     camera, scale = scene.camera, fit.scale
     camera = replace(camera, x=camera.x * scale, y=camera.y * scale, depth=camera.depth * scale)
-    rows = [
-        {
-            "name": row.name,
-            "value": row.value * (scale if row.unit == "m" else 1.0),
-            "std": row.std * (scale if row.unit == "m" else 1.0),
-            "unit": row.unit,
-        }
-        for row in scene.parameters
-    ]
-    return View(scene.masks.video, camera, rows)
+    lengths = ("camera.x", "camera.y", "camera.depth")
+    std = {name: value * (scale if name in lengths else 1.0) for name, value in scene.spread.items()}
+    return View(scene.masks.video, camera, std)
 
 
 def _subtitle(fit: Fit) -> str:

@@ -1,0 +1,228 @@
+"""Progress on the error stream, results on the standard output."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TextIO
+
+from monodyn.types import Progress
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from monodyn.pipeline import Outcome
+
+
+@contextmanager
+def progress_on(stream: TextIO, *, quiet: bool) -> Iterator[Progress | None]:
+    """Show a bar with frames a second for every step; plain lines where the stream is not a terminal.
+
+    Args:
+        stream: Where to.
+        quiet: Show nothing.
+    """
+    if quiet:
+        yield None
+    elif stream.isatty():
+        yield from _bars(stream)
+    else:
+        lines = _Lines(stream)
+        yield lines
+        lines.close()
+
+
+def _bars(stream: TextIO) -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description:<12}"),
+        BarColumn(bar_width=32),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[speed]:>9}"),
+        TimeRemainingColumn(compact=True),
+    )
+    begun: dict[str, tuple[Any, float]] = {}
+    with Progress(*columns, console=Console(file=stream, stderr=True), refresh_per_second=8) as bars:
+
+        def progress(step: str, done: int, total: int | None) -> None:
+            if step not in begun:
+                begun[step] = (bars.add_task(step, total=total, speed=""), time.perf_counter())
+            task, start = begun[step]
+            rate = done / max(time.perf_counter() - start, 1e-6)
+            bars.update(task, completed=done, total=total, speed=f"{rate:.0f}/s" if done > 1 else "")
+
+        yield progress
+
+
+class _Lines:
+    """One line for every step when it ends, and one every ten seconds while it goes on."""
+
+    def __init__(self, stream: TextIO, every: float = 10.0) -> None:
+        self.stream, self.every = stream, every
+        self.step, self.done, self.total = "", 0, None
+        self.begun = self.told = time.perf_counter()
+
+    def __call__(self, step: str, done: int, total: int | None) -> None:
+        now = time.perf_counter()
+        if step != self.step:
+            self.close()
+            self.step, self.begun, self.told = step, now, now
+        self.done, self.total = done, total
+        if now - self.told > self.every:
+            self._tell(now)
+
+    def close(self) -> None:
+        """Tell about the last step."""
+        if self.step:
+            self._tell(time.perf_counter())
+        self.step = ""
+
+    def _tell(self, now: float) -> None:
+        self.told = now
+        seconds = max(now - self.begun, 1e-6)
+        share = f"{self.done}" if self.total is None else f"{self.done} of {self.total}"
+        print(f"{self.step}: {share}, {self.done / seconds:.0f}/s", file=self.stream, flush=True)
+
+
+def show(outcome: Outcome, *, as_json: bool, quiet: bool) -> int:
+    """Print what a command found and return the exit code.
+
+    Args:
+        outcome: What was found.
+        as_json: As JSON, and nothing else.
+        quiet: Print no table.
+
+    Returns:
+        0, or 1 when the fit is not to be trusted.
+    """
+    code = 0 if outcome.fit is None or outcome.fit.ok else 1
+    if as_json:
+        from monodyn.results.export import plain
+
+        document = {**outcome.document, "out": None if outcome.folder is None else str(outcome.folder)}
+        print(json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False))
+        return code
+    if quiet:
+        if code:
+            print(f"monodyn: {outcome.document['status']}", file=sys.stderr)
+        return code
+    if outcome.fit is None:
+        _show_tracking(outcome)
+    else:
+        _show_fit(outcome)
+    return code
+
+
+def _console() -> Any:
+    from rich.console import Console
+
+    return Console(highlight=False, soft_wrap=True)
+
+
+def _show_tracking(outcome: Outcome) -> None:
+    console = _console()
+    poses = outcome.poses
+    console.print(
+        f"{int(poses.seen.sum())} of {len(poses)} frames tracked in {sum(outcome.seconds.values()):.1f} s."
+    )
+    for note in outcome.notes:
+        console.print(f"- {note}", markup=False)
+    console.print(f"poses: {outcome.folder}/poses.csv", markup=False)
+
+
+def _show_fit(outcome: Outcome) -> None:
+    console = _console()
+    document = outcome.document
+    console.print(_parameters(document["parameters"]))
+    if document["combinations"]:
+        console.print(_combinations(document["combinations"]))
+    console.print(_errors(outcome))
+    console.print(document["status"], style="bold" if document["ok"] else "bold red", markup=False)
+    for sentence in document["advice"]:
+        console.print(f"- {sentence}", markup=False)
+    if outcome.folder is not None:
+        console.print(f"report: {outcome.folder}/report.html", markup=False)
+
+
+def _table(*columns: str) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i == 0 or column == "unit" else "right", no_wrap=True)
+    return table
+
+
+def _parameters(rows: list[dict[str, Any]]) -> Table:
+    from monodyn.results.page import number
+
+    table = _table("parameter", "value", "95 % interval", "unit")
+    for row in rows:
+        if not row["free"]:
+            continue
+        std = row["std"]
+        known = row["identifiable"]
+        interval = (
+            f"{number(row['lower'], std)} to {number(row['upper'], std)}" if known else "not determined"
+        )
+        if row["at_bound"]:
+            interval = "at its bound"
+        table.add_row(row["name"], number(row["value"], std), interval, row["unit"])
+    return table
+
+
+def _combinations(rows: list[dict[str, Any]]) -> Table:
+    from monodyn.results.page import number
+
+    table = _table("combination", "value", "standard deviation")
+    for row in rows:
+        table.add_row(row["name"], number(row["value"], row["std"]), number(row["std"]))
+    return table
+
+
+def _errors(outcome: Outcome) -> Table:
+    fit, document = outcome.fit, outcome.document
+    table = _table("joint", "fit rms", "prediction rms", "unit")
+    for joint in fit.mechanism.joints if fit is not None else ():
+        scale, unit = (180.0 / math.pi, "deg") if joint.kind == "hinge" else (1000.0, "mm")
+        cells = [document[name].get(joint.name) for name in ("rms", "heldout_rms")]
+        texts = ["–" if cell is None else f"{cell * scale:.3g}" for cell in cells]
+        table.add_row(joint.name, *texts, unit)
+    return table
+
+
+def show_models(*, as_json: bool) -> int:
+    """Print the bundled mechanisms.
+
+    Args:
+        as_json: As JSON.
+    """
+    from monodyn.mechanism import BUNDLED, load
+
+    rows = []
+    for name in BUNDLED:
+        mechanism = load(name.replace("chain:N", "chain:3"))
+        lengths = {p.name: p.value for p in mechanism.parameters if p.name.endswith(".length")}
+        rows.append(
+            {"name": name, "joints": [f"{j.name} ({j.kind})" for j in mechanism.joints], "lengths": lengths}
+        )
+    if as_json:
+        print(json.dumps(rows, indent=2))
+        return 0
+    table = _table("model", "joints", "lengths [m]")
+    for row in rows:
+        lengths = ", ".join(f"{value:g}" for value in row["lengths"].values())
+        table.add_row(row["name"], ", ".join(row["joints"]), lengths)
+    console = _console()
+    console.print(table)
+    console.print(
+        "chain:N has N hinges, 1 to 10; shown for 3. Any MJCF or URDF file of a planar mechanism works too."
+    )
+    return 0

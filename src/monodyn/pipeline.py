@@ -1,0 +1,349 @@
+"""The composition: a clip and a mechanism file in, a run folder out.
+
+Everything that can be refused is refused before the first frame is decoded and before anything is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monodyn.errors import SettingsError
+from monodyn.estimation.identify import Fit, IdentifySettings, identify
+from monodyn.estimation.records import read_poses, write_poses
+from monodyn.results.export import Trace
+from monodyn.results.folder import RunFolder
+from monodyn.results.log import RunLog, recorded
+from monodyn.results.page import Page
+from monodyn.results.predict import predict
+from monodyn.results.report import result_document, trace_of, view_of, write_results
+from monodyn.types import Poses, Progress
+from monodyn.vision.locate import LocateSettings, Scene, locate
+from monodyn.vision.segment import SegmentSettings, segment
+from monodyn.vision.track import TrackSettings, track
+from monodyn.vision.video import Video, read
+
+if TYPE_CHECKING:
+    from monodyn.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What a run does.
+
+    Attributes:
+        fit_frames: First frame of the fit and the one after its last; None fits all but the last quarter.
+        until: End of the prediction [s]; None predicts to the end of the clip.
+        fix: Parameter values that are known and not estimated.
+        free: Parameters to estimate that are not by default.
+        background: Picture of the scene without the mechanism.
+        rate: Frames a second [Hz] in place of the clip's time stamps.
+        seed: Seed of every random start.
+        segment: How the foreground is found.
+        locate: How camera, sizes and initial pose are found.
+        track: How the mechanism is followed.
+        identify: How the dynamics are identified.
+    """
+
+    fit_frames: tuple[int, int | None] | None = None
+    until: float | None = None
+    fix: Mapping[str, float] = field(default_factory=dict)
+    free: Sequence[str] = ()
+    background: Path | None = None
+    rate: float | None = None
+    seed: int = 0
+    segment: SegmentSettings = field(default_factory=SegmentSettings)
+    locate: LocateSettings = field(default_factory=LocateSettings)
+    track: TrackSettings = field(default_factory=TrackSettings)
+    identify: IdentifySettings = field(default_factory=IdentifySettings)
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a run found.
+
+    Attributes:
+        folder: The run folder, or None when nothing was written.
+        document: The content of ``fit.json``, or of ``run.json`` where nothing was fitted.
+        poses: The tracked clip, or the first record.
+        fit: The fit, or None where nothing was fitted.
+        traces: The records beside their motion.
+        notes: What the user should know about clip, camera and tracking.
+        seconds: Wall time by stage [s].
+    """
+
+    folder: Path | None
+    document: dict[str, Any]
+    poses: Poses
+    fit: Fit | None = None
+    traces: Sequence[Trace] = ()
+    notes: Sequence[str] = ()
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+def run(
+    clip: str | Path,
+    model: str | Path,
+    out: str | Path,
+    settings: RunSettings | None = None,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Track a clip, identify on some of its frames, predict the others, write the run folder.
+
+    Args:
+        clip: Video file or folder of pictures.
+        model: Mechanism file (MJCF, URDF) or a bundled name.
+        out: The run folder.
+        settings: What to do.
+        force: Replace a run that is already in ``out``.
+        progress: Called with the frames done by each step.
+
+    Returns:
+        What was found; a fit that is not to be trusted says so in ``fit.status``.
+
+    Raises:
+        MechanismError: the model, or a parameter named in ``fix`` or ``free``, cannot be used.
+        VideoError: the clip cannot be used.
+        SettingsError: a setting, the frame range or the folder cannot be used.
+
+    Example:
+        >>> monodyn.run("clip.mp4", "double.xml", "run")  # doctest: +SKIP
+    """
+    settings = settings or RunSettings()
+    mechanism, video = opened(clip, model, settings)
+    first, stop = fitted_range(settings.fit_frames, video.count)
+    times, numbers = prediction_times(video, stop, settings.until)
+    log = RunLog("run", {"clip": clip, "model": model}, settings)
+    folder = RunFolder(out, force=force)
+    with recorded(folder, log):
+        scene, poses = see(folder, log, video, mechanism, settings, progress)
+        part = poses.part(*np.searchsorted(poses.frame, [first, stop]))
+        with log.stage("identify"):
+            fit = identify(part, scene.mechanism, seeded(settings.identify, settings.seed), progress=progress)
+        with log.stage("predict"):
+            future = predict(fit, times=times) if len(times) else None
+            trace = replace(trace_of(fit, poses, future, name=video.path.name), future_frame=numbers)
+        folder.write("poses.csv", lambda path: write_poses(trace.poses, path))
+        page = Page(video.path.name, _about(video, mechanism), log.notes, log=log)
+        with log.stage("results"):
+            document = write_results(folder, fit, [trace], page, view=view_of(fit, scene), progress=progress)
+    return Outcome(folder.path, document, trace.poses, fit, [trace], log.notes, log.seconds)
+
+
+def track_clip(
+    clip: str | Path,
+    model: str | Path,
+    out: str | Path,
+    settings: RunSettings | None = None,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Track a clip and write ``poses.csv``; slides are in the start scale of the model.
+
+    Args:
+        clip: Video file or folder of pictures.
+        model: Mechanism file (MJCF, URDF) or a bundled name.
+        out: The run folder.
+        settings: What to do.
+        force: Replace a run that is already in ``out``.
+        progress: Called with the frames done by each step.
+
+    Raises:
+        MechanismError: the model, or a parameter named in ``fix`` or ``free``, cannot be used.
+        VideoError: the clip cannot be used.
+        SettingsError: a setting or the folder cannot be used.
+    """
+    settings = settings or RunSettings()
+    mechanism, video = opened(clip, model, settings)
+    log = RunLog("track", {"clip": clip, "model": model}, settings)
+    folder = RunFolder(out, force=force)
+    with recorded(folder, log):
+        _, poses = see(folder, log, video, mechanism, settings, progress)
+    return Outcome(
+        folder.path, log.document("done", folder.written), poses, notes=log.notes, seconds=log.seconds
+    )
+
+
+def identify_tables(
+    tables: Sequence[str | Path],
+    model: str | Path,
+    out: str | Path | None = None,
+    settings: RunSettings | None = None,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Identify a mechanism from tables of joint positions that share its parameters.
+
+    Args:
+        tables: ``poses.csv`` files or encoder logs.
+        model: Mechanism file (MJCF, URDF) or a bundled name.
+        out: Folder for the results; None writes nothing.
+        settings: What to do; those of the clip do not matter.
+        force: Replace a run that is already in ``out``.
+        progress: Called with the steps done.
+
+    Raises:
+        MechanismError: the model, or a parameter named in ``fix`` or ``free``, cannot be used.
+        VideoError: a table cannot be used.
+        SettingsError: a setting or the folder cannot be used.
+    """
+    settings = settings or RunSettings()
+    mechanism = chosen(model, settings)
+    records = [read_poses(table, mechanism) for table in tables]
+    names = [Path(table).name for table in tables]
+    inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
+    log = RunLog("identify", inputs, settings)
+    folder = None if out is None else RunFolder(out, force=force)
+    with recorded(folder, log):
+        with log.stage("identify"):
+            fit = identify(records, mechanism, seeded(settings.identify, settings.seed), progress=progress)
+        traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]
+        page = Page(", ".join(names), f"Joint positions with the model {mechanism.name}.", log=log)
+        if folder is None:
+            document = result_document(fit, traces)
+        else:
+            document = write_results(folder, fit, traces, page)
+    return Outcome(
+        None if folder is None else folder.path, document, records[0], fit, traces, (), log.seconds
+    )
+
+
+def opened(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[Mechanism, Video]:
+    """Load the mechanism with the user's choices and open the clip.
+
+    Args:
+        clip: Video file or folder of pictures.
+        model: Mechanism file or bundled name.
+        settings: The user's choices.
+    """
+    mechanism = chosen(model, settings)
+    video = read(clip, rate=settings.rate)
+    if settings.background is not None and not Path(settings.background).is_file():
+        raise SettingsError(
+            f"background '{settings.background}': expected a picture file, found none; check the path."
+        )
+    return mechanism, video
+
+
+def chosen(model: str | Path, settings: RunSettings) -> Mechanism:
+    """Load a mechanism and apply ``fix`` and ``free``; those of the camera are left to ``locate``.
+
+    Args:
+        model: Mechanism file or bundled name.
+        settings: The user's choices.
+    """
+    from monodyn.mechanism import load
+
+    fix, free = settings.fix, settings.free
+    return load(model).with_choices(
+        fix={name: value for name, value in fix.items() if not name.startswith("camera.")},
+        free=[name for name in free if not name.startswith("camera.")],
+    )
+
+
+def fitted_range(wanted: tuple[int, int | None] | None, count: int) -> tuple[int, int]:
+    """Return the first frame of the fit and the one after its last.
+
+    Args:
+        wanted: The user's range; None for all but the last quarter.
+        count: Number of frames in the clip.
+
+    Raises:
+        SettingsError: the range lies outside the clip or holds fewer than two frames.
+    """
+    first, stop = wanted if wanted is not None else (0, count - count // 4)
+    stop = count if stop is None else stop
+    if first < 0 or stop > count or stop < first + 2:
+        raise SettingsError(
+            f"fit-frames: expected a range of at least two frames within 0:{count}, got {first}:{stop}; "
+            f"the clip has {count} frames."
+        )
+    return first, stop
+
+
+def prediction_times(video: Video, stop: int, until: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the time stamps [s] and frame numbers of the prediction, (frame,).
+
+    Args:
+        video: The clip; its stamps are continued by their median step beyond the end.
+        stop: First frame that is predicted.
+        until: End of the prediction [s]; None for the end of the clip.
+
+    Raises:
+        SettingsError: the end does not come after the last fitted frame.
+    """
+    times, numbers = video.times[stop:], np.arange(stop, video.count)
+    if until is None:
+        return times, numbers
+    last = float(video.times[stop - 1])
+    if not (np.isfinite(until) and until > last):
+        raise SettingsError(
+            f"until: expected a time after the last fitted frame at {last:.3f} s, got {until:g} s."
+        )
+    step = float(np.median(np.diff(video.times)))
+    more = int(np.floor((until - video.times[-1]) / step + 1e-6)) if until > video.times[-1] else 0
+    times = np.concatenate([times[times <= until + 1e-9], video.times[-1] + step * np.arange(1, more + 1)])
+    return times, stop + np.arange(len(times))
+
+
+def see(
+    folder: RunFolder,
+    log: RunLog,
+    video: Video,
+    mechanism: Mechanism,
+    settings: RunSettings,
+    progress: Progress | None,
+) -> tuple[Scene, Poses]:
+    """Go from the clip to tracked poses, and write them.
+
+    Args:
+        folder: Takes ``poses.csv``.
+        log: Takes the seconds of each stage and the notes.
+        video: The clip.
+        mechanism: The mechanism with the user's choices.
+        settings: How.
+        progress: Called with the frames done by each step.
+
+    Returns:
+        The scene, and the poses of the whole clip.
+    """
+    fix = {name: value for name, value in settings.fix.items() if name.startswith("camera.")}
+    free = [name for name in settings.free if name.startswith("camera.")]
+    with log.stage("segment"):
+        masks = segment(video, settings.segment, background=settings.background, progress=progress)
+    with log.stage("locate"):
+        finding = seeded(settings.locate, settings.seed)
+        scene = locate(masks, mechanism, finding, fix=fix, free=free, progress=progress)
+    with log.stage("track"):
+        poses = track(scene.masks, scene, seeded(settings.track, settings.seed), progress=progress)
+    log.notes += [*scene.advice, *video.notes]
+    folder.write("poses.csv", lambda path: write_poses(poses, path))
+    return scene, poses
+
+
+def seeded(settings: Any, seed: int) -> Any:
+    """Return the settings with the seed of the run, where they have one.
+
+    Args:
+        settings: Settings of a stage.
+        seed: Seed of every random start.
+    """
+    if any(item.name == "seed" for item in fields(settings)):
+        return replace(settings, seed=seed)
+    return settings
+
+
+def _about(video: Video, mechanism: Mechanism) -> str:
+    length = float(video.times[-1] - video.times[0])
+    return (
+        f"{video.count} frames of {video.width} × {video.height} px over {length:.2f} s, "
+        f"with the model {mechanism.name}."
+    )

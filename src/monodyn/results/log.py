@@ -1,0 +1,134 @@
+"""``run.json``: what was run, on what, with which versions, how long each stage took, and how it ended."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from monodyn.errors import MonodynError
+from monodyn.results.export import json_text, plain
+from monodyn.results.folder import RunFolder
+
+PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python-headless")
+"""Packages whose versions are kept."""
+
+
+class RunLog:
+    """Collects what ``run.json`` says while a run goes on.
+
+    Attributes:
+        command: Name of the command.
+        inputs: Given files by their part, with size and SHA-256.
+        settings: Settings as plain values.
+        versions: Versions by package.
+        seconds: Wall time by stage [s].
+        notes: Sentences about the input.
+    """
+
+    def __init__(self, command: str, inputs: Mapping[str, object], settings: object) -> None:
+        """Start the log.
+
+        Args:
+            command: Name of the command.
+            inputs: Paths or bundled names by their part.
+            settings: The settings, a dataclass.
+        """
+        self.command = command
+        self.inputs = {part: _fingerprint(value) for part, value in inputs.items()}
+        values = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
+        self.settings: dict[str, Any] = plain(values)
+        self.versions = versions()
+        self.seconds: dict[str, float] = {}
+        self.notes: list[str] = []
+        self._begun = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the wall time of the block to a stage.
+
+        Args:
+            name: Name of the stage.
+        """
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def document(self, status: str, files: list[str], message: str = "") -> dict[str, Any]:
+        """Return the content of ``run.json``.
+
+        Args:
+            status: ``done``, ``interrupted`` or ``failed``.
+            files: Names of the files written.
+            message: Why, when it is not done.
+        """
+        return {
+            "status": status,
+            "message": message,
+            "command": self.command,
+            "begun": self._begun,
+            "inputs": self.inputs,
+            "settings": self.settings,
+            "seed": self.settings.get("seed"),
+            "versions": self.versions,
+            "seconds": {name: round(value, 4) for name, value in self.seconds.items()},
+            "notes": self.notes,
+            "files": files,
+        }
+
+
+@contextmanager
+def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
+    """Write ``run.json`` however the block ends, and put the run into its place when it is complete.
+
+    Args:
+        folder: The run folder; None writes nothing.
+        log: What to write; the block may set ``log.notes``.
+    """
+    if folder is None:
+        yield log
+        return
+    try:
+        yield log
+        folder.write_text("run.json", json_text(log.document("done", [*folder.written, "run.json"])))
+        folder.finish()
+    except BaseException as error:
+        status = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
+        message = str(error) if isinstance(error, MonodynError) else type(error).__name__
+        if folder.written or status == "interrupted":
+            with suppress(MonodynError):
+                folder.write_text("run.json", json_text(log.document(status, list(folder.written), message)))
+        folder.abandon()
+        raise
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that the numbers depend on."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {"python": platform.python_version(), "platform": f"{platform.system()} {platform.machine()}"}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+def _fingerprint(value: object) -> dict[str, Any]:
+    """Name an input and hash it when it is a file; a folder counts by the names and sizes of its files."""
+    path = Path(str(value))
+    if path.is_file():
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return {"name": str(value), "bytes": path.stat().st_size, "sha256": digest}
+    if path.is_dir():
+        listing = sorted(f"{file.name} {file.stat().st_size}" for file in path.iterdir() if file.is_file())
+        digest = hashlib.sha256("\n".join(listing).encode()).hexdigest()
+        return {"name": str(value), "files": len(listing), "sha256_of_listing": digest}
+    return {"name": str(value)}
