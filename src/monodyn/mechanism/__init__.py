@@ -1,1 +1,9 @@
+"""A mechanism file in; named parameters, a joint tree for the dynamics and shapes for the picture out."""
 
+from monodyn.mechanism.bundled import BUNDLED
+from monodyn.mechanism.model import Mechanism
+from monodyn.mechanism.parts import Joint, Parameter
+from monodyn.mechanism.read import load
+from monodyn.mechanism.tree import Measured, Shapes, Tree
+
+__all__ = ["BUNDLED", "Joint", "Measured", "Mechanism", "Parameter", "Shapes", "Tree", "load"]

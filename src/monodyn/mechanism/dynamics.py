@@ -19,7 +19,20 @@ import numpy as np
 from numba import njit
 
 from monodyn.mechanism.tree import (
-    ANCHOR_X, ANCHOR_Y, ANGLE, ARMATURE, AXIS_X, AXIS_Y, COM_X, COM_Y, DAMPING, FRICTION, HINGE, INERTIA, MASS, REST,
+    ANCHOR_X,
+    ANCHOR_Y,
+    ANGLE,
+    ARMATURE,
+    AXIS_X,
+    AXIS_Y,
+    COM_X,
+    COM_Y,
+    DAMPING,
+    FRICTION,
+    HINGE,
+    INERTIA,
+    MASS,
+    REST,
     STIFFNESS,
 )  # fmt: skip
 

@@ -1,0 +1,158 @@
+"""From parameter values to the tree and the shapes: the formulas of masses and inertias.
+
+Written once for numbers and for arrays of complex steps, so that ``derivatives`` differentiates exactly what
+``links_of`` computes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from monodyn.mechanism.plan import Plan
+from monodyn.mechanism.solids import BLOCK, CYLINDER, SPHERE, Solid
+from monodyn.mechanism.tree import (
+    ANCHOR_X,
+    ANCHOR_Y,
+    ARMATURE,
+    COM_X,
+    COM_Y,
+    DAMPING,
+    FRICTION,
+    INERTIA,
+    MASS,
+    STIFFNESS,
+    Shapes,
+    Tree,
+)  # fmt: skip
+
+STEP = 1e-30
+"""Complex step; its square vanishes beside any value, so the derivative is exact to rounding."""
+
+
+def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Compute the columns of ``Tree.links``.
+
+    Args:
+        plan: The mechanism's plan.
+        values: Parameter values, (param,), or (param, step) for many at once.
+        own: True where a mass, centre of mass or inertia is its own value instead of following, bool (param,).
+
+    Returns:
+        (dof, 14), or (dof, 14, step).
+    """
+    rest = values.shape[1:]
+    rows: Any = plan.forms[:, :-1] @ values + plan.forms[:, -1].reshape(-1, *(1,) * len(rest))
+    numbers: Any = values
+    if not rest:
+        rows, numbers = rows.tolist(), values.tolist()
+    links = np.empty((*plan.template.shape, *rest), dtype=values.dtype)
+    links[...] = plan.template.reshape(*plan.template.shape, *(1,) * len(rest))
+    for i in range(len(plan.links)):
+        links[i, ANCHOR_X], links[i, ANCHOR_Y] = rows[2 * i], rows[2 * i + 1]
+        d, f, k, a = plan.joints[i]
+        links[i, DAMPING], links[i, FRICTION] = numbers[d], numbers[f]
+        links[i, STIFFNESS], links[i, ARMATURE] = numbers[k], numbers[a]
+        owned = plan.owned[i]
+        if owned is not None:
+            mass, x, y, inertia = _body(plan, i, rows, numbers)
+            m, cx, cy, j = owned
+            if own[m]:
+                inertia = inertia * (numbers[m] / mass)
+                mass = numbers[m]
+            links[i, MASS] = mass
+            links[i, COM_X] = numbers[cx] if own[cx] else x
+            links[i, COM_Y] = numbers[cy] if own[cy] else y
+            links[i, INERTIA] = numbers[j] if own[j] else inertia
+    return links
+
+
+def _body(plan: Plan, i: int, rows: Any, numbers: Any) -> tuple[Any, Any, Any, Any]:
+    """Return mass, centre of mass and inertia about it of a body as its solids make it up."""
+    parts = []
+    for (solid, row), weight in zip(plan.solids[i], plan.weights[i], strict=True):
+        along, across, deep, x, y = rows[row : row + 5]
+        volume, gyration = _solid(solid, along, across, deep)
+        mass = numbers[weight] * volume if solid.dense else numbers[weight]
+        parts.append((mass, x, y, gyration))
+    if len(parts) == 1:
+        mass, x, y, gyration = parts[0]
+        return mass, x, y, mass * gyration
+    mass = sum(part[0] for part in parts)
+    x = sum(part[0] * part[1] for part in parts) / mass
+    y = sum(part[0] * part[2] for part in parts) / mass
+    inertia = sum(m * (g + (px - x) * (px - x) + (py - y) * (py - y)) for m, px, py, g in parts)
+    return mass, x, y, inertia
+
+
+def _solid(solid: Solid, along: Any, across: Any, deep: Any) -> tuple[Any, Any]:
+    """Return volume [m^3] and inertia about z per mass [m^2] of a uniform solid.
+
+    Source: the paper's I = m (l^2 + w^2) / 12 for boxes; textbook moments of sphere, cylinder and hemisphere, an axis
+        that leaves the plane by its direction cosines.
+    """
+    if solid.kind == BLOCK:
+        a, b = solid.gyration
+        return solid.volume * along * across * deep, a * along * along + b * across * across
+    square = across * across
+    if solid.kind == SPHERE:
+        return np.pi / 6 * across * square, square / 10
+    flat, rise = along * along, deep * deep
+    length = np.sqrt(flat + rise)
+    bar = np.pi / 4 * square * length
+    about, beside = square / 8, length * length / 12 + square / 16
+    volume = bar
+    if solid.kind != CYLINDER:
+        caps = np.pi / 6 * across * square
+        volume = bar + caps
+        reach = square / 10 + length * length / 4 + 3 / 16 * length * across
+        about = (bar * about + caps * square / 10) / volume
+        beside = (bar * beside + caps * reach) / volume
+    return volume, (beside * flat + about * rise) / (flat + rise)
+
+
+def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
+    """Compute the joint tree.
+
+    Args:
+        plan: The mechanism's plan.
+        values: Parameter values, (param,).
+        own: As in ``links_of``.
+    """
+    gravity = np.array([0.0, -values[plan.index["gravity"]]])
+    return Tree(plan.parent, plan.kind, links_of(plan, values, own), gravity)
+
+
+def shapes_of(plan: Plan, values: np.ndarray) -> Shapes:
+    """Compute what the camera sees.
+
+    Args:
+        plan: The mechanism's plan.
+        values: Parameter values, (param,).
+    """
+    points = (plan.outline[:, :-1] @ values + plan.outline[:, -1]).reshape(-1, 3)
+    radius = plan.radius[:, :-1] @ values + plan.radius[:, -1]
+    return Shapes(plan.shape_link, tuple(solid.body for solid in plan.drawn), plan.first, points, radius)
+
+
+def derivatives(
+    plan: Plan, values: np.ndarray, own: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Differentiate ``Tree.links`` and gravity by parameters, with complex steps.
+
+    Args:
+        plan: The mechanism's plan.
+        values: Parameter values, (param,).
+        own: As in ``links_of``.
+        rows: Rows of the parameters, int (way,).
+
+    Returns:
+        Derivatives of the links, (way, dof, 14), and of gravity, (way, 2).
+    """
+    steps = np.repeat(values[:, None].astype(complex), len(rows), axis=1)
+    steps[rows, np.arange(len(rows))] += 1j * STEP
+    links = np.moveaxis(links_of(plan, steps, own).imag / STEP, -1, 0)
+    gravity = np.zeros((len(rows), 2))
+    gravity[rows == plan.index["gravity"], 1] = -1.0
+    return np.ascontiguousarray(links), gravity

@@ -1,0 +1,220 @@
+"""The text of a mechanism file and of the files it names, read before MuJoCo sees any of it.
+
+A mechanism file may come from anywhere: it may only read files of its own folder, and may not declare entities. What it
+names is read here; what MuJoCo gets is one text and the bytes of the meshes.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from xml.parsers import expat
+
+from monodyn.errors import MechanismError
+
+MAX_TEXT_BYTES = 16_000_000
+MAX_MESH_BYTES = 200_000_000
+MAX_INCLUDES = 64
+MAX_COPIES = 1000
+
+UNUSED = {
+    "actuator", "sensor", "keyframe", "custom", "visual", "statistic", "size", "contact", "texture", "material",
+    "transmission", "gazebo", "camera", "light", "site",
+}  # fmt: skip
+"""Elements that cannot change the motion or the shapes; they are dropped, with the files they name."""
+
+REFUSED = {
+    "plugin": "plugins", "extension": "plugins", "composite": "composite bodies", "flexcomp": "flexible bodies",
+    "flex": "flexible bodies", "deformable": "flexible bodies", "hfield": "height fields", "skin": "skins",
+    "attach": "attached models", "model": "attached models",
+}  # fmt: skip
+
+
+def read_mechanism(path: Path) -> tuple[ET.Element, dict[str, bytes]]:
+    """Read a mechanism file with everything it includes.
+
+    Args:
+        path: The MJCF or URDF file.
+
+    Returns:
+        The root element, includes put in place, and the bytes of its meshes by the name the text now uses.
+
+    Raises:
+        MechanismError: A file is missing, too big, not XML or outside the folder, or the text holds something that
+            is not supported.
+    """
+    root = parse(path)
+    if root.tag not in ("mujoco", "robot"):
+        raise MechanismError(
+            f"{path.name}: expected the root element <mujoco> (MJCF) or <robot> (URDF), got <{root.tag}>; "
+            f"give an MJCF or URDF file."
+        )
+    folder = path.resolve().parent
+    _include(root, folder, [0])
+    _drop(root, path.name, root.tag == "robot")
+    return root, _take_meshes(root, path.name, folder)
+
+
+def parse(path: Path) -> ET.Element:
+    """Parse one XML file.
+
+    Args:
+        path: The file.
+
+    Raises:
+        MechanismError: It is missing, unreadable, too big, not XML, or declares a document type.
+    """
+    text = read_bytes(path, MAX_TEXT_BYTES, path.name)
+
+    def refuse(*_: object) -> None:
+        raise MechanismError(
+            f"{path.name}: document types and entities are not supported; remove <!DOCTYPE>."
+        )
+
+    scanner = expat.ParserCreate()
+    scanner.StartDoctypeDeclHandler = refuse
+    try:
+        scanner.Parse(text, True)
+        return ET.fromstring(text)
+    except (expat.ExpatError, ET.ParseError, ValueError, LookupError, RecursionError) as error:
+        raise MechanismError(
+            f"{path.name}: expected MJCF or URDF text, got text that is not XML ({error}); correct the file."
+        ) from None
+
+
+def read_bytes(path: Path, most: int, shown: str) -> bytes:
+    """Read a regular file of limited size.
+
+    Args:
+        path: The file.
+        most: Largest size [byte].
+        shown: Name for the message.
+
+    Raises:
+        MechanismError: It is missing, not a regular file, unreadable or too big.
+    """
+    try:
+        if not path.is_file():
+            what = "a folder" if path.is_dir() else "no such file"
+            raise MechanismError(f"{shown}: expected a file, got {what}; check the path.")
+        if path.stat().st_size > most:
+            raise MechanismError(
+                f"{shown}: expected at most {most / 1e6:g} MB, got {path.stat().st_size / 1e6:.0f} MB; "
+                f"give a smaller file."
+            )
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise MechanismError(
+            f"{shown}: expected a readable file, got '{reason}'; check the path and its permissions."
+        ) from None
+
+
+def inside(folder: Path, name: str) -> Path:
+    """Return the path of a file named by a mechanism file.
+
+    Args:
+        folder: The mechanism file's folder, resolved.
+        name: The name in the file.
+
+    Raises:
+        MechanismError: The name leads out of the folder.
+    """
+    try:
+        path = (folder / name).resolve()
+    except (OSError, ValueError):
+        path = folder.parent
+    if not path.is_relative_to(folder):
+        raise MechanismError(
+            f"file '{name}': expected a file in the mechanism's own folder, got a path that leads out of it; "
+            f"copy the file there."
+        )
+    return path
+
+
+def _include(element: ET.Element, folder: Path, count: list[int]) -> None:
+    """Replace every <include> by the children of the file it names."""
+    place = 0
+    while place < len(element):
+        child = element[place]
+        if child.tag != "include":
+            _include(child, folder, count)
+            place += 1
+            continue
+        count[0] += 1
+        if count[0] > MAX_INCLUDES:
+            raise MechanismError(
+                f"include: expected at most {MAX_INCLUDES} included files, got more; check for a file that "
+                f"includes itself."
+            )
+        included = parse(inside(folder, child.get("file", "")))
+        element[place : place + 1] = list(included)
+
+
+def _drop(element: ET.Element, where: str, urdf: bool) -> None:
+    """Drop what cannot matter and refuse by name what could."""
+    for child in list(element):
+        tag = child.tag
+        if tag in UNUSED and not (urdf and tag == "visual"):
+            element.remove(child)
+            continue
+        if tag in REFUSED and not (urdf and tag == "model"):
+            raise MechanismError(f"{where}: <{tag}>: {REFUSED[tag]} are not supported; remove them.")
+        if tag == "tendon" and len(child):
+            name = child[0].get("name", "")
+            raise MechanismError(f"{where}: tendon '{name}': tendons are not supported; remove them.")
+        if tag == "equality":
+            _refuse_loops(child, where)
+        if tag == "replicate" and not 1 <= _whole(child.get("count", "0")) <= MAX_COPIES:
+            raise MechanismError(
+                f"{where}: <replicate>: expected a count from 1 to {MAX_COPIES}, got '{child.get('count')}'; "
+                f"correct it."
+            )
+        if tag == "mimic":
+            raise MechanismError(
+                f"{where}: joint '{element.get('name', '')}': mimic joints couple joints and are not supported; "
+                f"remove <mimic>."
+            )
+        child.attrib.pop("material", None)
+        _drop(child, where, urdf)
+
+
+def _refuse_loops(equality: ET.Element, where: str) -> None:
+    """Raise if an active equality constraint closes a loop or couples joints."""
+    for k, child in enumerate(equality):
+        if child.get("active", "true") == "false":
+            continue
+        name = child.get("name") or child.get("body1") or child.get("joint1") or f"number {k + 1}"
+        raise MechanismError(
+            f"{where}: equality <{child.tag}> '{name}': closed loops and coupled joints are not supported; "
+            f"remove it."
+        )
+
+
+def _whole(text: str) -> int:
+    """Return a whole number, or -1 if the text is none."""
+    return int(text) if re.fullmatch(r"\s*\d{1,9}\s*", text) else -1
+
+
+def _take_meshes(root: ET.Element, where: str, folder: Path) -> dict[str, bytes]:
+    """Read every mesh that is named, and name it by what MuJoCo will be given."""
+    meshdir = ""
+    for compiler in root.iter("compiler"):
+        meshdir = compiler.attrib.pop("meshdir", compiler.get("assetdir", meshdir))
+        for name in ("assetdir", "texturedir"):
+            compiler.attrib.pop(name, None)
+    meshes: dict[str, bytes] = {}
+    for element in root.iter():
+        for attribute in [a for a in element.attrib if a.startswith("file")]:
+            given = element.attrib[attribute]
+            if element.tag != "mesh" or attribute not in ("file", "filename"):
+                raise MechanismError(f"{where}: <{element.tag}>: files are read for meshes only; remove it.")
+            plain = re.sub(r"^(package://[^/]*/|file://)", "", given)
+            path = inside(folder, str(Path(meshdir) / plain) if root.tag == "mujoco" else plain)
+            key = f"mesh{len(meshes)}{path.suffix.lower()}"
+            meshes[key] = read_bytes(path, MAX_MESH_BYTES, f"mesh '{given}'")
+            if root.tag == "mujoco" and "name" not in element.attrib:
+                element.set("name", Path(given).stem)
+            element.set(attribute, key)
+    return meshes

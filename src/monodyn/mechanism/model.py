@@ -1,0 +1,298 @@
+"""The mechanism: named parameters on a fixed topology, and the tree and shapes that follow from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from monodyn.errors import MechanismError
+from monodyn.mechanism.assemble import derivatives, links_of, shapes_of, tree_of
+from monodyn.mechanism.parts import NOT_NEGATIVE, POSITIVE, Joint, Link, Parameter
+from monodyn.mechanism.plan import OWNED, Plan, make_plan
+from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS, Measured, Shapes, Tree
+
+COLUMNS_OWNED = (MASS, COM_X, COM_Y, INERTIA)
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A planar mechanism: what its file says of its topology, and values, bounds and choices by parameter.
+
+    Made by ``load``; changed copies come from the ``with_...`` methods.
+
+    Attributes:
+        name: Name of the model.
+        joints: Joints in the file's order, which is the order of the dof axis.
+        bodies: Names of the bodies that move.
+        plan: How parameters make links and shapes; shared by all copies.
+        numbers: Values by row of the plan, (param,).
+        lower: Lower bounds, (param,).
+        upper: Upper bounds, (param,).
+        free: True where an identification may change the value, bool (param,).
+        own: True where a mass, centre of mass or inertia is a value of its own instead of following, bool (param,).
+        chosen: Names whose freedom the user chose; ``with_bodies`` leaves them alone.
+        measured: What the picture knows about sizes, or None.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    bodies: tuple[str, ...]
+    plan: Plan
+    numbers: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    free: np.ndarray
+    own: np.ndarray
+    chosen: frozenset[str] = frozenset()
+    measured: Measured | None = None
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The joint tree for the dynamics."""
+        return tree_of(self.plan, self.numbers, self.own)
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """What the camera sees."""
+        return shapes_of(self.plan, self.numbers)
+
+    @cached_property
+    def _current(self) -> np.ndarray:
+        """Values with those that follow filled in, (param,)."""
+        values = self.numbers.copy()
+        for i, rows in enumerate(self.plan.owned):
+            if rows is not None:
+                values[list(rows)] = self.tree.links[i, COLUMNS_OWNED]
+        return values
+
+    @cached_property
+    def _follows(self) -> np.ndarray:
+        """True where the value follows from others, bool (param,)."""
+        return np.array(self.plan.table.follows, dtype=bool) & ~self.own
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Every parameter, in a fixed order."""
+        return tuple(self._parameter(row) for row in range(len(self.numbers)))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Value by parameter name, those that follow included."""
+        return dict(zip(self.plan.table.names, self._current.tolist(), strict=True))
+
+    def parameter(self, name: str) -> Parameter:
+        """Return one parameter.
+
+        Args:
+            name: Its name.
+
+        Raises:
+            MechanismError: There is no parameter of that name.
+
+        Example:
+            >>> import monodyn.mechanism
+            >>> monodyn.mechanism.load("single").parameter("link1.length").value
+            0.2
+        """
+        return self._parameter(self.row(name))
+
+    def row(self, name: str) -> int:
+        """Return the row of a parameter in the plan.
+
+        Args:
+            name: Its name.
+
+        Raises:
+            MechanismError: There is no parameter of that name.
+        """
+        row = self.plan.index.get(name)
+        if row is None:
+            names = ", ".join(f"'{n}'" for n in self.plan.table.names)
+            raise MechanismError(f"parameter '{name}' is not in the mechanism; parameters: {names}.")
+        return row
+
+    def with_values(self, values: Mapping[str, float]) -> Mechanism:
+        """Return a copy with other values; signs are checked, bounds are not.
+
+        Args:
+            values: New value by name. A value that follows from others cannot be set here: free or fix it first
+                with ``with_choices``.
+
+        Raises:
+            MechanismError: A name is unknown, a value is not finite, has the wrong sign, or follows from others.
+        """
+        numbers = self.numbers.copy()
+        table = self.plan.table
+        for name, value in values.items():
+            row = self.row(name)
+            value = float(value)
+            least = table.sign[row]
+            if not math.isfinite(value):
+                raise MechanismError(f"parameter '{name}': expected a number, got {value}.")
+            if (least == POSITIVE and value <= 0) or (least == NOT_NEGATIVE and value < 0):
+                least_text = "above" if least == POSITIVE else "not below"
+                raise MechanismError(
+                    f"parameter '{name}': expected a value {least_text} 0 {table.unit[row]}, got {value:g}."
+                )
+            if table.follows[row] and not self.own[row]:
+                raise MechanismError(
+                    f"parameter '{name}': follows from the sizes of its body; fix or free it to give it a value."
+                )
+            numbers[row] = value
+        return replace(self, numbers=numbers)
+
+    def with_choices(
+        self,
+        fix: Mapping[str, float] | None = None,
+        free: Sequence[str] = (),
+        bounds: Mapping[str, tuple[float, float]] | None = None,
+    ) -> Mechanism:
+        """Return a copy with parameters fixed, freed and bounded as the user chose.
+
+        Args:
+            fix: Value by name of parameters to hold.
+            free: Names of parameters to estimate.
+            bounds: Lower and upper bound by name.
+
+        Raises:
+            MechanismError: A name is unknown or both fixed and freed, a value is not finite, has the wrong sign or
+                lies outside its bounds, or bounds are reversed.
+        """
+        fix, bounds = dict(fix or {}), dict(bounds or {})
+        lower, upper = self.lower.copy(), self.upper.copy()
+        for name, (low, high) in bounds.items():
+            row = self.row(name)
+            if not low <= high:
+                raise MechanismError(
+                    f"bounds of '{name}': expected the lower bound first, got {low:g} and {high:g}."
+                )
+            lower[row], upper[row] = low, high
+        frees, own, numbers = self.free.copy(), self.own.copy(), self.numbers.copy()
+        for name in (*fix, *free):
+            row = self.row(name)
+            if name in fix and name in free:
+                raise MechanismError(f"parameter '{name}': is both fixed and freed; choose one of them.")
+            if self.plan.table.follows[row] and not own[row]:
+                own[row], numbers[row] = True, self._current[row]
+            frees[row] = name in free
+        chosen = self.chosen | {*fix, *free}
+        copy = replace(self, numbers=numbers, lower=lower, upper=upper, free=frees, own=own, chosen=chosen)
+        copy = copy.with_values(fix)
+        for name in (*fix, *free, *bounds):
+            copy._check_bounds(name)
+        return copy
+
+    def with_bodies(self, bodies: str) -> Mechanism:
+        """Return a copy whose bodies are uniform or free.
+
+        Args:
+            bodies: ``"uniform"``: masses follow from sizes and densities where the file gives no mass. ``"free"``:
+                mass, centre of mass and inertia of every body are estimated, starting from their uniform values, and
+                densities and thicknesses are held. Parameters that the user fixed or freed stay as they are.
+
+        Raises:
+            MechanismError: ``bodies`` is neither.
+        """
+        if bodies not in ("uniform", "free"):
+            raise MechanismError(f"bodies: expected 'uniform' or 'free', got '{bodies}'; choose one of them.")
+        table = self.plan.table
+        numbers, free, own = self.numbers.copy(), self.free.copy(), self.own.copy()
+        lower, upper = self.lower.copy(), self.upper.copy()
+        owned = {row for rows in self.plan.owned if rows is not None for row in rows}
+        for row, name in enumerate(table.names):
+            if name in self.chosen:
+                continue
+            what = name.rsplit(".", 1)[-1]
+            if bodies == "uniform":
+                free[row], own[row] = table.free[row], False
+            elif row in owned:
+                if table.follows[row] and not own[row]:
+                    own[row], numbers[row] = True, self._current[row]
+                free[row] = True
+                if what in ("mass", "inertia"):
+                    lower[row], upper[row] = _around(numbers[row])
+            elif what in ("density", "thickness", "mass"):
+                free[row] = False
+        return replace(self, numbers=numbers, free=free, own=own, lower=lower, upper=upper)
+
+    def with_measured(self, measured: Measured) -> Mechanism:
+        """Return a copy that carries what the picture knows about its sizes.
+
+        Args:
+            measured: Names and information matrix.
+
+        Raises:
+            MechanismError: A name is unknown.
+        """
+        for name in measured.names:
+            self.row(name)
+        return replace(self, measured=measured)
+
+    def directions(self, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Differentiate the tree's arrays by parameters, exactly.
+
+        Args:
+            names: Names of the parameters; ``time_scale`` and sizes that no link depends on give zeros.
+
+        Returns:
+            Derivatives of ``tree.links``, (param, dof, 14), and of ``tree.gravity``, (param, 2).
+
+        Raises:
+            MechanismError: A name is unknown or its value follows from others.
+        """
+        rows = np.array([self.row(name) for name in names], dtype=np.int64)
+        for row in rows[self._follows[rows]]:
+            raise MechanismError(
+                f"parameter '{self.plan.table.names[row]}': follows from the sizes of its body; fix or free it first."
+            )
+        return derivatives(self.plan, self.numbers, self.own, rows)
+
+    def _parameter(self, row: int) -> Parameter:
+        """Return the parameter of a row."""
+        table = self.plan.table
+        return Parameter(
+            table.names[row], float(self._current[row]), float(self.lower[row]), float(self.upper[row]),
+            table.unit[row], bool(self.free[row]), bool(self._follows[row]),
+        )  # fmt: skip
+
+    def _check_bounds(self, name: str) -> None:
+        """Raise unless a parameter's value lies within its bounds."""
+        p = self.parameter(name)
+        if not p.lower <= p.value <= p.upper:
+            raise MechanismError(
+                f"parameter '{name}': expected a value between {p.lower:g} and {p.upper:g} {p.unit}, "
+                f"got {p.value:g}; change the value or the bounds."
+            )
+
+
+def _around(value: float) -> tuple[float, float]:
+    """Return wide bounds about a positive start value."""
+    return 1e-6 * value, 1e6 * value
+
+
+def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
+    """Make a mechanism of its parts.
+
+    Args:
+        name: Name of the model.
+        links: Its links, parents first.
+        gravity: Gravity in the plane, downward [m/s^2].
+    """
+    plan = make_plan(links, gravity)
+    table = plan.table
+    numbers, own = np.array(table.start), np.zeros(len(table.names), dtype=bool)
+    lower, upper = np.array(table.lower), np.array(table.upper)
+    columns = links_of(plan, numbers, own)
+    for i, rows in enumerate(plan.owned):
+        for row, column, what in zip(rows or (), COLUMNS_OWNED, OWNED, strict=False):
+            if table.follows[row]:
+                numbers[row] = columns[i, column]
+                if what in ("mass", "inertia"):
+                    lower[row], upper[row] = _around(numbers[row])
+    bodies = tuple(dict.fromkeys(link.joint.body for link in links))
+    joints = tuple(link.joint for link in links)
+    return Mechanism(name, joints, bodies, plan, numbers, lower, upper, np.array(table.free, dtype=bool), own)

@@ -1,0 +1,181 @@
+"""A mechanism as its file gives it, in the plane frame: links, geoms, given inertials, and the parameters' table.
+
+These are start values: ``plan`` turns them into maps from parameter values to the tree and the shapes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint as the file names it.
+
+    Attributes:
+        name: Name in the file.
+        body: Name of the body it moves.
+        kind: ``"hinge"`` or ``"slide"``.
+        lower: Lower limit [rad or m], -inf if none.
+        upper: Upper limit [rad or m], inf if none.
+        sign: +1 for a hinge that turns counter-clockwise in the picture, -1 for the other way; +1 for slides.
+    """
+
+    name: str
+    body: str
+    kind: str
+    lower: float
+    upper: float
+    sign: int
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A named number of a mechanism.
+
+    Attributes:
+        name: ``<body>.length``, ``<joint>.damping``, ``gravity``, ...
+        value: Current value.
+        lower: Lower bound.
+        upper: Upper bound.
+        unit: Unit of value and bounds.
+        free: True if an identification may change it.
+        follows: True if the value follows from other parameters (the mass of a uniform body from its sizes).
+    """
+
+    name: str
+    value: float
+    lower: float
+    upper: float
+    unit: str
+    free: bool
+    follows: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Geom:
+    """One geom in its link's frame (z counts from the plane of the link's body).
+
+    Attributes:
+        body: Body of the file that holds it: the link's own or one welded to it.
+        name: Name in the file, or empty.
+        kind: ``box``, ``ellipsoid``, ``mesh``, ``capsule``, ``cylinder`` or ``sphere``.
+        centre: Place of its frame [m], (3,).
+        axes: Directions of its frame as columns, (3, 3).
+        size: Half sizes as MuJoCo states them [m], (3,).
+        vertices: Hull corners of a mesh in its frame [m], (point, 3), else empty.
+        drawn: True if it can be seen.
+        density: Density [kg/m^3], or None.
+        mass: Given mass [kg], or None; with neither it weighs nothing.
+    """
+
+    body: str
+    name: str
+    kind: str
+    centre: np.ndarray
+    axes: np.ndarray
+    size: np.ndarray
+    vertices: np.ndarray
+    drawn: bool
+    density: float | None
+    mass: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """An inertial that the file states: body, mass [kg], centre of mass in the link's frame [m], inertia [kg m^2]."""
+
+    body: str
+    mass: float
+    com: np.ndarray
+    inertia: float
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """What one joint moves. Of a body with several joints only the last joint's link ``carries`` it.
+
+    Attributes:
+        joint: The joint.
+        parent: Row of the parent link, -1 for the world.
+        carries: True if the body's geoms and inertia are on this link.
+        anchor: Joint position in the parent link's frame at q = 0 [m], (2,).
+        angle: Turn against the parent link's frame at q = 0 [rad].
+        axis: Slide direction in the link's frame, (2,); of a hinge its sign and 0.
+        offset: Distance of the body from its parent body toward the camera [m].
+        geoms: Its geoms.
+        givens: Inertials stated for its body or for bodies welded to it.
+        damping: Viscous damping [N m s/rad or N s/m].
+        friction: Friction loss [N m or N].
+        stiffness: Spring [N m/rad or N/m].
+        rest: Position at which the spring is slack [rad or m].
+        armature: Rotor inertia [kg m^2 or kg].
+    """
+
+    joint: Joint
+    parent: int
+    carries: bool
+    anchor: np.ndarray
+    angle: float
+    axis: np.ndarray
+    offset: float
+    geoms: tuple[Geom, ...]
+    givens: tuple[Given, ...]
+    damping: float
+    friction: float
+    stiffness: float
+    rest: float
+    armature: float
+
+
+POSITIVE, NOT_NEGATIVE, ANY = 0, 1, 2
+
+
+@dataclass
+class Table:
+    """The parameters while a plan is made: one entry a name, in order of entry."""
+
+    names: list[str] = field(default_factory=list)
+    start: list[float] = field(default_factory=list)
+    lower: list[float] = field(default_factory=list)
+    upper: list[float] = field(default_factory=list)
+    unit: list[str] = field(default_factory=list)
+    free: list[bool] = field(default_factory=list)
+    follows: list[bool] = field(default_factory=list)
+    sign: list[int] = field(default_factory=list)
+
+    def add(
+        self,
+        name: str,
+        start: float,
+        unit: str,
+        *,
+        free: bool,
+        bounds: tuple[float, float] | None = None,
+        sign: int = POSITIVE,
+        follows: bool = False,
+    ) -> str:
+        """Enter a parameter and return its name.
+
+        Args:
+            name: Its name; must be new.
+            start: Start value.
+            unit: Unit.
+            free: True if it is estimated by default.
+            bounds: Lower and upper bound; a positive quantity has start * [1e-3, 1e3] by default.
+            sign: ``POSITIVE``, ``NOT_NEGATIVE`` or ``ANY``.
+            follows: True if the value follows from others by default.
+        """
+        assert name not in self.names, name
+        lower, upper = bounds if bounds is not None else (1e-3 * start, 1e3 * start)
+        self.names.append(name)
+        self.start.append(float(start))
+        self.lower.append(float(lower))
+        self.upper.append(float(upper))
+        self.unit.append(unit)
+        self.free.append(free)
+        self.follows.append(follows)
+        self.sign.append(sign)
+        return name

@@ -1,0 +1,290 @@
+"""From a mechanism's parts to its plan: the parameters and the linear maps from them to links and shapes.
+
+Every length, centre and outline point is linear in the parameters, so the plan is one matrix; masses and inertias
+are closed formulas of its rows (``assemble``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.mechanism.axis import TINY, Axis, Form, Profile, extent, long_axis, main_geom, plus, profile
+from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Link, Table
+from monodyn.mechanism.solids import KINDS, Solid, geom_solid, given_solid
+from monodyn.mechanism.tree import ANGLE, AXIS_X, AXIS_Y, COLUMNS, HINGE, REST, SLIDE
+
+OWNED = ("mass", "com_x", "com_y", "inertia")
+JOINT = ("damping", "friction", "stiffness", "armature")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What does not change when parameters change.
+
+    Attributes:
+        links: The links, in dof order.
+        table: The parameters with start values and bounds.
+        index: Row of each parameter.
+        parent: int64 (dof,).
+        kind: int64 (dof,).
+        template: ``Tree.links`` with the constant columns filled, (dof, 14).
+        forms: Rows of the linear map on (values, 1): two anchor rows a link, then five rows a solid (along, across,
+            deep, centre x, centre y), (row, param + 1).
+        solids: By link, the solids that weigh something, with their first row in ``forms``.
+        weights: For each of those the row of its density or mass parameter, by link.
+        owned: By link, the rows of mass, com_x, com_y, inertia of its body, or None for a massless link.
+        joints: Rows of damping, friction, stiffness, armature by joint, int (dof, 4).
+        drawn: The solids that can be seen, in order of the shapes.
+        shape_link: Link of each shape.
+        first: First point of each shape, (geom + 1,).
+        outline: Linear map to the points, (3 * point, param + 1).
+        radius: Linear map to the radii, (geom, param + 1).
+    """
+
+    links: tuple[Link, ...]
+    table: Table
+    index: dict[str, int]
+    parent: np.ndarray
+    kind: np.ndarray
+    template: np.ndarray
+    forms: np.ndarray
+    solids: tuple[tuple[tuple[Solid, int], ...], ...]
+    weights: tuple[tuple[int, ...], ...]
+    owned: tuple[tuple[int, ...] | None, ...]
+    joints: np.ndarray
+    drawn: tuple[Solid, ...]
+    shape_link: np.ndarray
+    first: np.ndarray
+    outline: np.ndarray
+    radius: np.ndarray
+
+
+def make_plan(links: Sequence[Link], gravity: float) -> Plan:
+    """Return the plan of a mechanism.
+
+    Args:
+        links: Its links, parents first.
+        gravity: Gravity in the plane, downward [m/s^2].
+    """
+    table = Table()
+    reach = 1e3 * _reach(links)
+    anchors: list[tuple[Form, Form]] = [({"": float(k.anchor[0])}, {"": float(k.anchor[1])}) for k in links]
+    solids: list[list[Solid]] = []
+    depths: list[Form] = []
+    for i, link in enumerate(links):
+        depth: Form = depths[link.parent] if link.parent >= 0 else {}
+        solids.append([])
+        if link.carries:
+            children = [k for k in range(len(links)) if links[k].parent == i]
+            axis = _enter_body(link, [links[k].anchor for k in children], table)
+            depth = plus(depth, _enter_offset(links, i, table, reach))
+            for k in children:
+                anchors[k] = axis.point(links[k].anchor)
+            solids[i] = _enter_solids(link, axis, table, depth)
+            _enter_inertia(link, solids[i], table, reach)
+        depths.append(depth)
+    joints = [_enter_joint(link, table) for link in links]
+    if gravity > 0:
+        table.add("gravity", gravity, "m/s^2", free=False)
+    else:
+        table.add("gravity", 0.0, "m/s^2", free=False, bounds=(0.0, math.inf), sign=NOT_NEGATIVE)
+    table.add("time_scale", 1.0, "1", free=False)
+    return _stack(links, table, anchors, solids, joints)
+
+
+def _reach(links: Sequence[Link]) -> float:
+    """Return a length that no size of the mechanism exceeds much [m]."""
+    sizes = [float(np.hypot(*link.anchor)) for link in links if link.parent >= 0]
+    sizes += [float(np.hypot(*g.centre[:2])) + float(np.max(g.size)) for link in links for g in link.geoms]
+    sizes += [float(np.hypot(*given.com)) for link in links for given in link.givens]
+    return max(sizes, default=0.0) or 1.0
+
+
+def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
+    """Enter length, width, tail and tip of a body and return its long axis."""
+    body = link.joint.body
+    profiles = [profile(g) for g in link.geoms if g.body == body]
+    along, length = long_axis(link, anchors, profiles)
+    main = main_geom(profiles)
+    name = table.add(f"{body}.length", length, "m", free=True) if length > 0 else ""
+    cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > TINY * length for a in anchors)
+    tail, tip = (0.0, 0.0) if cart or not name else _overhang(link, anchors, along, length)
+    bounds = [(0.0, 1e3 * max(extra, length)) for extra in (tail, tip)]
+    names = [
+        table.add(f"{body}.{what}", extra, "m", free=True, bounds=limits, sign=NOT_NEGATIVE)
+        if extra > 0
+        else ""
+        for what, extra, limits in zip(("tail", "tip"), (tail, tip), bounds, strict=True)
+    ]
+    width = 0.0
+    if main is not None:
+        width = 2 * _half_across(main, along)
+        table.add(f"{body}.width", width, "m", free=True)
+    return Axis(along, length, tail, tip, width, (name, names[0], names[1], f"{body}.width" if width else ""))
+
+
+def _half_across(shape: Profile, along: np.ndarray) -> float:
+    """Return half the size of a geom that its width parameter stands for [m]."""
+    side = np.array([-along[1], along[0]])
+    if shape.geom.kind == "mesh":
+        return extent(shape.geom, side)[1] / 2
+    if (
+        shape.long is not None
+        and shape.geom.kind not in KINDS
+        and abs(float(shape.long @ side)) > 1 - TINY**2
+    ):
+        return shape.half[0]
+    return shape.half[1]
+
+
+def _overhang(link: Link, anchors: list[np.ndarray], along: np.ndarray, length: float) -> tuple[float, float]:
+    """Return how far geometry reaches behind the hinge and beyond the length [m]; 0 where it does not."""
+    places = [float(a @ along) for a in anchors]
+    for shape in [profile(g) for g in link.geoms]:
+        middle, half = float(shape.centre @ along), 0.0
+        if shape.geom.kind == "mesh":
+            half = extent(shape.geom, along)[1] / 2
+        elif shape.long is not None and abs(abs(float(shape.long @ along)) - 1) < TINY**2:
+            half = shape.half[0]
+        elif (
+            shape.long is not None and abs(float(shape.long @ along)) < TINY and shape.geom.kind not in KINDS
+        ):
+            half = shape.half[1]
+        places += [middle - half, middle + half]
+    tail, tip = -min(places, default=0.0), max(places, default=0.0) - length
+    return (tail if tail > TINY * length else 0.0), (tip if tip > TINY * length else 0.0)
+
+
+def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> Form:
+    """Return the form of a body's distance from its parent body, a parameter if that one moves too."""
+    base = i
+    while links[base].parent >= 0 and not links[links[base].parent].carries:
+        base = links[base].parent
+    link = links[i]
+    if links[base].parent < 0:
+        return {"": link.offset - links[0].offset}
+    bounds = (-reach, reach)
+    name = f"{link.joint.body}.offset"
+    return {table.add(name, link.offset, "m", free=True, bounds=bounds, sign=ANY): 1.0}
+
+
+def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Solid]:
+    """Return the geoms and given inertials of a link as forms and enter their parameters."""
+    body = link.joint.body
+    alone = len(link.givens) + sum(1 for g in link.geoms if g.mass or (g.density and g.mass is None)) == 1
+    solids = []
+    for owner in dict.fromkeys([body] + [g.body for g in link.geoms]):
+        shapes = [profile(g) for g in link.geoms if g.body == owner]
+        main = main_geom(shapes)
+        for shape in shapes:
+            kind = shape.geom.name or shape.geom.kind
+            label = _free_name(f"{owner}.{kind}", table)
+            prefix = f"{owner}." if shape is main else f"{label}."
+            # The mass of a body with several parts is <body>.mass, so a part's own mass carries the part's name.
+            masses = f"{owner}." if alone or (shape is main and owner != body) else f"{label}."
+            solids.append(
+                geom_solid(shape, axis, table, prefix, masses, shape is main and owner == body, depth)
+            )
+    for given in link.givens:
+        name = f"{given.body}.mass" if alone or given.body != body else f"{given.body}.inertial.mass"
+        table.add(name, given.mass, "kg", free=True, bounds=(1e-6 * given.mass, 1e6 * given.mass))
+        solids.append(given_solid(given, axis, name))
+    return solids
+
+
+def _free_name(stem: str, table: Table) -> str:
+    """Return the stem, numbered if a geom of that name has been entered."""
+    taken = {name.rsplit(".", 1)[0] for name in table.names}
+    label, count = stem, 1
+    while label in taken:
+        count += 1
+        label = f"{stem}{count}"
+    return label
+
+
+def _enter_inertia(link: Link, solids: list[Solid], table: Table, reach: float) -> None:
+    """Enter mass, centre of mass and inertia of a body, which follow from its solids (start values come later)."""
+    body = link.joint.body
+    if f"{body}.mass" not in table.names:
+        table.add(f"{body}.mass", 1.0, "kg", free=False, follows=True)
+    for what in ("com_x", "com_y"):
+        name = f"{body}.{what}"
+        table.add(name, 0.0, "m", free=False, bounds=(-reach, reach), sign=ANY, follows=True)
+    table.add(f"{body}.inertia", 1.0, "kg m^2", free=False, follows=True)
+
+
+def _enter_joint(link: Link, table: Table) -> list[str]:
+    """Enter damping, friction, stiffness and armature of a joint."""
+    name, hinge = link.joint.name, link.joint.kind == "hinge"
+    limits = (0.0, math.inf)
+    units = ("N m s/rad", "N m", "N m/rad", "kg m^2") if hinge else ("N s/m", "N", "N/m", "kg")
+    starts = (link.damping or 1e-3, link.friction, link.stiffness, link.armature)
+    frees = (True, link.friction > 0, link.stiffness > 0, False)
+    return [
+        table.add(f"{name}.{what}", start, unit, free=free, bounds=limits, sign=NOT_NEGATIVE)
+        for what, start, unit, free in zip(JOINT, starts, units, frees, strict=True)
+    ]
+
+
+def _stack(
+    links: Sequence[Link],
+    table: Table,
+    anchors: list[tuple[Form, Form]],
+    solids: list[list[Solid]],
+    joints: list[list[str]],
+) -> Plan:
+    """Turn the forms into matrices."""
+    index = {name: row for row, name in enumerate(table.names)}
+    forms = [form for pair in anchors for form in pair]
+    heavy: list[tuple[tuple[Solid, int], ...]] = []
+    for group in solids:
+        rows = []
+        for solid in group:
+            if solid.weight:
+                rows.append((solid, len(forms)))
+                forms += [solid.along, solid.across, solid.deep, *solid.place]
+        heavy.append(tuple(rows))
+    drawn = [(i, solid) for i, group in enumerate(solids) for solid in group if solid.look is not None]
+    points = [form for _, solid in drawn for point in solid.points for form in point]
+    template = np.zeros((len(links), COLUMNS))
+    for i, link in enumerate(links):
+        template[i, [ANGLE, AXIS_X, AXIS_Y, REST]] = link.angle, *link.axis, link.rest
+    return Plan(
+        links=tuple(links),
+        table=table,
+        index=index,
+        parent=np.array([link.parent for link in links], dtype=np.int64),
+        kind=np.array([HINGE if k.joint.kind == "hinge" else SLIDE for k in links], dtype=np.int64),
+        template=template,
+        forms=matrix(forms, index),
+        solids=tuple(heavy),
+        weights=tuple(tuple(index[solid.weight] for solid, _ in group) for group in heavy),
+        owned=tuple(tuple(index[f"{k.joint.body}.{f}"] for f in OWNED) if k.carries else None for k in links),
+        joints=np.array([[index[name] for name in names] for names in joints], dtype=np.int64),
+        drawn=tuple(solid for _, solid in drawn),
+        shape_link=np.array([i for i, _ in drawn], dtype=np.int64),
+        first=np.cumsum([0] + [len(solid.points) for _, solid in drawn]).astype(np.int64),
+        outline=matrix(points, index),
+        radius=matrix([solid.radius for _, solid in drawn], index),
+    )
+
+
+def matrix(forms: Sequence[Form], index: dict[str, int]) -> np.ndarray:
+    """Return the rows of forms as a matrix on (values, 1).
+
+    Args:
+        forms: The forms.
+        index: Row of each parameter in the values.
+
+    Returns:
+        Matrix, (form, param + 1).
+    """
+    rows = np.zeros((len(forms), len(index) + 1))
+    for row, form in zip(rows, forms, strict=True):
+        for name, factor in form.items():
+            row[index[name] if name else -1] += factor
+    return rows
