@@ -24,8 +24,8 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     """Read a table of joint positions.
 
     The header names the columns: ``time`` [s] and one per joint [rad or m] are needed; ``frame``, ``seen`` (1
-    or 0) and ``<joint>_std`` [rad or m] are used when they are there, other columns are left alone. An empty or
-    ``nan`` position is a gap. Without a ``_std`` column the noise is estimated from the record itself.
+    or 0) and ``<joint>_std`` [rad or m] are used when they are there, other columns are left alone. An empty
+    or ``nan`` position is a gap. Without a ``_std`` column the noise is estimated from the record itself.
 
     Args:
         path: File of comma-separated values.

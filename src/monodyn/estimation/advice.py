@@ -1,0 +1,127 @@
+"""What a fit does not know, why, and which one extra measurement would tell: plain sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from monodyn.estimation.fit import Estimate
+from monodyn.estimation.unknowns import kind_of
+from monodyn.mechanism import Mechanism
+
+MASS_KINDS = ("thickness", "density", "mass", "inertia", "damping", "friction", "stiffness", "armature")
+LENGTH_KINDS = ("length", "width", "tail", "tip", "com_x", "com_y", "gravity", "time_scale")
+
+
+def listed(names: Sequence[str], most: int = 6) -> str:
+    """Write names as a list: ``a, b and c``; a long one is cut short."""
+    names = list(names)
+    if len(names) > most:
+        names = [*names[:most], f"{len(names) - most} more"]
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def amount(mechanism: Mechanism, joint: str, value: float) -> str:
+    """Write a joint position difference: degrees for a hinge, millimetres for a slide."""
+    kind = next(j.kind for j in mechanism.joints if j.name == joint)
+    return f"{np.degrees(value):.3g} deg" if kind == "hinge" else f"{1000.0 * value:.3g} mm"
+
+
+def open_parameters(parameters: tuple[Estimate, ...]) -> list[str]:
+    """Say which parameters the data leave open and what would fix them."""
+    lost = [p.name for p in parameters if p.free and not np.isfinite(p.std)]
+    weak = [p.name for p in parameters if p.free and np.isfinite(p.std) and not p.identifiable]
+    masses = [name for name in lost if kind_of(name) in MASS_KINDS]
+    lengths = [name for name in lost if kind_of(name) in LENGTH_KINDS]
+    rest = [name for name in lost if name not in masses and name not in lengths]
+    advice = []
+    if masses:
+        advice.append(
+            f"The motion fixes {listed(masses)} only in ratios (see the combinations); one measured mass, "
+            "thickness or torque, given with --fix, fixes the mass scale."
+        )
+    if lengths:
+        advice.append(
+            f"The data do not fix {listed(lengths)} one by one; a measured length, or known values of "
+            "gravity and of the time scale, given with --fix, would help."
+        )
+    if rest:
+        advice.append(f"The data say nothing about {listed(rest)}; fix them or measure them.")
+    if weak:
+        advice.append(
+            f"The data hardly fix {listed(weak)}: the error is as large as the value; a longer record or a "
+            "livelier motion would help."
+        )
+    return advice
+
+
+def bounds(parameters: tuple[Estimate, ...]) -> list[str]:
+    """Say which parameters ended on a bound."""
+    zero = [p.name for p in parameters if p.at_bound and p.value == 0]
+    other = [p.name for p in parameters if p.at_bound and p.value != 0]
+    advice = []
+    if zero:
+        advice.append(f"{listed(zero)} came out as zero, the smallest value allowed: too small to be seen.")
+    if other:
+        advice.append(f"{listed(other)} ended on a bound; widen the bound or check the mechanism file.")
+    return advice
+
+
+def misfit(
+    mechanism: Mechanism, rms: Mapping[str, float], against_noise: np.ndarray, autocorrelated: np.ndarray
+) -> list[str]:
+    """Say where the residual is far above the stated noise."""
+    advice = []
+    for (joint, value), ratio, spread in zip(rms.items(), against_noise, autocorrelated, strict=True):
+        if ratio > 3.0:
+            slow = " and changes slowly" if spread > 1.5 else ""
+            advice.append(
+                f"The residual of {joint}, {amount(mechanism, joint, value)}, is {ratio:.3g} times the "
+                f"stated noise{slow}: the model lacks something, or the record is less exact than it says; "
+                "the intervals are widened accordingly."
+            )
+    return advice
+
+
+def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:
+    """Say which joints the simulated motion carries to their limits, which it does not know."""
+    advice = []
+    for i, joint in enumerate(mechanism.joints):
+        if simulated[:, i].min() < joint.lower or simulated[:, i].max() > joint.upper:
+            low, high = (amount(mechanism, joint.name, end) for end in (joint.lower, joint.upper))
+            advice.append(
+                f"The motion takes {joint.name} past its limits, {low} to {high}; stops are not simulated, "
+                "so leave out the frames in which it touches them."
+            )
+    return advice
+
+
+def clock(unknowns: tuple[str, ...]) -> list[str]:
+    """Say what identified lengths rest on."""
+    if "time_scale" in unknowns or "gravity" in unknowns:
+        return []
+    if not any(kind_of(name) == "length" for name in unknowns):
+        return []
+    return [
+        "Lengths follow from gravity and take the time stamps for real time: in a clip k times slower than "
+        "life they come out k^2 times too long."
+    ]
+
+
+def outliers(samples: int, count: int, frames: Sequence[int]) -> list[str]:
+    """Say how many samples were left out as gross errors; ``frames`` may be empty."""
+    if count == 0:
+        return []
+    verb = "sample was" if samples == 1 else "samples were"
+    where = f" (frame {listed([str(frame) for frame in frames], 12)})" if len(frames) else ""
+    return [f"{count} of {samples} {verb} left out as gross errors{where}."]
+
+
+def few(samples: int, unknowns: int) -> list[str]:
+    """Say that the record is short for what is asked of it."""
+    if samples >= 4 * unknowns:
+        return []
+    return [
+        f"{samples} measured positions are few for {unknowns} unknowns; more frames give smaller intervals."
+    ]

@@ -1,0 +1,300 @@
+"""The optimum in, the fit out: gross errors left out, noise as found, intervals, status and advice."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import stdtrit
+
+from monodyn.estimation import advice as say
+from monodyn.estimation.combinations import combinations
+from monodyn.estimation.data import Data
+from monodyn.estimation.fit import Estimate, Fit, Start
+from monodyn.estimation.grow import Grown, Route, fit_pieces, typical
+from monodyn.estimation.problem import Problem
+from monodyn.estimation.uncertainty import Knowledge, know, noise_factors
+from monodyn.optimize import SearchSettings
+from monodyn.types import Poses
+
+if TYPE_CHECKING:
+    from monodyn.estimation.identify import IdentifySettings
+
+MOST_REJECTED = 0.25
+"""With more far-off samples than this share they are no accident, and none is left out."""
+WEAK = 1.0
+"""A standard deviation of the logarithm above this says little: a factor of e either way."""
+
+
+def conclude(
+    problem: Problem,
+    grown: Grown,
+    records: tuple[Poses, ...],
+    settings: IdentifySettings,
+    *,
+    tried: int,
+    began: float,
+) -> Fit:
+    """Turn the best optimum into a fit.
+
+    Args:
+        problem: The problem, with the noise as stated.
+        grown: The optimum.
+        records: The records, for the shape of the residuals.
+        settings: How gross errors are told, how exact the last search is.
+        tried: Number of starts that were tried.
+        began: When the identification began.
+
+    Returns:
+        The fit.
+    """
+    if not np.isfinite(grown.cost):
+        reason = (
+            "The motion of the start cannot be simulated through the record; check the mechanism file and "
+            "that its joints turn as in the record."
+        )
+        return refuse(problem, reason, records, time.perf_counter() - began)
+    rejected = _gross(problem.data, grown.residuals, settings.outlier)
+    stated = problem.with_data(problem.data.without(rejected))
+    fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-7, relative=1e-9)
+    route = Route(settings.piece, settings.error_bound, fine)
+    evaluations = grown.evaluations
+    for _ in range(2):
+        size, spread = noise_factors(stated.data, _stated_residuals(stated, grown), _fitted(problem, grown))
+        weighted = stated.with_data(stated.data.scaled(size * spread))
+        grown = fit_pieces(weighted, grown.x, grown.states, grown.pieces, route, fine, robust=False)
+        evaluations += grown.evaluations
+    size, spread = noise_factors(stated.data, _stated_residuals(stated, grown), _fitted(problem, grown))
+    weighted = stated.with_data(stated.data.scaled(size * spread))
+    known = know(weighted, grown)
+    return _fit(stated, grown, known, records, rejected, size, spread, tried, evaluations, began)
+
+
+def refuse(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:
+    """Return a fit that says why nothing was identified; the mechanism stays as it was."""
+    parameters = tuple(
+        Estimate(p.name, p.value, np.inf, p.lower, p.upper, p.unit, True, False, False)
+        if p.name in problem.unknowns.names
+        else Estimate(p.name, p.value, 0.0, p.value, p.value, p.unit, False, False, False)
+        for p in problem.mechanism.parameters
+    )
+    residual = tuple(np.full(record.position.shape, np.nan) for record in records)
+    return Fit(
+        status=status, ok=False, advice=(), mechanism=problem.mechanism, parameters=parameters,
+        combinations=(), starts=(), names=(), covariance=np.zeros((0, 0)), residual=residual,
+        rms={joint.name: float("nan") for joint in problem.mechanism.joints}, scale=1.0, torque="friction",
+        time=tuple(record.time for record in records), evaluations=0, seconds=seconds,
+    )  # fmt: skip
+
+
+def motion_sizes(data: Data) -> np.ndarray:
+    """Return the standard deviation of the measured positions of each joint [rad or m], (dof,)."""
+    return np.array(
+        [np.std(data.position[use, j]) if use.any() else 0.0 for j, use in enumerate(data.measured.T)]
+    )
+
+
+def typical_differences(problem: Problem, grown: Grown) -> np.ndarray:
+    """Return the robust size of measured less simulated positions of each joint [rad or m], (dof,)."""
+    difference = problem.differences(grown.x, grown.states, grown.pieces, grown.substeps)
+    return np.array(
+        [typical(difference[:, [j]], use[:, None]) for j, use in enumerate(problem.data.measured.T)]
+    )
+
+
+def _stated_residuals(problem: Problem, grown: Grown) -> np.ndarray:
+    """Residuals in units of the stated noise, (row, dof)."""
+    return problem.model(grown.x, grown.states, grown.pieces, grown.substeps, 0.0)[1]
+
+
+def _fitted(problem: Problem, grown: Grown) -> int:
+    """Number of unknowns that take a degree of freedom from the motion."""
+    from_picture = int(np.linalg.matrix_rank(problem.prior.information)) if len(problem.unknowns) else 0
+    return max(len(problem.unknowns) - from_picture, 0) + grown.states.size
+
+
+def _gross(data: Data, residuals: np.ndarray, outlier: float) -> np.ndarray:
+    """Rows with a residual above ``outlier`` typical ones of their joint, (row,)."""
+    if outlier == 0:
+        return np.zeros(len(residuals), dtype=bool)
+    far = np.zeros(len(residuals), dtype=bool)
+    for dof, use in enumerate(data.measured.T):
+        size = max(typical(residuals[:, [dof]], use[:, None]), 1.0)
+        far |= use & (np.abs(residuals[:, dof]) > outlier * size)
+    share = far.sum() / max(data.measured.any(axis=1).sum(), 1)
+    return far if share <= MOST_REJECTED else np.zeros_like(far)
+
+
+def _fit(
+    problem: Problem,
+    grown: Grown,
+    known: Knowledge,
+    records: tuple[Poses, ...],
+    rejected: np.ndarray,
+    size: np.ndarray,
+    spread: np.ndarray,
+    tried: int,
+    evaluations: int,
+    began: float,
+) -> Fit:
+    """Collect what was found."""
+    mechanism = problem.mechanism_at(grown.x)
+    unit = np.where(problem.data.slide, problem.size(grown.x), 1.0)
+    difference = problem.differences(grown.x, grown.states, grown.pieces, grown.substeps)
+    difference = difference * np.repeat(unit, np.diff(problem.data.first), axis=0)
+    names = [joint.name for joint in mechanism.joints]
+    rms = {name: float(np.sqrt(np.nanmean(difference[:, j] ** 2))) for j, name in enumerate(names)}
+    freedom = max(problem.data.samples - _fitted(problem, grown), 1) / float(np.mean(spread)) ** 2
+    parameters = _estimates(problem, grown, known, float(stdtrit(max(freedom, 1.0), 0.975)))
+    status, ok = _status(problem, grown, mechanism, rms, typical_differences(problem, grown))
+    return Fit(
+        status=status,
+        ok=ok,
+        advice=_advice(problem, grown, parameters, rms, rejected, size, spread, tried, records),
+        mechanism=mechanism,
+        parameters=parameters,
+        combinations=combinations(problem, grown.x, known),
+        starts=_starts(problem, grown, known),
+        names=_unknown_names(problem),
+        covariance=_natural(problem, grown, known),
+        residual=_by_record(problem.data, difference, records),
+        rms=rms,
+        scale=problem.size(grown.x),
+        torque="friction",
+        time=tuple(record.time for record in records),
+        evaluations=evaluations,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float) -> tuple[Estimate, ...]:
+    """Every parameter with its interval; ``quantile`` standard deviations either side."""
+    where = {name: i for i, name in enumerate(problem.unknowns.names)}
+    values = problem.mechanism_at(grown.x).values
+    found = []
+    for p in problem.mechanism.parameters:
+        value = float(values[p.name])
+        i = where.get(p.name)
+        if i is None:
+            found.append(Estimate(p.name, value, 0.0, value, value, p.unit, False, True, False))
+            continue
+        std, log = float(known.std[i]), bool(problem.unknowns.log[i])
+        reach = quantile * std
+        if not np.isfinite(std):
+            lower, upper = p.lower, p.upper
+        elif log:
+            lower, upper = value * float(np.exp(-min(reach, 700.0))), value * float(np.exp(min(reach, 700.0)))
+        else:
+            lower, upper = value - reach, value + reach
+        lower, upper = max(float(lower), p.lower), min(float(upper), p.upper)
+        clear = bool(np.isfinite(std)) and (not log or std < WEAK)
+        natural = std * value if log else std
+        found.append(
+            Estimate(p.name, value, natural, lower, upper, p.unit, True, clear, bool(grown.at_bound[i]))
+        )
+    return tuple(found)
+
+
+def _status(
+    problem: Problem, grown: Grown, mechanism, rms: dict[str, float], usual: np.ndarray
+) -> tuple[str, bool]:
+    """What came of it, and whether it can be used."""
+    moved = motion_sizes(problem.data)
+    unit = np.where(problem.data.slide.any(axis=0), problem.size(grown.x), 1.0)
+    share = usual / np.maximum(moved, 1e-12)
+    noise = np.array([_noise(problem.data, j) for j in range(len(usual))])
+    lost = (share > 0.1) & (usual > 5.0 * noise)
+    residual = say.listed(
+        [f"{say.amount(mechanism, name, value)} ({name})" for name, value in rms.items()], 12
+    )
+    if lost.any():
+        j = int(np.argmax(np.where(lost, share, 0.0)))
+        name = mechanism.joints[j].name
+        return (
+            f"The simulated motion does not follow the record: typically {name} is off by "
+            f"{say.amount(mechanism, name, usual[j] * unit[j])}, {100 * share[j]:.2g} % of its motion; "
+            "check that the mechanism is the one in the record and that no other force acts on it.",
+            False,
+        )
+    records = len(problem.data.first) - 1
+    frames = int(problem.data.measured.any(axis=1).sum())
+    source = f"{frames} frames" + (f" of {records} records" if records > 1 else "")
+    return f"Identified from {source}; rms residual {residual}.", True
+
+
+def _noise(data: Data, dof: int) -> float:
+    """Stated noise of one joint, its median [rad or m]."""
+    use = data.measured[:, dof]
+    return float(np.median(1.0 / np.maximum(data.white[use, dof, dof], 1e-300))) if use.any() else 0.0
+
+
+def _advice(
+    problem: Problem,
+    grown: Grown,
+    parameters: tuple[Estimate, ...],
+    rms: dict[str, float],
+    rejected: np.ndarray,
+    size: np.ndarray,
+    spread: np.ndarray,
+    tried: int,
+    records: tuple[Poses, ...],
+) -> tuple[str, ...]:
+    """All that the reader should know, the gravest first."""
+    simulated = problem.simulated(grown.x, grown.states, grown.pieces, grown.substeps)
+    gone = problem.data.source[rejected]
+    left_out = [int(records[0].frame[row]) for row in gone] if len(records) == 1 else []
+    found = say.misfit(problem.mechanism, rms, size, spread)
+    found += say.limits(problem.mechanism, simulated)
+    found += say.open_parameters(parameters)
+    found += say.bounds(parameters)
+    found += say.clock(problem.unknowns.names)
+    total = int(problem.data.measured.any(axis=1).sum()) + int(rejected.sum())
+    found += say.outliers(total, int(rejected.sum()), left_out)
+    found += say.few(problem.data.samples, _fitted(problem, grown))
+    if not grown.converged:
+        found.append(
+            "The search ended before it was sure of the minimum; allow more with --identify.evaluations."
+        )
+    if tried > 1:
+        found.append(f"{tried} starts were tried; the best of them is reported.")
+    return tuple(found)
+
+
+def _unknown_names(problem: Problem) -> tuple[str, ...]:
+    """Names of the shared unknowns, then of each record's start state."""
+    joints = [joint.name for joint in problem.mechanism.joints]
+    states = [*joints, *(f"{name}_vel" for name in joints)]
+    records = range(len(problem.data.first) - 1)
+    return (*problem.unknowns.names, *(f"record{k}.{name}" for k in records for name in states))
+
+
+def _natural(problem: Problem, grown: Grown, known: Knowledge) -> np.ndarray:
+    """Bring the covariance from coordinates to the parameters themselves."""
+    slope = np.ones(len(known.full))
+    slope[: len(problem.unknowns)] = problem.unknowns.slope(grown.x)
+    return known.full * np.outer(slope, slope)
+
+
+def _starts(problem: Problem, grown: Grown, known: Knowledge) -> tuple[Start, ...]:
+    """Start state of each record."""
+    count, width = len(problem.unknowns), grown.states.shape[1]
+    found = []
+    for k, state in enumerate(grown.states):
+        block = slice(count + k * width, count + (k + 1) * width)
+        when = float(problem.data.times[problem.data.first[k]])
+        q0, v0 = np.split(state, 2)
+        found.append(Start(when, q0, v0, known.full[block, block]))
+    return tuple(found)
+
+
+def _by_record(data: Data, difference: np.ndarray, records: tuple[Poses, ...]) -> tuple[np.ndarray, ...]:
+    """Cut the residuals back into the tables of the records."""
+    found = []
+    for k, record in enumerate(records):
+        table = np.full((len(record), difference.shape[1]), np.nan)
+        rows = slice(data.first[k], data.first[k + 1])
+        source = data.source[rows]
+        table[source[source >= 0]] = difference[rows][source >= 0]
+        found.append(table)
+    return tuple(found)

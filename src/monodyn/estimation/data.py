@@ -1,0 +1,182 @@
+"""Records of joint positions in, plain arrays out: samples end to end, whitened, cut into pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.errors import MechanismError, VideoError
+from monodyn.mechanism import Mechanism
+from monodyn.types import Poses
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """The samples of all records, end to end.
+
+    A row is a time stamp; rows without a measurement keep the integration steps short across gaps.
+
+    Attributes:
+        times: Time stamps [s], (row,).
+        position: Measured positions [rad or m], 0 where there is none, (row, dof).
+        white: Whitening matrices W with W.T W the inverse covariance of what is measured, (row, dof, dof).
+        measured: True where a joint was measured, (row, dof).
+        first: First row of each record and one past the last, (record + 1,).
+        source: Row of the record's table, -1 for a row put into a gap, (row,).
+        slide: True for slides in the start scale, (record, dof).
+    """
+
+    times: np.ndarray
+    position: np.ndarray
+    white: np.ndarray
+    measured: np.ndarray
+    first: np.ndarray
+    source: np.ndarray
+    slide: np.ndarray
+
+    @property
+    def samples(self) -> int:
+        """Number of measured joint positions."""
+        return int(self.measured.sum())
+
+    def scaled(self, noise: np.ndarray) -> Data:
+        """Return the data with every standard deviation multiplied by ``noise`` (dof,)."""
+        return replace(self, white=self.white / noise)
+
+    def without(self, rows: np.ndarray) -> Data:
+        """Return the data with the measurements of ``rows`` (row,) left out."""
+        keep = ~rows
+        return replace(self, white=self.white * keep[:, None, None], measured=self.measured & keep[:, None])
+
+
+def prepare(poses: Sequence[Poses], mechanism: Mechanism) -> Data:
+    """Lay the records end to end.
+
+    Args:
+        poses: The records; each needs at least one measured sample.
+        mechanism: Gives the order of the joints and tells slides from hinges.
+
+    Returns:
+        The samples from the first to the last measured row of each record.
+
+    Raises:
+        VideoError: There is no record, a record has no measured sample, or a covariance cannot be used.
+        MechanismError: The joints of a record are not those of the mechanism.
+    """
+    if not poses:
+        raise VideoError("identify: expected at least one record of joint positions, got none.")
+    parts = [_record(i, record, mechanism) for i, record in enumerate(poses)]
+    first = np.concatenate(([0], np.cumsum([len(part[0]) for part in parts])))
+    slides = np.array([joint.kind == "slide" for joint in mechanism.joints])
+    slide = np.array([slides & (not record.metric) for record in poses])
+    times, position, white, measured, source = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Data(times, position, white, measured, first, source, slide)
+
+
+def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray, ...]:
+    """Rows of one record: times, positions, whitening, measured, source."""
+    names = tuple(joint.name for joint in mechanism.joints)
+    for name in poses.joints:
+        if name not in names:
+            known = ", ".join(map(repr, names))
+            raise MechanismError(f"joint {name!r} is not in the mechanism; joints: {known}.")
+    missing = [name for name in names if name not in poses.joints]
+    if missing:
+        known = ", ".join(map(repr, poses.joints))
+        raise MechanismError(
+            f"record {number}: joint {missing[0]!r} of the mechanism was not measured; joints: {known}."
+        )
+    order = [poses.joints.index(name) for name in names]
+    position = poses.position[:, order]
+    covariance = poses.covariance[:, order][:, :, order]
+    measured = np.isfinite(position) & poses.seen[:, None]
+    used = np.flatnonzero(measured.any(axis=1))
+    if len(used) == 0:
+        raise VideoError(
+            f"record {number}: expected measured joint positions, got none in {len(poses)} rows."
+        )
+    rows = slice(used[0], used[-1] + 1)
+    position, covariance, measured = position[rows], covariance[rows], measured[rows]
+    white = _whitening(number, covariance, measured)
+    times, at = _filled(poses.time[rows])
+    place = lambda values: _placed(values, len(times), at)  # noqa: E731 - four arrays, one placing
+    source = np.full(len(times), -1)
+    source[at] = np.arange(rows.start, rows.stop)
+    return times, place(np.where(measured, position, 0.0)), place(white), place(measured), source
+
+
+def _placed(values: np.ndarray, length: int, at: np.ndarray) -> np.ndarray:
+    """Spread ``values`` (row, ...) to rows ``at`` of a longer array of zeros."""
+    spread = np.zeros((length, *values.shape[1:]), dtype=values.dtype)
+    spread[at] = values
+    return spread
+
+
+def _filled(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Put stamps into gaps so that no step is over twice the usual one; where the old ones went."""
+    if len(times) < 2:
+        return times, np.arange(len(times))
+    steps = np.diff(times)
+    parts = np.maximum(np.ceil(steps / (2.0 * np.median(steps)) - 1e-9), 1.0).astype(int)
+    parts = np.minimum(parts, 1000)
+    at = np.concatenate(([0], np.cumsum(parts)))
+    return np.interp(np.arange(at[-1] + 1), at, times), at
+
+
+def _whitening(number: int, covariance: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Square roots of the inverse covariances of what is measured, (row, dof, dof)."""
+    dofs = measured.shape[1]
+    both = measured[:, :, None] & measured[:, None, :]
+    filled = np.where(both, covariance, np.eye(dofs))
+    bad = ~np.isfinite(filled).all(axis=(1, 2)) | (np.diagonal(filled, axis1=1, axis2=2) <= 0).any(axis=1)
+    if not bad.any():
+        try:
+            white = np.swapaxes(np.linalg.cholesky(np.linalg.inv(filled)), 1, 2)
+            return white * both
+        except np.linalg.LinAlgError:
+            bad = np.linalg.eigvalsh(filled)[:, 0] <= 0
+    raise VideoError(
+        f"record {number}: the covariance of measured sample {int(np.argmax(bad))} is not positive definite; "
+        "give each joint a standard deviation above zero."
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Runs of consecutive rows, each with its own start state.
+
+    Attributes:
+        first: First row of each piece and one past the last, (piece + 1,).
+        record: Record that each piece is part of, (piece,).
+    """
+
+    first: np.ndarray
+    record: np.ndarray
+
+    @property
+    def whole(self) -> bool:
+        """True when there is one piece a record."""
+        return len(np.unique(self.record)) == len(self.record)
+
+
+def cut(data: Data, samples: int) -> Pieces:
+    """Cut every record into pieces of about ``samples`` measured rows, each starting at a measured row."""
+    first, record = [], []
+    for i, (start, stop) in enumerate(zip(data.first[:-1], data.first[1:], strict=True)):
+        used = start + np.flatnonzero(data.measured[start:stop].any(axis=1))
+        count = max(1, round(len(used) / samples))
+        heads = [int(part[0]) for part in np.array_split(used, count)]
+        first += [int(start), *heads[1:]]
+        record += [i] * count
+    return Pieces(np.array([*first, int(data.first[-1])]), np.array(record))
+
+
+def merge(pieces: Pieces) -> tuple[Pieces, np.ndarray]:
+    """Join neighbouring pieces of a record two by two; which pieces keep their start state, (piece,)."""
+    keep = []
+    for record in np.unique(pieces.record):
+        keep += np.flatnonzero(pieces.record == record)[::2].tolist()
+    kept = np.array(keep)
+    return Pieces(np.append(pieces.first[kept], pieces.first[-1]), pieces.record[kept]), kept

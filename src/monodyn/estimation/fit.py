@@ -1,0 +1,134 @@
+"""What an identification found: the nouns that `identify` returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.errors import FitError
+from monodyn.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter with its 95 % interval.
+
+    Attributes:
+        name: Parameter name.
+        value: Estimate, or the fixed value.
+        std: Standard deviation; 0 for a fixed parameter, infinite where the data do not fix it.
+        lower: Lower end of the 95 % interval; the parameter's bound or -infinity where nothing limits it.
+        upper: Upper end, likewise.
+        unit: Unit of value and std.
+        free: True when it was estimated.
+        identifiable: True when the data say what it is, at least within a factor of about three.
+        at_bound: True when it ended on a bound.
+    """
+
+    name: str
+    value: float
+    std: float
+    lower: float
+    upper: float
+    unit: str
+    free: bool
+    identifiable: bool
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A function of several parameters that the motion fixes.
+
+    Attributes:
+        name: The expression.
+        value: Its value [SI].
+        std: Standard deviation [SI].
+    """
+
+    name: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """State at the first fitted sample of a record.
+
+    Attributes:
+        time: Time stamp [s].
+        position: Joint positions [rad or m], (dof,).
+        velocity: Joint rates [rad/s or m/s], (dof,).
+        covariance: Covariance of positions, then rates, (2 dof, 2 dof).
+    """
+
+    time: float
+    position: np.ndarray
+    velocity: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An identified mechanism with its error bars.
+
+    Attributes:
+        status: What came of it, one sentence.
+        ok: True when the result can be used.
+        advice: Plain sentences: what is not known, and what would fix it.
+        mechanism: The identified mechanism.
+        parameters: All parameters with their intervals.
+        combinations: What the motion fixes even where single parameters stay open.
+        starts: Start state of each record.
+        names: Names of the unknowns, parameters first, then ``record0.joint1``, ``record0.joint1_vel``, ...
+        covariance: Covariance of the unknowns, (param, param); directions that the data do not fix, and that
+            do not move the motion, are left out of it.
+        residual: Measured less simulated positions by record [rad or m], NaN where not measured, each
+            (frame, dof).
+        rms: Root mean square of the residual by joint [rad or m].
+        scale: Metres per unit of length of the start.
+        torque: Torque model.
+        time: Time stamps of each record [s], each (frame,).
+        evaluations: Evaluations of the model.
+        seconds: Wall time [s].
+    """
+
+    status: str
+    ok: bool
+    advice: tuple[str, ...]
+    mechanism: Mechanism
+    parameters: tuple[Estimate, ...]
+    combinations: tuple[Combination, ...]
+    starts: tuple[Start, ...]
+    names: tuple[str, ...]
+    covariance: np.ndarray
+    residual: tuple[np.ndarray, ...]
+    rms: dict[str, float]
+    scale: float
+    torque: str
+    time: tuple[np.ndarray, ...]
+    evaluations: int
+    seconds: float
+
+    def check(self) -> Fit:
+        """Return the fit if it can be used.
+
+        Raises:
+            FitError: It cannot; the message is the status.
+        """
+        if not self.ok:
+            raise FitError(self.status)
+        return self
+
+    def parameter(self, name: str) -> Estimate:
+        """Return one parameter by name.
+
+        Raises:
+            FitError: There is no such parameter.
+        """
+        for estimate in self.parameters:
+            if estimate.name == name:
+                return estimate
+        known = ", ".join(estimate.name for estimate in self.parameters)
+        raise FitError(f"parameter {name!r} is not in the fit; parameters: {known}.")

@@ -1,0 +1,240 @@
+"""From a naive start to the optimum: match accelerations, then fit pieces of the records, longer and longer.
+
+A single rollout through a whole record has a cost with many valleys; a rollout through ten samples has one.
+Each piece has its own start state, so the first fit cannot go far wrong; joining pieces two by two then
+carries the parameters, ever better known, to one rollout a record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.estimation.data import Pieces, cut, merge
+from monodyn.estimation.problem import Motion, Problem
+from monodyn.estimation.smooth import Smoothed
+from monodyn.estimation.unknowns import kind_of, scaled_start
+from monodyn.optimize import SearchSettings, minimize, minimize_arrow, scatter
+
+MOST_SUBSTEPS = 64
+ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
+"""For stages whose result is only a start: chi-square within 1 %."""
+MATCH = SearchSettings(evaluations=30, relative=1e-4)
+"""For matching accelerations, which are only as good as the smoothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """How to search: fixed numbers of the settings.
+
+    Attributes:
+        piece: Measured samples in the first pieces.
+        error_bound: Largest integration error [rad or m].
+        fine: When the last search stops.
+    """
+
+    piece: int
+    error_bound: float
+    fine: SearchSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Grown:
+    """Where a route ended.
+
+    Attributes:
+        x: Coordinates, (param,).
+        states: Start states, one row a piece, (piece, 2 dof).
+        pieces: How the records are cut; one piece a record when the route got to its end.
+        substeps: Integration steps between stamps.
+        residuals: Whitened residuals, (row, dof).
+        cost: Cost, with the loss that bounds the pull of gross errors.
+        sigma: Typical size of a whitened residual.
+        evaluations: Evaluations of the model.
+        converged: True when the last search reached its minimum.
+        at_bound: True for unknowns on a bound, (param,).
+    """
+
+    x: np.ndarray
+    states: np.ndarray
+    pieces: Pieces
+    substeps: int
+    residuals: np.ndarray
+    cost: float
+    sigma: float
+    evaluations: int
+    converged: bool
+    at_bound: np.ndarray
+
+
+def first_guesses(problem: Problem, motion: Motion, count: int, seed: int) -> list[np.ndarray]:
+    """Find starts by matching accelerations, without integrating.
+
+    The start of the file comes first, brought to the common scale that matches best; then it and ``count``
+    scattered starts (mass ratios and lengths within a factor of 3) after a bounded least-squares match.
+
+    Args:
+        problem: The problem.
+        motion: Smooth motion.
+        count: Number of scattered starts.
+        seed: Seed of the scatter.
+
+    Returns:
+        Coordinates (param,), in the order in which they should be tried.
+    """
+    unknowns = problem.unknowns
+    naive = _best_scale(problem, motion)
+    spread = np.where(unknowns.log, np.log(3.0), 0.0)
+    fixed = [
+        i for i, name in enumerate(unknowns.names) if kind_of(name) in ("width", "tail", "tip", "gravity")
+    ]
+    spread[fixed] = 0.0
+    tried = []
+    for start in scatter(naive, spread, count + 1, seed=seed):
+        start = np.clip(start, unknowns.lower, unknowns.upper)
+        found = minimize(
+            lambda x: problem.acceleration_rows(x, motion),
+            start,
+            unknowns.lower,
+            unknowns.upper,
+            settings=MATCH,
+        )
+        tried.append((found.cost, found.x))
+    matched, rest = tried[0], sorted(tried[1:], key=lambda pair: pair[0])
+    return [naive, matched[1], *(x for _, x in rest)]
+
+
+def _best_scale(problem: Problem, motion: Motion) -> np.ndarray:
+    """Bring the start to the common scale that matches accelerations best."""
+    unknowns = problem.unknowns
+    best, best_cost = unknowns.x0, np.inf
+    for factor in 2.0 ** np.arange(-4.0, 11.0):
+        values = scaled_start(unknowns, factor, problem.mechanism)
+        start = np.array(
+            [values.get(name, value) for name, value in zip(unknowns.names, unknowns.start, strict=True)]
+        )
+        x = np.clip(unknowns.coordinates(start), unknowns.lower, unknowns.upper)
+        rows, _ = problem.acceleration_rows(x, motion)
+        cost = float(rows @ rows)
+        if cost < best_cost:
+            best, best_cost = x, cost
+        if not values:
+            break
+    return best
+
+
+def grow(
+    problem: Problem,
+    x: np.ndarray,
+    smoothed: tuple[Smoothed, ...],
+    route: Route,
+    progress: Callable[[int], None] | None = None,
+) -> Grown:
+    """Fit pieces of the records, then longer ones, until one rollout goes through each record.
+
+    Args:
+        problem: The problem.
+        x: First coordinates, (param,).
+        smoothed: Smooth motion of each record, for the start states.
+        route: How to search.
+        progress: Called with the number of pieces after each stage.
+
+    Returns:
+        The fit of one piece a record; its ``cost`` is infinite where a stage could not be evaluated.
+    """
+    pieces = cut(problem.data, route.piece)
+    states = problem.start_states(x, pieces, smoothed)
+    evaluations = 0
+    while True:
+        stage = fit_pieces(problem, x, states, pieces, route, ROUGH)
+        x, states, evaluations = stage.x, stage.states, evaluations + stage.evaluations
+        if progress is not None:
+            progress(len(pieces.record))
+        if not np.isfinite(stage.cost) or pieces.whole:
+            break
+        pieces, kept = merge(pieces)
+        states = states[kept]
+    if np.isfinite(stage.cost):
+        stage = fit_pieces(problem, x, states, pieces, route, route.fine)
+        evaluations += stage.evaluations
+    return replace(stage, evaluations=evaluations)
+
+
+def fit_pieces(
+    problem: Problem,
+    x: np.ndarray,
+    states: np.ndarray,
+    pieces: Pieces,
+    route: Route,
+    search: SearchSettings,
+    *,
+    robust: bool = True,
+) -> Grown:
+    """Fit shared unknowns and start states with the records cut as they are.
+
+    Args:
+        problem: The problem.
+        x: First coordinates, (param,).
+        states: First start states, (piece, 2 dof).
+        pieces: How the records are cut.
+        route: Gives the bound of the integration error.
+        search: When to stop.
+        robust: Bound the pull of samples beyond four typical residuals.
+
+    Returns:
+        The fit; its ``cost`` is infinite where the start cannot be evaluated.
+    """
+    substeps = choose_substeps(problem, x, states, pieces, route.error_bound)
+    _, residuals = problem.model(x, states, pieces, substeps, 0.0)
+    sigma = typical(residuals, problem.data.measured)
+    limit = 4.0 * max(1.0, sigma) if robust else 0.0
+    found = minimize_arrow(
+        lambda at, local: problem.model(at, local, pieces, substeps, limit)[0],
+        x, states, problem.unknowns.lower, problem.unknowns.upper, settings=search,
+    )  # fmt: skip
+    _, residuals = problem.model(found.shared, found.local, pieces, substeps, 0.0)
+    return Grown(
+        found.shared, found.local, pieces, substeps, residuals, found.model.cost,
+        typical(residuals, problem.data.measured), found.evaluations, found.converged, found.at_bound,
+    )  # fmt: skip
+
+
+def typical(residuals: np.ndarray, measured: np.ndarray) -> float:
+    """Return the robust size of whitened residuals, 1 when they are as large as the noise says."""
+    values = np.abs(residuals[measured])
+    values = values[np.isfinite(values)]
+    return float(np.median(values) / 0.6745) if len(values) else float("inf")
+
+
+def choose_substeps(
+    problem: Problem, x: np.ndarray, states: np.ndarray, pieces: Pieces, error_bound: float
+) -> int:
+    """Choose the integration steps between stamps by doubling them until the motion no longer changes.
+
+    The error of a rollout with n steps is the change against 2 n steps over 15 (Runge-Kutta, order four).
+
+    Args:
+        problem: The problem.
+        x: Coordinates, (param,).
+        states: Start states, (piece, 2 dof).
+        pieces: How the records are cut; up to 24 of them are looked at.
+        error_bound: Largest error [rad or m].
+
+    Returns:
+        The smallest number that keeps the bound, or 64.
+    """
+    if len(states) > 24:
+        pick = np.linspace(0, len(states) - 1, 24).astype(int)
+        chosen = [(pieces.first[k], pieces.first[k + 1], states[k]) for k in pick]
+    else:
+        chosen = [(pieces.first[k], pieces.first[k + 1], state) for k, state in enumerate(states)]
+    substeps, coarse = 1, problem.rollouts(x, chosen, 1)
+    while substeps < MOST_SUBSTEPS:
+        fine = problem.rollouts(x, chosen, 2 * substeps)
+        error = np.abs(fine - coarse).max() / 15.0
+        if error <= error_bound:
+            return substeps
+        substeps, coarse = 2 * substeps, fine
+    return substeps

@@ -1,0 +1,199 @@
+"""Tracked joint positions in, identified mechanism out.
+
+The unknowns are the free parameters and the start state of every record; what is minimized is eq. (14) of the
+2012 paper, the difference of simulated and measured positions, weighted with the covariance of the
+measurements.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from monodyn.errors import SettingsError
+from monodyn.estimation.conclude import conclude, motion_sizes, refuse, typical_differences
+from monodyn.estimation.data import Data, prepare
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.grow import Grown, Route, first_guesses, grow
+from monodyn.estimation.problem import Problem, smooth_motion
+from monodyn.estimation.smooth import Smoothed, smooth
+from monodyn.estimation.unknowns import choose_unknowns, size_prior
+from monodyn.mechanism import Mechanism
+from monodyn.optimize import SearchSettings, first_good
+from monodyn.types import Poses, Progress
+
+
+@dataclass(frozen=True)
+class IdentifySettings:
+    """How a mechanism is identified.
+
+    Attributes:
+        bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
+            centre of mass and inertia are unknowns.
+        starts: At most so many starts are tried until the motion is explained.
+        seed: Seed of the scattered starts.
+        piece: Measured samples in each of the short rollouts the search begins with.
+        error_bound: The integration error of a rollout stays below this [rad or m].
+        outlier: A sample is left out when its residual is above so many typical ones; 0 keeps all.
+        evaluations: Evaluations of the model in one search, at most.
+    """
+
+    bodies: Literal["uniform", "free"] = "uniform"
+    starts: int = 6
+    seed: int = 0
+    piece: int = 10
+    error_bound: float = 1e-5
+    outlier: float = 8.0
+    evaluations: int = 100
+
+
+USUAL = IdentifySettings()
+
+
+def identify(
+    poses: Poses | Sequence[Poses],
+    mechanism: Mechanism,
+    settings: IdentifySettings = USUAL,
+    *,
+    progress: Progress | None = None,
+) -> Fit:
+    """Find the parameters and start states whose simulated motion is closest to the measured one.
+
+    Minimizes sum_t |W_t (q_sim(t; parameters, start) - q_t)|^2 with W_t.W_t the inverse covariance of sample
+    t, plus what the picture knows of the sizes; torque -b v at every joint. Several records share the
+    parameters.
+
+    Args:
+        poses: One record or several.
+        mechanism: Topology, start values, what is free and fixed.
+        settings: How to search.
+        progress: Called as ``progress("identify", done, total)`` with the stages done.
+
+    Returns:
+        The identified mechanism with intervals; ``ok`` is False when it is not to be trusted.
+
+    Raises:
+        VideoError: There is no record, or one that cannot be used.
+        MechanismError: The joints of a record are not those of the mechanism.
+        SettingsError: A setting is out of its range.
+
+    Source:
+        Eq. (14) and Case I (eq. 9, as a torque against the motion) of "Estimating dynamics on-the-fly using
+        monocular video", 2012.
+    """
+    began = time.perf_counter()
+    _check(settings)
+    records = (poses,) if isinstance(poses, Poses) else tuple(poses)
+    mechanism = mechanism.with_bodies(settings.bodies)
+    data = prepare(records, mechanism)
+    unknowns = choose_unknowns(mechanism)
+    problem = Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
+    smoothed = tuple(smooth(_ordered(record, mechanism)) for record in records)
+    reason = _hopeless(problem, smoothed)
+    if reason is not None:
+        return refuse(problem, reason, records, time.perf_counter() - began)
+    grown, tried = _search(problem, smoothed, settings, progress)
+    return conclude(problem, grown, records, settings, tried=tried, began=began)
+
+
+def _check(settings: IdentifySettings) -> None:
+    ranges = (
+        ("identify.starts", settings.starts, 1, 1000), ("identify.piece", settings.piece, 5, 10000),
+        ("identify.error-bound", settings.error_bound, 1e-10, 1e-2),
+        ("identify.evaluations", settings.evaluations, 5, 10000),
+    )  # fmt: skip
+    for name, value, low, high in ranges:
+        if not low <= value <= high:
+            raise SettingsError(f"{name}: expected {low:g} to {high:g}, got {value:g}.")
+    if settings.outlier != 0 and not settings.outlier >= 3:
+        raise SettingsError(f"identify.outlier: expected 0 or at least 3, got {settings.outlier:g}.")
+
+
+def _ordered(record: Poses, mechanism: Mechanism) -> Poses:
+    """Bring the joints of a record into the mechanism's order."""
+    names = tuple(joint.name for joint in mechanism.joints)
+    if names == record.joints:
+        return record
+    order = [record.joints.index(name) for name in names]
+    covariance = record.covariance[:, order][:, :, order]
+    return Poses(
+        names, record.frame, record.time, record.position[:, order], covariance, record.seen, record.metric
+    )
+
+
+def _hopeless(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
+    """Say why there is no point in a search, or None."""
+    data = problem.data
+    records, dofs = data.slide.shape
+    # what the picture knows of the sizes counts as data
+    known = int(np.linalg.matrix_rank(problem.prior.information)) if len(problem.unknowns) else 0
+    unknowns = len(problem.unknowns) - known + 2 * dofs * records
+    if data.samples <= unknowns:
+        return (
+            f"{data.samples} measured joint positions cannot determine {unknowns} unknowns (parameters and "
+            "start states); give more frames or fix parameters."
+        )
+    names = [joint.name for joint in problem.mechanism.joints]
+    for i, found in enumerate(smoothed):
+        for dof in range(dofs):
+            if not np.isfinite(found.noise[dof]):
+                return f"Joint {names[dof]!r} was measured under 5 times in record {i}; give more frames."
+    if all(_still(data, dof) for dof in range(dofs)):
+        return "Nothing moves in the record: no joint leaves its noise; give frames with motion."
+    return None
+
+
+def _still(data: Data, dof: int) -> bool:
+    """True when a joint stays within four standard deviations of its noise in every record."""
+    for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
+        use = data.measured[first:stop, dof]
+        if use.any():
+            values = data.position[first:stop, dof][use]
+            noise = np.sqrt(np.median(1.0 / np.maximum(data.white[first:stop, dof, dof][use], 1e-300) ** 2))
+            if np.std(values) > 4.0 * noise:
+                return False
+    return True
+
+
+def _search(
+    problem: Problem, smoothed: tuple[Smoothed, ...], settings: IdentifySettings, progress: Progress | None
+) -> tuple[Grown, int]:
+    """Grow from one start after the other until the motion is explained."""
+    fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-4, relative=1e-7)
+    route = Route(settings.piece, settings.error_bound, fine)
+    motion = smooth_motion(problem, smoothed)
+    motion_size = np.maximum(motion_sizes(problem.data), 1e-12)
+    done = 0
+
+    def solve(x: np.ndarray) -> Grown:
+        def stage(_: int) -> None:
+            nonlocal done
+            done += 1
+            if progress is not None:
+                progress("identify", done, None)
+
+        return grow(problem, x, smoothed, route, stage)
+
+    def good(grown: Grown) -> bool:
+        return np.isfinite(grown.cost) and (
+            grown.sigma < 3.0 or float((typical_differences(problem, grown) / motion_size).max()) < 0.005
+        )
+
+    def starts():
+        naive, matched = first_guesses(problem, motion, 0, settings.seed)
+        yield matched
+        if settings.starts > 1:
+            yield naive
+        if settings.starts > 2:
+            yield from first_guesses(problem, motion, 4 * settings.starts, settings.seed)[2 : settings.starts]
+
+    return first_good(solve, starts(), cost=lambda grown: mean_size(grown.residuals), good=good)
+
+
+def mean_size(residuals: np.ndarray) -> float:
+    """Return the mean size of whitened residuals, which gross errors do not rule."""
+    return float(np.mean(np.abs(residuals)))

@@ -1,0 +1,206 @@
+"""Unknowns in, cost and Gauss-Newton model out: simulated against measured joint positions.
+
+The least-squares problem of eq. (14) of the 2012 paper, with the covariance of every sample as weight and the
+start state of every piece of a record among the unknowns. The torque at a joint is that of its friction and
+spring, which the tree carries; another torque model enters in `Problem.at`, as further directions of the
+tree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.estimation.data import Data, Pieces
+from monodyn.estimation.kernels import acceleration_rows, piece_rows, pieces_model
+from monodyn.estimation.smooth import Smoothed
+from monodyn.estimation.unknowns import Prior, Unknowns
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.dynamics import rollout
+from monodyn.optimize import Arrow
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """The mechanism at one set of shared unknowns, as the kernels take it.
+
+    Attributes:
+        tree: parent (dof,), kind (dof,), links (dof, column), dlinks (dof, column, param), gravity (2,) and
+            dgravity (2, param); derivatives are by coordinate.
+        scale: Metric scale of slides and its logarithm's derivative (param,); seconds per stamped second and
+            its logarithm's derivative (param,).
+    """
+
+    tree: tuple[np.ndarray, ...]
+    scale: tuple[float, np.ndarray, float, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One identification.
+
+    Attributes:
+        mechanism: The start.
+        unknowns: What is searched.
+        prior: What the picture knows of the sizes.
+        data: The measurements.
+    """
+
+    mechanism: Mechanism
+    unknowns: Unknowns
+    prior: Prior
+    data: Data
+
+    def with_data(self, data: Data) -> Problem:
+        """Return the same problem on other data."""
+        return replace(self, data=data)
+
+    def mechanism_at(self, x: np.ndarray) -> Mechanism:
+        """Return the mechanism at the coordinates ``x`` (param,)."""
+        return self.mechanism.with_values(self.unknowns.named(x))
+
+    def size(self, x: np.ndarray) -> float:
+        """Return the common scale of the sizes against the start."""
+        return float(np.exp(self.prior.weights @ (x - self.unknowns.x0)))
+
+    def at(self, x: np.ndarray) -> Point:
+        """Bring the mechanism at the coordinates ``x`` (param,) into the form the kernels take."""
+        mechanism = self.mechanism_at(x)
+        tree, slope = mechanism.tree, self.unknowns.slope(x)
+        dlinks, dgravity = mechanism.directions(self.unknowns.names)
+        clock = np.array([name == "time_scale" for name in self.unknowns.names], dtype=float)
+        arrays = (
+            tree.parent, tree.kind, tree.links, np.ascontiguousarray(np.moveaxis(dlinks, 0, -1) * slope),
+            tree.gravity, np.ascontiguousarray(dgravity.T * slope),
+        )  # fmt: skip
+        return Point(arrays, (self.size(x), self.prior.weights, mechanism.values["time_scale"], clock))
+
+    def model(
+        self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int, limit: float
+    ) -> tuple[Arrow, np.ndarray]:
+        """Evaluate cost, Gauss-Newton model and whitened residuals.
+
+        Args:
+            x: Coordinates, (param,).
+            states: Start states of the pieces, (piece, 2 dof).
+            pieces: How the records are cut.
+            substeps: Integration steps between stamps.
+            limit: Residual norm from which on a sample's pull no longer grows; 0 for plain least squares.
+
+        Returns:
+            The model, and the residuals (row, dof) before the loss.
+        """
+        point, data = self.at(x), self.data
+        cost, hessian, gradient, cross, local, slope, residuals = pieces_model(
+            *point.tree, data.times, pieces.first, substeps, states, data.position, data.white,
+            data.slide[pieces.record], *point.scale, limit,
+        )  # fmt: skip
+        change = x - self.unknowns.x0
+        pull = self.prior.information @ change
+        cost += 0.5 * float(change @ pull)
+        return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope), residuals
+
+    def rows(self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int):
+        """Yield residuals (row, dof) and Jacobian (row, dof, param + 2 dof) of each piece, whitened."""
+        point, data = self.at(x), self.data
+        for k, state in enumerate(states):
+            a, b = pieces.first[k], pieces.first[k + 1]
+            yield piece_rows(
+                *point.tree, data.times[a:b], substeps, state, data.position[a:b], data.white[a:b],
+                data.slide[pieces.record[k]], *point.scale,
+            )  # fmt: skip
+
+    def simulated(self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int) -> np.ndarray:
+        """Return the simulated positions [rad or m], (row, dof), slides in metres."""
+        ends = zip(pieces.first[:-1], pieces.first[1:], states, strict=True)
+        return self.rollouts(x, list(ends), substeps)
+
+    def differences(self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int) -> np.ndarray:
+        """Return measured less simulated positions in the record's units, NaN in gaps, (row, dof)."""
+        simulated = self.simulated(x, states, pieces, substeps)
+        rows = np.repeat(self.data.slide[pieces.record], np.diff(pieces.first), axis=0)
+        difference = self.data.position - np.where(rows, simulated / self.size(x), simulated)
+        return np.where(self.data.measured, difference, np.nan)
+
+    def rollouts(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
+        """Simulate runs of rows (first, stop, start state), positions [rad or m] end to end (row, dof)."""
+        tree, stretch = self.mechanism_at(x).tree, self.stretch(x)
+        parts = []
+        for first, stop, state in runs:
+            times = (self.data.times[first:stop] - self.data.times[first]) * stretch
+            q0, v0 = np.split(state, 2)
+            parts.append(
+                rollout(tree.parent, tree.kind, tree.links, tree.gravity, times, substeps, q0, v0)[0]
+            )
+        return np.concatenate(parts)
+
+    def stretch(self, x: np.ndarray) -> float:
+        """Return the true seconds per stamped second."""
+        return self.unknowns.named(x).get("time_scale", self.mechanism.values["time_scale"])
+
+    def start_states(self, x: np.ndarray, pieces: Pieces, smoothed: tuple[Smoothed, ...]) -> np.ndarray:
+        """Take the start states of the pieces from smooth motion, (piece, 2 dof)."""
+        dofs = self.data.position.shape[1]
+        states = np.zeros((len(pieces.record), 2 * dofs))
+        for k, record in enumerate(pieces.record):
+            row = self.data.source[pieces.first[k]]
+            unit = np.where(self.data.slide[record], self.size(x), 1.0)
+            states[k, :dofs] = smoothed[record].position[row] * unit
+            states[k, dofs:] = smoothed[record].velocity[row] * unit / self.stretch(x)
+        return states
+
+    def acceleration_rows(self, x: np.ndarray, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        """Return weighted acceleration mismatches (row,) and their Jacobian (row, param), prior included."""
+        point = self.at(x)
+        residual, jacobian = acceleration_rows(
+            *point.tree, motion.position, motion.velocity, motion.acceleration, motion.weight, motion.slide,
+            *point.scale,
+        )  # fmt: skip
+        root = motion.prior_root
+        return (
+            np.concatenate((residual.ravel(), root @ (x - self.unknowns.x0))),
+            np.concatenate((jacobian.reshape(-1, len(x)), root)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Smooth motion at the measured rows, for comparing accelerations without integrating.
+
+    Attributes:
+        position: Positions [rad or m], (frame, dof).
+        velocity: Rates by time stamp [rad/s or m/s], (frame, dof).
+        acceleration: Accelerations by time stamp [rad/s^2 or m/s^2], (frame, dof).
+        weight: One over the standard deviation of the accelerations, (frame, dof).
+        slide: True for slides in the start scale, (frame, dof).
+        prior_root: Square root of the picture's information, (row, param).
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    weight: np.ndarray
+    slide: np.ndarray
+    prior_root: np.ndarray
+
+
+def smooth_motion(problem: Problem, smoothed: tuple[Smoothed, ...], most: int = 400) -> Motion:
+    """Collect smooth motion at up to ``most`` measured rows, away from the ends of the records."""
+    parts = []
+    for record, found in enumerate(smoothed):
+        a, b = problem.data.first[record : record + 2]
+        rows = problem.data.source[a:b][problem.data.measured[a:b].all(axis=1)]
+        rows = rows[2:-2] if len(rows) > 12 else rows
+        slide = np.repeat(problem.data.slide[record][None], len(rows), axis=0)
+        kept = (found.position, found.velocity, found.acceleration, found.acceleration_std)
+        parts.append((*(values[rows] for values in kept), slide))
+    q, v, a, std, slide = (np.concatenate(part) for part in zip(*parts, strict=True))
+    if len(q) > most:
+        pick = np.linspace(0, len(q) - 1, most).astype(int)
+        q, v, a, std, slide = q[pick], v[pick], a[pick], std[pick], slide[pick]
+    usual = np.sqrt(np.mean(a**2, axis=0)) + 1e-9 if len(a) else np.ones(q.shape[1])
+    weight = 1.0 / np.sqrt(std**2 + (0.05 * usual) ** 2)
+    values, vectors = np.linalg.eigh(problem.prior.information)
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    return Motion(q, v, a, weight, slide, root)

@@ -1,0 +1,193 @@
+"""Which parameters the motion is asked for, and in which coordinates.
+
+Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
+and centres of mass are searched as they are, because they may be zero or negative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from monodyn.mechanism import Mechanism
+
+SEEN_ONLY = ("width", "tail", "tip")
+"""Sizes that the motion hardly depends on: asked for only where a picture has measured them."""
+NEVER = ("offset",)
+"""Parameters that do not enter planar dynamics."""
+POSITIVE = (
+    "length",
+    "width",
+    "tail",
+    "tip",
+    "thickness",
+    "density",
+    "mass",
+    "inertia",
+    "gravity",
+    "time_scale",
+)
+"""Kinds that are searched as logarithms."""
+
+
+def kind_of(name: str) -> str:
+    """Return the last part of a parameter's name: ``length`` of ``link1.length``."""
+    return name.rsplit(".", 1)[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """The shared unknowns of an identification.
+
+    Attributes:
+        names: Parameter names, in the mechanism's order.
+        start: Start values, (param,).
+        log: True where the coordinate is the logarithm, (param,).
+        lower: Lower bounds of the coordinates, (param,).
+        upper: Upper bounds of the coordinates, (param,).
+    """
+
+    names: tuple[str, ...]
+    start: np.ndarray
+    log: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def x0(self) -> np.ndarray:
+        """Coordinates of the start, (param,)."""
+        return self.coordinates(self.start)
+
+    def coordinates(self, values: np.ndarray) -> np.ndarray:
+        """Return the coordinates of parameter values, both (param,)."""
+        return np.where(self.log, np.log(np.where(self.log, values, 1.0)), values)
+
+    def values(self, x: np.ndarray) -> np.ndarray:
+        """Return the parameter values at coordinates ``x``, both (param,)."""
+        return np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
+
+    def slope(self, x: np.ndarray) -> np.ndarray:
+        """Return d value / d coordinate at ``x``, (param,)."""
+        return np.where(self.log, self.values(x), 1.0)
+
+    def named(self, x: np.ndarray) -> dict[str, float]:
+        """Return the values at ``x`` by name."""
+        return dict(zip(self.names, self.values(x).tolist(), strict=True))
+
+    def index(self, names: tuple[str, ...]) -> np.ndarray:
+        """Return the position of each of ``names`` among the unknowns, -1 where it is none."""
+        where = {name: i for i, name in enumerate(self.names)}
+        return np.array([where.get(name, -1) for name in names], dtype=int)
+
+
+def choose_unknowns(mechanism: Mechanism) -> Unknowns:
+    """Pick the free parameters that the motion, or the picture's knowledge of sizes, can say something about.
+
+    Args:
+        mechanism: The mechanism with its free and fixed parameters.
+
+    Returns:
+        The unknowns; bounds of logarithms stay finite.
+    """
+    measured = set(mechanism.measured.names) if mechanism.measured is not None else set()
+    chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p.name, measured)]
+    log = np.array([kind_of(p.name) in POSITIVE and p.value > 0 for p in chosen], dtype=bool)
+    start = np.array([p.value for p in chosen], dtype=float)
+    lower = np.array([p.lower for p in chosen], dtype=float)
+    upper = np.array([p.upper for p in chosen], dtype=float)
+    floor = np.where(log, 1e-9 * np.where(log, start, 1.0), -np.inf)
+    lower, upper = (
+        np.where(log, np.maximum(lower, floor), lower),
+        np.where(log, np.minimum(upper, 1e300), upper),
+    )
+    blank = Unknowns(tuple(p.name for p in chosen), start, log, lower, upper)
+    return Unknowns(blank.names, start, log, blank.coordinates(lower), blank.coordinates(upper))
+
+
+def _wanted(name: str, measured: set[str]) -> bool:
+    kind = kind_of(name)
+    if kind in NEVER or name.startswith("camera."):
+        return False
+    return kind not in SEEN_ONLY or name in measured
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What the picture knows of the sizes: 1/2 d.information.d with d the change of the coordinates.
+
+    Attributes:
+        information: Information matrix over the unknowns, (param, param); zero for those not measured.
+        weights: Share of each unknown in the logarithm of the common scale, (param,).
+    """
+
+    information: np.ndarray
+    weights: np.ndarray
+
+
+def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
+    """Bring the picture's knowledge of log sizes to the unknowns, and define the common scale.
+
+    The common scale s of the identified sizes against the start is the mean of log(size / start) over the
+    measured sizes, weighted by the diagonal of their information; without measured sizes it is the mean over
+    the free lengths. Sizes that are fixed count with a ratio of one.
+
+    Args:
+        mechanism: The mechanism, with ``measured`` or without.
+        unknowns: Its unknowns.
+
+    Returns:
+        The information matrix and the weights of the common scale.
+    """
+    count = len(unknowns)
+    information, weights = np.zeros((count, count)), np.zeros(count)
+    measured = mechanism.measured
+    if measured is None:
+        lengths = [
+            i for i, name in enumerate(unknowns.names) if kind_of(name) == "length" and unknowns.log[i]
+        ]
+        weights[lengths] = 1.0 / max(len(lengths), 1)
+        return Prior(information, weights)
+    where = unknowns.index(measured.names)
+    known = np.flatnonzero(where >= 0)
+    known = known[unknowns.log[where[known]]]
+    at = where[known]
+    information[np.ix_(at, at)] = np.asarray(measured.information)[np.ix_(known, known)]
+    diagonal = np.diag(np.asarray(measured.information))
+    total = float(diagonal.sum())
+    if total > 0:
+        weights[at] = diagonal[known] / total
+    return Prior(0.5 * (information + information.T), weights)
+
+
+def scaled_start(unknowns: Unknowns, factor: float, mechanism: Mechanism) -> Mapping[str, float]:
+    """Return start values with all lengths, or the gravity or the time scale instead, changed by one factor.
+
+    Making everything ``factor`` times as long slows a mechanism down by sqrt(factor); where the lengths are
+    fixed, gravity or the time scale can do the same.
+
+    Args:
+        unknowns: The unknowns.
+        factor: Ratio of lengths.
+        mechanism: The mechanism they belong to.
+
+    Returns:
+        Values by name, of the unknowns that change; empty where nothing can.
+    """
+    powers = {"length": 1, "width": 1, "tail": 1, "tip": 1, "com_x": 1, "com_y": 1, "inertia": 2}
+    names = unknowns.names
+    if any(kind_of(name) in ("length", "inertia") for name in names):
+        scaled = {name: powers[kind_of(name)] for name in names if kind_of(name) in powers}
+    elif "gravity" in names:
+        scaled = {"gravity": -1}
+    elif "time_scale" in names:
+        scaled = {"time_scale": -0.5}
+    else:
+        return {}
+    values = mechanism.values
+    return {name: values[name] * factor**power for name, power in scaled.items()}
