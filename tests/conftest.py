@@ -1,0 +1,79 @@
+"""Tiny clips, made on the fly: a bright square that moves a known number of pixels a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+CODECS = {
+    ".mp4": ("libx264", "yuv420p", {"crf": "10", "bf": "2"}),
+    ".mov": ("libx264", "yuv420p", {"crf": "10"}),
+    ".mkv": ("libx264", "yuv420p", {"crf": "10"}),
+    ".webm": ("libvpx-vp9", "yuv420p", {"crf": "20", "b": "0", "cpu-used": "8", "deadline": "realtime"}),
+    ".avi": ("mpeg4", "yuv420p", {"qscale": "2"}),
+    ".gif": ("gif", "rgb8", {}),
+    ".h264": ("libx264", "yuv420p", {"crf": "10", "bf": "0"}),
+}
+
+ClipMaker = Callable[..., Path]
+
+
+def square(index: int, width: int, height: int, size: int = 10) -> np.ndarray:
+    """Draw frame ``index``: a white square on dark grey whose left edge is at column 2 + index."""
+    picture = np.full((height, width), 60, np.uint8)
+    picture[6 : 6 + size, 2 + index : 2 + index + size] = 220
+    return picture
+
+
+def left_edge(luma: np.ndarray) -> int:
+    """Find the left edge of the square [px]."""
+    return int(np.argmax(luma.max(axis=0) > 140))
+
+
+@pytest.fixture
+def make_clip(tmp_path: Path) -> ClipMaker:
+    """Return a maker of tiny clips; the arguments say what is odd about them."""
+
+    def make(
+        name: str = "clip.mp4",
+        *,
+        count: int = 12,
+        size: tuple[int, int] = (64, 48),
+        stamps: Sequence[int] | None = None,
+        base: Fraction = Fraction(1, 30),
+        pixel: str | None = None,
+        aspect: Fraction | None = None,
+        rotation: int = 0,
+        full_range: bool = False,
+    ) -> Path:
+        path = tmp_path / name
+        codec, form, options = CODECS[path.suffix]
+        with av.open(str(path), "w") as container:
+            stream = container.add_stream(codec, rate=round(1 / base), options=dict(options))
+            stream.width, stream.height = size
+            stream.pix_fmt = pixel or form
+            stream.codec_context.time_base = base
+            if full_range:
+                stream.codec_context.color_range = 2
+            if aspect is not None:
+                stream.codec_context.sample_aspect_ratio = aspect
+            if rotation:
+                stream.set_display_rotation(rotation)
+            for i in range(count):
+                grey = square(i, *size)
+                frame = av.VideoFrame.from_ndarray(np.repeat(grey[..., None], 3, 2), format="rgb24")
+                wanted = "JPEG" if full_range else "MPEG"
+                frame = frame.reformat(format=stream.pix_fmt, dst_color_range=wanted)
+                frame.pts = i if stamps is None else stamps[i]
+                frame.time_base = base
+                frame.duration = 1 if stamps is None else max(1, stamps[-1] - stamps[-2])
+                container.mux(stream.encode(frame))
+            container.mux(stream.encode())
+        return path
+
+    return make
