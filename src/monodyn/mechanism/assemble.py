@@ -37,7 +37,8 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
     Args:
         plan: The mechanism's plan.
         values: Parameter values, (param,), or (param, step) for many at once.
-        own: True where a mass, centre of mass or inertia is its own value instead of following, bool (param,).
+        own: True where a mass, centre of mass or inertia is its own value instead of following, bool
+            (param,).
 
     Returns:
         (dof, 14), or (dof, 14, step).
@@ -89,8 +90,8 @@ def _body(plan: Plan, i: int, rows: Any, numbers: Any) -> tuple[Any, Any, Any, A
 def _solid(solid: Solid, along: Any, across: Any, deep: Any) -> tuple[Any, Any]:
     """Return volume [m^3] and inertia about z per mass [m^2] of a uniform solid.
 
-    Source: the paper's I = m (l^2 + w^2) / 12 for boxes; textbook moments of sphere, cylinder and hemisphere, an axis
-        that leaves the plane by its direction cosines.
+    Source: the paper's I = m (l^2 + w^2) / 12 for boxes; textbook moments of sphere, cylinder and hemisphere,
+        an axis that leaves the plane by its direction cosines.
     """
     if solid.kind == BLOCK:
         a, b = solid.gyration
@@ -152,7 +153,7 @@ def derivatives(
     """
     steps = np.repeat(values[:, None].astype(complex), len(rows), axis=1)
     steps[rows, np.arange(len(rows))] += 1j * STEP
-    links = np.moveaxis(links_of(plan, steps, own).imag / STEP, -1, 0)
+    links = np.moveaxis(np.imag(links_of(plan, steps, own)) / STEP, -1, 0)
     gravity = np.zeros((len(rows), 2))
     gravity[rows == plan.index["gravity"], 1] = -1.0
     return np.ascontiguousarray(links), gravity

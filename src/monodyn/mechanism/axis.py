@@ -1,8 +1,9 @@
 """The long axis of a body: how points on a link move when its length, tail, tip or width changes.
 
-Along the axis places are mapped piecewise linearly: behind the hinge by the tail, up to the farthest child's hinge (or
-the far end of the main geom) by the length, beyond it by the tip. Everything on the link is therefore linear in the
-parameters; such a linear expression is a *form*: a dict from parameter name to factor, ``""`` being the constant.
+Along the axis places are mapped piecewise linearly: behind the hinge by the tail, up to the farthest child's
+hinge (or the far end of the main geom) by the length, beyond it by the tip. Everything on the link is
+therefore linear in the parameters; such a linear expression is a *form*: a dict from parameter name to
+factor, ``""`` being the constant.
 """
 
 from __future__ import annotations
@@ -128,7 +129,7 @@ def _reach(geom: Geom, direction: np.ndarray) -> float:
 
 
 def extent(geom: Geom, direction: np.ndarray) -> tuple[float, float]:
-    """Return middle (relative to the geom's centre) and full extent of a box, ellipsoid or mesh along a direction.
+    """Return middle (from the geom's centre) and full extent of a box, ellipsoid or mesh along a direction.
 
     Args:
         geom: A box, ellipsoid or mesh.

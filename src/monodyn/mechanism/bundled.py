@@ -13,7 +13,7 @@ BUNDLED = (*FILES, "chain:N")
 
 LONGEST_CHAIN = 10
 
-_HEAD = """<mujoco model="chain">
+_HEAD = """<mujoco>
   <option gravity="0 0 -9.81"/>
   <default>
     <joint type="hinge" axis="0 -1 0" damping="0.001"/>
@@ -24,7 +24,7 @@ _HEAD = """<mujoco model="chain">
 
 
 def bundled(name: str) -> str | Path | None:
-    """Return a bundled mechanism: the path of its file, or the text of a chain; None if the name is not bundled.
+    """Return a bundled mechanism: the path of its file or the text of a chain; None if it is not bundled.
 
     Args:
         name: ``single``, ``double``, ``triple``, ``bob``, ``cartpole`` or ``chain:N``.
@@ -39,7 +39,8 @@ def bundled(name: str) -> str | Path | None:
     count = name.removeprefix("chain:")
     if not re.fullmatch(r"\d{1,3}", count) or not 1 <= int(count) <= LONGEST_CHAIN:
         raise MechanismError(
-            f"mechanism '{name}': expected 1 to {LONGEST_CHAIN} links, got '{count}'; write for example 'chain:4'."
+            f"mechanism '{name}': expected 1 to {LONGEST_CHAIN} links, got '{count}'; write for example "
+            f"'chain:4'."
         )
     return chain(int(count))
 

@@ -1,16 +1,16 @@
-"""Planar multibody dynamics of any joint tree: numba kernels on plain arrays (this file and ``tangents.py`` only).
+"""Planar multibody dynamics of any joint tree: numba kernels on plain arrays (here and in ``tangents.py``).
 
-All quantities are planar spatial vectors about one fixed point, the first joint's place at q = 0: a motion is (turn
-rate, velocity at that point), a force is (moment about it, force), an inertia is (m, m c_x, m c_y, J). Expressed so,
-inertias of a subtree add up, and one outward and one inward pass give the bias forces and the joint-space inertia
-matrix, which is factored along the branches of the tree.
+All quantities are planar spatial vectors about one fixed point, the first joint's place at q = 0: a motion is
+(turn rate, velocity at that point), a force is (moment about it, force), an inertia is (m, m c_x, m c_y, J).
+Expressed so, inertias of a subtree add up, and one outward and one inward pass give the bias forces and the
+joint-space inertia matrix, which is factored along the branches of the tree.
 
-The kernels take ``float64`` or ``complex128`` trees (``links``, ``gravity``, ``q``, ``v`` of one type), so that a
-complex step differentiates them exactly.
+The kernels take ``float64`` or ``complex128`` trees (``links``, ``gravity``, ``q``, ``v`` of one type), so
+that a complex step differentiates them exactly.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), tables 5.1 (recursive Newton-Euler), 6.2
-(composite rigid body) and 6.3 (LTDL factorization), in planar coordinates; for the double pendulum this is eq. (8)
-of the 2012 paper.
+(composite rigid body) and 6.3 (LTDL factorization), in planar coordinates; for the double pendulum this is
+eq. (8) of the 2012 paper.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from monodyn.mechanism.tree import (
 )  # fmt: skip
 
 CREEP = 0.01
-"""Friction loss is ``friction * tanh(rate / CREEP)`` [rad/s or m/s]: full (to 1e-12) beyond 0.14, smooth through
+"""Friction loss is ``friction * tanh(rate / CREEP)`` [rad/s or m/s]: full (to 1e-12) beyond 0.14, smooth at
 zero. MuJoCo's friction loss is a constraint that holds a joint still; here the joint creeps instead."""
 
 C, S, PHI, OX, OY, SW, SX, SY, VW, VX, VY, M, MX, MY, J, FN, FX, FY, AW, AX, AY = range(21)
@@ -175,8 +175,8 @@ def sensitivities(
         v0: Joint rates there [rad/s or m/s], (dof,).
 
     Returns:
-        Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by the
-        parameters, then by ``q0``, then by ``v0``.
+        Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
+        the parameters, then by ``q0``, then by ``v0``.
     """
     from monodyn.mechanism.tangents import rollout_tangents
 
@@ -185,7 +185,8 @@ def sensitivities(
     dgravity = np.asarray(dgravity, dtype=f8).reshape(-1, 2)
     return rollout_tangents(
         plain(parent, i8), plain(kind, i8), plain(links, f8), plain(np.moveaxis(dlinks, 0, -1), f8),
-        plain(gravity, f8), plain(dgravity.T, f8), plain(times, f8), int(substeps), plain(q0, f8), plain(v0, f8),
+        plain(gravity, f8), plain(dgravity.T, f8), plain(times, f8), int(substeps), plain(q0, f8),
+        plain(v0, f8),
     )  # fmt: skip
 
 
@@ -203,7 +204,7 @@ def _friction(rate):  # pragma: no cover - compiled
 
 @njit(cache=True, error_model="numpy")
 def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
-    """Fill pose, motion subspace and velocity of every link (columns C to VY of ``w``), from the root outward."""
+    """Fill pose, motion subspace, velocity and inertia of every link (columns C to J of ``w``), outward."""
     for i in range(parent.size):
         p = parent[i]
         if p < 0:
@@ -274,7 +275,7 @@ def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
 
 @njit(cache=True, error_model="numpy")
 def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cover - compiled
-    """Write the accelerations into ``a`` and the factored inertia matrix into ``h`` (dof, dof); ``w`` is scratch."""
+    """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch."""
     place(parent, kind, links, q, v, w)
     _bias(parent, gravity, v, w)
     for i in range(parent.size - 1, -1, -1):
@@ -308,7 +309,7 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
 
 @njit(cache=True, error_model="numpy")
 def factor(parent, h):  # pragma: no cover - compiled
-    """Factor the inertia matrix in place as L^T D L, along the branches (entries below the diagonal hold L)."""
+    """Factor the inertia matrix in place as L^T D L, along the branches; L is below the diagonal."""
     for k in range(parent.size - 1, -1, -1):
         i = parent[k]
         while i >= 0:

@@ -1,7 +1,7 @@
 """The text of a mechanism file and of the files it names, read before MuJoCo sees any of it.
 
-A mechanism file may come from anywhere: it may only read files of its own folder, and may not declare entities. What it
-names is read here; what MuJoCo gets is one text and the bytes of the meshes.
+A mechanism file may come from anywhere: it may only read files of its own folder, and may not declare
+entities. What it names is read here; what MuJoCo gets is one text and the bytes of the meshes.
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ MAX_INCLUDES = 64
 MAX_COPIES = 1000
 
 UNUSED = {
-    "actuator", "sensor", "keyframe", "custom", "visual", "statistic", "size", "contact", "texture", "material",
+    "actuator", "sensor", "keyframe", "custom", "visual", "statistic", "size", "contact", "texture",
+    "material",
     "transmission", "gazebo", "camera", "light", "site",
 }  # fmt: skip
 """Elements that cannot change the motion or the shapes; they are dropped, with the files they name."""
 
 REFUSED = {
-    "plugin": "plugins", "extension": "plugins", "composite": "composite bodies", "flexcomp": "flexible bodies",
+    "plugin": "plugins", "extension": "plugins", "composite": "composite bodies",
+    "flexcomp": "flexible bodies",
     "flex": "flexible bodies", "deformable": "flexible bodies", "hfield": "height fields", "skin": "skins",
     "attach": "attached models", "model": "attached models",
 }  # fmt: skip
@@ -41,8 +43,8 @@ def read_mechanism(path: Path) -> tuple[ET.Element, dict[str, bytes]]:
         The root element, includes put in place, and the bytes of its meshes by the name the text now uses.
 
     Raises:
-        MechanismError: A file is missing, too big, not XML or outside the folder, or the text holds something that
-            is not supported.
+        MechanismError: A file is missing, too big, not XML or outside the folder, or the text holds something
+            that is not supported.
     """
     root = parse(path)
     if root.tag not in ("mujoco", "robot"):
@@ -173,7 +175,8 @@ def _drop(element: ET.Element, where: str, urdf: bool) -> None:
             )
         if tag == "mimic":
             raise MechanismError(
-                f"{where}: joint '{element.get('name', '')}': mimic joints couple joints and are not supported; "
+                f"{where}: joint '{element.get('name', '')}': mimic joints couple joints and are not "
+                f"supported; "
                 f"remove <mimic>."
             )
         child.attrib.pop("material", None)

@@ -33,7 +33,8 @@ class Mechanism:
         lower: Lower bounds, (param,).
         upper: Upper bounds, (param,).
         free: True where an identification may change the value, bool (param,).
-        own: True where a mass, centre of mass or inertia is a value of its own instead of following, bool (param,).
+        own: True where a mass, centre of mass or inertia is a value of its own instead of following, bool
+            (param,).
         chosen: Names whose freedom the user chose; ``with_bodies`` leaves them alone.
         measured: What the picture knows about sizes, or None.
     """
@@ -119,11 +120,12 @@ class Mechanism:
         """Return a copy with other values; signs are checked, bounds are not.
 
         Args:
-            values: New value by name. A value that follows from others cannot be set here: free or fix it first
-                with ``with_choices``.
+            values: New value by name. A value that follows from others cannot be set here: free or fix it
+                first with ``with_choices``.
 
         Raises:
-            MechanismError: A name is unknown, a value is not finite, has the wrong sign, or follows from others.
+            MechanismError: A name is unknown, a value is not finite, has the wrong sign, or follows from
+                others.
         """
         numbers = self.numbers.copy()
         table = self.plan.table
@@ -140,7 +142,8 @@ class Mechanism:
                 )
             if table.follows[row] and not self.own[row]:
                 raise MechanismError(
-                    f"parameter '{name}': follows from the sizes of its body; fix or free it to give it a value."
+                    f"parameter '{name}': follows from the sizes of its body; fix or free it to give it a "
+                    f"value."
                 )
             numbers[row] = value
         return replace(self, numbers=numbers)
@@ -159,8 +162,8 @@ class Mechanism:
             bounds: Lower and upper bound by name.
 
         Raises:
-            MechanismError: A name is unknown or both fixed and freed, a value is not finite, has the wrong sign or
-                lies outside its bounds, or bounds are reversed.
+            MechanismError: A name is unknown or both fixed and freed, a value is not finite, has the wrong
+                sign or lies outside its bounds, or bounds are reversed.
         """
         fix, bounds = dict(fix or {}), dict(bounds or {})
         lower, upper = self.lower.copy(), self.upper.copy()
@@ -190,9 +193,10 @@ class Mechanism:
         """Return a copy whose bodies are uniform or free.
 
         Args:
-            bodies: ``"uniform"``: masses follow from sizes and densities where the file gives no mass. ``"free"``:
-                mass, centre of mass and inertia of every body are estimated, starting from their uniform values, and
-                densities and thicknesses are held. Parameters that the user fixed or freed stay as they are.
+            bodies: ``"uniform"``: masses follow from sizes and densities where the file gives no mass.
+                ``"free"``: mass, centre of mass and inertia of every body are estimated, starting from their
+                uniform values, and densities and thicknesses are held. Parameters that the user fixed or
+                freed stay as they are.
 
         Raises:
             MechanismError: ``bodies`` is neither.
@@ -247,7 +251,8 @@ class Mechanism:
         rows = np.array([self.row(name) for name in names], dtype=np.int64)
         for row in rows[self._follows[rows]]:
             raise MechanismError(
-                f"parameter '{self.plan.table.names[row]}': follows from the sizes of its body; fix or free it first."
+                f"parameter '{self.plan.table.names[row]}': follows from the sizes of its body; fix or free "
+                f"it first."
             )
         return derivatives(self.plan, self.numbers, self.own, rows)
 

@@ -1,4 +1,4 @@
-"""A mechanism as its file gives it, in the plane frame: links, geoms, given inertials, and the parameters' table.
+"""A mechanism as its file gives it, in the plane frame: links, geoms, given inertials; the parameters' table.
 
 These are start values: ``plan`` turns them into maps from parameter values to the tree and the shapes.
 """
@@ -85,7 +85,14 @@ class Geom:
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """An inertial that the file states: body, mass [kg], centre of mass in the link's frame [m], inertia [kg m^2]."""
+    """An inertial that the file states.
+
+    Attributes:
+        body: Body of the file that has it.
+        mass: Mass [kg].
+        com: Centre of mass in the link's frame [m], (2,).
+        inertia: Inertia about it, along the hinge axis [kg m^2].
+    """
 
     body: str
     mass: float

@@ -1,7 +1,7 @@
 """From a mechanism's parts to its plan: the parameters and the linear maps from them to links and shapes.
 
-Every length, centre and outline point is linear in the parameters, so the plan is one matrix; masses and inertias
-are closed formulas of its rows (``assemble``).
+Every length, centre and outline point is linear in the parameters, so the plan is one matrix; masses and
+inertias are closed formulas of its rows (``assemble``).
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Plan:
         parent: int64 (dof,).
         kind: int64 (dof,).
         template: ``Tree.links`` with the constant columns filled, (dof, 14).
-        forms: Rows of the linear map on (values, 1): two anchor rows a link, then five rows a solid (along, across,
-            deep, centre x, centre y), (row, param + 1).
+        forms: Rows of the linear map on (values, 1): two anchor rows a link, then five rows a solid (along,
+            across, deep, centre x, centre y), (row, param + 1).
         solids: By link, the solids that weigh something, with their first row in ``forms``.
         weights: For each of those the row of its density or mass parameter, by link.
         owned: By link, the rows of mass, com_x, com_y, inertia of its body, or None for a massless link.
@@ -184,7 +184,7 @@ def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Sol
             kind = shape.geom.name or shape.geom.kind
             label = _free_name(f"{owner}.{kind}", table)
             prefix = f"{owner}." if shape is main else f"{label}."
-            # The mass of a body with several parts is <body>.mass, so a part's own mass carries the part's name.
+            # <body>.mass is the mass of all its parts, so one of several parts has its mass by its own name.
             masses = f"{owner}." if alone or (shape is main and owner != body) else f"{label}."
             solids.append(
                 geom_solid(shape, axis, table, prefix, masses, shape is main and owner == body, depth)
@@ -207,7 +207,7 @@ def _free_name(stem: str, table: Table) -> str:
 
 
 def _enter_inertia(link: Link, solids: list[Solid], table: Table, reach: float) -> None:
-    """Enter mass, centre of mass and inertia of a body, which follow from its solids (start values come later)."""
+    """Enter mass, centre of mass and inertia of a body, which follow from its solids."""
     body = link.joint.body
     if f"{body}.mass" not in table.names:
         table.add(f"{body}.mass", 1.0, "kg", free=False, follows=True)

@@ -10,7 +10,7 @@ import numpy as np
 from monodyn.errors import MechanismError
 
 PARALLEL = 1e-6
-"""Largest sine between axes that count as parallel, or cosine between axes that count as square to each other."""
+"""Largest sine between axes that count as parallel, or cosine between axes that count as square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +70,14 @@ def find_plane(
         if hinge and np.linalg.norm(np.cross(axis, z)) > PARALLEL:
             first = names[int(np.argmax(hinges))]
             raise MechanismError(
-                f"{where}: joint '{name}': expected a hinge axis parallel to that of '{first}', got {text} in the "
+                f"{where}: joint '{name}': expected a hinge axis parallel to that of '{first}', got {text} "
+                f"in the "
                 f"world; only planar mechanisms are supported, so make the axes parallel."
             )
         if not hinge and abs(axis @ z) > PARALLEL:
             raise MechanismError(
-                f"{where}: joint '{name}': expected a slide in the plane square to {_axis_text(z)}, got axis {text} "
+                f"{where}: joint '{name}': expected a slide in the plane square to {_axis_text(z)}, got "
+                f"axis {text} "
                 f"in the world; only planar mechanisms are supported, so turn it into the plane."
             )
     up = -gravity + (gravity @ z) * z
@@ -94,7 +96,7 @@ def _axis_text(axis: np.ndarray) -> str:
 
 
 def _level_up(z: np.ndarray) -> np.ndarray:
-    """Return the direction that is up where gravity has no part in the plane: the file's z, else its y, if in it."""
+    """Return the direction that is up where gravity has no part in the plane: the file's z, else its y."""
     for axis in np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]):
         flat = axis - (axis @ z) * z
         if np.linalg.norm(flat) > 0.5:
@@ -103,7 +105,7 @@ def _level_up(z: np.ndarray) -> np.ndarray:
 
 
 def _slide_normal(axes: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-    """Return the normal of the plane of slides alone: square to the slides and, with one of them, to gravity."""
+    """Return the normal of the plane of slides alone: square to the slides, or to one and gravity."""
     front = np.array([0.0, -1.0, 0.0])
     others = [*axes[1:], gravity / (np.linalg.norm(gravity) or 1.0), np.array([0.0, 0.0, 1.0])]
     for other in others:

@@ -29,7 +29,8 @@ def load(source: str | Path) -> Mechanism:
         The mechanism with the file's values as start.
 
     Raises:
-        MechanismError: The file cannot be read, or holds something other than planar trees of hinges and slides.
+        MechanismError: The file cannot be read, or holds something other than planar trees of hinges and
+            slides.
 
     Example:
         >>> import monodyn.mechanism
@@ -52,8 +53,9 @@ def load(source: str | Path) -> Mechanism:
 
 def _mechanism(root: ET.Element, meshes: dict[str, bytes], where: str) -> Mechanism:
     """Compile the text with MuJoCo and lay the model out in its plane."""
-    import mujoco
+    import importlib
 
+    mujoco: Any = importlib.import_module("mujoco")
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=meshes)
         spec.compiler.discardvisual = False
@@ -64,7 +66,7 @@ def _mechanism(root: ET.Element, meshes: dict[str, bytes], where: str) -> Mechan
         raise MechanismError(f"{where}: MuJoCo cannot read it ({reason}); correct the file.") from None
     file = _File(mujoco, spec, model, where, root.tag == "robot")
     # "MuJoCo Model" is what MuJoCo calls a model without a name.
-    name = Path(where).stem if spec.modelname in ("", "MuJoCo Model", "chain") else spec.modelname
+    name = Path(where).stem if spec.modelname in ("", "MuJoCo Model") else spec.modelname
     return assemble(name, *file.links())
 
 
@@ -173,8 +175,10 @@ class _File:
         name = given.name
         if kind is None:
             raise MechanismError(
-                f"{self.where}: body '{self.body_names[body]}': expected geoms that are box, capsule, cylinder, "
-                f"sphere, ellipsoid or mesh, got type '{str(given.type).split('GEOM_')[-1].lower()}'; replace it."
+                f"{self.where}: body '{self.body_names[body]}': expected geoms that are box, capsule, "
+                f"cylinder, "
+                f"sphere, ellipsoid or mesh, got type '{str(given.type).split('GEOM_')[-1].lower()}'; "
+                f"replace it."
             )
         centre = self.plane.place(self.data.geom_xpos[g])
         axes = self.plane.axes @ self.data.geom_xmat[g].reshape(3, 3)
@@ -240,8 +244,10 @@ class _File:
             ours = tree.links[j, [MASS, INERTIA]]
             if not np.allclose(ours, (mass, inertia), rtol=1e-6, atol=0):
                 raise MechanismError(
-                    f"{self.where}: body '{link.joint.body}': expected the mass and inertia of solid convex geoms "
-                    f"({ours[0]:.6g} kg, {ours[1]:.6g} kg m^2), got {mass:.6g} kg, {inertia:.6g} kg m^2 by the "
+                    f"{self.where}: body '{link.joint.body}': expected the mass and inertia of solid convex "
+                    f"geoms "
+                    f"({ours[0]:.6g} kg, {ours[1]:.6g} kg m^2), got {mass:.6g} kg, {inertia:.6g} kg m^2 by "
+                    f"the "
                     f"file's settings; state them with <inertial>."
                 )
 
@@ -256,27 +262,32 @@ class _File:
             if kind not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
                 got = "free" if kind == int(mujoco.mjtJoint.mjJNT_FREE) else "ball"
                 raise MechanismError(
-                    f"{self.where}: joint '{self.joint_names[j]}': expected a hinge or a slide, got a {got} joint; "
+                    f"{self.where}: joint '{self.joint_names[j]}': expected a hinge or a slide, got a {got} "
+                    f"joint; "
                     f"replace it."
                 )
             bent = np.any(model.dof_dampingpoly[j]) or np.any(model.jnt_stiffnesspoly[j])
             if bent or np.any(model.jnt_springyield[j]):
                 raise MechanismError(
-                    f"{self.where}: joint '{self.joint_names[j]}': expected linear damping and stiffness, got "
+                    f"{self.where}: joint '{self.joint_names[j]}': expected linear damping and stiffness, "
+                    f"got "
                     f"higher terms; give one number each."
                 )
         for b in range(model.nbody):
             if model.body_gravcomp[b]:
                 raise MechanismError(
-                    f"{self.where}: body '{self.body_names[b]}': gravity compensation is not supported; remove gravcomp."
+                    f"{self.where}: body '{self.body_names[b]}': gravity compensation is not supported; "
+                    f"remove gravcomp."
                 )
         if model.opt.density or model.opt.viscosity:
             raise MechanismError(
-                f"{self.where}: option: forces of a surrounding fluid are not supported; remove density and viscosity."
+                f"{self.where}: option: forces of a surrounding fluid are not supported; remove density and "
+                f"viscosity."
             )
         if model.neq or model.ntendon:
             raise MechanismError(
-                f"{self.where}: closed loops and coupled joints are not supported; remove equality and tendon."
+                f"{self.where}: closed loops and coupled joints are not supported; remove equality and "
+                f"tendon."
             )
 
 

@@ -1,7 +1,7 @@
 """Geoms as linear maps: extents, centres and outline points of every geom as forms in the parameters.
 
-A box, ellipsoid or mesh is an affine image of its start shape; a capsule, cylinder or sphere is two points (or one)
-with a diameter. Masses and inertias of both are closed formulas of a few forms (``assemble``).
+A box, ellipsoid or mesh is an affine image of its start shape; a capsule, cylinder or sphere is two points
+(or one) with a diameter. Masses and inertias of both are closed formulas of a few forms (``assemble``).
 """
 
 from __future__ import annotations
@@ -55,7 +55,13 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How to write a visible geom: kind, in-plane direction of ``along`` (2,), forms of its middle (x, y, z)."""
+    """How to write a visible geom.
+
+    Attributes:
+        kind: Kind in the file.
+        direction: In-plane direction of ``along``, (2,).
+        middle: Forms of the x, y, z of the middle of its extents [m].
+    """
 
     kind: str
     direction: np.ndarray
@@ -63,7 +69,7 @@ class Look:
 
 
 def given_solid(given: Given, axis: Axis, weight: str) -> Solid:
-    """Return a given inertial: its centre moves with the link, its inertia grows with mass times length squared.
+    """Return a given inertial: its centre moves with the link, its inertia grows with mass length^2.
 
     Args:
         given: The inertial of the file.
@@ -71,8 +77,8 @@ def given_solid(given: Given, axis: Axis, weight: str) -> Solid:
         weight: Name of its mass parameter.
     """
     return Solid(
-        BLOCK, given.body, axis.point(given.com), axis.scale(), {}, {}, 0.0, (given.inertia / given.mass, 0.0),
-        weight, False, (), {}, None,
+        BLOCK, given.body, axis.point(given.com), axis.scale(), {}, {}, 0.0,
+        (given.inertia / given.mass, 0.0), weight, False, (), {}, None,
     )  # fmt: skip
 
 
@@ -118,7 +124,7 @@ def geom_solid(
 def _span(
     shape: Profile, axis: Axis, table: Table, prefix: str, main: bool
 ) -> tuple[np.ndarray, tuple[Form, Form], Form, float]:
-    """Return direction, middle (forms along and across the axis), extent along it and half extent across it."""
+    """Return direction, middle (forms along and across the axis), extent and half extent across."""
     t, s = float(shape.centre @ axis.along), float(shape.centre @ axis.across)
     if shape.long is None:
         return axis.along, (axis.at(t), axis.beside(s)), {}, shape.half[1]
@@ -217,7 +223,7 @@ def _block(
 def _unit_shape(
     shape: Profile, direction: np.ndarray, side: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float, tuple[float, float], float]:
-    """Return outline, centre of mass, volume, gyration factors and height over its frame of a block of unit extents."""
+    """Return outline, mass centre, volume, gyration factors and height of a block of unit extents."""
     geom = shape.geom
     local = corners(geom) @ np.stack([[*direction, 0.0], [*side, 0.0], [0.0, 0.0, 1.0]]).T
     if geom.kind == "ellipsoid":

@@ -1,8 +1,9 @@
-"""Derivatives of a rollout along many directions at once: numba kernels, the forward-mode twin of ``dynamics.py``.
+"""Derivatives of a rollout along many directions at once: the forward-mode twin of ``dynamics.py``.
 
-With tau = M(q) a + bias(q, v) solved for a, a direction d obeys M da = dtau - (dM a + dbias): the inverse dynamics at
-fixed a, differentiated by hand, then one solve with the factors already at hand. The same Runge-Kutta steps are taken
-for the motion and its derivatives, so these are the exact derivatives of what ``rollout`` returns.
+With tau = M(q) a + bias(q, v) solved for a, a direction d obeys M da = dtau - (dM a + dbias): the inverse
+dynamics at fixed a, differentiated by hand, then one solve with the factors already at hand. The same
+Runge-Kutta steps are taken for the motion and its derivatives, so these are the exact derivatives of what
+``rollout`` returns.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ TANGENT = 14
 
 @njit(cache=True, error_model="numpy")
 def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
-    """Fill A (AW..AY) and each link's own force (FN..FY) at the accelerations ``a``, then sum forces inward."""
+    """Fill A (AW..AY) and force (FN..FY) of each link at the accelerations ``a``; sum forces inward."""
     for i in range(parent.size):
         p = parent[i]
         w[i, AW] = w[i, SW] * a[i]
@@ -133,7 +134,7 @@ def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t):  # pragma: no cover 
 
 @njit(cache=True, error_model="numpy")
 def _push(parent, links, dlinks, dgravity, v, a, dv, w, t):  # pragma: no cover - compiled
-    """Differentiate each link's acceleration and the force it needs, outward (``w`` holds single-link inertias)."""
+    """Differentiate each link's acceleration and force, outward; ``w`` holds single-link inertias."""
     for i in range(parent.size):
         p = parent[i]
         m, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]

@@ -1,7 +1,8 @@
 """The arrays a mechanism becomes: the joint tree for the dynamics, the shapes for the picture.
 
-Both are in the plane frame: x right, y up, z toward the camera. Every joint owns one link; a link's frame sits at its
-joint and turns with it, so a body with several joints becomes a chain of massless links and one that carries it all.
+Both are in the plane frame: x right, y up, z toward the camera. Every joint owns one link; a link's frame
+sits at its joint and turns with it, so a body with several joints becomes a chain of massless links and one
+that carries it all.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ class Tree:
 
     * ``ANCHOR_X, ANCHOR_Y`` joint position in the parent link's frame at q = 0 [m] (the world's for a root);
     * ``ANGLE`` turn of the link's frame against the parent link's at q = 0 [rad];
-    * ``AXIS_X, AXIS_Y`` of a slide: its unit direction in the link's own frame; of a hinge: its sign (+1 turns
-      counter-clockwise) and 0;
+    * ``AXIS_X, AXIS_Y`` of a slide: its unit direction in the link's own frame; of a hinge: its sign (+1
+      turns counter-clockwise) and 0;
     * ``MASS`` [kg], ``COM_X, COM_Y`` centre of mass in the link's frame [m], ``INERTIA`` about it [kg m^2];
-    * ``DAMPING`` [N m s/rad or N s/m], ``FRICTION`` [N m or N], ``STIFFNESS`` [N m/rad or N/m] about ``REST`` [rad or
-      m], ``ARMATURE`` [kg m^2 or kg].
+    * ``DAMPING`` [N m s/rad or N s/m], ``FRICTION`` [N m or N], ``STIFFNESS`` [N m/rad or N/m] about ``REST``
+      [rad or m], ``ARMATURE`` [kg m^2 or kg].
 
     Attributes:
         parent: Row of the parent link, -1 for the world, int64 (dof,); a parent comes before its children.
@@ -60,14 +61,14 @@ class Tree:
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """What the camera sees: each geom is the convex hull of its points, every point grown by the geom's radius.
+    """What the camera sees: each geom is the convex hull of its points, each grown by its radius.
 
     Attributes:
         link: Row of the link that the geom moves with, int64 (geom,).
         body: Name of the geom's body, by geom.
         first: Geom ``g`` owns points ``first[g]`` to ``first[g + 1] - 1``, int64 (geom + 1,).
-        points: Position in the link's frame at the depth of the whole mechanism [m], (point, 3): x and y turn with
-            the link, z is the distance toward the camera from the plane of the first root body.
+        points: Position in the link's frame at the depth of the whole mechanism [m], (point, 3): x and y turn
+            with the link, z is the distance toward the camera from the plane of the first root body.
         radius: Growth of the points [m], (geom,).
     """
 
@@ -96,8 +97,8 @@ class Measured:
 
     Attributes:
         names: Names of the size parameters.
-        information: Information matrix (inverse covariance) of the logarithms of those parameters, (param, param);
-            zero along their common scale, which no picture shows.
+        information: Information matrix (inverse covariance) of the logarithms of those parameters, (param,
+            param); zero along their common scale, which no picture shows.
     """
 
     names: tuple[str, ...]
