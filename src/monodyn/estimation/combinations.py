@@ -111,7 +111,7 @@ def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combin
             gravity + 1e-30j * dgravity[:, p],
             full=free,
         )
-        slopes.append([value.imag * 1e30 for value in step.values()])
+        slopes.append([step[name].imag * 1e30 for name in values])
     slope = np.array(slopes).T.reshape(len(values), len(x))
     found = []
     for (name, value), gradient in zip(values.items(), slope, strict=True):

@@ -6,7 +6,6 @@ import time
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import stdtrit
 
 from monodyn.estimation import advice as say
 from monodyn.estimation.combinations import combinations
@@ -145,6 +144,8 @@ def _fit(
     difference = difference * np.repeat(unit, np.diff(problem.data.first), axis=0)
     names = [joint.name for joint in mechanism.joints]
     rms = {name: float(np.sqrt(np.nanmean(difference[:, j] ** 2))) for j, name in enumerate(names)}
+    from scipy.special import stdtrit
+
     freedom = max(problem.data.samples - _fitted(problem, grown), 1) / float(np.mean(spread)) ** 2
     parameters = _estimates(problem, grown, known, float(stdtrit(max(freedom, 1.0), 0.975)))
     status, ok = _status(problem, grown, mechanism, rms, typical_differences(problem, grown))

@@ -225,11 +225,8 @@ def choose_substeps(
     Returns:
         The smallest number that keeps the bound, or 64.
     """
-    if len(states) > 24:
-        pick = np.linspace(0, len(states) - 1, 24).astype(int)
-        chosen = [(pieces.first[k], pieces.first[k + 1], states[k]) for k in pick]
-    else:
-        chosen = [(pieces.first[k], pieces.first[k + 1], state) for k, state in enumerate(states)]
+    pick = np.unique(np.linspace(0, len(states) - 1, 24).astype(int))
+    chosen = [(int(pieces.first[k]), int(pieces.first[k + 1]), states[k]) for k in pick]
     substeps, coarse = 1, problem.rollouts(x, chosen, 1)
     while substeps < MOST_SUBSTEPS:
         fine = problem.rollouts(x, chosen, 2 * substeps)

@@ -13,11 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation.data import Data, Pieces
-from monodyn.estimation.kernels import acceleration_rows, piece_rows, pieces_model
 from monodyn.estimation.smooth import Smoothed
 from monodyn.estimation.unknowns import Prior, Unknowns
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.dynamics import rollout
 from monodyn.optimize import Arrow
 
 
@@ -32,7 +30,7 @@ class Point:
             its logarithm's derivative (param,).
     """
 
-    tree: tuple[np.ndarray, ...]
+    tree: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     scale: tuple[float, np.ndarray, float, np.ndarray]
 
 
@@ -91,6 +89,8 @@ class Problem:
         Returns:
             The model, and the residuals (row, dof) before the loss.
         """
+        from monodyn.estimation.kernels import pieces_model
+
         point, data = self.at(x), self.data
         cost, hessian, gradient, cross, local, slope, residuals = pieces_model(
             *point.tree, data.times, pieces.first, substeps, states, data.position, data.white,
@@ -103,6 +103,8 @@ class Problem:
 
     def rows(self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int):
         """Yield residuals (row, dof) and Jacobian (row, dof, param + 2 dof) of each piece, whitened."""
+        from monodyn.estimation.kernels import piece_rows
+
         point, data = self.at(x), self.data
         for k, state in enumerate(states):
             a, b = pieces.first[k], pieces.first[k + 1]
@@ -125,6 +127,8 @@ class Problem:
 
     def rollouts(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
         """Simulate runs of rows (first, stop, start state), positions [rad or m] end to end (row, dof)."""
+        from monodyn.mechanism.dynamics import rollout
+
         tree, stretch = self.mechanism_at(x).tree, self.stretch(x)
         parts = []
         for first, stop, state in runs:
@@ -152,6 +156,8 @@ class Problem:
 
     def acceleration_rows(self, x: np.ndarray, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
         """Return weighted acceleration mismatches (row,) and their Jacobian (row, param), prior included."""
+        from monodyn.estimation.kernels import acceleration_rows
+
         point = self.at(x)
         residual, jacobian = acceleration_rows(
             *point.tree, motion.position, motion.velocity, motion.acceleration, motion.weight, motion.slide,

@@ -39,15 +39,13 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
             times do not increase.
     """
     path = Path(path)
-    names = tuple(
-        joint if isinstance(joint, str) else joint.name for joint in getattr(joints, "joints", joints)
-    )
+    names = tuple(joints if isinstance(joints, Sequence) else (joint.name for joint in joints.joints))
     header, rows = _table(path)
     columns = _columns(path, header, names)
     table = np.array([_numbers(path, header, row, line) for line, row in rows])
     time = increasing(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
     position = table[:, [columns[name] for name in names]]
-    seen = np.isfinite(position).any(axis=1)
+    seen = np.asarray(np.isfinite(position).any(axis=1))
     if "seen" in columns:
         seen &= table[:, columns["seen"]] > 0
     frame = table[:, columns["frame"]].astype(int) if "frame" in columns else np.arange(len(time))

@@ -67,7 +67,7 @@ def know(problem: Problem, grown: Grown) -> Knowledge:
         local.append((inverse @ inverse.T, inverse @ onto))
     values, vectors = np.linalg.eigh(problem.prior.information)
     stacked.append(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
-    triangle = np.linalg.qr(np.concatenate(stacked), mode="r")
+    _, triangle = np.linalg.qr(np.concatenate(stacked))
     covariance, blind = _split(triangle, problem.unknowns)
     relative = relative_change(problem.unknowns, grown.x)
     unfixed, loaded = _open_directions(blind, relative)

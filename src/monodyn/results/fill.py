@@ -1,0 +1,117 @@
+"""An identified mechanism in, its motion at any time stamps out: before, within and after the fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.arrays import frozen, increasing
+from monodyn.errors import SettingsError
+from monodyn.estimation.fit import Fit, Start
+
+ERROR_BOUND = 1e-6
+"""Largest integration error that is aimed at [rad or m]."""
+MOST_SUBSTEPS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Motion under the identified dynamics.
+
+    Attributes:
+        time: Time stamps [s], (frame,).
+        position: Joint positions [rad or m], (frame, dof).
+        velocity: Joint rates [rad/s or m/s], (frame, dof).
+        std: Standard deviation of the positions from that of the fit [rad or m], (frame, dof).
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    std: np.ndarray
+
+    def __post_init__(self) -> None:
+        frames, dofs = np.shape(self.position)
+        object.__setattr__(self, "time", frozen("States.time", self.time, (frames,)))
+        for name in ("position", "velocity", "std"):
+            object.__setattr__(self, name, frozen(f"States.{name}", getattr(self, name), (frames, dofs)))
+
+
+def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
+    """Simulate the identified mechanism from the fitted start state, forwards and backwards.
+
+    std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
+    covariance.
+
+    Args:
+        fit: The identified mechanism.
+        times: Time stamps [s], (frame,), increasing.
+        record: Which record's start state.
+
+    Returns:
+        The motion at ``times``.
+
+    Raises:
+        SettingsError: The times do not increase, there is no such record, or nothing was identified.
+    """
+    times = increasing("fill: times", np.asarray(times, dtype=float), error=SettingsError)
+    if not fit.starts:
+        raise SettingsError(f"fill: expected an identified mechanism, got a fit without one: {fit.status}")
+    if not 0 <= record < len(fit.starts):
+        raise SettingsError(f"fill: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
+    start = fit.starts[record]
+    usual = float(np.median(np.diff(fit.time[record]))) if len(fit.time[record]) > 1 else 0.05
+    before = np.flatnonzero(times < start.time)[::-1]
+    after = np.flatnonzero(times >= start.time)
+    dofs = len(start.position)
+    position, velocity, std = (np.zeros((len(times), dofs)) for _ in range(3))
+    for rows in (before, after):
+        if len(rows):
+            position[rows], velocity[rows], std[rows] = _one_way(fit, start, record, times[rows], usual)
+    return States(times, position, velocity, std)
+
+
+def _one_way(
+    fit: Fit, start: Start, record: int, times: np.ndarray, usual: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Simulate away from the start: positions, rates and standard deviations at ``times``."""
+    from monodyn.mechanism.dynamics import rollout, sensitivities
+
+    tree, stretch = fit.mechanism.tree, fit.mechanism.values["time_scale"]
+    stamps, rows = _stamps(start.time, times, usual)
+    clock = (stamps - start.time) * stretch
+    arrays = (tree.parent, tree.kind, tree.links)
+    state = (start.position, start.velocity)
+
+    def positions(substeps: int) -> np.ndarray:
+        return rollout(*arrays, tree.gravity, clock, substeps, *state)[0]
+
+    substeps, coarse = 1, positions(1)
+    while substeps < MOST_SUBSTEPS:
+        finer = positions(2 * substeps)
+        done = np.abs(finer - coarse).max() / 15.0 <= ERROR_BOUND
+        if done:
+            break
+        substeps, coarse = 2 * substeps, finer
+    dofs = len(start.position)
+    count = len(fit.names) - 2 * dofs * len(fit.starts)
+    names = fit.names[:count]
+    dlinks, dgravity = fit.mechanism.directions(names)
+    q, v, dq, _ = sensitivities(*arrays, dlinks, tree.gravity, dgravity, clock, substeps, *state)
+    if "time_scale" in names:
+        dq[:, :, names.index("time_scale")] += v * ((stamps - start.time)[:, None])
+    chosen = np.concatenate((np.arange(count), count + record * 2 * dofs + np.arange(2 * dofs)))
+    covariance = fit.covariance[np.ix_(chosen, chosen)]
+    dq = dq[rows]
+    variance = np.einsum("fip,pr,fir->fi", dq, covariance, dq, optimize=True)
+    return q[rows], v[rows], np.sqrt(np.maximum(variance, 0.0))
+
+
+def _stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:
+    """Put the start before ``times`` and stamps into gaps over twice the usual step; rows of ``times``."""
+    stamps = times if times[0] == first else np.concatenate(([first], times))
+    parts = np.maximum(np.ceil(np.abs(np.diff(stamps)) / (2.0 * usual) - 1e-9), 1.0).astype(int)
+    at = np.concatenate(([0], np.cumsum(parts)))
+    filled = np.interp(np.arange(at[-1] + 1), at, stamps)
+    return filled, at[len(stamps) - len(times) :]

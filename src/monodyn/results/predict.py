@@ -1,0 +1,55 @@
+"""An identified mechanism in, its motion after the fitted frames out, from the fitted frames alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.errors import SettingsError
+from monodyn.estimation.fit import Fit
+from monodyn.results.fill import States, fill
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction(States):
+    """Motion that was not looked at when the mechanism was identified; fields as in `States`."""
+
+
+def predict(
+    fit: Fit, until: float | None = None, times: np.ndarray | None = None, *, record: int = 0
+) -> Prediction:
+    """Roll the identified mechanism out from the fitted start state.
+
+    Args:
+        fit: The identified mechanism.
+        until: Last time stamp [s]; without it and without ``times`` the prediction is as long as the record.
+        times: Time stamps [s], (frame,), increasing; those of the clip, for instance. Without them the usual
+            spacing of the record goes on from its end.
+        record: Which record is carried on.
+
+    Returns:
+        The motion at ``times``, or from the end of the fitted frames on.
+
+    Raises:
+        SettingsError: ``until`` lies before the end of the fitted frames, times do not increase, there is no
+            such record, or nothing was identified.
+    """
+    if times is None:
+        if not 0 <= record < len(fit.time):
+            raise SettingsError(f"predict: expected a record from 0 to {len(fit.time) - 1}, got {record}.")
+        stamps = fit.time[record]
+        end, step = float(stamps[-1]), float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.05
+        stop = end + (end - float(stamps[0])) if until is None else float(until)
+        if not stop > end:
+            raise SettingsError(
+                f"predict: expected a time after the last fitted frame at {end:g} s, got {stop:g} s."
+            )
+        times = end + step * np.arange(1, int(np.floor((stop - end) / step + 1e-6)) + 1)
+        if len(times) == 0:
+            times = np.array([stop])
+    elif until is not None:
+        times = np.asarray(times, dtype=float)
+        times = times[times <= until]
+    found = fill(fit, times, record=record)
+    return Prediction(found.time, found.position, found.velocity, found.std)
