@@ -54,7 +54,7 @@ def make_clip(tmp_path: Path) -> ClipMaker:
         path = tmp_path / name
         codec, form, options = CODECS[path.suffix]
         with av.open(str(path), "w") as container:
-            stream = container.add_stream(codec, rate=round(1 / base), options=dict(options))
+            stream = container.add_stream(codec, rate=min(30, round(1 / base)), options=dict(options))
             stream.width, stream.height = size
             stream.pix_fmt = pixel or form
             stream.codec_context.time_base = base
@@ -71,7 +71,6 @@ def make_clip(tmp_path: Path) -> ClipMaker:
                 frame = frame.reformat(format=stream.pix_fmt, dst_color_range=wanted)
                 frame.pts = i if stamps is None else stamps[i]
                 frame.time_base = base
-                frame.duration = 1 if stamps is None else max(1, stamps[-1] - stamps[-2])
                 container.mux(stream.encode(frame))
             container.mux(stream.encode())
         return path

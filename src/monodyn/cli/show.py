@@ -150,13 +150,16 @@ def _show_fit(outcome: Outcome) -> None:
         console.print(f"report: {outcome.folder}/report.html", markup=False)
 
 
-def _table(*columns: str) -> Table:
+def _table(*columns: str, left: int = 1) -> Table:
     from rich import box
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for i, column in enumerate(columns):
-        table.add_column(column, justify="left" if i == 0 or column == "unit" else "right", no_wrap=True)
+        table.add_column(
+            Text(column), justify="left" if i < left or column == "unit" else "right", no_wrap=True
+        )
     return table
 
 
@@ -216,7 +219,7 @@ def show_models(*, as_json: bool) -> int:
     if as_json:
         print(json.dumps(rows, indent=2))
         return 0
-    table = _table("model", "joints", "lengths [m]")
+    table = _table("model", "joints", "lengths [m]", left=3)
     for row in rows:
         lengths = ", ".join(f"{value:g}" for value in row["lengths"].values())
         table.add_row(row["name"], ", ".join(row["joints"]), lengths)

@@ -92,8 +92,8 @@ def open_stream(path: Path) -> tuple[Any, Any]:
         )
     streams = [s for s in container.streams.video if "attached_pic" not in str(s.disposition)]
     if not streams:
-        container.close()
         found = "only sound" if container.streams.audio else "no picture stream"
+        container.close()
         raise VideoError(
             f"clip '{path}': expected a video, the file holds {found}; give a file with pictures."
         )
