@@ -19,7 +19,7 @@ SAMPLE_BYTES = 96_000_000
 """Most memory that the samples of a clip may take."""
 SAMPLES = 72
 """Frames from which the background is taken."""
-STILL_GREY = 6.0
+STILL_GREY = 8.0
 """Grey levels that a pixel may change between two frames by noise alone."""
 
 
@@ -68,8 +68,6 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
     Raises:
         VideoError: the clip has fewer than two frames.
     """
-    import cv2
-
     limit = max(16, min(2 * SAMPLES, int(SAMPLE_BYTES / (1.5 * video.width * video.height))))
     kept: list[Frame] = []
     places: list[float] = []
@@ -77,7 +75,7 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
     travelled = 0.0
     step = 0.0
     for done, frame in enumerate(video.frames(), start=1):
-        small = cv2.resize(frame.luma, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA).astype(np.float32)
+        small = _thumbnail(frame)
         if previous is not None:
             moved = np.maximum(np.abs(small - previous) - STILL_GREY, 0.0)
             travelled += float(moved.sum()) + 1e-6
@@ -96,7 +94,7 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
             progress("background", done, video.count)
     if len(kept) < 2:
         raise VideoError(f"{video.path}: expected at least 2 frames, got {len(kept)}; give a clip that shows motion.")
-    reach = _reach(lightest - darkest > STILL_GREY, video)
+    reach = _reach((lightest - darkest > STILL_GREY).any(axis=0), video)
     if len(kept) > SAMPLES:
         targets = np.linspace(places[0], places[-1], SAMPLES)
         picks = np.unique(np.clip(np.searchsorted(places, targets), 0, len(kept) - 1))
@@ -145,8 +143,23 @@ def background_of(
     return Background(grey, chroma, noise, known, samples.reach)
 
 
+def _thumbnail(frame: Frame) -> np.ndarray:
+    """Return the planes reduced to a quarter of the picture's size, float32 (channel, height, width)."""
+    import cv2
+
+    size = (max(1, frame.luma.shape[1] // 4), max(1, frame.luma.shape[0] // 4))
+    planes = (frame.luma, *(frame.chroma or ()))
+    return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes]).astype(np.float32)
+
+
 def _reach(moves: np.ndarray, video: Video) -> tuple[int, int, int, int]:
-    """Return the bounding box of the moving cells of the reduced picture, with a margin."""
+    """Return the bounding box of the moving cells of the reduced picture, lone ones aside, with a margin."""
+    import cv2
+
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(moves.astype(np.uint8), connectivity=8)
+    large = stats[:, cv2.CC_STAT_AREA] >= 6
+    large[0] = False
+    moves = large[labels]
     rows, columns = np.nonzero(moves.any(axis=1))[0], np.nonzero(moves.any(axis=0))[0]
     if not len(rows):
         return (0, video.height, 0, video.width)

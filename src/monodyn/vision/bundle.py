@@ -140,7 +140,8 @@ def _springs(variables: _Variables, mechanism: Mechanism, start: dict[str, float
     stiffness = np.zeros(len(variables.names))
     for i, name in enumerate(variables.names):
         if name.endswith(SIZES):
-            anchor[i], stiffness[i] = np.log(start[name]), 1.0 / LOG_SPREAD**2
+            spread = LOG_SPREAD if name.endswith((".length", ".width")) else 0.5 * LOG_SPREAD
+            anchor[i], stiffness[i] = np.log(start[name]), 1.0 / spread**2
         elif name.endswith(".offset"):
             lengths = [v for n, v in start.items() if n.endswith(".length")]
             spread = abs(start[name]) + 0.02 * float(np.mean(lengths))

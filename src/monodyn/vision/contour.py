@@ -94,7 +94,7 @@ def edge_samples(
         reach: Length of the search to either side [px].
         ends: Filled with the two outline points of each sample's edge, (sample, 2).
         values: Filled for each sample with share of the second point, normal x, normal y, displacement t* [px],
-            weight (trust), length of the search inwards [px], x, y, (sample, 8).
+            weight (squared trust), length of the search inwards [px], x, y, (sample, 8).
 
     Returns:
         Number of samples.
@@ -186,7 +186,7 @@ def _edge(
         total += 0.5 * c if k == 0 or k == steps else c
     value[1], value[2] = nx, ny
     value[3] = total * step / 255.0 - inner
-    value[4] = weight
+    value[4] = weight * weight
     value[5] = inner
     value[6], value[7] = x, y
     return True

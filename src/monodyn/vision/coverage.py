@@ -7,7 +7,10 @@ from numba import njit
 
 from monodyn.types import Frame
 from monodyn.vision.background import Background
-from monodyn.vision.palette import Palette
+from monodyn.vision.palette import CHROMA_WEIGHT, Palette
+
+ANY_CONTRAST = 30.0
+"""Difference from the background, beyond the noise, that is full coverage where the colours vary [grey levels]."""
 
 
 def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
@@ -18,62 +21,107 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
     Args:
         frame: The picture.
         background: What it shows without the mechanism.
-        palette: Colours and gains from ``choose_palette``.
+        palette: Colours and scale from ``choose_palette``.
 
     Returns:
-        Coverage, uint8 (height, width), 255 where the mechanism covers the whole pixel.
+        Coverage, uint8 (height, width), 255 where the mechanism covers the whole pixel; 0 out of the background's
+        reach.
     """
     out = np.zeros(frame.luma.shape, dtype=np.uint8)
     reach = np.array(background.reach)
-    if palette.chroma_gain is None or frame.chroma is None or background.chroma is None:
-        _grey(frame.luma, background.luma, palette.luma_gain, reach, out)
-        return out
+    colours = palette.colours.astype(np.float32)
+    if palette.grey_only or frame.chroma is None or background.chroma is None:
+        colour = np.zeros((0, 0, 0), dtype=np.float32)
+    else:
+        colour = _chroma_part(frame.chroma, background.chroma, colours, frame.luma.shape, background.reach)
+    _combine(frame.luma, background.luma, colours, colour, palette.scale, reach, out)
+    return np.maximum(out, _any_difference(frame, background, palette)) if palette.varied else out
+
+
+def _any_difference(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
+    """Return coverage from the size of the difference alone, beyond the noise, uint8 (height, width)."""
     import cv2
 
-    size = (frame.luma.shape[1], frame.luma.shape[0])
-    planes = [
-        cv2.resize(plane.astype(np.float32) - back, size, interpolation=cv2.INTER_LINEAR)
-        for plane, back in zip(frame.chroma, background.chroma, strict=True)
-    ]
-    _colour(
-        frame.luma, planes[0], planes[1], background.luma, palette.luma_gain, palette.chroma_gain[0],
-        palette.chroma_gain[1], reach, out,
-    )  # fmt: skip
+    squares = (frame.luma - background.luma) ** 2
+    if not palette.grey_only and frame.chroma is not None and background.chroma is not None:
+        size = (squares.shape[1], squares.shape[0])
+        small = sum((plane - back) ** 2 for plane, back in zip(frame.chroma, background.chroma, strict=True))
+        squares = squares + CHROMA_WEIGHT * cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
+    beyond = np.sqrt(squares) - max(6.0, 4.0 * background.noise)
+    share = np.clip(beyond * (255.0 / ANY_CONTRAST), 0.0, 255.0).astype(np.uint8)
+    top, bottom, left, right = background.reach
+    out = np.zeros_like(share)
+    out[top:bottom, left:right] = share[top:bottom, left:right]
     return out
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
-def _grey(luma: np.ndarray, background: np.ndarray, gain: np.ndarray, reach: np.ndarray, out: np.ndarray) -> None:
-    """Fill ``out`` from the grey levels alone; ``gain`` is (colour, height, width)."""
-    colours = gain.shape[0]
-    for y in range(reach[0], reach[1]):
-        for x in range(reach[2], reach[3]):
-            out[y, x] = np.uint8(min(255.0, max(0.0, (luma[y, x] - background[y, x]) * gain[0, y, x] + np.float32(0.5))))
-        for k in range(1, colours):
-            for x in range(reach[2], reach[3]):
-                value = min(255.0, max(0.0, (luma[y, x] - background[y, x]) * gain[k, y, x] + np.float32(0.5)))
-                out[y, x] = max(out[y, x], np.uint8(value))
+def _chroma_part(
+    chroma: tuple[np.ndarray, np.ndarray],
+    background: tuple[np.ndarray, np.ndarray],
+    colours: np.ndarray,
+    shape: tuple[int, ...],
+    reach: tuple[int, int, int, int],
+) -> np.ndarray:
+    """Return the projection of the colour differences, for each colour at full size within the reach."""
+    import cv2
+
+    top, bottom, left, right = reach
+    rows, columns = shape[0] / chroma[0].shape[0], shape[1] / chroma[0].shape[1]
+    part = (
+        slice(int(top / rows), int(np.ceil(bottom / rows))),
+        slice(int(left / columns), int(np.ceil(right / columns))),
+    )
+    small = np.empty((len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32)
+    _project_chroma(chroma[0][part], chroma[1][part], background[0][part], background[1][part], colours, small)
+    size = (right - left, bottom - top)
+    return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in small])
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _colour(
-    luma: np.ndarray,
+def _project_chroma(
     blue: np.ndarray,
     red: np.ndarray,
+    blue_background: np.ndarray,
+    red_background: np.ndarray,
+    colours: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Fill ``out`` (colour, height, width) with the weighted product of (I - B) and (F - B) over both channels."""
+    weight = np.float32(CHROMA_WEIGHT)
+    for k in range(colours.shape[0]):
+        for y in range(out.shape[1]):
+            for x in range(out.shape[2]):
+                b0, r0 = blue_background[y, x], red_background[y, x]
+                b = (np.float32(blue[y, x]) - b0) * (colours[k, 1] - b0)
+                r = (np.float32(red[y, x]) - r0) * (colours[k, 2] - r0)
+                out[k, y, x] = weight * (b + r)
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _combine(
+    luma: np.ndarray,
     background: np.ndarray,
-    luma_gain: np.ndarray,
-    blue_gain: np.ndarray,
-    red_gain: np.ndarray,
+    colours: np.ndarray,
+    colour: np.ndarray,
+    scale: np.ndarray,
     reach: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill ``out`` from grey level and colour differences; each gain is (colour, height, width)."""
-    colours = luma_gain.shape[0]
-    for y in range(reach[0], reach[1]):
-        for x in range(reach[2], reach[3]):
-            grey = luma[y, x] - background[y, x]
-            most = np.float32(0.0)
-            for k in range(colours):
-                value = grey * luma_gain[k, y, x] + blue[y, x] * blue_gain[k, y, x] + red[y, x] * red_gain[k, y, x]
-                most = max(most, value)
-            out[y, x] = np.uint8(min(np.float32(255.0), most + np.float32(0.5)))
+    """Fill ``out`` with the largest coverage over the colours; ``colour`` has length 0 when grey alone counts."""
+    top, left = reach[0], reach[2]
+    one, full, half = np.float32(1.0), np.float32(255.0), np.float32(0.5)
+    for k in range(colours.shape[0]):
+        target = colours[k, 0]
+        for y in range(reach[0], reach[1]):
+            if colour.shape[0] == 0:
+                for x in range(reach[2], reach[3]):
+                    b = background[y, x]
+                    value = (np.float32(luma[y, x]) - b) * (target - b) * scale[k, y, x] * one
+                    value = min(full, max(np.float32(0.0), value + half))
+                    out[y, x] = max(out[y, x], np.uint8(value))
+            else:
+                for x in range(reach[2], reach[3]):
+                    b = background[y, x]
+                    value = (np.float32(luma[y, x]) - b) * (target - b) + colour[k, y - top, x - left]
+                    value = min(full, max(np.float32(0.0), value * scale[k, y, x] + half))
+                    out[y, x] = max(out[y, x], np.uint8(value))

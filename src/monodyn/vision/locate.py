@@ -195,7 +195,8 @@ def _refine_whole(
     for part in (reaches[: len(reaches) // 2], reaches[len(reaches) // 2 :]):
         coverages = [frames.frames[i].coverage for i in picks]
         bundle = refine(coverages, frames.trust, mechanism, camera, positions, names, start, reaches=part)
-        good = _fits(bundle.matched, bundle.inside)
+        usual = float(np.median(bundle.matched)), float(np.median(bundle.inside))
+        good = (bundle.matched > 0.6 * usual[0]) & (bundle.inside > 0.6 * usual[1])
         mechanism, camera, positions = bundle.mechanism, bundle.camera, bundle.positions
         if good.sum() >= max(3, len(picks) // 4):
             picks = [pick for pick, ok in zip(picks, good, strict=True) if ok]

@@ -1,7 +1,6 @@
-"""From samples and background to the colours of the mechanism and every pixel's gain.
+"""From samples and background to the colours of the mechanism and every pixel's contrast with them.
 
-The gain of a pixel is the factor from its difference to the background to coverage (0 to 255). It is zero where the
-mechanism has the background's own colour: such pixels say nothing.
+Where the mechanism has the background's own colour the picture says nothing: such pixels are not trusted.
 """
 
 from __future__ import annotations
@@ -19,6 +18,10 @@ CHROMA_WEIGHT = 0.25
 """Weight of a colour difference against a grey difference: a chroma sample covers four pixels."""
 NEAR_COLOUR = 30.0
 """Pixels within this distance of one of the mechanism's colours look like it [grey levels]."""
+TRUSTED_CONTRAST = 60.0
+"""Contrast from which a pixel has full weight [grey levels]."""
+VARIED_SHARE = 0.1
+"""Share of moving pixels unlike every colour from which the mechanism counts as varied."""
 COLOURS = 3
 """Most colours a mechanism may have."""
 
@@ -29,15 +32,20 @@ class Palette:
 
     Attributes:
         colours: Grey level, blue and red difference of each colour, (colour, 3); the last two are NaN for a grey clip.
-        luma_gain: Factor from grey difference to coverage, float32 (colour, height, width).
-        chroma_gain: Factors for the blue and the red difference, or None where grey suffices.
-        trust: How well a pixel tells mechanism from background, 0 to 1, float32 (height, width).
+        scale: 255 over the squared contrast ``|F - B|^2``, 0 where the contrast is too low, float32
+            (colour, height, width).
+        grey_only: True where grey alone tells the mechanism from the background.
+        trust: How well a pixel tells mechanism from background, whichever of its colours is before it, 0 to 1,
+            float32 (height, width).
+        varied: True where the colours leave much of the mechanism unexplained (a shiny rod): then any difference from
+            the background counts as foreground too.
     """
 
     colours: np.ndarray
-    luma_gain: np.ndarray
-    chroma_gain: tuple[np.ndarray, np.ndarray] | None
+    scale: np.ndarray
+    grey_only: bool
     trust: np.ndarray
+    varied: bool
 
 
 def choose_palette(
@@ -72,7 +80,15 @@ def choose_palette(
         grey_only = _grey_suffices(pixels, colours, contrast)
     if grey_only:
         colours = _clusters(np.column_stack([pixels[:, :1], np.zeros((len(pixels), 2)), pixels[:, 3:]]), True)
-    return _gains(colours, background, grey_only, contrast)
+    return _palette(colours, background, grey_only, contrast, _is_varied(pixels, colours, grey_only))
+
+
+def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool:
+    """Return whether many moving pixels are as far from every colour of the mechanism as from their background."""
+    used = [0] if grey_only else [0, 1, 2]
+    near = np.min([np.linalg.norm(pixels[:, used] - colour[used], axis=1) for colour in colours], axis=0)
+    contrast = np.linalg.norm(pixels[:, used] - pixels[:, [3 + i for i in used]], axis=1)
+    return float(np.mean(near > 0.7 * contrast)) > VARIED_SHARE
 
 
 def lingering(samples: Sequence[Frame], background: Background, palette: Palette) -> list[np.ndarray]:
@@ -95,7 +111,7 @@ def _looks_like(
     luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None, palette: Palette, around: list[np.ndarray]
 ) -> np.ndarray:
     """Return where a picture is near a colour of the mechanism and nearer to it than to the surroundings."""
-    planes = _full_size(luma, chroma if palette.chroma_gain is not None else None)
+    planes = _full_size(luma, None if palette.grey_only else chroma)
     colours = palette.colours.astype(np.float32)
     near = np.min([_apart(planes, list(colour)) for colour in colours], axis=0)
     return (near < NEAR_COLOUR**2) & (near < 0.25 * _apart(planes, around))
@@ -173,7 +189,7 @@ def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:
     import cv2
 
     values = pixels[:, :3].astype(np.float32)
-    if len(np.unique(values, axis=0)) <= COLOURS:
+    if float(values.std(axis=0).max()) < 1.0:
         return np.median(values, axis=0)[None].astype(np.float64)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.5)
     cv2.setRNGSeed(1)
@@ -203,28 +219,23 @@ def _grey_suffices(pixels: np.ndarray, colours: np.ndarray, contrast: float) -> 
     return float(np.mean(grey > 2.5 * contrast)) > 0.9
 
 
-def _gains(colours: np.ndarray, background: Background, grey_only: bool, contrast: float) -> Palette:
-    """Compute each pixel's gains: ``W (F - B) / |F - B|_W^2``, faded out below the least contrast."""
-    import cv2
-
-    height, width = background.luma.shape
-    grey = colours[:, 0, None, None] - background.luma[None]
-    strength = grey**2
-    differences = None
-    if not grey_only:
-        assert background.chroma is not None
-        planes = [cv2.resize(p, (width, height), interpolation=cv2.INTER_LINEAR) for p in background.chroma]
-        differences = [colours[:, 1 + i, None, None] - planes[i][None] for i in range(2)]
-        strength = strength + CHROMA_WEIGHT * (differences[0] ** 2 + differences[1] ** 2)
+def _palette(
+    colours: np.ndarray, background: Background, grey_only: bool, contrast: float, varied: bool
+) -> Palette:
+    """Compute each pixel's contrast with every colour, zero below the least contrast."""
+    planes = _full_size(background.luma, None if grey_only else background.chroma)
+    weights = [1.0, CHROMA_WEIGHT, CHROMA_WEIGHT]
+    strength = np.stack(
+        [
+            sum(w * (value - plane) ** 2 for w, value, plane in zip(weights, colour, planes, strict=False))
+            for colour in colours.astype(np.float32)
+        ]
+    )
     seen = strength > contrast**2
     scale = np.where(seen, 255.0 / np.maximum(strength, 1.0), 0.0)
-    trust = np.sqrt(np.max(np.where(seen, strength, 0.0), axis=0))
-    trust = np.clip(trust / 60.0, 0.0, 1.0) * background.known
-    luma_gain = (grey * scale).astype(np.float32)
-    chroma_gain = None
-    if differences is not None:
-        chroma_gain = tuple((CHROMA_WEIGHT * d * scale).astype(np.float32) for d in differences)
+    trust = np.sqrt(np.min(np.where(seen, strength, 0.0), axis=0))
+    trust = np.clip(trust / TRUSTED_CONTRAST, 0.3 if varied else 0.0, 1.0) * background.known
     shown = colours.copy()
     if grey_only:
         shown[:, 1:] = np.nan
-    return Palette(shown, luma_gain, chroma_gain, trust.astype(np.float32))  # type: ignore[arg-type]
+    return Palette(shown, scale.astype(np.float32), grey_only, trust.astype(np.float32), varied)

@@ -15,7 +15,7 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera
 from monodyn.vision.contour import follow
-from monodyn.vision.keyframes import KeyFrame, KeyFrames
+from monodyn.vision.keyframes import UNKNOWN, KeyFrame, KeyFrames
 from monodyn.vision.rig import Rig, rig_of
 from monodyn.vision.silhouette import pose_mismatch
 
@@ -238,15 +238,19 @@ def _with_area(
     return mechanism.with_values({name: mechanism.values[name] * factor for name in names})
 
 
-def _distances(chosen: list[KeyFrame]) -> np.ndarray:
-    """Return each reduced pixel's mean distance from the foreground of the frames [reduced px]."""
+def _distances(chosen: list[KeyFrame], frames: KeyFrames) -> np.ndarray:
+    """Return each reduced pixel's mean distance from the foreground of the frames [reduced px].
+
+    Where the background is not known the mechanism may be without being seen: distances count less there.
+    """
     import cv2
 
     far = []
+    unknown = frames.coarse_trust < UNKNOWN
     for frame in chosen:
-        empty = (frame.coarse < 100).astype(np.uint8)
+        empty = ((frame.coarse < 100) | unknown).astype(np.uint8)
         far.append(np.minimum(cv2.distanceTransform(empty, cv2.DIST_L2, 5), 40.0))
-    return np.mean(far, axis=0)
+    return np.mean(far, axis=0) * np.where(unknown, 0.3, 1.0)
 
 
 def _root_points(chosen: list[KeyFrame], frames: KeyFrames, count: int = 8) -> list[tuple[float, float, float]]:
@@ -254,7 +258,7 @@ def _root_points(chosen: list[KeyFrame], frames: KeyFrames, count: int = 8) -> l
 
     A fixed hinge is on the mechanism in every frame.
     """
-    distance = _distances(chosen)
+    distance = _distances(chosen, frames)
     y, x = np.nonzero(distance <= distance.min() + 1.5)
     points = np.column_stack([x, y]).astype(np.float64)
     picks = [points[int(np.argmin(distance[y, x]))]]
@@ -268,7 +272,7 @@ def _root_points(chosen: list[KeyFrame], frames: KeyFrames, count: int = 8) -> l
     for px, py in picks:
         reaches = []
         for frame in chosen:
-            fy, fx = np.nonzero((frame.coarse > 128) & (frames.coarse_trust >= 0.15))
+            fy, fx = np.nonzero((frame.coarse > 128) & (frames.coarse_trust >= UNKNOWN))
             if len(fx):
                 reaches.append(float(np.percentile(np.hypot(fx - px, fy - py), 99.0)))
         reach = float(np.max(reaches)) if reaches else 10.0

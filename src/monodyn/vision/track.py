@@ -57,6 +57,9 @@ CORRELATION = 2.0
 LEAST_NOISE_PX = 0.05
 """Least standard deviation of an edge sample [px]."""
 
+SLACK = 0.15
+"""A pose may fit so much worse than usual (of 2: all outline samples on edges, all covered inside) unquestioned."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Found:
@@ -110,6 +113,7 @@ class Follower:
         self._known = dict(zip(scene.key_frames, scene.key_positions, strict=True))
         self._past: list[tuple[float, np.ndarray]] = []
         self._lost = 0
+        self._usual = 1.8
 
     def step(self, mask: Mask) -> tuple[np.ndarray, np.ndarray, bool]:
         """Find the pose in the next frame.
@@ -121,19 +125,22 @@ class Follower:
             Joint positions (dof,), their covariance (dof, dof), and whether the mechanism was seen.
         """
         found = None
-        for start in self._predictions(mask):
-            candidate = self._follow(mask, start)
-            if found is None or candidate.score > found.score:
-                found = candidate
-            if found.fits:
-                break
-        if (found is None or not found.fits) and self._lost % self._settings.patience == 0:
-            candidate = self._search(mask)
-            if found is None or candidate.score > found.score:
-                found = candidate
+        predictions = self._predictions(mask)
+        for first_reach in (self._settings.first_reach, 3.0 * self._settings.first_reach):
+            for start in predictions:
+                found = _better(found, self._follow(mask, start, first_reach))
+                if found.fits and found.score > self._usual - SLACK:
+                    break
+            else:
+                continue
+            break
+        else:
+            if self._lost % self._settings.patience == 0:
+                found = _better(found, self._search(mask))
         if found is not None and found.fits:
             self._past = [*self._past[-2:], (mask.time, found.position)]
             self._lost = 0
+            self._usual += 0.1 * (found.score - self._usual)
             return found.position, found.covariance, True
         self._lost += 1
         dofs = len(self._lower)
@@ -162,10 +169,13 @@ class Follower:
             predictions.append(q[-1])
         return [np.clip(p, self._lower, self._upper) for p in predictions]
 
-    def _follow(self, mask: Mask, start: np.ndarray) -> _Found:
+    def _follow(self, mask: Mask, start: np.ndarray, first_reach: float) -> _Found:
         """Move a start pose onto the mask within the move limits."""
         s = self._settings
-        reaches = np.array([s.first_reach, 0.5 * (s.first_reach + s.reach), s.reach, s.reach])
+        if first_reach > s.first_reach:
+            reaches = np.concatenate([np.geomspace(first_reach, s.reach, 6), [s.reach]])
+        else:
+            reaches = np.array([s.first_reach, 0.5 * (s.first_reach + s.reach), s.reach, s.reach])
         lower = np.maximum(self._lower, start - self._move)
         upper = np.minimum(self._upper, start + self._move)
         trust = self._scene.masks.palette.trust
@@ -186,4 +196,9 @@ class Follower:
         if self._past:
             turns = np.round((self._past[-1][1] - q) / (2.0 * np.pi))
             q = q + np.where(self._hinge & ~np.isfinite(self._lower), 2.0 * np.pi * turns, 0.0)
-        return self._follow(mask, q)
+        return self._follow(mask, q, self._settings.first_reach)
+
+
+def _better(found: _Found | None, candidate: _Found) -> _Found:
+    """Return whichever pose lies better on its mask."""
+    return candidate if found is None or candidate.score > found.score else found
