@@ -127,13 +127,19 @@ def run(
         with log.stage("identify"):
             fit = identify(part, scene.mechanism, seeded(settings.identify, settings.seed), progress=progress)
         with log.stage("predict"):
-            future = predict(fit, times=times) if len(times) else None
-            trace = replace(trace_of(fit, poses, future, name=video.path.name), future_frame=numbers)
-        folder.write("poses.csv", lambda path: write_poses(trace.poses, path))
+            traces = []
+            if fit.starts:
+                future = predict(fit, times=times) if len(times) else None
+                trace = trace_of(fit, poses, future, name=video.path.name)
+                traces = [replace(trace, future_frame=numbers)]
+        view = view_of(fit, scene, poses)
+        folder.write("poses.csv", lambda path: write_poses(view.tracked, path))
         page = Page(video.path.name, _about(video, mechanism), log.notes, log=log)
         with log.stage("results"):
-            document = write_results(folder, fit, [trace], page, view=view_of(fit, scene), progress=progress)
-    return Outcome(folder.path, document, trace.poses, fit, [trace], log.notes, log.seconds)
+            document = write_results(
+                folder, fit, traces, page, view=view, fit_frames=(first, stop), progress=progress
+            )
+    return Outcome(folder.path, document, view.tracked, fit, traces, log.notes, log.seconds)
 
 
 def track_clip(
@@ -205,7 +211,9 @@ def identify_tables(
     with recorded(folder, log):
         with log.stage("identify"):
             fit = identify(records, mechanism, seeded(settings.identify, settings.seed), progress=progress)
-        traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]
+        traces = []
+        if fit.starts:
+            traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]
         page = Page(", ".join(names), f"Joint positions with the model {mechanism.name}.", log=log)
         if folder is None:
             document = result_document(fit, traces)
@@ -324,7 +332,7 @@ def see(
         scene = locate(masks, mechanism, finding, fix=fix, free=free, progress=progress)
     with log.stage("track"):
         poses = track(scene.masks, scene, seeded(settings.track, settings.seed), progress=progress)
-    log.notes += [*scene.advice, *video.notes]
+    log.notes += [*scene.advice, *video.notes, *_untracked(poses)]
     folder.write("poses.csv", lambda path: write_poses(poses, path))
     return scene, poses
 
@@ -339,6 +347,17 @@ def seeded(settings: Any, seed: int) -> Any:
     if any(item.name == "seed" for item in fields(settings)):
         return replace(settings, seed=seed)
     return settings
+
+
+def _untracked(poses: Poses) -> list[str]:
+    """Say when a tenth of the frames or more was not measured."""
+    seen, count = int(np.sum(poses.seen)), len(poses)
+    if seen >= 0.9 * count:
+        return []
+    return [
+        f"Only {seen} of {count} frames were tracked; a steadier background, another --segment.contrast "
+        "or a better start (--fix) may help."
+    ]
 
 
 def _about(video: Video, mechanism: Mechanism) -> str:

@@ -182,11 +182,11 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
 
 
 def _combinations(rows: list[dict[str, Any]]) -> Table:
-    from monodyn.results.page import number
+    from monodyn.results.page import number, short
 
     table = _table("combination", "value", "standard deviation")
     for row in rows:
-        table.add_row(row["name"], number(row["value"], row["std"]), number(row["std"]))
+        table.add_row(row["name"], number(row["value"], row["std"]), short(row["std"]))
     return table
 
 
@@ -196,7 +196,7 @@ def _errors(outcome: Outcome) -> Table:
     for joint in fit.mechanism.joints if fit is not None else ():
         scale, unit = (180.0 / math.pi, "deg") if joint.kind == "hinge" else (1000.0, "mm")
         cells = [document[name].get(joint.name) for name in ("rms", "heldout_rms")]
-        texts = ["–" if cell is None else f"{cell * scale:.3g}" for cell in cells]
+        texts = ["–" if cell is None or not math.isfinite(cell) else f"{cell * scale:.3g}" for cell in cells]
         table.add_row(joint.name, *texts, unit)
     return table
 

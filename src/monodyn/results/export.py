@@ -70,15 +70,16 @@ def rms_of(joints: Sequence[str], error: np.ndarray) -> dict[str, float | None]:
     return found
 
 
-def states_table(traces: Sequence[Trace]) -> str:
+def states_table(joints: Sequence[str], traces: Sequence[Trace]) -> str:
     """Return ``states.csv``: ``frame,time,<joint>,...,<joint>_vel,...,<joint>_std,...``.
 
     Several records follow each other, with a last column ``record`` that counts them from 0.
 
     Args:
+        joints: Joint names.
         traces: The records and their motion.
     """
-    joints, several = traces[0].poses.joints, len(traces) > 1
+    several = len(traces) > 1
     header = ["frame", "time", *joints, *(f"{j}_vel" for j in joints), *(f"{j}_std" for j in joints)]
     text = ",".join([*header, "record"] if several else header) + "\n"
     for number, trace in enumerate(traces):
@@ -88,17 +89,18 @@ def states_table(traces: Sequence[Trace]) -> str:
     return text
 
 
-def prediction_table(trace: Trace) -> str:
+def prediction_table(joints: Sequence[str], trace: Trace | None) -> str:
     """Return ``prediction.csv``: ``frame,time,<joint>,...,<joint>_std,...``.
 
     Args:
-        trace: The record and its prediction.
+        joints: Joint names.
+        trace: The record and its prediction; None writes the header alone.
     """
-    joints, future = trace.poses.joints, trace.future
     header = ["frame", "time", *joints, *(f"{j}_std" for j in joints)]
     text = ",".join(header) + "\n"
-    if future is None or trace.future_frame is None:
+    if trace is None or trace.future is None or trace.future_frame is None:
         return text
+    future = trace.future
     return text + rows_text(trace.future_frame, [future.time, future.position, future.std])
 
 

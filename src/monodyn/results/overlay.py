@@ -35,7 +35,7 @@ class Ink:
 
 
 FITTED = Ink(luma=173, blue=42, red=26, width=2.0)
-PREDICTED = Ink(luma=126, blue=40, red=220, width=2.0)
+PREDICTED = Ink(luma=131, blue=165, red=212, width=2.0)
 TRACKED = Ink(luma=225, blue=128, red=128, width=1.0)
 
 
@@ -85,7 +85,7 @@ class Motion:
         if tracked and (not model or _apart(model, tracked)):
             inks += [(polygon, TRACKED) for polygon in tracked]
         inks += [(polygon, PREDICTED if index >= stop else FITTED) for polygon in model]
-        return Drawing(inks, f"{time:.2f} s  {kind if model else 'no model'}")
+        return Drawing(inks, f"{time:.2f} s  {kind if model else 'tracked' if tracked else 'not seen'}")
 
     def _tracked(self, index: int) -> list[np.ndarray]:
         if self.tracked is None:

@@ -75,7 +75,7 @@ def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
         parameters=[_parameter(row) for row in fit.parameters if row.free],
         others=[_parameter(row) for row in fit.parameters if not row.free],
         combinations=[
-            {"name": c.name, "value": number(c.value, c.std), "std": number(c.std)} for c in fit.combinations
+            {"name": c.name, "value": number(c.value, c.std), "std": short(c.std)} for c in fit.combinations
         ],
         cards=_cards(fit, page),
         plotly=Markup(_plotly() if plots else ""),
@@ -108,6 +108,15 @@ def number(value: float | None, std: float | None = None) -> str:
         return f"{value:.5g}".replace("-", "−")
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
     return f"{value:.{min(max(digits, 2), 8)}g}".replace("-", "−")
+
+
+def short(value: float) -> str:
+    """Write a standard deviation with two digits.
+
+    Args:
+        value: The standard deviation.
+    """
+    return f"{value:.2g}" if math.isfinite(value) else number(value)
 
 
 def _parameter(row: Any) -> dict[str, Any]:

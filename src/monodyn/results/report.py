@@ -29,12 +29,16 @@ class View:
 
     Attributes:
         video: The clip.
-        camera: Camera in metres of the identified scale.
+        mechanism: The identified mechanism, or the located one where nothing was identified.
+        camera: Camera in the mechanism's scale.
+        tracked: Measured joint positions in the mechanism's scale.
         camera_std: Standard deviations of the estimated camera parameters by name.
     """
 
     video: Video
+    mechanism: Mechanism
     camera: Camera
+    tracked: Poses
     camera_std: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -69,7 +73,7 @@ def report(
         >>> monodyn.report(fit, future, to="run/")  # doctest: +SKIP
     """
     trace = trace_of(fit, poses, future) if poses is not None else fitted_trace(fit, future)
-    view = None if scene is None else view_of(fit, scene)
+    view = None if scene is None else view_of(fit, scene, trace.poses)
     folder = RunFolder(to, force=force)
     title = fit.mechanism.name if view is None else view.video.path.name
     write_results(folder, fit, [trace], Page(title, _subtitle(fit)), view=view, progress=progress)
@@ -84,16 +88,20 @@ def write_results(
     page: Page,
     *,
     view: View | None = None,
+    fit_frames: tuple[int, int] | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Write all files that follow from a fit, the ones that cost least first.
 
+    Where nothing was identified the tables hold their header alone and the overlay what was tracked.
+
     Args:
         folder: Where to.
         fit: The fit.
-        traces: The records beside their motion.
+        traces: The records beside their motion; none where nothing was identified.
         page: What the report says beside the fit.
         view: Clip and camera; None for encoder records.
+        fit_frames: Frames that were fitted, for ``fit.json``; None takes them from the first record.
         progress: Called with the number of frames drawn.
 
     Returns:
@@ -102,20 +110,25 @@ def write_results(
     Raises:
         SettingsError: a file cannot be written.
     """
-    document = result_document(fit, traces, page.notes, view)
+    document = result_document(fit, traces, page.notes, view, fit_frames)
     folder.write_text("fit.json", json_text(document))
     write_models(folder, fit.mechanism)
-    if traces:
-        folder.write_text("states.csv", states_table(traces))
-        folder.write_text("prediction.csv", prediction_table(traces[0]))
-    if view is not None and traces:
-        page = replace(page, camera=view.camera, pictures=_film(folder, fit, traces[0], view, progress))
+    joints = [joint.name for joint in fit.mechanism.joints]
+    folder.write_text("states.csv", states_table(joints, traces))
+    folder.write_text("prediction.csv", prediction_table(joints, traces[0] if traces else None))
+    if view is not None:
+        pictures = _film(folder, fit, traces, view, document["fit_frames"], progress)
+        page = replace(page, camera=view.camera, pictures=pictures)
     folder.write_text("report.html", page_text(fit, traces, page))
     return document
 
 
 def result_document(
-    fit: Fit, traces: Sequence[Trace], notes: Sequence[str] = (), view: View | None = None
+    fit: Fit,
+    traces: Sequence[Trace],
+    notes: Sequence[str] = (),
+    view: View | None = None,
+    fit_frames: tuple[int, int] | None = None,
 ) -> dict[str, Any]:
     """Return the content of ``fit.json`` with the notes after the fit's own advice.
 
@@ -124,6 +137,7 @@ def result_document(
         traces: The records beside their motion.
         notes: Sentences about clip, camera and tracking.
         view: Clip and camera; None for encoder records.
+        fit_frames: Frames that were fitted; None takes them from the first record.
     """
     document = fit_document(
         fit,
@@ -132,6 +146,8 @@ def result_document(
         camera_std=None if view is None else view.camera_std,
     )
     document["advice"] += list(notes)
+    if fit_frames is not None:
+        document["fit_frames"] = list(fit_frames)
     return document
 
 
@@ -149,15 +165,20 @@ def write_models(folder: RunFolder, mechanism: Mechanism) -> None:
 
 
 def _film(
-    folder: RunFolder, fit: Fit, trace: Trace, view: View, progress: Progress | None
+    folder: RunFolder,
+    fit: Fit,
+    traces: Sequence[Trace],
+    view: View,
+    frames: Sequence[int],
+    progress: Progress | None,
 ) -> list[tuple[bytes, str]]:
     """Write ``overlay.mp4``; return pictures of its first, middle and last frame."""
     from monodyn.results.fill import fill
 
-    position = fill(fit, view.video.times).position
-    first, stop = trace.rows
-    frames = (int(trace.poses.frame[first]), int(trace.poses.frame[stop - 1]) + 1)
-    motion = Motion(fit.mechanism, view.camera, position, frames, trace.poses)
+    position = np.full((view.video.count, len(fit.mechanism.joints)), np.nan)
+    if traces:
+        position = fill(fit, view.video.times).position
+    motion = Motion(view.mechanism, view.camera, position, (frames[0], frames[1]), view.tracked)
     pictures: list[tuple[bytes, str]] = []
     folder.write(
         "overlay.mp4",
@@ -251,18 +272,20 @@ def metric(poses: Poses, mechanism: Mechanism, scale: float) -> Poses:
     )
 
 
-def view_of(fit: Fit, scene: Any) -> View:
-    """Return clip and camera of a scene in metres of the identified scale.
+def view_of(fit: Fit, scene: Any, poses: Poses) -> View:
+    """Return clip, mechanism and camera of a scene in metres of the identified scale.
 
     Args:
         fit: The fit.
         scene: The scene, from ``locate``.
+        poses: The tracked clip.
     """
     camera, scale = scene.camera, fit.scale
     camera = replace(camera, x=camera.x * scale, y=camera.y * scale, depth=camera.depth * scale)
     lengths = ("camera.x", "camera.y", "camera.depth")
     std = {name: value * (scale if name in lengths else 1.0) for name, value in scene.spread.items()}
-    return View(scene.masks.video, camera, std)
+    mechanism = fit.mechanism if fit.starts else scene.mechanism
+    return View(scene.masks.video, mechanism, camera, metric(poses, mechanism, scale), std)
 
 
 def _subtitle(fit: Fit) -> str:
