@@ -5,5 +5,17 @@ from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Joint, Parameter
 from monodyn.mechanism.read import load
 from monodyn.mechanism.tree import Measured, Shapes, Tree
+from monodyn.mechanism.write import write_mjcf, write_urdf
 
-__all__ = ["BUNDLED", "Joint", "Measured", "Mechanism", "Parameter", "Shapes", "Tree", "load"]
+__all__ = [
+    "BUNDLED",
+    "Joint",
+    "Measured",
+    "Mechanism",
+    "Parameter",
+    "Shapes",
+    "Tree",
+    "load",
+    "write_mjcf",
+    "write_urdf",
+]

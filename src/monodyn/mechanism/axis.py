@@ -8,6 +8,8 @@ factor, ``""`` being the constant.
 
 from __future__ import annotations
 
+import math
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -242,15 +244,15 @@ def long_axis(link: Link, anchors: list[np.ndarray], profiles: list[Profile]) ->
         profiles: Profiles of its own body's geoms.
     """
     main = main_geom(profiles)
-    size = max([float(np.hypot(*a)) for a in anchors] + [p.half[0] for p in profiles], default=0.0)
-    far = max(anchors, key=lambda a: float(np.hypot(*a)), default=np.zeros(2))
-    reach = float(np.hypot(*far))
+    size = max([math.hypot(*a) for a in anchors] + [p.half[0] for p in profiles], default=0.0)
+    far = max(anchors, key=lambda a: math.hypot(*a), default=np.zeros(2))
+    reach = math.hypot(*far)
     if link.joint.kind == "slide" and main is not None and main.long is not None:
         along = main.long if main.long[np.argmax(np.abs(main.long))] > 0 else -main.long
         reach = float(far @ along)
-        return (
-            (along, 2 * main.half[0]) if abs(reach) <= TINY * size else (along * np.sign(reach), abs(reach))
-        )
+        if abs(reach) <= TINY * size:
+            return along, 2 * main.half[0]
+        return (along, reach) if reach > 0 else (-along, -reach)
     if reach > TINY * size:
         return far / reach, reach
     if main is None:

@@ -43,6 +43,7 @@ class Plan:
         first: First point of each shape, (geom + 1,).
         outline: Linear map to the points, (3 * point, param + 1).
         radius: Linear map to the radii, (geom, param + 1).
+        depths: Linear map to the z of each link's body, (dof, param + 1).
     """
 
     links: tuple[Link, ...]
@@ -61,6 +62,7 @@ class Plan:
     first: np.ndarray
     outline: np.ndarray
     radius: np.ndarray
+    depths: np.ndarray
 
 
 def make_plan(links: Sequence[Link], gravity: float) -> Plan:
@@ -93,7 +95,7 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
     else:
         table.add("gravity", 0.0, "m/s^2", free=False, bounds=(0.0, math.inf), sign=NOT_NEGATIVE)
     table.add("time_scale", 1.0, "1", free=False)
-    return _stack(links, table, anchors, solids, joints)
+    return _stack(links, table, anchors, solids, joints, depths)
 
 
 def _reach(links: Sequence[Link]) -> float:
@@ -236,6 +238,7 @@ def _stack(
     anchors: list[tuple[Form, Form]],
     solids: list[list[Solid]],
     joints: list[list[str]],
+    depths: list[Form],
 ) -> Plan:
     """Turn the forms into matrices."""
     index = {name: row for row, name in enumerate(table.names)}
@@ -270,6 +273,7 @@ def _stack(
         first=np.cumsum([0] + [len(solid.points) for _, solid in drawn]).astype(np.int64),
         outline=matrix(points, index),
         radius=matrix([solid.radius for _, solid in drawn], index),
+        depths=matrix(depths, index),
     )
 
 

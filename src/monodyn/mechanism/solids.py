@@ -202,7 +202,10 @@ def _block(
     place = _point(
         axis, middle, ((direction, times(along, float(com[0]))), (side, times(across, float(com[1]))))
     )
-    look = Look(geom.kind, direction, (*axis.combine(*middle), z)) if geom.drawn else None
+    tilted = float(np.max(np.abs(geom.axes[2]))) < 1 - 1e-9
+    look = (
+        Look("mesh" if tilted else geom.kind, direction, (*axis.combine(*middle), z)) if geom.drawn else None
+    )
     return Solid(
         BLOCK,
         geom.body,

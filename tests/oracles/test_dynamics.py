@@ -1,0 +1,227 @@
+"""Planar dynamics against MuJoCo, the closed form, energy and finite differences."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from zoo import FRICTION, ZOO
+
+from monodyn.mechanism import Mechanism, load
+from monodyn.mechanism.dynamics import accelerations, energy, rollout, sensitivities
+from monodyn.mechanism.simulate import choose_substeps, simulate
+
+SEED = 20120801
+
+
+def _both(text: str, folder: Path) -> tuple[Mechanism, mujoco.MjModel, mujoco.MjData]:
+    """Return our mechanism and MuJoCo's model of the same text, contacts and limits off."""
+    path = folder / "mechanism.xml"
+    path.write_text(text)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(
+        mujoco.mjtDisableBit.mjDSBL_LIMIT
+    )
+    mechanism = load(path)
+    # A file without damping gets a start value; here the model counts.
+    damping = {
+        f"{j.name}.damping": float(d) for j, d in zip(mechanism.joints, model.dof_damping, strict=True)
+    }
+    return mechanism.with_values(damping), model, mujoco.MjData(model)
+
+
+def _arrays(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    tree = mechanism.tree
+    return tree.parent, tree.kind, tree.links, tree.gravity
+
+
+@pytest.mark.parametrize("name", ZOO)
+def test_accelerations_are_those_of_mujoco(name: str, tmp_path: Path) -> None:
+    mechanism, model, data = _both(ZOO[name], tmp_path)
+    rng = np.random.default_rng(SEED)
+    for _ in range(20):
+        data.qpos[:] = rng.uniform(-3, 3, model.nq)
+        data.qvel[:] = rng.uniform(-8, 8, model.nv)
+        tau = rng.uniform(-0.1, 0.1, model.nv)
+        data.qfrc_applied[:] = tau
+        mujoco.mj_forward(model, data)
+        ours = accelerations(*_arrays(mechanism), data.qpos, data.qvel, tau)
+        # Both are exact up to rounding; 1e-9 leaves room for the conditioning of the inertia matrix.
+        assert np.allclose(ours, data.qacc, rtol=1e-9, atol=1e-9 * np.abs(data.qacc).max())
+
+
+@pytest.mark.parametrize("name", ZOO)
+def test_rollout_takes_the_steps_of_mujoco(name: str, tmp_path: Path) -> None:
+    mechanism, model, data = _both(ZOO[name], tmp_path)
+    rng = np.random.default_rng(SEED)
+    q0, v0 = rng.uniform(-1, 1, model.nq), rng.uniform(-3, 3, model.nv)
+    data.qpos[:], data.qvel[:] = q0, v0
+    theirs = [q0]
+    for _ in range(50):
+        for _ in range(5):
+            mujoco.mj_step(model, data)
+        theirs.append(data.qpos.copy())
+    times = np.arange(51) * 5 * model.opt.timestep
+    q, v = rollout(*_arrays(mechanism), times, 5, q0, v0)
+    # Same method and step: rounding, grown by 250 steps of a motion that may be chaotic.
+    assert np.allclose(q, theirs, rtol=0, atol=1e-8)
+    assert np.allclose(v[-1], data.qvel, rtol=0, atol=1e-7)
+
+
+def test_friction_loss_is_that_of_mujoco_on_fast_motion(tmp_path: Path) -> None:
+    mechanism, model, data = _both(FRICTION, tmp_path)
+    # MuJoCo's friction is a soft constraint: make it as hard as it gets, and saturated by the high rates.
+    model.dof_solimp[:] = [0.9999, 0.9999, 0.001, 0.5, 2]
+    model.dof_solref[:] = [0.004, 1]
+    model.opt.tolerance = 0
+    model.opt.iterations = 200
+    rng = np.random.default_rng(SEED)
+    for _ in range(20):
+        data.qpos[:] = rng.uniform(-3, 3, model.nq)
+        data.qvel[:] = rng.choice([-1, 1], model.nv) * rng.uniform(5, 9, model.nv)
+        mujoco.mj_forward(model, data)
+        ours = accelerations(*_arrays(mechanism), data.qpos, data.qvel, np.zeros(2))
+        # Saturated, both apply the same force; 1e-7 is the solver's tolerance.
+        assert np.allclose(ours, data.qacc, rtol=1e-7, atol=1e-7 * np.abs(data.qacc).max())
+
+
+def test_double_pendulum_is_the_closed_form() -> None:
+    """Eq. (8) of the 2012 paper, with cos(theta1 + theta2) in g1 and g2 and tau_i = -b_i rate_i."""
+    mechanism = load("double").with_values(
+        {"link1.width": 0.04, "link2.length": 0.17, "joint2.damping": 2e-3}
+    )
+    value = mechanism.values
+    l1, g = value["link1.length"], value["gravity"]
+    m1, a1, i1 = value["link1.mass"], value["link1.com_x"], value["link1.inertia"]
+    m2, a2, i2 = value["link2.mass"], value["link2.com_x"], value["link2.inertia"]
+    damping = np.array([value["joint1.damping"], value["joint2.damping"]])
+    rng = np.random.default_rng(SEED)
+    for _ in range(50):
+        q, v, tau = rng.uniform(-3, 3, 2), rng.uniform(-9, 9, 2), rng.uniform(-0.1, 0.1, 2)
+        c2, s2 = np.cos(q[1]), np.sin(q[1])
+        h11 = m1 * a1**2 + i1 + m2 * (l1**2 + a2**2 + 2 * l1 * a2 * c2) + i2
+        h12 = m2 * l1 * a2 * c2 + m2 * a2**2 + i2
+        h22 = m2 * a2**2 + i2
+        h = m2 * l1 * a2 * s2
+        coriolis = np.array([[-h * v[1], -h * v[0] - h * v[1]], [h * v[0], 0.0]])
+        g2 = m2 * a2 * g * np.cos(q[0] + q[1])
+        g1 = m1 * a1 * g * np.cos(q[0]) + m2 * g * l1 * np.cos(q[0]) + g2
+        right = tau - damping * v - coriolis @ v - np.array([g1, g2])
+        closed = np.linalg.solve(np.array([[h11, h12], [h12, h22]]), right)
+        # Both are exact up to rounding.
+        assert np.allclose(accelerations(*_arrays(mechanism), q, v, tau), closed, rtol=1e-11, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["triple", "tree", "cart_branches", "planar_body", "chain"])
+def test_energy_stays_without_friction(name: str, tmp_path: Path) -> None:
+    mechanism, *_ = _both(ZOO[name], tmp_path)
+    mechanism = mechanism.with_values({f"{j.name}.damping": 0.0 for j in mechanism.joints})
+    rng = np.random.default_rng(SEED)
+    n = len(mechanism.joints)
+    times = np.linspace(0, 2, 61)
+    start = rng.uniform(-1, 1, n)
+    q, v = rollout(*_arrays(mechanism), times, 256, start, np.zeros(n))
+    total = energy(*_arrays(mechanism), q, v)
+    moved = energy(*_arrays(mechanism), q, np.zeros_like(v))
+    # RK4 at 0.13 ms loses about (rate * step)^4 of the energy that is exchanged.
+    assert np.ptp(moved) > 1e-2
+    assert np.ptp(total) < 1e-8 * np.ptp(moved)
+
+
+def test_energy_falls_by_what_damping_takes() -> None:
+    mechanism = load("double")
+    times = np.linspace(0, 1, 2001)
+    q, v = rollout(*_arrays(mechanism), times, 1, np.array([0.3, 0.8]), np.zeros(2))
+    total = energy(*_arrays(mechanism), q, v)
+    power = (v**2) @ mechanism.tree.links[:, 9]
+    taken = np.trapezoid(power, times)
+    # The trapezoid rule over 0.5 ms leaves about 1e-6 of the integral.
+    assert total[0] - total[-1] == pytest.approx(taken, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", [*ZOO, "friction"])
+def test_sensitivities_are_exact(name: str, tmp_path: Path) -> None:
+    """Against the complex step, and against central differences, of the plain rollout."""
+    mechanism, *_ = _both({**ZOO, "friction": FRICTION}[name], tmp_path)
+    names = [p.name for p in mechanism.parameters if not p.follows]
+    dlinks, dgravity = mechanism.directions(names)
+    parent, kind, links, gravity = _arrays(mechanism)
+    n = len(parent)
+    times = np.array([0.0, 0.02, 0.05, 0.06, 0.1])
+    rng = np.random.default_rng(SEED)
+    q0, v0 = rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
+    q, v, dq, dv = sensitivities(parent, kind, links, dlinks, gravity, dgravity, times, 3, q0, v0)
+    assert dq.shape == dv.shape == (5, n, len(names) + 2 * n)
+    plain = rollout(parent, kind, links, gravity, times, 3, q0, v0)
+    assert np.array_equal(q, plain[0])
+    assert np.array_equal(v, plain[1])
+    step = 1e-30
+    for k in range(dq.shape[2]):
+        in_links, in_gravity, in_q, in_v = _complex_step(k, len(names), dlinks, dgravity, n, step)
+        qc, vc = rollout(parent, kind, links + in_links, gravity + in_gravity, times, 3, q0 + in_q, v0 + in_v)
+        # Both are exact derivatives: rounding, relative to the largest entry.
+        assert np.allclose(
+            dq[:, :, k], qc.imag / step, rtol=1e-9, atol=1e-11 * (1 + np.abs(qc.imag).max() / step)
+        )
+        assert np.allclose(
+            dv[:, :, k], vc.imag / step, rtol=1e-9, atol=1e-11 * (1 + np.abs(vc.imag).max() / step)
+        )
+
+
+def _complex_step(
+    k: int, params: int, dlinks: np.ndarray, dgravity: np.ndarray, n: int, step: float
+) -> tuple:
+    in_q, in_v = np.zeros(n, complex), np.zeros(n, complex)
+    if k < params:
+        return 1j * step * dlinks[k], 1j * step * dgravity[k], in_q, in_v
+    (in_q if k < params + n else in_v)[(k - params) % n] = 1j * step
+    return np.zeros_like(dlinks[0], complex), np.zeros(2, complex), in_q, in_v
+
+
+@pytest.mark.parametrize("name", ["double", "cart_branches", "shapes"])
+def test_sensitivities_are_those_of_finite_differences(name: str, tmp_path: Path) -> None:
+    mechanism, *_ = _both(ZOO[name], tmp_path)
+    names = [p.name for p in mechanism.parameters if not p.follows and p.value > 0 and p.name != "time_scale"]
+    tree, n = mechanism.tree, len(mechanism.joints)
+    times = np.linspace(0, 0.3, 10)
+    rng = np.random.default_rng(SEED)
+    q0, v0 = rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
+    args = (tree.parent, tree.kind, tree.links)
+    _, _, dq, _ = sensitivities(
+        *args, mechanism.directions(names)[0], tree.gravity, mechanism.directions(names)[1], times, 4, q0, v0
+    )
+    for k, parameter in enumerate(names):
+        value = mechanism.parameter(parameter).value
+        step = 1e-5 * value
+        high, low = (
+            rollout(*_arrays(mechanism.with_values({parameter: value + s})), times, 4, q0, v0)[0]
+            for s in (step, -step)
+        )
+        # Central differences: 1e-10 of truncation and 1e-11 of rounding, relative to the value's whole effect.
+        assert np.allclose(dq[:, :, k] * value, (high - low) / 2e-5, rtol=1e-6, atol=1e-7)
+
+
+def test_rollout_runs_backwards() -> None:
+    mechanism = load("triple")
+    q0, v0 = np.array([-0.4, 0.2, 0.1]), np.array([1.0, -1.0, 0.5])
+    times = np.linspace(0, 0.5, 16)
+    q, v = rollout(*_arrays(mechanism), times, 64, q0, v0)
+    back, _ = rollout(*_arrays(mechanism), times[::-1], 64, q[-1], v[-1])
+    # The error of RK4 at 0.5 ms, there and back.
+    assert np.allclose(back[::-1], q, rtol=0, atol=1e-8)
+
+
+def test_substeps_keep_the_stated_error() -> None:
+    mechanism = load("double")
+    times = np.linspace(0, 1.3, 40)
+    q0, v0 = np.array([0.2, 1.0]), np.zeros(2)
+    exact, _ = rollout(*_arrays(mechanism), times, 512, q0, v0)
+    for tolerance in (1e-3, 1e-5, 1e-7):
+        steps = choose_substeps(mechanism, times, q0, v0, tolerance=tolerance)
+        states = simulate(mechanism, times, q0, v0, tolerance=tolerance)
+        error = np.abs(states.position - exact).max()
+        # The estimate is of leading order; the next order is worth some tens of percent at large steps.
+        assert error < 1.5 * tolerance
+        if steps > 1:
+            fewer, _ = rollout(*_arrays(mechanism), times, steps // 2, q0, v0)
+            assert np.abs(fewer - exact).max() > 0.5 * tolerance
