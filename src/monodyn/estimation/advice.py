@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from monodyn.estimation.fit import Estimate
-from monodyn.estimation.unknowns import kind_of
+from monodyn.estimation.unknowns import MASS_KINDS, kind_of
 from monodyn.mechanism import Mechanism
 
-MASS_KINDS = ("thickness", "density", "mass", "inertia", "damping", "friction", "stiffness", "armature")
 LENGTH_KINDS = ("length", "width", "tail", "tip", "com_x", "com_y", "gravity", "time_scale")
 
 

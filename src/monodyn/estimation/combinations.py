@@ -64,7 +64,7 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
             np.prod([values[f] ** float(e) for f, e in zip(reference, simple, strict=True)])
         )
         std = value * float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0)))
-        found.append(Combination(_product(terms), value, std))
+        found.append(Combination(_product(terms), float(value), std))
     return found
 
 

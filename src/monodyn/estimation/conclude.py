@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,6 +60,7 @@ def conclude(
     fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-7, relative=1e-9)
     route = Route(settings.piece, settings.error_bound, fine)
     evaluations = grown.evaluations
+    grown = _plain(stated, grown)
     for _ in range(2):
         size, spread = noise_factors(stated.data, _stated_residuals(stated, grown), _fitted(problem, grown))
         weighted = stated.with_data(stated.data.scaled(size * spread))
@@ -100,6 +102,13 @@ def typical_differences(problem: Problem, grown: Grown) -> np.ndarray:
     return np.array(
         [typical(difference[:, [j]], use[:, None]) for j, use in enumerate(problem.data.measured.T)]
     )
+
+
+def _plain(problem: Problem, grown: Grown) -> Grown:
+    """Bring the scale of masses near the start where the motion does not fix it."""
+    moved = replace(grown, x=problem.mass_scaled(grown.x))
+    before, after = (float(np.sum(_stated_residuals(problem, which) ** 2)) for which in (grown, moved))
+    return moved if abs(after - before) <= 1e-6 * (1.0 + before) else grown
 
 
 def _stated_residuals(problem: Problem, grown: Grown) -> np.ndarray:

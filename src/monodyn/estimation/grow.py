@@ -13,16 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation.data import Pieces, cut, merge
-from monodyn.estimation.problem import Motion, Problem
+from monodyn.estimation.problem import Problem
 from monodyn.estimation.smooth import Smoothed
-from monodyn.estimation.unknowns import kind_of, scaled_start
-from monodyn.optimize import SearchSettings, minimize, minimize_arrow, scatter
+from monodyn.optimize import SearchSettings, minimize_arrow
 
 MOST_SUBSTEPS = 64
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
 """For stages whose result is only a start: chi-square within 1 %."""
-MATCH = SearchSettings(evaluations=30, relative=1e-4)
-"""For matching accelerations, which are only as good as the smoothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,61 +65,10 @@ class Grown:
     converged: bool
     at_bound: np.ndarray
 
-
-def first_guesses(problem: Problem, motion: Motion, count: int, seed: int) -> list[np.ndarray]:
-    """Find starts by matching accelerations, without integrating.
-
-    The start of the file comes first, brought to the common scale that matches best; then it and ``count``
-    scattered starts (mass ratios and lengths within a factor of 3) after a bounded least-squares match.
-
-    Args:
-        problem: The problem.
-        motion: Smooth motion.
-        count: Number of scattered starts.
-        seed: Seed of the scatter.
-
-    Returns:
-        Coordinates (param,), in the order in which they should be tried.
-    """
-    unknowns = problem.unknowns
-    naive = _best_scale(problem, motion)
-    spread = np.where(unknowns.log, np.log(3.0), 0.0)
-    fixed = [
-        i for i, name in enumerate(unknowns.names) if kind_of(name) in ("width", "tail", "tip", "gravity")
-    ]
-    spread[fixed] = 0.0
-    tried = []
-    for start in scatter(naive, spread, count + 1, seed=seed):
-        start = np.clip(start, unknowns.lower, unknowns.upper)
-        found = minimize(
-            lambda x: problem.acceleration_rows(x, motion),
-            start,
-            unknowns.lower,
-            unknowns.upper,
-            settings=MATCH,
-        )
-        tried.append((found.cost, found.x))
-    matched, rest = tried[0], sorted(tried[1:], key=lambda pair: pair[0])
-    return [naive, matched[1], *(x for _, x in rest)]
-
-
-def _best_scale(problem: Problem, motion: Motion) -> np.ndarray:
-    """Bring the start to the common scale that matches accelerations best."""
-    unknowns = problem.unknowns
-    best, best_cost = unknowns.x0, np.inf
-    for factor in 2.0 ** np.arange(-4.0, 11.0):
-        values = scaled_start(unknowns, factor, problem.mechanism)
-        start = np.array(
-            [values.get(name, value) for name, value in zip(unknowns.names, unknowns.start, strict=True)]
-        )
-        x = np.clip(unknowns.coordinates(start), unknowns.lower, unknowns.upper)
-        rows, _ = problem.acceleration_rows(x, motion)
-        cost = float(rows @ rows)
-        if cost < best_cost:
-            best, best_cost = x, cost
-        if not values:
-            break
-    return best
+    @property
+    def complete(self) -> bool:
+        """True when one rollout goes through each record."""
+        return self.pieces.whole and bool(np.isfinite(self.cost))
 
 
 def grow(
@@ -130,7 +76,8 @@ def grow(
     x: np.ndarray,
     smoothed: tuple[Smoothed, ...],
     route: Route,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[Grown], None] | None = None,
+    hopeless: Callable[[Grown], bool] | None = None,
 ) -> Grown:
     """Fit pieces of the records, then longer ones, until one rollout goes through each record.
 
@@ -139,10 +86,12 @@ def grow(
         x: First coordinates, (param,).
         smoothed: Smooth motion of each record, for the start states.
         route: How to search.
-        progress: Called with the number of pieces after each stage.
+        progress: Called with the result of each stage.
+        hopeless: Asked after the first stage; when it says True the route ends there.
 
     Returns:
-        The fit of one piece a record; its ``cost`` is infinite where a stage could not be evaluated.
+        The fit of one piece a record, or of the first pieces when they are hopeless; its ``cost`` is infinite
+        where a stage could not be evaluated.
     """
     pieces = cut(problem.data, route.piece)
     states = problem.start_states(x, pieces, smoothed)
@@ -151,7 +100,10 @@ def grow(
         stage = fit_pieces(problem, x, states, pieces, route, ROUGH)
         x, states, evaluations = stage.x, stage.states, evaluations + stage.evaluations
         if progress is not None:
-            progress(len(pieces.record))
+            progress(stage)
+        if hopeless is not None and hopeless(stage):
+            return replace(stage, evaluations=evaluations)
+        hopeless = None
         if not np.isfinite(stage.cost) or pieces.whole:
             break
         pieces, kept = merge(pieces)
@@ -171,6 +123,7 @@ def fit_pieces(
     search: SearchSettings,
     *,
     robust: bool = True,
+    held: bool = False,
 ) -> Grown:
     """Fit shared unknowns and start states with the records cut as they are.
 
@@ -182,6 +135,7 @@ def fit_pieces(
         route: Gives the bound of the integration error.
         search: When to stop.
         robust: Bound the pull of samples beyond four typical residuals.
+        held: Hold the shared unknowns and fit the start states alone.
 
     Returns:
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
@@ -190,9 +144,10 @@ def fit_pieces(
     _, residuals = problem.model(x, states, pieces, substeps, 0.0)
     sigma = typical(residuals, problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
+    lower, upper = (x, x) if held else (problem.unknowns.lower, problem.unknowns.upper)
     found = minimize_arrow(
         lambda at, local: problem.model(at, local, pieces, substeps, limit)[0],
-        x, states, problem.unknowns.lower, problem.unknowns.upper, settings=search,
+        x, states, lower, upper, settings=search,
     )  # fmt: skip
     _, residuals = problem.model(found.shared, found.local, pieces, substeps, 0.0)
     return Grown(

@@ -18,9 +18,10 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.conclude import conclude, motion_sizes, refuse, typical_differences
 from monodyn.estimation.data import Data, prepare
 from monodyn.estimation.fit import Fit
-from monodyn.estimation.grow import Grown, Route, first_guesses, grow
+from monodyn.estimation.grow import Grown, Route, grow
 from monodyn.estimation.problem import Problem, smooth_motion
 from monodyn.estimation.smooth import Smoothed, smooth
+from monodyn.estimation.starts import starts
 from monodyn.estimation.unknowns import choose_unknowns, size_prior
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import SearchSettings, first_good
@@ -169,31 +170,34 @@ def _search(
     motion_size = np.maximum(motion_sizes(problem.data), 1e-12)
     done = 0
 
-    def solve(x: np.ndarray) -> Grown:
-        def stage(_: int) -> None:
-            nonlocal done
-            done += 1
-            if progress is not None:
-                progress("identify", done, None)
+    def report(_: Grown) -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress("identify", done, None)
 
-        return grow(problem, x, smoothed, route, stage)
+    def unexplained(grown: Grown) -> float:
+        return float((typical_differences(problem, grown) / motion_size).max())
+
+    def hopeless(grown: Grown) -> bool:
+        return not np.isfinite(grown.cost) or (grown.sigma > 10.0 and unexplained(grown) > 0.01)
 
     def good(grown: Grown) -> bool:
-        return np.isfinite(grown.cost) and (
-            grown.sigma < 3.0 or float((typical_differences(problem, grown) / motion_size).max()) < 0.005
-        )
+        return grown.complete and (grown.sigma < 3.0 or unexplained(grown) < 0.005)
 
-    def starts():
-        naive, matched = first_guesses(problem, motion, 0, settings.seed)
-        yield matched
-        if settings.starts > 1:
-            yield naive
-        if settings.starts > 2:
-            yield from first_guesses(problem, motion, 4 * settings.starts, settings.seed)[2 : settings.starts]
+    tried = starts(problem, motion, smoothed, route, settings.starts, settings.seed)
+    best, count = first_good(
+        lambda start: grow(problem, start[0], smoothed, start[1], report, hopeless),
+        tried,
+        cost=_price,
+        good=good,
+    )
+    if not best.complete:
+        best = grow(problem, best.x, smoothed, route, report)
+    return best, count
 
-    return first_good(solve, starts(), cost=lambda grown: mean_size(grown.residuals), good=good)
 
-
-def mean_size(residuals: np.ndarray) -> float:
-    """Return the mean size of whitened residuals, which gross errors do not rule."""
-    return float(np.mean(np.abs(residuals)))
+def _price(grown: Grown) -> float:
+    """Rank results: mean size of the whitened residuals, so that gross errors do not rule; abandoned last."""
+    size = float(np.mean(np.abs(grown.residuals)))
+    return size if grown.complete else 1e12 + size

@@ -14,7 +14,7 @@ import numpy as np
 
 from monodyn.estimation.data import Data, Pieces
 from monodyn.estimation.smooth import Smoothed
-from monodyn.estimation.unknowns import Prior, Unknowns
+from monodyn.estimation.unknowns import MASS_KINDS, Prior, Unknowns, kind_of
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import Arrow
 
@@ -61,6 +61,20 @@ class Problem:
     def size(self, x: np.ndarray) -> float:
         """Return the common scale of the sizes against the start."""
         return float(np.exp(self.prior.weights @ (x - self.unknowns.x0)))
+
+    def mass_scaled(self, x: np.ndarray) -> np.ndarray:
+        """Return ``x`` with all masses, dampings, ... changed by one factor, to be near the start on average.
+
+        Where nothing fixes the scale of masses this does not change the motion; it keeps the numbers plain.
+        """
+        names, log = self.unknowns.names, self.unknowns.log
+        heavy = np.array([kind_of(name) in MASS_KINDS for name in names], dtype=bool)
+        anchors = heavy & log
+        if not anchors.any():
+            return x
+        factor = float(np.exp(np.mean((self.unknowns.x0 - x)[anchors])))
+        moved = np.where(anchors, x + np.log(factor), np.where(heavy, x * factor, x))
+        return np.clip(moved, self.unknowns.lower, self.unknowns.upper)
 
     def at(self, x: np.ndarray) -> Point:
         """Bring the mechanism at the coordinates ``x`` (param,) into the form the kernels take."""

@@ -32,6 +32,9 @@ POSITIVE = (
 )
 """Kinds that are searched as logarithms."""
 
+MASS_KINDS = ("thickness", "density", "mass", "inertia", "damping", "friction", "stiffness", "armature")
+"""Kinds that are proportional to the scale of masses, which motion without a measured torque leaves open."""
+
 
 def kind_of(name: str) -> str:
     """Return the last part of a parameter's name: ``length`` of ``link1.length``."""

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 Result = TypeVar("Result")
+Begin = TypeVar("Begin")
 
 
 def scatter(start: np.ndarray, spread: np.ndarray, count: int, *, seed: int) -> np.ndarray:
@@ -32,8 +33,8 @@ def scatter(start: np.ndarray, spread: np.ndarray, count: int, *, seed: int) -> 
 
 
 def first_good(
-    solve: Callable[[np.ndarray], Result],
-    starts: Iterable[np.ndarray],
+    solve: Callable[[Begin], Result],
+    starts: Iterable[Begin],
     *,
     cost: Callable[[Result], float],
     good: Callable[[Result], bool],
@@ -41,7 +42,7 @@ def first_good(
     """Solve from each start until a result is good; otherwise take the cheapest.
 
     Args:
-        solve: Gives a result from a start (param,).
+        solve: Gives a result from a start.
         starts: Starts in the order in which they are tried; at least one.
         cost: Cost of a result; NaN counts as infinite.
         good: True for a result that needs no further start.
