@@ -21,6 +21,10 @@ SIZES = (".length", ".width", ".tail", ".tip")
 """Sizes that a picture shows; they are refined as logarithms."""
 NOISE_PX = 0.3
 """Standard deviation of an edge sample, systematic part included [px]."""
+LEAST_NOISE_PX = 0.2
+"""Edges nearer than this all count the same [px]."""
+WEIGH_FROM_PX = 5.0
+"""Search length from which the geoms' edges are weighted by how well they lie."""
 LOG_SPREAD = 1.0
 """Standard deviation of the logarithm of a start size: the file's sizes are only a start."""
 
@@ -39,6 +43,7 @@ class Bundle:
         rms_px: Root mean square of the edge displacements of each key frame [px].
         matched: Share of outline samples within 1.5 px of an edge, by key frame.
         inside: Mean coverage inside of the outline, by key frame.
+        weight: Weight of each geom's edges: rough ones count less, (geom,).
     """
 
     mechanism: Mechanism
@@ -49,6 +54,7 @@ class Bundle:
     rms_px: np.ndarray
     matched: np.ndarray
     inside: np.ndarray
+    weight: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +86,7 @@ def refine(
     start: dict[str, float],
     *,
     reaches: Sequence[float],
+    weight: np.ndarray | None = None,
     shrink: float = 1.0,
     spacing: float = 3.0,
 ) -> Bundle:
@@ -94,6 +101,7 @@ def refine(
         names: Parameters to refine: sizes and ``camera.*``.
         start: Values of the mechanism file, to which a weak spring holds what the masks do not show.
         reaches: Search length along the normals of each iteration, the last one repeated until it settles [px].
+        weight: Weight of each geom's edges to start with, (geom,).
         shrink: Pixels of the camera per pixel of the masks.
         spacing: Distance between outline samples [px].
 
@@ -104,19 +112,28 @@ def refine(
     x = variables.read(mechanism, camera)
     anchor, stiffness = _springs(variables, mechanism, start)
     q = np.array(positions, dtype=np.float64)
-    last = None
+    weight = np.ones(len(mechanism.shapes.radius)) if weight is None else weight
     for reach in reaches:
         mechanism, camera = variables.write(x, mechanism, camera)
-        last = _terms(coverages, trust, variables, x, mechanism, camera, q, reach, shrink, spacing)
-        step, q_step = _step(last, x, anchor, stiffness)
+        terms = _terms(coverages, trust, variables, x, mechanism, camera, q, weight, reach, shrink, spacing)
+        step, q_step = _step(terms, x, anchor, stiffness)
         x = x + step
         q = q + q_step
+        if reach <= WEIGH_FROM_PX and shrink == 1.0:
+            weight = _weights(terms)
     mechanism, camera = variables.write(x, mechanism, camera)
-    assert last is not None
-    final = _terms(coverages, trust, variables, x, mechanism, camera, q, reaches[-1], shrink, spacing)
-    return Bundle(
-        mechanism, camera, q, tuple(names), _information(final), final.facts[:, 2], final.facts[:, 1], final.facts[:, 3]
-    )
+    final = _terms(coverages, trust, variables, x, mechanism, camera, q, weight, reaches[-1], shrink, spacing)
+    matched, rms, inside = final.facts[:, 1], final.facts[:, 2], final.facts[:, 3]
+    return Bundle(mechanism, camera, q, tuple(names), _information(final), rms, matched, inside, weight)
+
+
+def _weights(terms: _Terms) -> np.ndarray:
+    """Return the weight of each geom's edges from their roughness along the outline, (geom,)."""
+    samples, squares = terms.geoms[:, :, 0].sum(axis=0), terms.geoms[:, :, 1].sum(axis=0)
+    variance = np.maximum(squares / np.maximum(samples, 1.0), LEAST_NOISE_PX**2)
+    seen = samples > 0
+    best = float(variance[seen].min()) if seen.any() else 1.0
+    return np.where(seen, best / variance, 1.0)
 
 
 LOG_CAMERA = ("camera.depth", "camera.focal")
@@ -132,6 +149,7 @@ class _Terms:
     q: np.ndarray
     x: np.ndarray
     facts: np.ndarray
+    geoms: np.ndarray
 
 
 def _springs(variables: _Variables, mechanism: Mechanism, start: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -159,6 +177,7 @@ def _terms(
     mechanism: Mechanism,
     camera: Camera,
     q: np.ndarray,
+    weight: np.ndarray,
     reach: float,
     shrink: float,
     spacing: float,
@@ -174,17 +193,18 @@ def _terms(
     stacked = [np.stack([getattr(rig, field) for rig in rigs]) for field in ("links", "points", "radius", "camera")]
     blocks = [
         edge_terms(
-            coverage, trust, base.parent, base.kind, base.link, base.first, *stacked, steps, pose, reach, spacing
+            coverage, trust, base.parent, base.kind, base.link, base.first, *stacked, steps, weight, pose, reach, spacing
         )
         for coverage, pose in zip(coverages, q, strict=True)
     ]
     dofs = q.shape[1]
     normal = np.stack([block[0] for block in blocks])
     right = np.stack([block[1] for block in blocks])
-    facts = np.stack([block[2] for block in blocks])
+    facts, geoms = (np.stack([block[i] for block in blocks]) for i in (2, 3))
     return _Terms(
-        normal[:, :dofs, :dofs], normal[:, :dofs, dofs:], normal[:, dofs:, dofs:], right[:, :dofs], right[:, dofs:], facts
-    )
+        normal[:, :dofs, :dofs], normal[:, :dofs, dofs:], normal[:, dofs:, dofs:], right[:, :dofs], right[:, dofs:],
+        facts, geoms,
+    )  # fmt: skip
 
 
 def _step(

@@ -62,6 +62,27 @@ def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, A
     return width, height, times, decode, notes
 
 
+def read_still(path: Path) -> tuple[int, int, np.ndarray, Any, list[str]]:
+    """Read one picture as a clip of one frame at time 0.
+
+    Args:
+        path: The picture file.
+
+    Returns:
+        Width and height [px], times [s] (frame,), the decode function and the notes, as ``Video`` takes them.
+
+    Raises:
+        VideoError: the file is missing or is not a picture.
+    """
+    luma, chroma = load_picture(path, "picture")
+    frame = Frame(0, 0.0, luma, chroma)
+
+    def decode(start: int, stop: int) -> Iterator[Frame]:
+        return iter([frame][start:stop])
+
+    return luma.shape[1], luma.shape[0], np.zeros(1), decode, []
+
+
 def load_picture(path: Path, what: str) -> Planes:
     """Read one picture file.
 

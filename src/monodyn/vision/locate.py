@@ -25,6 +25,7 @@ from monodyn.vision.segment import Masks
 
 COARSE_REACHES = (9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0)
 FINE_REACHES = (8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0)
+REACHES = np.array([8.0, 6.0, 5.0, 4.0, 4.0])
 LAST_REACHES = (5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0)
 
 
@@ -64,6 +65,7 @@ class Scene:
         key_frames: Numbers of the frames that were refined jointly.
         key_positions: Joint positions there, (key frame, dof).
         spread: Standard deviations of the refined camera parameters by name.
+        weight: Weight of each geom's edges: rough ones count less, (geom,).
         rms_px: Root mean square distance between outline and mask edges [px].
         advice: Sentences for the user.
     """
@@ -76,6 +78,7 @@ class Scene:
     key_frames: tuple[int, ...]
     key_positions: np.ndarray
     spread: Mapping[str, float]
+    weight: np.ndarray
     rms_px: float
     advice: tuple[str, ...]
 
@@ -134,7 +137,7 @@ def locate(
     masks = masks.refined(covered)
     frames = key_frames(masks)
     again = Guess(bundle.mechanism, bundle.camera, positions, np.zeros(len(positions)))
-    bundle, picks = _refine_whole(frames, again, names, start, settings.refine_frames, LAST_REACHES)
+    bundle, picks = _refine_whole(frames, again, names, start, settings.refine_frames, LAST_REACHES, bundle.weight)
     report("locate", 4, 4)
     return _scene(masks, frames, bundle, picks, settings)
 
@@ -182,6 +185,7 @@ def _refine_whole(
     start: dict[str, float],
     count: int,
     reaches: Sequence[float],
+    weight: np.ndarray | None = None,
 ) -> tuple[Bundle, list[int]]:
     """Refine on whole pictures over key frames that fit."""
     picks = sorted(frames.spread(count))
@@ -194,10 +198,10 @@ def _refine_whole(
     bundle = None
     for part in (reaches[: len(reaches) // 2], reaches[len(reaches) // 2 :]):
         coverages = [frames.frames[i].coverage for i in picks]
-        bundle = refine(coverages, frames.trust, mechanism, camera, positions, names, start, reaches=part)
+        bundle = refine(coverages, frames.trust, mechanism, camera, positions, names, start, reaches=part, weight=weight)
         usual = float(np.median(bundle.matched)), float(np.median(bundle.inside))
         good = (bundle.matched > 0.6 * usual[0]) & (bundle.inside > 0.6 * usual[1])
-        mechanism, camera, positions = bundle.mechanism, bundle.camera, bundle.positions
+        mechanism, camera, positions, weight = bundle.mechanism, bundle.camera, bundle.positions, bundle.weight
         if good.sum() >= max(3, len(picks) // 4):
             picks = [pick for pick, ok in zip(picks, good, strict=True) if ok]
             positions = positions[good]
@@ -223,7 +227,7 @@ def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarra
     for frame in frames.frames:
         q, _ = place(frame, frames, coarse, bundle.mechanism)
         q, _, facts = follow(
-            frame.coverage, frames.trust, *rig, q, lower, upper, spread, np.array([8.0, 6.0, 5.0, 4.0, 4.0]), 3.0
+            frame.coverage, frames.trust, *rig, bundle.weight, q, lower, upper, spread, REACHES, 3.0
         )
         positions.append(q)
         good.append(bool(_fits(facts[1:2], facts[3:4])[0]))
@@ -254,5 +258,5 @@ def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle, picks: list[int], se
         )
     return Scene(
         bundle.mechanism.with_measured(measured), bundle.camera, masks, order[first], bundle.positions[first],
-        tuple(order), bundle.positions, spread, rms, tuple(advice),
+        tuple(order), bundle.positions, spread, bundle.weight, rms, tuple(advice),
     )  # fmt: skip

@@ -73,10 +73,11 @@ def place(
     lower, upper = limits(mechanism)
     spread = np.full(len(lower), 0.5)
     spread[rig.kind == 1] = np.ptp(_slide_places(rig, frame.coarse.shape)) / 8.0
+    weight = np.ones(len(rig.radius))
     polished = []
     for start in beam:
         q, _, _ = follow(
-            frame.coarse, frames.coarse_trust, *rig, start, lower, upper, spread, POLISH, 1.5
+            frame.coarse, frames.coarse_trust, *rig, weight, start, lower, upper, spread, POLISH, 1.5
         )  # fmt: skip
         polished.append(q)
     both = np.vstack([beam, np.array(polished)])

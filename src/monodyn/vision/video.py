@@ -79,7 +79,7 @@ class Video:
         return self.decode(start, end)
 
 
-def read(path: str | Path, *, rate: float | None = None) -> Video:
+def read(path: str | Path, *, rate: float | None = None, still: bool = False) -> Video:
     """Open a clip and read the time stamps of its frames.
 
     Args:
@@ -87,13 +87,14 @@ def read(path: str | Path, *, rate: float | None = None) -> Video:
             tif).
         rate: Frames a second [Hz] in place of the time stamps of the file; None uses the stamps (30 a second
             for a folder, which has none).
+        still: Take one picture file as a clip of one frame, with luma as in the clips it is compared with.
 
     Returns:
         The clip; its pictures are decoded by ``Video.frames``.
 
     Raises:
         VideoError: the path is missing or not a video, has no picture stream, no time stamps, or fewer than
-            two frames.
+            two frames; or it is no picture although ``still`` says so.
 
     Example:
         >>> import monodyn
@@ -104,6 +105,10 @@ def read(path: str | Path, *, rate: float | None = None) -> Video:
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise VideoError(f"rate: expected a positive number of frames a second, got {rate:g}.")
     path = Path(path)
+    if still:
+        from monodyn.vision.folder import read_still
+
+        return Video(path, *read_still(path))
     if path.is_dir():
         from monodyn.vision.folder import read_folder
 
@@ -119,27 +124,3 @@ def read(path: str | Path, *, rate: float | None = None) -> Video:
     from monodyn.vision.container import read_container
 
     return Video(path, *read_container(path, rate))
-
-
-def read_picture(path: str | Path, video: Video) -> Frame:
-    """Read one still picture as a frame that compares with the frames of ``video``.
-
-    Args:
-        path: Picture file (png, jpg, bmp, tif), of the clip's upright size.
-        video: The clip the picture belongs to.
-
-    Returns:
-        A frame with index -1 and the time of the clip's first frame [s].
-
-    Raises:
-        VideoError: the file is missing or not a picture, or its size differs from the clip's.
-    """
-    from monodyn.vision.folder import load_picture
-
-    luma, chroma = load_picture(Path(path), "background")
-    if luma.shape != (video.height, video.width):
-        raise VideoError(
-            f"background '{path}': expected a picture of {video.width}x{video.height} px like the clip, "
-            f"got {luma.shape[1]}x{luma.shape[0]} px; take it with the same camera and size."
-        )
-    return Frame(-1, float(video.times[0]), luma, chroma)
