@@ -10,7 +10,7 @@ from monodyn.estimation.fit import Estimate
 from monodyn.estimation.unknowns import MASS_KINDS, kind_of
 from monodyn.mechanism import Mechanism
 
-LENGTH_KINDS = ("length", "width", "tail", "tip", "com_x", "com_y", "gravity", "time_scale")
+LENGTH_KINDS = ("length", "width", "tail", "tip", "gravity", "time_scale")
 
 
 def listed(names: Sequence[str], most: int = 6) -> str:
@@ -31,19 +31,27 @@ def open_parameters(parameters: tuple[Estimate, ...]) -> list[str]:
     """Say which parameters the data leave open and what would fix them."""
     lost = [p.name for p in parameters if p.free and not np.isfinite(p.std)]
     weak = [p.name for p in parameters if p.free and np.isfinite(p.std) and not p.identifiable]
+    regrouped = any(kind_of(name) == "com_x" for name in lost)
     masses = [name for name in lost if kind_of(name) in MASS_KINDS]
+    centres = [name for name in lost if kind_of(name) in ("com_x", "com_y")]
     lengths = [name for name in lost if kind_of(name) in LENGTH_KINDS]
-    rest = [name for name in lost if name not in masses and name not in lengths]
+    rest = [name for name in lost if name not in (*masses, *centres, *lengths)]
     advice = []
-    if masses:
+    if regrouped:
         advice.append(
-            f"The motion fixes {listed(masses)} only in ratios (see the combinations); one measured mass, "
-            "thickness or torque, given with --fix, fixes the mass scale."
+            "Planar motion fixes how the inertias of free bodies act together (see the combinations), not "
+            f"{listed([*masses, *centres], 20)} one by one; measured masses and centres of mass, given with "
+            "--fix, would fix the rest."
+        )
+    elif masses:
+        advice.append(
+            f"The motion fixes {listed(masses, 12)} only in ratios (see the combinations); one measured "
+            "mass, thickness or torque, given with --fix, fixes the mass scale."
         )
     if lengths:
         advice.append(
-            f"The data do not fix {listed(lengths)} one by one; a measured length, or known values of "
-            "gravity and of the time scale, given with --fix, would help."
+            f"The data do not fix {listed(lengths, 12)} one by one; a measured length, or known values of "
+            "gravity and of the time scale, given with --fix, would help where the motion depends on it."
         )
     if rest:
         advice.append(f"The data say nothing about {listed(rest)}; fix them or measure them.")
@@ -94,6 +102,16 @@ def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:
                 "so leave out the frames in which it touches them."
             )
     return advice
+
+
+def proportions(tied: tuple[str, ...]) -> list[str]:
+    """Say which sizes were neither measured nor estimated."""
+    if not tied:
+        return []
+    return [
+        f"Nothing tells {listed(tied, 12)}; they keep their proportion to the length of their body. Give "
+        "measured values with --fix if they matter."
+    ]
 
 
 def clock(unknowns: tuple[str, ...]) -> list[str]:

@@ -15,6 +15,7 @@ from monodyn.estimation.fit import Estimate, Fit, Start
 from monodyn.estimation.grow import Grown, Route, fit_pieces, typical
 from monodyn.estimation.problem import Problem
 from monodyn.estimation.uncertainty import Knowledge, know, noise_factors
+from monodyn.estimation.unknowns import kind_of
 from monodyn.optimize import SearchSettings
 from monodyn.types import Poses
 
@@ -83,7 +84,7 @@ def refuse(problem: Problem, status: str, records: tuple[Poses, ...], seconds: f
     residual = tuple(np.full(record.position.shape, np.nan) for record in records)
     return Fit(
         status=status, ok=False, advice=(), mechanism=problem.mechanism, parameters=parameters,
-        combinations=(), starts=(), names=(), covariance=np.zeros((0, 0)), residual=residual,
+        combinations=(), starts=(), names=(), tied=(), covariance=np.zeros((0, 0)), residual=residual,
         rms={joint.name: float("nan") for joint in problem.mechanism.joints}, scale=1.0, torque="friction",
         time=tuple(record.time for record in records), evaluations=0, seconds=seconds,
     )  # fmt: skip
@@ -105,10 +106,19 @@ def typical_differences(problem: Problem, grown: Grown) -> np.ndarray:
 
 
 def _plain(problem: Problem, grown: Grown) -> Grown:
-    """Bring the scale of masses near the start where the motion does not fix it."""
-    moved = replace(grown, x=problem.mass_scaled(grown.x))
-    before, after = (float(np.sum(_stated_residuals(problem, which) ** 2)) for which in (grown, moved))
-    return moved if abs(after - before) <= 1e-6 * (1.0 + before) else grown
+    """Bring gravity and the scale of masses to the start where the motion does not fix them."""
+    before = float(np.sum(_stated_residuals(problem, grown) ** 2))
+    for plainer in (problem.gravity_scaled, problem.mass_scaled):
+        moved = replace(grown, x=plainer(grown.x))
+        after = float(np.sum(_stated_residuals(problem, moved) ** 2))
+        if abs(after - before) <= 1e-6 * (1.0 + before):
+            grown = moved
+    return grown
+
+
+def _uniform(problem: Problem) -> bool:
+    """True when inertia follows from sizes."""
+    return not any(kind_of(name) == "inertia" for name in problem.unknowns.names)
 
 
 def _stated_residuals(problem: Problem, grown: Grown) -> np.ndarray:
@@ -161,12 +171,16 @@ def _fit(
     return Fit(
         status=status,
         ok=ok,
-        advice=_advice(problem, grown, parameters, rms, rejected, size, spread, tried, records),
+        advice=_advice(problem, grown, ok, parameters, rms, rejected, size, spread, tried, records),
         mechanism=mechanism,
         parameters=parameters,
         combinations=combinations(problem, grown.x, known),
         starts=_starts(problem, grown, known),
         names=_unknown_names(problem),
+        tied=tuple(
+            (name, problem.unknowns.names[i])
+            for name, i in zip(problem.unknowns.tied, problem.unknowns.tied_to, strict=True)
+        ),
         covariance=_natural(problem, grown, known),
         residual=_by_record(problem.data, difference, records),
         rms=rms,
@@ -181,11 +195,26 @@ def _fit(
 def _estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float) -> tuple[Estimate, ...]:
     """Every parameter with its interval; ``quantile`` standard deviations either side."""
     where = {name: i for i, name in enumerate(problem.unknowns.names)}
+    tied = dict(zip(problem.unknowns.tied, problem.unknowns.tied_to, strict=True))
     values = problem.mechanism_at(grown.x).values
     found = []
     for p in problem.mechanism.parameters:
         value = float(values[p.name])
         i = where.get(p.name)
+        follows = tied.get(p.name)
+        if follows is not None:
+            share = float(known.std[follows])
+            finite = np.isfinite(share)
+            reach = np.exp(min(quantile * share, 700.0)) if finite else np.inf
+            low, high = (
+                (max(value / reach, p.lower), min(value * reach, p.upper)) if finite else (p.lower, p.upper)
+            )
+            found.append(
+                Estimate(
+                    p.name, value, value * share, low, high, p.unit, False, finite and share < WEAK, False
+                )
+            )
+            continue
         if i is None:
             found.append(Estimate(p.name, value, 0.0, value, value, p.unit, False, True, False))
             continue
@@ -242,6 +271,7 @@ def _noise(data: Data, dof: int) -> float:
 def _advice(
     problem: Problem,
     grown: Grown,
+    ok: bool,
     parameters: tuple[Estimate, ...],
     rms: dict[str, float],
     rejected: np.ndarray,
@@ -256,9 +286,11 @@ def _advice(
     left_out = [int(records[0].frame[row]) for row in gone] if len(records) == 1 else []
     found = say.misfit(problem.mechanism, rms, size, spread)
     found += say.limits(problem.mechanism, simulated)
-    found += say.open_parameters(parameters)
-    found += say.bounds(parameters)
-    found += say.clock(problem.unknowns.names)
+    if ok:
+        found += say.open_parameters(parameters)
+        found += say.bounds(parameters)
+        found += say.proportions(problem.unknowns.tied if _uniform(problem) else ())
+        found += say.clock(problem.unknowns.names)
     total = int(problem.data.measured.any(axis=1).sum()) + int(rejected.sum())
     found += say.outliers(total, int(rejected.sum()), left_out)
     found += say.few(problem.data.samples, _fitted(problem, grown))

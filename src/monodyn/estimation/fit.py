@@ -82,6 +82,7 @@ class Fit:
         combinations: What the motion fixes even where single parameters stay open.
         starts: Start state of each record.
         names: Names of the unknowns, parameters first, then ``record0.joint1``, ``record0.joint1_vel``, ...
+        tied: Sizes that keep their proportion to a length because nothing tells them: (size, length) pairs.
         covariance: Covariance of the unknowns, (param, param); directions that the data do not fix, and that
             do not move the motion, are left out of it.
         residual: Measured less simulated positions by record [rad or m], NaN where not measured, each
@@ -102,6 +103,7 @@ class Fit:
     combinations: tuple[Combination, ...]
     starts: tuple[Start, ...]
     names: tuple[str, ...]
+    tied: tuple[tuple[str, str], ...]
     covariance: np.ndarray
     residual: tuple[np.ndarray, ...]
     rms: dict[str, float]

@@ -76,16 +76,38 @@ class Problem:
         moved = np.where(anchors, x + np.log(factor), np.where(heavy, x * factor, x))
         return np.clip(moved, self.unknowns.lower, self.unknowns.upper)
 
+    def gravity_scaled(self, x: np.ndarray) -> np.ndarray:
+        """Return ``x`` with gravity as at the start, and lengths and what goes with them changed to match.
+
+        With everything k times as long and k times the gravity, inertias k^2 (free) or k^4 (uniform, thickness
+        unchanged) times as large and dampings likewise, the motion of hinges stays the same.
+        """
+        names = self.unknowns.names
+        if "gravity" not in names or self.data.slide.any():
+            return x
+        at = names.index("gravity")
+        k = float(np.exp(self.unknowns.x0[at] - x[at]))
+        free = any(kind_of(name) == "inertia" for name in names)
+        power = dict.fromkeys(("length", "width", "tail", "tip", "com_x", "com_y", "gravity"), 1)
+        power |= dict.fromkeys(("damping", "friction", "stiffness", "inertia"), 2 if free else 4)
+        powers = np.array([power.get(kind_of(name), 0) for name in names])
+        moved = np.where(self.unknowns.log, x + powers * np.log(k), x * k**powers)
+        return np.clip(moved, self.unknowns.lower, self.unknowns.upper)
+
     def at(self, x: np.ndarray) -> Point:
         """Bring the mechanism at the coordinates ``x`` (param,) into the form the kernels take."""
-        mechanism = self.mechanism_at(x)
-        tree, slope = mechanism.tree, self.unknowns.slope(x)
-        dlinks, dgravity = mechanism.directions(self.unknowns.names)
-        clock = np.array([name == "time_scale" for name in self.unknowns.names], dtype=float)
+        mechanism, unknowns = self.mechanism_at(x), self.unknowns
+        tree = mechanism.tree
+        dlinks, dgravity = mechanism.directions((*unknowns.names, *unknowns.tied))
+        clock = np.array([name == "time_scale" for name in unknowns.names], dtype=float)
         arrays = (
-            tree.parent, tree.kind, tree.links, np.ascontiguousarray(np.moveaxis(dlinks, 0, -1) * slope),
-            tree.gravity, np.ascontiguousarray(dgravity.T * slope),
-        )  # fmt: skip
+            tree.parent,
+            tree.kind,
+            tree.links,
+            unknowns.by_coordinate(x, dlinks),
+            tree.gravity,
+            unknowns.by_coordinate(x, dgravity),
+        )
         return Point(arrays, (self.size(x), self.prior.weights, mechanism.values["time_scale"], clock))
 
     def model(

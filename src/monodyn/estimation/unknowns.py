@@ -1,13 +1,14 @@
 """Which parameters the motion is asked for, and in which coordinates.
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
-and centres of mass are searched as they are, because they may be zero or negative.
+and centres of mass are searched as they are, because they may be zero or negative. Sizes that neither the motion
+nor a picture tells keep their proportion to the length of their body: a file's width would pose as a ruler.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -51,6 +52,9 @@ class Unknowns:
         log: True where the coordinate is the logarithm, (param,).
         lower: Lower bounds of the coordinates, (param,).
         upper: Upper bounds of the coordinates, (param,).
+        tied: Sizes that keep their proportion to a length.
+        tied_to: For each of them the unknown it follows, (tied,).
+        tied_start: Their start values, (tied,).
     """
 
     names: tuple[str, ...]
@@ -58,6 +62,9 @@ class Unknowns:
     log: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    tied: tuple[str, ...]
+    tied_to: np.ndarray
+    tied_start: np.ndarray
 
     def __len__(self) -> int:
         return len(self.names)
@@ -80,8 +87,28 @@ class Unknowns:
         return np.where(self.log, self.values(x), 1.0)
 
     def named(self, x: np.ndarray) -> dict[str, float]:
-        """Return the values at ``x`` by name."""
-        return dict(zip(self.names, self.values(x).tolist(), strict=True))
+        """Return the values at ``x`` by name, tied sizes included."""
+        values = self.values(x)
+        tied = self.tied_start * values[self.tied_to] / self.start[self.tied_to]
+        return dict(zip((*self.names, *self.tied), (*values.tolist(), *tied.tolist()), strict=True))
+
+    def by_coordinate(self, x: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Turn derivatives by parameter, tied sizes last, into derivatives by coordinate.
+
+        Args:
+            x: Coordinates, (param,).
+            directions: Derivatives by the parameters ``names`` and ``tied``, (param + tied, ...).
+
+        Returns:
+            Derivatives by coordinate, contiguous, (..., param).
+        """
+        count = len(self)
+        chain = np.zeros((count + len(self.tied), count))
+        chain[range(count), range(count)] = self.slope(x)
+        values = self.values(x)
+        follow = self.tied_start / self.start[self.tied_to]
+        chain[count + np.arange(len(self.tied)), self.tied_to] = follow * values[self.tied_to]
+        return np.ascontiguousarray(np.tensordot(directions, chain, axes=(0, 0)))
 
     def index(self, names: tuple[str, ...]) -> np.ndarray:
         """Return the position of each of ``names`` among the unknowns, -1 where it is none."""
@@ -109,8 +136,19 @@ def choose_unknowns(mechanism: Mechanism) -> Unknowns:
         np.where(log, np.maximum(lower, floor), lower),
         np.where(log, np.minimum(upper, 1e300), upper),
     )
-    blank = Unknowns(tuple(p.name for p in chosen), start, log, lower, upper)
-    return Unknowns(blank.names, start, log, blank.coordinates(lower), blank.coordinates(upper))
+    names = tuple(p.name for p in chosen)
+    where = {name: i for i, name in enumerate(names) if log[i]}
+    tied = [
+        (p.name, where[length], p.value)
+        for p in mechanism.parameters
+        if p.free and kind_of(p.name) in SEEN_ONLY and p.name not in measured
+        if (length := f"{p.name.split('.')[0]}.length") in where
+    ]
+    blank = Unknowns(
+        names, start, log, lower, upper, tuple(t[0] for t in tied), np.array([t[1] for t in tied], dtype=int),
+        np.array([t[2] for t in tied], dtype=float),
+    )  # fmt: skip
+    return replace(blank, lower=blank.coordinates(lower), upper=blank.coordinates(upper))
 
 
 def _wanted(name: str, measured: set[str]) -> bool:

@@ -97,7 +97,7 @@ def _one_way(
     dofs = len(start.position)
     count = len(fit.names) - 2 * dofs * len(fit.starts)
     names = fit.names[:count]
-    dlinks, dgravity = fit.mechanism.directions(names)
+    dlinks, dgravity = _directions(fit, names)
     q, v, dq, _ = sensitivities(*arrays, dlinks, tree.gravity, dgravity, clock, substeps, *state)
     if "time_scale" in names:
         dq[:, :, names.index("time_scale")] += v * ((stamps - start.time)[:, None])
@@ -106,6 +106,16 @@ def _one_way(
     dq = dq[rows]
     variance = np.einsum("fip,pr,fir->fi", dq, covariance, dq, optimize=True)
     return q[rows], v[rows], np.sqrt(np.maximum(variance, 0.0))
+
+
+def _directions(fit: Fit, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of the tree by the unknowns; a size tied to a length moves with it."""
+    dlinks, dgravity = fit.mechanism.directions((*names, *(size for size, _ in fit.tied)))
+    count, values = len(names), fit.mechanism.values
+    chain = np.eye(len(dlinks))[:, :count]
+    for k, (size, length) in enumerate(fit.tied):
+        chain[count + k, names.index(length)] = values[size] / values[length]
+    return np.tensordot(chain.T, dlinks, axes=1), np.tensordot(chain.T, dgravity, axes=1)
 
 
 def _stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:
