@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 CODECS = {
     ".mp4": ("libx264", "yuv420p", {"crf": "10", "bf": "2"}),
@@ -50,6 +55,7 @@ def make_clip(tmp_path: Path) -> ClipMaker:
         aspect: Fraction | None = None,
         rotation: int = 0,
         full_range: bool = False,
+        step: int = 1,
     ) -> Path:
         path = tmp_path / name
         codec, form, options = CODECS[path.suffix]
@@ -65,7 +71,7 @@ def make_clip(tmp_path: Path) -> ClipMaker:
             if rotation:
                 stream.set_display_rotation(rotation)
             for i in range(count):
-                grey = square(i, *size)
+                grey = square(step * i, *size)
                 frame = av.VideoFrame.from_ndarray(np.repeat(grey[..., None], 3, 2), format="rgb24")
                 wanted = "JPEG" if full_range else "MPEG"
                 frame = frame.reformat(format=stream.pix_fmt, dst_color_range=wanted)
@@ -76,3 +82,31 @@ def make_clip(tmp_path: Path) -> ClipMaker:
         return path
 
     return make
+
+
+@dataclass(frozen=True)
+class Done:
+    """A command that ran: its exit code, what it printed, and its folder."""
+
+    code: int
+    out: str
+    err: str
+    folder: Path
+
+
+def command(*words: object, folder: Path = Path()) -> Done:
+    """Run a command in this process."""
+    from monodyn.cli import main
+
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main([str(word) for word in words])
+    return Done(code, out.getvalue(), err.getvalue(), folder)
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Done:
+    """Run the main job once on the demo clip, with its result as JSON."""
+    out = tmp_path_factory.mktemp("demo") / "run"
+    clip, model = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
+    return command("run", clip, "--model", model, "--out", out, "--fit-frames", "0:150", "--json", folder=out)

@@ -11,7 +11,7 @@ import pytest
 
 from conftest import ClipMaker, left_edge, square
 from monodyn.errors import VideoError
-from monodyn.vision.video import Video, read, read_picture
+from monodyn.vision.video import Video, read
 
 
 def edges(video: Video) -> list[int]:
@@ -189,19 +189,19 @@ def test_pictures_of_two_sizes_and_a_broken_one(tmp_path: Path) -> None:
     )
 
 
-def test_picture_compares_with_the_clip(make_clip: ClipMaker, tmp_path: Path) -> None:
+def test_a_still_compares_with_the_clip(make_clip: ClipMaker, tmp_path: Path) -> None:
     video = read(make_clip(pixel="yuvj420p", full_range=True))
-    cv2.imwrite(str(tmp_path / "back.png"), cv2.cvtColor(square(0, 64, 48), cv2.COLOR_GRAY2BGR))
-    picture = read_picture(tmp_path / "back.png", video)
+    path = tmp_path / "back.png"
+    cv2.imwrite(str(path), cv2.cvtColor(square(0, 64, 48), cv2.COLOR_GRAY2BGR))
+    picture = next(read(path, still=True).frames())
     first = next(video.frames())
     # 2 grey levels for the codec
     assert np.median(np.abs(picture.luma.astype(int) - first.luma)) <= 2
-    cv2.imwrite(str(tmp_path / "small.png"), square(0, 32, 48))
+    path.write_bytes(b"no picture")
     with pytest.raises(VideoError) as error:
-        read_picture(tmp_path / "small.png", video)
+        read(path, still=True)
     assert str(error.value) == (
-        f"background '{tmp_path / 'small.png'}': expected a picture of 64x48 px like the clip, got 32x48 px; "
-        "take it with the same camera and size."
+        f"picture '{path}': expected a png, jpg, bmp or tif picture, cannot read it as one."
     )
 
 

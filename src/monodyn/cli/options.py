@@ -260,9 +260,12 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
     if text.startswith("Unrecognized"):
         odd = re.sub(r"^.*?Unrecognized options:\s*", "", text)
         return f"{command}: expected known options, got {odd.split('. ')[0].strip()}; {see}"
+    choice = re.search(r"invalid choice '(.*?)' for argument '(.*?)'. Expected one of \((.*?)\)", text)
+    if choice:
+        return f"{command}: {choice[2]}: expected {choice[3]}, got '{choice[1]}'; {see}"
     value = re.search(r"Error parsing (\S+): .*?from \['?(.*?)'?\]", text)
     if value:
-        return f"{command}: {value[1]} cannot take '{value[2]}'; {see}"
+        return f"{command}: {value[1]}: expected another kind of value, got '{value[2]}'; {see}"
     return f"{command}: {text.rstrip('.')}; {see}"
 
 

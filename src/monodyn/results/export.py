@@ -53,7 +53,13 @@ class Trace:
 
         A joint without measured rows there has None.
         """
-        return rms_of(self.poses.joints, self.errors()[self.rows[1] :])
+        if self.future is None or not len(self.future.time):
+            return dict.fromkeys(self.poses.joints)
+        after = self.poses.part(self.rows[1], len(self.poses))
+        row = np.minimum(np.searchsorted(self.future.time, after.time - 1e-9), len(self.future.time) - 1)
+        predicted = after.seen & (np.abs(self.future.time[row] - after.time) < 1e-9)
+        error = after.position - self.future.position[row]
+        return rms_of(self.poses.joints, np.where(predicted[:, None], error, np.nan))
 
 
 def rms_of(joints: Sequence[str], error: np.ndarray) -> dict[str, float | None]:

@@ -7,6 +7,7 @@ old one's place only when it is complete, so a full disk or Ctrl-C leaves the ol
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -135,9 +136,8 @@ class RunFolder:
 
     def _cannot(self, what: str, error: OSError) -> SettingsError:
         why = error.strerror or str(error)
-        return SettingsError(
-            f"out '{self.path}': cannot {what} ({why}); free some space or give another folder with --out."
-        )
+        cure = "free some space or give" if error.errno == errno.ENOSPC else "give"
+        return SettingsError(f"out '{self.path}': cannot {what} ({why}); {cure} another folder with --out.")
 
 
 def _write_text(path: Path, text: str) -> None:

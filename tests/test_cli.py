@@ -1,0 +1,329 @@
+"""The commands from the outside: the run folder, exit codes, and one line for bad input."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from conftest import EXAMPLES, ClipMaker, Done, command
+from monodyn.cli.options import frame_range, values
+from monodyn.errors import SettingsError
+from monodyn.results.folder import FILES, RunFolder
+
+CLIP, MODEL = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
+
+
+def table(path: Path) -> dict[str, np.ndarray]:
+    rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    return {name: np.array([float(row[i]) for row in rows[1:]]) for i, name in enumerate(rows[0])}
+
+
+def refused(*words: object) -> str:
+    """Run a command that must fail as bad input; return its one line."""
+    done = command(*words)
+    assert done.code == 2
+    assert done.out == ""
+    assert done.err.count("\n") == 1
+    assert done.err.startswith("monodyn: ")
+    return done.err.removeprefix("monodyn: ").strip()
+
+
+# the run folder
+
+
+def test_run_leaves_the_folder_that_was_promised(demo: Done) -> None:
+    assert demo.code == 0
+    assert {path.name for path in demo.folder.iterdir()} == set(FILES)
+    assert list(table(demo.folder / "poses.csv")) == [
+        "frame", "time", "seen", "joint1", "joint2", "joint1_std", "joint2_std",
+    ]  # fmt: skip
+    assert list(table(demo.folder / "states.csv")) == [
+        "frame", "time", "joint1", "joint2", "joint1_vel", "joint2_vel", "joint1_std", "joint2_std",
+    ]  # fmt: skip
+    assert list(table(demo.folder / "prediction.csv")) == [
+        "frame", "time", "joint1", "joint2", "joint1_std", "joint2_std",
+    ]  # fmt: skip
+    assert len(table(demo.folder / "poses.csv")["frame"]) == 210
+    assert table(demo.folder / "prediction.csv")["frame"].tolist() == list(range(150, 210))
+
+
+def test_run_finds_the_demo_mechanism(demo: Done) -> None:
+    truth = json.loads((EXAMPLES / "double.json").read_text())
+    fit = json.loads((demo.folder / "fit.json").read_text())
+    found = {row["name"]: row["value"] for row in fit["parameters"]}
+    assert fit["ok"] is True
+    assert fit["fit_frames"] == [0, 150]
+    # 1 % of length and 4 % of width are what a clip of this kind must give
+    assert found["link1.length"] == pytest.approx(truth["length"][0], rel=0.01)
+    assert found["link2.length"] == pytest.approx(truth["length"][1] + truth["overhang"][1], rel=0.01)
+    assert found["link1.width"] == pytest.approx(truth["width"][0], rel=0.04)
+    q = np.array(truth["q"])
+    poses, future = table(demo.folder / "poses.csv"), table(demo.folder / "prediction.csv")
+    for dof, joint in enumerate(("joint1", "joint2")):
+        # 0.15 deg rms of tracking and 0.75 deg rms of prediction, likewise
+        assert np.degrees(np.sqrt(np.mean((poses[joint] - q[:, dof]) ** 2))) < 0.15
+        assert np.degrees(np.sqrt(np.mean((future[joint] - q[150:, dof]) ** 2))) < 0.75
+        error = poses[joint][150:] - future[joint]
+        assert fit["heldout_rms"][joint] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
+
+
+def test_identified_model_moves_like_the_prediction(demo: Done) -> None:
+    fit = json.loads((demo.folder / "fit.json").read_text())
+    states = table(demo.folder / "states.csv")
+    model = mujoco.MjModel.from_xml_path(str(demo.folder / "model.xml"))
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, 1.0 / 30.0 / 50.0
+    data = mujoco.MjData(model)
+    start = fit["initial_state"]
+    data.qpos[:], data.qvel[:] = list(start["position"].values()), list(start["velocity"].values())
+    mujoco.mj_step(model, data, 50 * 60)
+    # the integration errors of both sides over 2 s are far below
+    assert np.allclose(data.qpos, [states["joint1"][60], states["joint2"][60]], atol=1e-4)
+    assert mujoco.MjModel.from_xml_path(str(demo.folder / "model.urdf")).nq == 2
+
+
+def test_json_is_the_result_and_nothing_else(demo: Done) -> None:
+    result = json.loads(demo.out)
+    fit = json.loads((demo.folder / "fit.json").read_text())
+    assert result.pop("out") == str(demo.folder)
+    assert result == fit
+    assert "Infinity" not in demo.out
+    assert "NaN" not in demo.out
+
+
+def test_run_json_says_what_was_run(demo: Done) -> None:
+    log = json.loads((demo.folder / "run.json").read_text())
+    assert log["status"] == "done"
+    assert log["files"] == [*log["files"][:-1], "run.json"]
+    assert set(log["files"]) == set(FILES)
+    assert len(log["inputs"]["clip"]["sha256"]) == 64
+    assert set(log["seconds"]) == {"segment", "locate", "track", "identify", "predict", "results"}
+    assert log["settings"]["fit_frames"] == [0, 150]
+    assert log["versions"]["monodyn"]
+
+
+def test_progress_is_plain_lines_where_there_is_no_terminal(demo: Done) -> None:
+    lines = demo.err.splitlines()
+    assert any(line.startswith("track: 210 of 210, ") and line.endswith("/s") for line in lines)
+    assert any(line.startswith("overlay: 210 of 210, ") for line in lines)
+
+
+def test_a_run_is_not_overwritten_without_force(demo: Done) -> None:
+    before = (demo.folder / "run.json").read_bytes()
+    message = refused("run", CLIP, "--model", MODEL, "--out", demo.folder)
+    assert message == (
+        f"out '{demo.folder}': expected a folder without a run, it holds poses.csv; "
+        "give another folder, or --force to replace the run."
+    )
+    assert (demo.folder / "run.json").read_bytes() == before
+
+
+def test_identify_takes_the_poses_of_a_run(demo: Done, tmp_path: Path) -> None:
+    out = tmp_path / "fit"
+    done = command("identify", demo.folder / "poses.csv", "--model", MODEL, "--out", out, "--quiet")
+    assert (done.code, done.out, done.err) == (0, "", "")
+    names = {"states.csv", "prediction.csv", "fit.json", "model.xml", "model.urdf", "report.html", "run.json"}
+    assert {path.name for path in out.iterdir()} == names
+    fit = json.loads((out / "fit.json").read_text())
+    assert fit["camera"] is None
+    assert fit["fit_frames"] == [0, 210]
+    printed = command("identify", demo.folder / "poses.csv", "--model", MODEL)
+    assert printed.code == 0
+    assert "link1.length" in printed.out
+    assert "N m s/rad" in printed.out
+
+
+def test_a_fit_that_cannot_be_trusted_exits_1_and_writes_its_files(demo: Done, tmp_path: Path) -> None:
+    rows = (demo.folder / "poses.csv").read_text().splitlines()[:4]
+    few = tmp_path / "few.csv"
+    few.write_text("\n".join(rows) + "\n")
+    done = command("identify", few, "--model", MODEL, "--out", tmp_path / "fit", "--quiet")
+    assert done.code == 1
+    assert done.err.count("\n") == 1
+    fit = json.loads((tmp_path / "fit" / "fit.json").read_text())
+    assert fit["ok"] is False
+    assert fit["status"] in done.err
+    assert (tmp_path / "fit" / "states.csv").read_text().startswith("frame,time,joint1,joint2,joint1_vel")
+    assert (tmp_path / "fit" / "report.html").exists()
+
+
+def test_models_lists_the_bundled_ones() -> None:
+    done = command("models", "--json")
+    names = [row["name"] for row in json.loads(done.out)]
+    assert names == ["single", "double", "triple", "bob", "cartpole", "chain:N"]
+    assert "cartpole" in command("models").out
+
+
+# what stops a run
+
+
+def test_ctrl_c_keeps_what_was_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from monodyn import pipeline
+
+    def interrupt(*args: object, **kwargs: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pipeline, "identify", interrupt)
+    out = tmp_path / "run"
+    done = command("run", CLIP, "--model", MODEL, "--out", out, "--quiet")
+    assert done.code == 130
+    assert done.err == "monodyn: interrupted; what was finished is in the output folder.\n"
+    assert sorted(path.name for path in out.iterdir()) == ["poses.csv", "run.json"]
+    log = json.loads((out / "run.json").read_text())
+    assert (log["status"], log["files"]) == ("interrupted", ["poses.csv"])
+
+
+def test_ctrl_c_while_replacing_a_run_leaves_the_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from monodyn import pipeline
+
+    def interrupt(*args: object, **kwargs: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pipeline, "segment", interrupt)
+    (tmp_path / "poses.csv").write_text("old")
+    (tmp_path / "mine.txt").write_text("mine")
+    assert command("run", CLIP, "--model", MODEL, "--out", tmp_path, "--quiet", "--force").code == 130
+    assert (tmp_path / "poses.csv").read_text() == "old"
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert json.loads((tmp_path / "unfinished" / "run.json").read_text())["status"] == "interrupted"
+
+
+def test_force_replaces_our_own_files_alone(tmp_path: Path) -> None:
+    (tmp_path / "poses.csv").write_text("old")
+    (tmp_path / "overlay.mp4").write_text("old")
+    (tmp_path / "mine.txt").write_text("mine")
+    folder = RunFolder(tmp_path, force=True)
+    folder.write_text("poses.csv", "new")
+    assert (tmp_path / "poses.csv").read_text() == "old"
+    folder.finish()
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        "poses.csv": "new",
+        "mine.txt": "mine",
+    }
+
+
+def test_full_disk_is_one_line_and_leaves_no_half_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from monodyn import pipeline
+
+    def full(poses: object, path: Path) -> None:
+        path.write_text("half a f")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(pipeline, "write_poses", full)
+    out = tmp_path / "new" / "run"
+    message = refused("run", CLIP, "--model", MODEL, "--out", out, "--quiet")
+    assert message == (
+        f"out '{out}': cannot write poses.csv (No space left on device); "
+        "free some space or give another folder with --out."
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+# bad input
+
+
+def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
+    clip = make_clip("still.mp4", count=40, step=0)
+    message = refused("run", clip, "--model", MODEL, "--out", tmp_path / "run", "--quiet")
+    assert "moves" in message
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["bogus"], "expected a command, got 'bogus'; commands: run, track, identify, models."),
+        (["run"], "run: expected CLIP, --model, --out, got nothing; see monodyn run --help."),
+        (["run", "a.mp4", "--model", "m"],
+         "run: expected --out, got a.mp4 --model m; see monodyn run --help."),
+        (["identify", "--model", "double"],
+         "identify: expected at least one table of joint positions, got none; name a poses.csv."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--bogus"],
+         "run: expected known options, got --bogus; see monodyn run --help."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--until", "abc"],
+         "run: --until: expected another kind of value, got 'abc'; see monodyn run --help."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "gravity"],
+         "fix: expected NAME=VALUE with a number, got 'gravity'; e.g. gravity=9.81."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "gravity=1", "--fix", "gravity=2"],
+         "fix: expected each name once, got 'gravity' twice; keep one of them."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--fit-frames", "ten"],
+         "fit-frames: expected A:B with whole frame numbers, got 'ten'; e.g. 0:120."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--fit-frames", "5:900"],
+         "fit-frames: expected a range of at least two frames within 0:210, got 5:900; "
+         "the clip has 210 frames."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--fit-frames", "9:3"],
+         "fit-frames: expected a range of at least two frames within 0:210, got 9:3; "
+         "the clip has 210 frames."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--until", "1"],
+         "until: expected a time after the last fitted frame at 5.233 s, got 1 s."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--background", "nowhere.png"],
+         "background 'nowhere.png': expected a picture file, found none; check the path."),
+        (["run", "nowhere.mp4", "--model", MODEL, "--out", "o"],
+         "clip 'nowhere.mp4': expected a video file or a folder of pictures, found nothing; check the path."),
+        (["run", CLIP, "--model", MODEL, "--out", MODEL],
+         f"out '{MODEL}': expected a folder, got a file; give another name."),
+    ],
+)  # fmt: skip
+def test_bad_usage(
+    words: list[object], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert refused(*words) == message
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", CLIP, "--model", "nowhere.xml", "--out", "o"],
+        ["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "link9.length=1"],
+        ["run", CLIP, "--model", MODEL, "--out", "o", "--free", "bogus"],
+        ["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "link1.length=-1"],
+        ["run", CLIP, "--model", MODEL, "--out", "o", "--segment.contrast", "-1"],
+        ["run", CLIP, "--model", MODEL, "--out", "o", "--identify.bodies", "odd"],
+        ["run", MODEL, "--model", MODEL, "--out", "o"],
+        ["identify", "nowhere.csv", "--model", "double"],
+        ["identify", CLIP, "--model", "double"],
+    ],
+)
+def test_bad_input_of_the_stages_is_one_line_too(
+    words: list[object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    refused(*words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_of_every_command_shows_an_example() -> None:
+    for words in (
+        ["--help"],
+        ["run", "--help"],
+        ["track", "--help"],
+        ["identify", "--help"],
+        ["models", "--help"],
+    ):
+        done = command(*words)
+        assert done.code == 0
+        assert f"monodyn {words[0] if len(words) == 2 else 'run'}" in done.out
+        assert "xample" in done.out
+    assert command().code == 2
+    assert command("--version").out.startswith("monodyn ")
+
+
+def test_frame_range_and_values() -> None:
+    assert frame_range("3:9") == (3, 9)
+    assert frame_range(":9") == (0, 9)
+    assert frame_range("3:") == (3, None)
+    assert frame_range(None) is None
+    assert values((("a=1", "b=-2.5e3"), ("c=0",))) == {"a": 1.0, "b": -2500.0, "c": 0.0}
+    with pytest.raises(SettingsError):
+        values((("a=1=2",),))

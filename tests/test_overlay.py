@@ -1,0 +1,109 @@
+"""The film and the stills: sizes, stamps, colours where the mechanism is drawn."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from conftest import ClipMaker
+from monodyn.errors import MonodynError
+from monodyn.mechanism import load
+from monodyn.results.overlay import FITTED, PREDICTED, TRACKED, Drawing, Motion, draw, still, write_overlay
+from monodyn.types import Camera, Frame, Poses
+from monodyn.vision.outline import outline
+from monodyn.vision.video import read
+
+BOX = np.array([[20.0, 20.0], [60.0, 20.0], [60.0, 50.0], [20.0, 50.0]])
+
+
+def grey(height: int = 96, width: int = 128) -> Frame:
+    return Frame(0, 0.0, np.full((height, width), 100, np.uint8), None)
+
+
+def motion(count: int, size: tuple[int, int], stop: int, tracked: Poses | None = None) -> Motion:
+    camera = Camera(width=size[0], height=size[1], focal=100.0, depth=0.6)
+    position = np.linspace(-1.5, -1.0, count)[:, None]
+    return Motion(load("single"), camera, position, (0, stop), tracked)
+
+
+def test_outlines_are_drawn_and_the_frame_is_left_alone() -> None:
+    frame = grey()
+    frame.luma.flags.writeable = False
+    planes = draw(frame, Drawing([(BOX, FITTED)]))
+    assert planes.shape == (144, 128)
+    assert abs(int(planes[20, 40]) - FITTED.luma) <= 20  # a line of one pixel is antialiased
+    assert planes[35, 40] == 100
+    blue = planes[96:].reshape(2, 48, 64)[0]
+    assert blue[10, 20] == FITTED.blue
+    assert blue[17, 20] == 128
+    assert np.all(frame.luma == 100)
+
+
+def test_odd_sizes_are_made_even_by_repeating_the_edge() -> None:
+    frame = Frame(0, 0.0, np.arange(95 * 127, dtype=np.int64).reshape(95, 127).astype(np.uint8), None)
+    planes = draw(frame, Drawing([]))
+    assert planes.shape == (144, 128)
+    assert np.array_equal(planes[:95, :127], frame.luma)
+    assert np.array_equal(planes[95, :127], frame.luma[94])
+    assert np.array_equal(planes[:95, 127], frame.luma[:, 126])
+
+
+def test_still_is_a_picture_of_the_frame_size() -> None:
+    picture = cv2.imdecode(np.frombuffer(still(grey(95, 127), Drawing([(BOX, PREDICTED)])), np.uint8), 1)
+    assert picture.shape == (95, 127, 3)
+
+
+def test_film_keeps_the_stamps_and_the_size(make_clip: ClipMaker, tmp_path: Path) -> None:
+    stamps = [0, 3, 4, 9, 10, 11, 20, 21, 25, 26, 40, 41]
+    video = read(make_clip("clip.mkv", stamps=stamps, base=Fraction(1, 600), size=(63, 47), pixel="yuv444p"))
+    seen: list[int] = []
+    film = tmp_path / "overlay.mp4"
+    pictures = write_overlay(
+        film, video, motion(12, (63, 47), 9), progress=lambda step, done, total: seen.append(done)
+    )
+    drawn = read(film)
+    assert (drawn.width, drawn.height, drawn.count) == (64, 48, 12)
+    # stamps in mkv are whole milliseconds
+    assert np.allclose(drawn.times, np.array(stamps) / 600, atol=6e-4)
+    assert seen == list(range(1, 13))
+    assert [caption.split(",")[0] for _, caption in pictures] == ["Frame 0", "Frame 5", "Frame 11"]
+    assert pictures[0][1].endswith("fitted")
+    assert pictures[2][1].endswith("predicted")
+
+
+def test_ink_changes_after_the_fitted_frames() -> None:
+    scene = motion(4, (128, 96), 2)
+    assert [scene.drawing(i, 0.0).outlines[0][1] for i in range(4)] == [FITTED, FITTED, PREDICTED, PREDICTED]
+
+
+def test_tracked_outline_is_drawn_where_it_differs_or_alone() -> None:
+    position = np.linspace(-1.5, -1.0, 4)[:, None] + np.array([[0.0], [0.0], [0.3], [0.0]])
+    poses = Poses(
+        ("joint1",), np.arange(4), np.arange(4.0), position, np.zeros((4, 1, 1)), np.array([1, 0, 1, 1], bool)
+    )
+    scene = motion(4, (128, 96), 4, poses)
+    assert [len(scene.drawing(i, 0.0).outlines) for i in range(4)] == [1, 1, 2, 1]
+    assert scene.drawing(2, 0.0).outlines[0][1] is TRACKED
+    alone = Motion(scene.mechanism, scene.camera, np.full((4, 1), np.nan), (0, 4), poses)
+    assert alone.drawing(0, 1.0).caption == "1.00 s  tracked"
+    assert alone.drawing(1, 1.0).caption == "1.00 s  not seen"
+
+
+def test_outline_stands_where_the_camera_sees_the_link() -> None:
+    camera = Camera(width=200, height=100, focal=100.0, depth=1.0)
+    ((body, polygon),) = outline(load("single"), camera, np.array([0.0]))
+    assert body == "link1"
+    # a link of 0.2 m lies to the right of the centre, 20 px at 100 px/m, with half a width behind its hinge
+    assert polygon[:, 0].max() == pytest.approx(99.5 + 20.0, abs=3.0)
+    assert polygon[:, 1].mean() == pytest.approx(49.5, abs=0.5)
+
+
+def test_a_film_that_cannot_be_written_is_an_oserror(make_clip: ClipMaker, tmp_path: Path) -> None:
+    video = read(make_clip())
+    with pytest.raises(OSError, match="No such file or directory"):
+        write_overlay(tmp_path / "nowhere" / "overlay.mp4", video, motion(12, (64, 48), 9))
+    assert not issubclass(MonodynError, OSError)
