@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.mechanism import Mechanism
+from monodyn.mechanism import Measured, Mechanism
 from monodyn.types import Camera
 from monodyn.vision.camera import PARAMETERS, value_of, with_values
 from monodyn.vision.contour import edge_terms
@@ -113,7 +113,7 @@ def refine(
     anchor, stiffness = _springs(variables, mechanism, start)
     q = np.array(positions, dtype=np.float64)
     weight = np.ones(len(mechanism.shapes.radius)) if weight is None else weight
-    for reach in reaches:
+    for reach in map(float, reaches):
         mechanism, camera = variables.write(x, mechanism, camera)
         terms = _terms(coverages, trust, variables, x, mechanism, camera, q, weight, reach, shrink, spacing)
         step, q_step = _step(terms, x, anchor, stiffness)
@@ -122,7 +122,7 @@ def refine(
         if reach <= WEIGH_FROM_PX and shrink == 1.0:
             weight = _weights(terms)
     mechanism, camera = variables.write(x, mechanism, camera)
-    final = _terms(coverages, trust, variables, x, mechanism, camera, q, weight, reaches[-1], shrink, spacing)
+    final = _terms(coverages, trust, variables, x, mechanism, camera, q, weight, float(reaches[-1]), shrink, spacing)
     matched, rms, inside = final.facts[:, 1], final.facts[:, 2], final.facts[:, 3]
     return Bundle(mechanism, camera, q, tuple(names), _information(final), rms, matched, inside, weight)
 
@@ -134,6 +134,28 @@ def _weights(terms: _Terms) -> np.ndarray:
     seen = samples > 0
     best = float(variance[seen].min()) if seen.any() else 1.0
     return np.where(seen, best / variance, 1.0)
+
+
+def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
+    """Return what the key frames know of the sizes, camera and offsets eliminated.
+
+    Args:
+        bundle: A refined bundle.
+        scale_free: True where nothing pins the common scale; then the information along it, which stems only from
+            thicknesses and offsets held at their start, is taken out.
+
+    Returns:
+        Information matrix on the logarithms of the sizes.
+    """
+    sizes = [i for i, name in enumerate(bundle.names) if name.endswith(SIZES)]
+    others = [i for i in range(len(bundle.names)) if i not in sizes]
+    rest = bundle.information[np.ix_(others, others)] + 1e-9 * np.eye(len(others))
+    cross = bundle.information[np.ix_(sizes, others)]
+    known = bundle.information[np.ix_(sizes, sizes)] - cross @ np.linalg.solve(rest, cross.T)
+    if scale_free:
+        along = known @ np.ones(len(sizes))
+        known = known - np.outer(along, along) / max(float(along.sum()), 1e-12)
+    return Measured(tuple(bundle.names[i] for i in sizes), 0.5 * (known + known.T))
 
 
 LOG_CAMERA = ("camera.depth", "camera.focal")

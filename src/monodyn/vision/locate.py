@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.mechanism import Measured, Mechanism
+from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Progress
-from monodyn.vision.bundle import SIZES, Bundle, refine
+from monodyn.vision.bundle import SIZES, Bundle, refine, size_information
 from monodyn.vision.camera import PARAMETERS, with_values
 from monodyn.vision.keyframes import KeyFrames, key_frames
 from monodyn.vision.outline import covered_pixels
@@ -236,16 +236,15 @@ def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarra
 
 def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle, picks: list[int], settings: LocateSettings) -> Scene:
     """Collect the result and what the picture knows of the sizes."""
-    sizes = [i for i, name in enumerate(bundle.names) if name.endswith(SIZES)]
-    others = [i for i in range(len(bundle.names)) if i not in sizes]
+    scale_free = "camera.depth" in bundle.names and all(
+        name in bundle.names for name in bundle.mechanism.values if name.endswith(SIZES)
+    )
+    measured = size_information(bundle, scale_free=scale_free)
     information = bundle.information
-    rest = information[np.ix_(others, others)] + 1e-9 * np.eye(len(others))
-    cross = information[np.ix_(sizes, others)]
-    known = information[np.ix_(sizes, sizes)] - cross @ np.linalg.solve(rest, cross.T)
-    measured = Measured(tuple(bundle.names[i] for i in sizes), 0.5 * (known + known.T))
     covariance = np.linalg.pinv(information + 1e-6 * np.eye(len(information)))
-    spread = {bundle.names[i]: float(np.sqrt(max(covariance[i, i], 0.0))) for i in others}
-    spread = {name: value for name, value in spread.items() if name in PARAMETERS}
+    spread = {
+        name: float(np.sqrt(max(covariance[i, i], 0.0))) for i, name in enumerate(bundle.names) if name in PARAMETERS
+    }
     order = [frames.frames[i].index for i in picks]
     first = int(np.argmin(order))
     advice = []
