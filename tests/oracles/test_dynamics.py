@@ -197,7 +197,7 @@ def test_sensitivities_are_those_of_finite_differences(name: str, tmp_path: Path
             rollout(*_arrays(mechanism.with_values({parameter: value + s})), times, 4, q0, v0)[0]
             for s in (step, -step)
         )
-        # Central differences: 1e-10 of truncation and 1e-11 of rounding, relative to the value's whole effect.
+        # Central differences: 1e-10 of truncation and 1e-11 of rounding, relative to the whole effect.
         assert np.allclose(dq[:, :, k] * value, (high - low) / 2e-5, rtol=1e-6, atol=1e-7)
 
 

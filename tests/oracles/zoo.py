@@ -15,7 +15,8 @@ def _link(name: str, joint: str, pos: str, inner: str = "", damping: float = 1e-
 
 _CHAIN = (
     '<body name="a" pos="0.1 0 0.3">'
-    '<joint name="ja" axis="0 -1 0" damping="0.002" armature="2e-4" stiffness="0.03" springref="20" ref="10"/>'
+    '<joint name="ja" axis="0 -1 0" damping="0.002" armature="2e-4" stiffness="0.03" springref="20" '
+    'ref="10"/>'
     '<geom type="box" size="0.08 0.004 0.01" pos="0.07 0 0.01" density="2700"/>'
     '<body name="b" pos="0.15 -0.01 0.02" euler="0 30 0">'
     '<joint name="jb" axis="0 1 0" pos="0.01 0 -0.005" damping="0.001" armature="1e-4" range="-170 170"/>'
@@ -28,7 +29,8 @@ _CHAIN = (
 )
 
 _SHAPES = (
-    '<asset><mesh name="wedge" vertex="0 -.01 -.02  0 .01 -.02  0 -.01 .02  0 .01 .02  .12 -.005 0  .12 .005 .01"/></asset>'
+    '<asset><mesh name="wedge" vertex="0 -.01 -.02  0 .01 -.02  0 -.01 .02  0 .01 .02  .12 -.005 0  .12 '
+    '.005 .01"/></asset>'
     "<worldbody>"
     '<body name="a"><joint name="ja" axis="0 -1 0" damping="0.001"/>'
     '<inertial pos="0.07 0.002 0.004" mass="0.12" diaginertia="2e-4 3e-4 2.5e-4"/>'
@@ -103,7 +105,8 @@ FRICTION = (
     + (
         '<body name="a"><joint name="ja" axis="0 -1 0" frictionloss="0.02" damping="0.001"/>'
         '<geom type="box" size="0.1 0.003 0.012" pos="0.1 0 0" density="2700"/>'
-        '<body name="b" pos="0.2 -0.01 0"><joint name="jb" axis="0 -1 0" frictionloss="0.01" damping="0.001"/>'
+        '<body name="b" pos="0.2 -0.01 0"><joint name="jb" axis="0 -1 0" frictionloss="0.01" '
+        'damping="0.001"/>'
         '<geom type="box" size="0.08 0.003 0.012" pos="0.08 0 0" density="2700"/></body></body>'
     )
     + TAIL

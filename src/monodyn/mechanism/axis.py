@@ -9,7 +9,6 @@ factor, ``""`` being the constant.
 from __future__ import annotations
 
 import math
-import math
 from dataclasses import dataclass
 
 import numpy as np

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.errors import MechanismError
 from monodyn.mechanism.tree import (
     ANCHOR_X,
     ANCHOR_Y,
@@ -25,6 +26,7 @@ from monodyn.mechanism.tree import (
     ARMATURE,
     AXIS_X,
     AXIS_Y,
+    COLUMNS,
     COM_X,
     COM_Y,
     DAMPING,
@@ -56,6 +58,18 @@ def plain(array: object, dtype: type | np.dtype) -> np.ndarray:
     return view
 
 
+def _agree(
+    parent: np.ndarray, kind: np.ndarray, links: np.ndarray, gravity: np.ndarray, *joints: np.ndarray
+) -> None:
+    """Raise unless all arrays belong to one tree: the kernels do not look."""
+    n = len(parent)
+    shapes = [kind.shape, links.shape, gravity.shape, *(np.shape(j)[-1:] for j in joints)]
+    if shapes != [(n,), (n, COLUMNS), (2,), *[(n,)] * len(joints)]:
+        raise MechanismError(
+            f"dynamics: expected arrays of {n} joints, got shapes {shapes}; give one tree's arrays."
+        )
+
+
 def accelerations(
     parent: np.ndarray,
     kind: np.ndarray,
@@ -78,7 +92,11 @@ def accelerations(
 
     Returns:
         Joint accelerations [rad/s^2 or m/s^2], (dof,).
+
+    Raises:
+        MechanismError: The arrays do not belong to one tree.
     """
+    _agree(parent, kind, links, gravity, q, v, tau)
     t = links.dtype
     i8 = np.int64
     return _accelerations(
@@ -116,7 +134,11 @@ def rollout(
 
     Returns:
         Joint positions and rates, each (frame, dof).
+
+    Raises:
+        MechanismError: The arrays do not belong to one tree.
     """
+    _agree(parent, kind, links, gravity, q0, v0)
     t = links.dtype
     i8 = np.int64
     return _rollout(
@@ -140,7 +162,11 @@ def energy(
 
     Returns:
         Energy [J], (frame,).
+
+    Raises:
+        MechanismError: The arrays do not belong to one tree.
     """
+    _agree(parent, kind, links, gravity, q, v)
     t = links.dtype
     i8 = np.int64
     return _energy(
@@ -177,7 +203,11 @@ def sensitivities(
     Returns:
         Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
         the parameters, then by ``q0``, then by ``v0``.
+
+    Raises:
+        MechanismError: The arrays do not belong to one tree.
     """
+    _agree(parent, kind, links, gravity, q0, v0)
     from monodyn.mechanism.tangents import rollout_tangents
 
     f8, i8 = np.float64, np.int64

@@ -17,6 +17,7 @@ MAX_TEXT_BYTES = 16_000_000
 MAX_MESH_BYTES = 200_000_000
 MAX_INCLUDES = 64
 MAX_COPIES = 1000
+MAX_DEPTH = 100
 
 UNUSED = {
     "actuator", "sensor", "keyframe", "custom", "visual", "statistic", "size", "contact", "texture",
@@ -33,14 +34,15 @@ REFUSED = {
 }  # fmt: skip
 
 
-def read_mechanism(path: Path) -> tuple[ET.Element, dict[str, bytes]]:
+def read_mechanism(path: Path) -> tuple[str, bool, dict[str, bytes]]:
     """Read a mechanism file with everything it includes.
 
     Args:
         path: The MJCF or URDF file.
 
     Returns:
-        The root element, includes put in place, and the bytes of its meshes by the name the text now uses.
+        The text with includes put in place, True if it is URDF, and the bytes of its meshes by the name that
+        the text now has for them.
 
     Raises:
         MechanismError: A file is missing, too big, not XML or outside the folder, or the text holds something
@@ -53,9 +55,22 @@ def read_mechanism(path: Path) -> tuple[ET.Element, dict[str, bytes]]:
             f"give an MJCF or URDF file."
         )
     folder = path.resolve().parent
+    urdf = root.tag == "robot"
     _include(root, folder, [0])
-    _drop(root, path.name, root.tag == "robot")
-    return root, _take_meshes(root, path.name, folder)
+    _drop(root, path.name, urdf)
+    if urdf:
+        _keep_looks(root)
+    meshes = _take_meshes(root, path.name, folder)
+    return ET.tostring(root, encoding="unicode"), urdf, meshes
+
+
+def _keep_looks(root: ET.Element) -> None:
+    """Tell MuJoCo to keep a URDF's visual geometry and its fixed links."""
+    extra = root.find("mujoco")
+    extra = ET.SubElement(root, "mujoco") if extra is None else extra
+    compiler = extra.find("compiler")
+    compiler = ET.SubElement(extra, "compiler") if compiler is None else compiler
+    compiler.attrib |= {"discardvisual": "false", "fusestatic": "false", "strippath": "false"}
 
 
 def parse(path: Path) -> ET.Element:
@@ -65,7 +80,7 @@ def parse(path: Path) -> ET.Element:
         path: The file.
 
     Raises:
-        MechanismError: It is missing, unreadable, too big, not XML, or declares a document type.
+        MechanismError: It is missing, unreadable, too big, too deep, not XML, or declares a document type.
     """
     text = read_bytes(path, MAX_TEXT_BYTES, path.name)
 
@@ -74,12 +89,29 @@ def parse(path: Path) -> ET.Element:
             f"{path.name}: document types and entities are not supported; remove <!DOCTYPE>."
         )
 
+    depth = 0
+
+    def enter(*_: object) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise MechanismError(
+                f"{path.name}: expected at most {MAX_DEPTH} elements inside one another, got more; simplify "
+                f"the "
+                f"file."
+            )
+
+    def leave(*_: object) -> None:
+        nonlocal depth
+        depth -= 1
+
     scanner = expat.ParserCreate()
     scanner.StartDoctypeDeclHandler = refuse
+    scanner.StartElementHandler, scanner.EndElementHandler = enter, leave
     try:
         scanner.Parse(text, True)
         return ET.fromstring(text)
-    except (expat.ExpatError, ET.ParseError, ValueError, LookupError, RecursionError) as error:
+    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
         raise MechanismError(
             f"{path.name}: expected MJCF or URDF text, got text that is not XML ({error}); correct the file."
         ) from None
@@ -113,12 +145,13 @@ def read_bytes(path: Path, most: int, shown: str) -> bytes:
         ) from None
 
 
-def inside(folder: Path, name: str) -> Path:
+def inside(folder: Path, name: str, shown: str) -> Path:
     """Return the path of a file named by a mechanism file.
 
     Args:
         folder: The mechanism file's folder, resolved.
-        name: The name in the file.
+        name: The path that the file's name stands for.
+        shown: The name as the file has it.
 
     Raises:
         MechanismError: The name leads out of the folder.
@@ -129,19 +162,25 @@ def inside(folder: Path, name: str) -> Path:
         path = folder.parent
     if not path.is_relative_to(folder):
         raise MechanismError(
-            f"file '{name}': expected a file in the mechanism's own folder, got a path that leads out of it; "
+            f"file '{shown}': expected a file in the mechanism's own folder, got a path that leads out of "
+            f"it; "
             f"copy the file there."
         )
     return path
 
 
-def _include(element: ET.Element, folder: Path, count: list[int]) -> None:
-    """Replace every <include> by the children of the file it names."""
+def _include(element: ET.Element, folder: Path, count: list[int], depth: int = 0) -> None:
+    """Replace every <include> by the children of the file it names; ``count`` holds how many there were."""
+    if depth > MAX_DEPTH:
+        raise MechanismError(
+            f"include: expected at most {MAX_DEPTH} elements inside one another, got more; simplify the "
+            f"files."
+        )
     place = 0
     while place < len(element):
         child = element[place]
         if child.tag != "include":
-            _include(child, folder, count)
+            _include(child, folder, count, depth + 1)
             place += 1
             continue
         count[0] += 1
@@ -150,12 +189,12 @@ def _include(element: ET.Element, folder: Path, count: list[int]) -> None:
                 f"include: expected at most {MAX_INCLUDES} included files, got more; check for a file that "
                 f"includes itself."
             )
-        included = parse(inside(folder, child.get("file", "")))
+        included = parse(inside(folder, child.get("file", ""), child.get("file", "")))
         element[place : place + 1] = list(included)
 
 
-def _drop(element: ET.Element, where: str, urdf: bool) -> None:
-    """Drop what cannot matter and refuse by name what could."""
+def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
+    """Drop what cannot matter and refuse by name what could; ``copies`` are those of replicates around it."""
     for child in list(element):
         tag = child.tag
         if tag in UNUSED and not (urdf and tag == "visual"):
@@ -168,7 +207,8 @@ def _drop(element: ET.Element, where: str, urdf: bool) -> None:
             raise MechanismError(f"{where}: tendon '{name}': tendons are not supported; remove them.")
         if tag == "equality":
             _refuse_loops(child, where)
-        if tag == "replicate" and not 1 <= _whole(child.get("count", "0")) <= MAX_COPIES:
+        count = _whole(child.get("count", "0")) if tag == "replicate" else 1
+        if not 1 <= count * copies <= MAX_COPIES:
             raise MechanismError(
                 f"{where}: <replicate>: expected a count from 1 to {MAX_COPIES}, got '{child.get('count')}'; "
                 f"correct it."
@@ -180,7 +220,7 @@ def _drop(element: ET.Element, where: str, urdf: bool) -> None:
                 f"remove <mimic>."
             )
         child.attrib.pop("material", None)
-        _drop(child, where, urdf)
+        _drop(child, where, urdf, count * copies)
 
 
 def _refuse_loops(equality: ET.Element, where: str) -> None:
@@ -214,7 +254,7 @@ def _take_meshes(root: ET.Element, where: str, folder: Path) -> dict[str, bytes]
             if element.tag != "mesh" or attribute not in ("file", "filename"):
                 raise MechanismError(f"{where}: <{element.tag}>: files are read for meshes only; remove it.")
             plain = re.sub(r"^(package://[^/]*/|file://)", "", given)
-            path = inside(folder, str(Path(meshdir) / plain) if root.tag == "mujoco" else plain)
+            path = inside(folder, str(Path(meshdir) / plain) if root.tag == "mujoco" else plain, given)
             key = f"mesh{len(meshes)}{path.suffix.lower()}"
             meshes[key] = read_bytes(path, MAX_MESH_BYTES, f"mesh '{given}'")
             if root.tag == "mujoco" and "name" not in element.attrib:

@@ -205,7 +205,6 @@ class Mechanism:
             raise MechanismError(f"bodies: expected 'uniform' or 'free', got '{bodies}'; choose one of them.")
         table = self.plan.table
         numbers, free, own = self.numbers.copy(), self.free.copy(), self.own.copy()
-        lower, upper = self.lower.copy(), self.upper.copy()
         owned = {row for rows in self.plan.owned if rows is not None for row in rows}
         for row, name in enumerate(table.names):
             if name in self.chosen:
@@ -217,11 +216,9 @@ class Mechanism:
                 if table.follows[row] and not own[row]:
                     own[row], numbers[row] = True, self._current[row]
                 free[row] = True
-                if what in ("mass", "inertia"):
-                    lower[row], upper[row] = _around(numbers[row])
             elif what in ("density", "thickness", "mass"):
                 free[row] = False
-        return replace(self, numbers=numbers, free=free, own=own, lower=lower, upper=upper)
+        return replace(self, numbers=numbers, free=free, own=own)
 
     def with_measured(self, measured: Measured) -> Mechanism:
         """Return a copy that carries what the picture knows about its sizes.

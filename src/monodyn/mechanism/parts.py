@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from monodyn.errors import MechanismError
+
 
 @dataclass(frozen=True)
 class Joint:
@@ -174,8 +176,14 @@ class Table:
             bounds: Lower and upper bound; a positive quantity has start * [1e-3, 1e3] by default.
             sign: ``POSITIVE``, ``NOT_NEGATIVE`` or ``ANY``.
             follows: True if the value follows from others by default.
+
+        Raises:
+            MechanismError: The name has been entered before.
         """
-        assert name not in self.names, name
+        if name in self.names:
+            raise MechanismError(
+                f"parameter '{name}': expected one part of that name, got two; rename a body, geom or joint."
+            )
         lower, upper = bounds if bounds is not None else (1e-3 * start, 1e3 * start)
         self.names.append(name)
         self.start.append(float(start))

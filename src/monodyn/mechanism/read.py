@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,7 @@ def load(source: str | Path) -> Mechanism:
     """
     found = bundled(source) if isinstance(source, str) else None
     if isinstance(found, str):
-        return _mechanism(ET.fromstring(found), {}, str(source))
+        return _mechanism(found, False, {}, str(source))
     path = found or Path(source)
     if found is None and not path.exists():
         names = ", ".join(f"'{name}'" for name in BUNDLED)
@@ -47,24 +47,26 @@ def load(source: str | Path) -> Mechanism:
             f"mechanism '{source}': expected an MJCF or URDF file or a bundled name, got no such file; "
             f"bundled names: {names}."
         )
-    root, meshes = read_mechanism(path)
-    return _mechanism(root, meshes, path.name)
+    return _mechanism(*read_mechanism(path), path.name)
 
 
-def _mechanism(root: ET.Element, meshes: dict[str, bytes], where: str) -> Mechanism:
+def _mechanism(text: str, urdf: bool, meshes: dict[str, bytes], where: str) -> Mechanism:
     """Compile the text with MuJoCo and lay the model out in its plane."""
     import importlib
 
     mujoco: Any = importlib.import_module("mujoco")
     try:
-        spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=meshes)
-        spec.compiler.discardvisual = False
-        spec.compiler.fusestatic = False
-        model = spec.compile()
+        with warnings.catch_warnings():
+            # MuJoCo's advice on its file format; whatever changes the motion is checked below.
+            warnings.simplefilter("ignore")
+            spec = mujoco.MjSpec.from_string(text, assets=meshes)
+            spec.compiler.discardvisual = False
+            spec.compiler.fusestatic = False
+            model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise MechanismError(f"{where}: MuJoCo cannot read it ({reason}); correct the file.") from None
-    file = _File(mujoco, spec, model, where, root.tag == "robot")
+    file = _File(mujoco, spec, model, where, urdf)
     # "MuJoCo Model" is what MuJoCo calls a model without a name.
     name = Path(where).stem if spec.modelname in ("", "MuJoCo Model") else spec.modelname
     return assemble(name, *file.links())

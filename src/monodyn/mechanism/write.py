@@ -1,8 +1,8 @@
 """Write the identified mechanism as MJCF and URDF that simulate the same motion.
 
-The frame is MuJoCo's usual one: the plane's x, y, z become x, z, -y, so hinges turn about 0 -1 0. Bodies carry explicit inertials; of the
-inertia tensor only the part about the hinge axis is known, the others are set equal to it. Geoms are for
-looks.
+The frame is MuJoCo's usual one: the plane's x, y, z become x, z, -y, so hinges turn about 0 -1 0. Bodies
+carry explicit inertials; of the inertia tensor only the part about the hinge axis is known, the others are
+set equal to it. Geoms are for looks.
 """
 
 from __future__ import annotations
