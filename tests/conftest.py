@@ -56,6 +56,7 @@ def make_clip(tmp_path: Path) -> ClipMaker:
         rotation: int = 0,
         full_range: bool = False,
         step: int = 1,
+        places: Sequence[int] | None = None,
     ) -> Path:
         path = tmp_path / name
         codec, form, options = CODECS[path.suffix]
@@ -71,7 +72,7 @@ def make_clip(tmp_path: Path) -> ClipMaker:
             if rotation:
                 stream.set_display_rotation(rotation)
             for i in range(count):
-                grey = square(step * i, *size)
+                grey = square(step * i if places is None else places[i], *size)
                 frame = av.VideoFrame.from_ndarray(np.repeat(grey[..., None], 3, 2), format="rgb24")
                 wanted = "JPEG" if full_range else "MPEG"
                 frame = frame.reformat(format=stream.pix_fmt, dst_color_range=wanted)
