@@ -79,8 +79,8 @@ class Problem:
     def gravity_scaled(self, x: np.ndarray) -> np.ndarray:
         """Return ``x`` with gravity as at the start, and lengths and what goes with them changed to match.
 
-        With everything k times as long and k times the gravity, inertias k^2 (free) or k^4 (uniform, thickness
-        unchanged) times as large and dampings likewise, the motion of hinges stays the same.
+        With everything k times as long and k times the gravity, inertias k^2 (free) or k^4 (uniform, same
+        thickness) times as large and dampings likewise, the motion of hinges stays the same.
         """
         names = self.unknowns.names
         if "gravity" not in names or self.data.slide.any():
@@ -88,7 +88,9 @@ class Problem:
         at = names.index("gravity")
         k = float(np.exp(self.unknowns.x0[at] - x[at]))
         free = any(kind_of(name) == "inertia" for name in names)
-        power = dict.fromkeys(("length", "width", "tail", "tip", "com_x", "com_y", "gravity"), 1)
+        power: dict[str, int] = dict.fromkeys(
+            ("length", "width", "tail", "tip", "com_x", "com_y", "gravity"), 1
+        )
         power |= dict.fromkeys(("damping", "friction", "stiffness", "inertia"), 2 if free else 4)
         powers = np.array([power.get(kind_of(name), 0) for name in names])
         moved = np.where(self.unknowns.log, x + powers * np.log(k), x * k**powers)

@@ -1,8 +1,9 @@
 """Which parameters the motion is asked for, and in which coordinates.
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
-and centres of mass are searched as they are, because they may be zero or negative. Sizes that neither the motion
-nor a picture tells keep their proportion to the length of their body: a file's width would pose as a ruler.
+and centres of mass are searched as they are, because they may be zero or negative. Sizes that neither the
+motion nor a picture tells keep their proportion to the length of their body: a file's width would pose as a
+ruler.
 """
 
 from __future__ import annotations

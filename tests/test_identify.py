@@ -1,0 +1,284 @@
+"""Identification of simulated motion: estimates, intervals, status, advice, whole messages."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monodyn.errors import FitError, MechanismError, SettingsError, VideoError
+from monodyn.estimation.identify import IdentifySettings, identify
+from monodyn.mechanism import load
+from monodyn.mechanism.dynamics import rollout
+from monodyn.types import Poses
+
+NOISE = 0.002
+TIMES = np.arange(60) / 30.0
+SIZES = ("length", "width", "tail", "tip")
+
+
+def scaled(mechanism, **factors):
+    """Change all sizes of a body together, so that the file's proportions are the truth; ``link1=1.5``."""
+    values = mechanism.values
+    changed = {}
+    for name, value in values.items():
+        body, kind = name.split(".", 1) if "." in name else (name, "")
+        if body in factors and kind in SIZES:
+            changed[name] = value * factors[body]
+    return mechanism.with_values(changed)
+
+
+def motion(mechanism, times, q0, v0):
+    tree = mechanism.tree
+    q, _ = rollout(
+        tree.parent, tree.kind, tree.links, tree.gravity, np.asarray(times, float), 16, np.array(q0, float),
+        np.array(v0, float),
+    )  # fmt: skip
+    return q
+
+
+def record(mechanism, times, position, *, noise=NOISE, seed=0, metric=True):
+    position = position + noise * np.random.default_rng(seed).normal(size=position.shape)
+    names = tuple(joint.name for joint in mechanism.joints)
+    covariance = np.tile(noise**2 * np.eye(len(names)), (len(times), 1, 1))
+    count = len(times)
+    return Poses(names, np.arange(count), times, position, covariance, np.ones(count, dtype=bool), metric)
+
+
+@pytest.fixture(scope="module")
+def double():
+    return load("double")
+
+
+@pytest.fixture(scope="module")
+def truth(double):
+    values = {"link2.thickness": 0.009, "joint1.damping": 2e-3, "joint2.damping": 1e-3}
+    return scaled(double, link1=1.5, link2=0.75).with_values(values)
+
+
+@pytest.fixture(scope="module")
+def poses(truth):
+    return record(truth, TIMES, motion(truth, TIMES, [0.3, 0.5], [0.0, 1.0]))
+
+
+@pytest.fixture(scope="module")
+def fit(poses, double):
+    return identify(poses, double)
+
+
+def sigmas(estimate, true):
+    return abs(estimate.value - true) / estimate.std
+
+
+def test_lengths_and_ratios_lie_in_their_intervals(fit, truth):
+    assert fit.ok
+    assert fit.check() is fit
+    for name in ("link1.length", "link2.length"):
+        estimate = fit.parameter(name)
+        assert sigmas(estimate, truth.values[name]) < 4.0  # four standard deviations, one seed
+        assert estimate.std < 0.002 * estimate.value
+        assert estimate.identifiable
+    found = {c.name: c for c in fit.combinations}
+    assert sigmas(found["link2.thickness / link1.thickness"], 1.5) < 4.0
+    assert sigmas(found["joint2.damping / link1.thickness"], 1e-3 / 0.006) < 4.0
+
+
+def test_mass_scale_is_open_and_said(fit):
+    for name in ("link1.thickness", "link2.thickness", "joint1.damping", "joint2.damping"):
+        estimate = fit.parameter(name)
+        assert np.isinf(estimate.std)
+        assert not estimate.identifiable
+    assert fit.advice[0] == (
+        "The motion fixes link1.thickness, link2.thickness, joint1.damping and joint2.damping only in ratios "
+        "(see the combinations); one measured mass, thickness or torque, given with --fix, fixes the mass "
+        "scale."
+    )
+    assert np.isfinite(fit.covariance).all()
+
+
+def test_residual_rms_and_start_state(fit, poses):
+    assert fit.rms["joint1"] == pytest.approx(
+        NOISE, rel=0.4
+    )  # 60 samples: 1/sqrt(120) = 9 %, four times that
+    assert fit.residual[0].shape == poses.position.shape
+    start = fit.starts[0]
+    assert np.all(np.abs(start.position - [0.3, 0.5]) < 4.0 * np.sqrt(np.diag(start.covariance)[:2]))
+    assert np.all(np.abs(start.velocity - [0.0, 1.0]) < 4.0 * np.sqrt(np.diag(start.covariance)[2:]))
+    assert len(fit.names) == len(fit.covariance)
+    assert fit.names[-2:] == ("record0.joint1_vel", "record0.joint2_vel")
+    assert fit.torque == "friction"
+
+
+def test_same_input_same_fit(fit, poses, double):
+    again = identify(poses, double)
+    assert again.parameters == fit.parameters
+    np.testing.assert_array_equal(again.covariance, fit.covariance)
+
+
+def test_one_thickness_fixes_the_mass_scale(poses, double):
+    fit = identify(poses, double.with_choices(fix={"link1.thickness": 0.006}))
+    assert sigmas(fit.parameter("joint2.damping"), 1e-3) < 4.0
+    assert sigmas(fit.parameter("link2.thickness"), 0.009) < 4.0
+    assert fit.parameter("link1.thickness").std == 0.0
+    assert not any("mass scale" in line for line in fit.advice)
+
+
+def test_slow_motion_gives_long_lengths(poses, double, truth):
+    """Ten times slower time stamps look like lengths a hundred times as long."""
+    fit = identify(replace(poses, time=10.0 * poses.time), double)
+    assert fit.parameter("link1.length").value == pytest.approx(100 * truth.values["link1.length"], rel=0.005)
+    assert any("k^2 times too long" in line for line in fit.advice)
+
+
+def test_time_scale_is_found_when_lengths_are_known(poses, double, truth):
+    names = ("length", "width", "tail", "tip")
+    known = {name: value for name, value in truth.values.items() if name.rsplit(".", 1)[-1] in names}
+    slow = replace(poses, time=10.0 * poses.time)
+    fit = identify(slow, double.with_choices(fix=known, free=["time_scale"]))
+    assert sigmas(fit.parameter("time_scale"), 0.1) < 4.0
+    assert fit.parameter("time_scale").std < 1e-4
+
+
+def test_gravity_and_lengths_together_are_open(poses, double):
+    fit = identify(poses, double.with_choices(free=["gravity"]))
+    for name in ("gravity", "link1.length", "link2.length"):
+        assert np.isinf(fit.parameter(name).std)
+    names = [c.name for c in fit.combinations]
+    assert "gravity / link1.length" in names
+    assert "link2.length / link1.length" in names
+    assert fit.parameter("gravity").value == pytest.approx(9.81, rel=0.01)  # kept near the start
+
+
+def test_free_bodies_give_the_regrouped_inertias(double, truth):
+    records = [
+        record(truth, TIMES, motion(truth, TIMES, start, rate), seed=seed)
+        for seed, (start, rate) in enumerate([([0.3, 0.5], [0.0, 1.0]), ([-2.0, 0.2], [1.0, 0.0])])
+    ]
+    fit = identify(records, double, IdentifySettings(bodies="free"))
+    assert fit.ok
+    assert len(fit.starts) == 2
+    links = truth.tree.links
+    mass, com, inertia = links[:, 5], links[:, 6], links[:, 8]
+    about = inertia + mass * com**2 + np.array([mass[1] * links[1, 0] ** 2, 0.0])
+    first = mass * com + np.array([mass[1] * links[1, 0], 0.0])
+    found = {c.name: c for c in fit.combinations}
+    assert sigmas(found["link1.J / link2.J"], about[0] / about[1]) < 4.0
+    assert sigmas(found["link1.mx * gravity / link2.J"], 9.81 * first[0] / about[1]) < 4.0
+    assert sigmas(found["link1.length * link2.mx / link2.J"], links[1, 0] * first[1] / about[1]) < 4.0
+    assert sigmas(found["joint1.damping / link1.J"], 2e-3 / about[0]) < 4.0
+    assert sigmas(fit.parameter("link1.length"), truth.values["link1.length"]) < 4.0
+
+
+def test_gross_errors_and_gaps(poses, double, truth):
+    position = poses.position.copy()
+    position[[7, 20, 33, 34], [0, 1, 0, 1]] += [1.0, -2.0, 0.5, 0.8]
+    position[40:44] = np.nan
+    position[50, 1] = np.nan
+    fit = identify(replace(poses, position=position), double)
+    assert sigmas(fit.parameter("link1.length"), truth.values["link1.length"]) < 4.0
+    assert "4 of 56 samples were left out as gross errors (frame 7, 20, 33 and 34)." in fit.advice
+    assert np.isnan(fit.residual[0][[7, 40, 50], [0, 0, 1]]).all()
+
+
+def test_frictionless_joint_ends_on_its_bound(double, truth):
+    still = truth.with_values({"joint1.damping": 0.0, "joint2.damping": 0.0})
+    fit = identify(record(truth, TIMES, motion(still, TIMES, [0.3, 0.5], [0.0, 1.0]), seed=2), double)
+    bound = [p for p in fit.parameters if p.at_bound]
+    assert bound
+    assert all(p.value == 0.0 and p.lower == 0.0 for p in bound)
+    assert any("came out as zero, the smallest value allowed: too small to be seen." in a for a in fit.advice)
+
+
+def test_cart_in_the_scale_of_the_picture():
+    """A slide measured in units of the start: the scale comes from gravity and carries the slide along."""
+    start = load("cartpole")
+    truth = scaled(start, cart=1.6, link1=1.6).with_values({"cart.mass": 0.3, "slide.damping": 0.05})
+    position = motion(truth, TIMES, [0.0, 0.5], [0.2, 0.0]) / [1.6, 1.0]
+    fit = identify(record(start, TIMES, position, noise=5e-4, metric=False), start)
+    assert fit.ok
+    assert fit.scale == pytest.approx(1.6, rel=0.01)
+    assert sigmas(fit.parameter("link1.length"), truth.values["link1.length"]) < 4.0
+    assert fit.rms["slide"] == pytest.approx(1.6 * 5e-4, rel=0.4)  # metres of the identified scale
+
+
+def test_two_joints_in_the_other_order(poses, double, fit):
+    order = [1, 0]
+    swapped = Poses(
+        ("joint2", "joint1"), poses.frame, poses.time, poses.position[:, order],
+        poses.covariance[:, order][:, :, order], poses.seen,
+    )  # fmt: skip
+    assert identify(swapped, double).parameters == fit.parameters
+
+
+@pytest.mark.parametrize(
+    ("change", "status"),
+    [
+        (
+            lambda p: p.part(0, 4),
+            "8 measured joint positions cannot determine 10 unknowns (parameters and start states); "
+            "give more frames or fix parameters.",
+        ),
+        (
+            lambda p: replace(p, position=np.where(np.arange(60)[:, None] < 40, p.position[:1], np.nan)),
+            "Nothing moves in the record: no joint leaves its noise; give frames with motion.",
+        ),
+        (
+            lambda p: replace(p, position=np.where([True, False], p.position, np.nan)),
+            "Joint 'joint2' was measured under 5 times in record 0; give more frames.",
+        ),
+    ],
+)
+def test_hopeless_records_have_a_status(poses, double, change, status):
+    fit = identify(change(poses), double)
+    assert not fit.ok
+    assert fit.status == status
+    with pytest.raises(FitError) as error:
+        fit.check()
+    assert str(error.value) == status
+
+
+def test_motion_of_something_else_is_not_trusted(poses, double):
+    rng = np.random.default_rng(1)
+    fit = identify(
+        replace(poses, position=np.cumsum(rng.normal(size=(60, 2)), axis=0)),
+        double,
+        IdentifySettings(starts=1),
+    )
+    assert not fit.ok
+    assert fit.status.startswith("The simulated motion does not follow the record: typically joint")
+
+
+def test_joint_limits_are_said(poses, double):
+    narrow = replace(double, joints=(replace(double.joints[0], lower=-1.0, upper=1.0), double.joints[1]))
+    fit = identify(poses, narrow)
+    assert any("The motion takes joint1 past its limits, -57.3 deg to 57.3 deg;" in a for a in fit.advice)
+
+
+def test_bad_input_has_whole_messages(poses, double):
+    with pytest.raises(VideoError) as error:
+        identify([], double)
+    assert str(error.value) == "identify: expected at least one record of joint positions, got none."
+    with pytest.raises(VideoError) as error:
+        identify(replace(poses, position=np.full((60, 2), np.nan)), double)
+    assert str(error.value) == "record 0: expected measured joint positions, got none in 60 rows."
+    with pytest.raises(VideoError) as error:
+        identify(replace(poses, covariance=0.0 * poses.covariance), double)
+    assert str(error.value) == (
+        "record 0: the covariance of measured sample 0 is not positive definite; "
+        "give each joint a standard deviation above zero."
+    )
+    with pytest.raises(MechanismError) as error:
+        identify(replace(poses, joints=("joint1", "elbw")), double)
+    assert str(error.value) == "joint 'elbw' is not in the mechanism; joints: 'joint1', 'joint2'."
+    one = Poses(
+        ("joint1",), poses.frame, poses.time, poses.position[:, :1], poses.covariance[:, :1, :1], poses.seen
+    )
+    with pytest.raises(MechanismError) as error:
+        identify(one, double)
+    assert str(error.value) == (
+        "record 0: joint 'joint2' of the mechanism was not measured; joints: 'joint1'."
+    )
+    with pytest.raises(SettingsError) as error:
+        identify(poses, double, IdentifySettings(piece=2))
+    assert str(error.value) == "identify.piece: expected 5 to 10000, got 2."
+    with pytest.raises(FitError, match=r"^parameter 'x' is not in the fit; parameters: link1\.length, "):
+        identify(poses.part(0, 4), double).parameter("x")
