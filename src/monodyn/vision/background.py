@@ -95,10 +95,9 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
     if len(kept) < 2:
         raise VideoError(f"{video.path}: expected at least 2 frames, got {len(kept)}; give a clip that shows motion.")
     reach = _reach((lightest - darkest > STILL_GREY).any(axis=0), video)
-    if len(kept) > SAMPLES:
-        targets = np.linspace(places[0], places[-1], SAMPLES)
-        picks = np.unique(np.clip(np.searchsorted(places, targets), 0, len(kept) - 1))
-        kept = [kept[i] for i in picks]
+    targets = np.linspace(places[0], places[-1], min(SAMPLES, len(kept)))
+    picks = np.unique(np.searchsorted(places, targets))
+    kept = [kept[i] for i in picks]
     return Samples(tuple(kept), reach)
 
 
