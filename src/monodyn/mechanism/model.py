@@ -246,9 +246,10 @@ class Mechanism:
             MechanismError: A name is unknown or its value follows from others.
         """
         rows = np.array([self.row(name) for name in names], dtype=np.int64)
-        for row in rows[self._follows[rows]]:
+        following = [name for name, row in zip(names, rows, strict=True) if self._follows[row]]
+        if following:
             raise MechanismError(
-                f"parameter '{self.plan.table.names[row]}': follows from the sizes of its body; fix or free "
+                f"parameter '{following[0]}': follows from the sizes of its body; fix or free "
                 f"it first."
             )
         return derivatives(self.plan, self.numbers, self.own, rows)

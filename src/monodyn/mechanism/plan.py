@@ -87,7 +87,7 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
             for k in children:
                 anchors[k] = axis.point(links[k].anchor)
             solids[i] = _enter_solids(link, axis, table, depth)
-            _enter_inertia(link, solids[i], table, reach)
+            _enter_inertia(link, table, reach)
         depths.append(depth)
     joints = [_enter_joint(link, table) for link in links]
     if gravity > 0:
@@ -208,7 +208,7 @@ def _free_name(stem: str, table: Table) -> str:
     return label
 
 
-def _enter_inertia(link: Link, solids: list[Solid], table: Table, reach: float) -> None:
+def _enter_inertia(link: Link, table: Table, reach: float) -> None:
     """Enter mass, centre of mass and inertia of a body, which follow from its solids."""
     body = link.joint.body
     if f"{body}.mass" not in table.names:

@@ -16,11 +16,17 @@ from monodyn.mechanism.parts import Geom, Given, Joint, Link
 from monodyn.mechanism.plane import Plane, find_plane
 from monodyn.mechanism.tree import INERTIA, MASS
 
+WILD = 1e9
+"""Largest number [SI] that a mechanism file may hold."""
+
 KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 
 
 def load(source: str | Path) -> Mechanism:
     """Read a mechanism from an MJCF or URDF file, or take a bundled one.
+
+    Sizes, masses and frictions of the file are start values; a joint without damping starts at 1e-3 (N m s/rad or
+    N s/m). Contacts, actuators and joint limits do not act in the dynamics.
 
     Args:
         source: Path of the file, or ``single``, ``double``, ``triple``, ``bob``, ``cartpole``, ``chain:N``.
@@ -86,6 +92,7 @@ class _File:
         names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(model.njnt)]
         self.joint_names = [name or f"joint{j + 1}" for j, name in enumerate(names)]
         self._refuse(mujoco)
+        self._refuse_wild_numbers()
         self.data.qpos[:] = 0.0
         mujoco.mj_kinematics(model, self.data)
         mujoco.mj_comPos(model, self.data)
@@ -290,6 +297,35 @@ class _File:
             raise MechanismError(
                 f"{self.where}: closed loops and coupled joints are not supported; remove equality and "
                 f"tendon."
+            )
+
+
+    def _refuse_wild_numbers(self) -> None:
+        """Raise for numbers that no mechanism has and no arithmetic survives."""
+        model = self.model
+        groups = {
+            "gravity": model.opt.gravity,
+            "body positions": model.body_pos,
+            "masses and inertias": np.concatenate([model.body_mass, model.body_inertia.ravel()]),
+            "geom positions": model.geom_pos,
+            "geom sizes": model.geom_size,
+            "joint positions": model.jnt_pos,
+            "joint references": np.concatenate([model.qpos0, model.qpos_spring]),
+            "joint axes": model.jnt_axis,
+            "damping, friction, stiffness or armature": np.concatenate(
+                [model.dof_damping, model.dof_frictionloss, model.jnt_stiffness, model.dof_armature]
+            ),
+        }
+        for what, numbers in groups.items():
+            wild = ~(np.abs(np.asarray(numbers)) <= WILD)
+            if wild.any():
+                raise MechanismError(
+                    f"{self.where}: {what}: expected numbers up to {WILD:g}, got {np.asarray(numbers)[wild][0]:g}; "
+                    f"correct it."
+                )
+        if np.any(model.dof_damping < 0) or np.any(model.jnt_stiffness < 0):
+            raise MechanismError(
+                f"{self.where}: joints: expected damping and stiffness not below 0, got a negative one; correct it."
             )
 
 

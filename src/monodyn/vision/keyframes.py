@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -59,12 +60,22 @@ class KeyFrames:
         Args:
             count: How many, at most.
         """
-        small = np.stack([frame.coarse.astype(np.float32).ravel() / 255.0 for frame in self.frames])
-        areas = small.sum(axis=1)
-        chosen = [int(np.argmax(areas))]
+        return self._order[:count]
+
+    @cached_property
+    def _order(self) -> list[int]:
+        """Order the frames so that each is the farthest from those before it."""
+        import cv2
+
+        size = [max(1, side // 4) for side in self.coarse_trust.shape[::-1]]
+        small = np.stack(
+            [cv2.resize(frame.coarse, size, interpolation=cv2.INTER_AREA).ravel() for frame in self.frames]
+        ).astype(np.float32)
+        chosen = [int(np.argmax([frame.area for frame in self.frames]))]
         apart = np.full(len(small), np.inf)
-        while len(chosen) < min(count, len(small)):
+        while len(chosen) < len(small):
             apart = np.minimum(apart, np.abs(small - small[chosen[-1]]).sum(axis=1))
+            apart[chosen[-1]] = -1.0
             chosen.append(int(np.argmax(apart)))
         return chosen
 
