@@ -236,6 +236,22 @@ NAMES = "'single', 'double', 'triple', 'bob', 'cartpole', 'chain:N'"
             "expected at most 100 elements inside one another, got more; simplify the file.",
         ),
         (
+            _mjcf(SINGLE, '<option gravity="0 0 1e300"/>'),
+            "gravity: expected numbers up to 1e+09, got 1e+300; correct it.",
+        ),
+        (
+            _mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 1e308 0"')),
+            "joint 'j1': expected an axis with a direction, got one without; correct it.",
+        ),
+        (
+            _mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 nan 0"')),
+            "<joint>: expected numbers in 'axis', got nan; correct it.",
+        ),
+        (
+            _mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 -1 0" damping="-0.1"')),
+            "joints: expected damping and stiffness not below 0, got a negative one; correct it.",
+        ),
+        (
             _mjcf(SINGLE, '<extension><plugin plugin="x"/></extension>'),
             "<extension>: plugins are not supported; remove them.",
         ),

@@ -26,6 +26,9 @@ UNUSED = {
 }  # fmt: skip
 """Elements that cannot change the motion or the shapes; they are dropped, with the files they name."""
 
+TEXTS = {"name", "class", "childclass", "mesh", "joint", "joint1", "joint2", "body1", "body2", "link", "file"}
+"""Attributes that hold names, which may be anything."""
+
 REFUSED = {
     "plugin": "plugins", "extension": "plugins", "composite": "composite bodies",
     "flexcomp": "flexible bodies",
@@ -219,6 +222,9 @@ def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
                 f"supported; "
                 f"remove <mimic>."
             )
+        for name, value in child.attrib.items():
+            if name not in TEXTS and "nan" in value.lower().split():
+                raise MechanismError(f"{where}: <{tag}>: expected numbers in '{name}', got nan; correct it.")
         child.attrib.pop("material", None)
         _drop(child, where, urdf, count * copies)
 

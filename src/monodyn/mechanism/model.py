@@ -249,8 +249,7 @@ class Mechanism:
         following = [name for name, row in zip(names, rows, strict=True) if self._follows[row]]
         if following:
             raise MechanismError(
-                f"parameter '{following[0]}': follows from the sizes of its body; fix or free "
-                f"it first."
+                f"parameter '{following[0]}': follows from the sizes of its body; fix or free it first."
             )
         return derivatives(self.plan, self.numbers, self.own, rows)
 

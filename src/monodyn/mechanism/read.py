@@ -25,8 +25,8 @@ KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: 
 def load(source: str | Path) -> Mechanism:
     """Read a mechanism from an MJCF or URDF file, or take a bundled one.
 
-    Sizes, masses and frictions of the file are start values; a joint without damping starts at 1e-3 (N m s/rad or
-    N s/m). Contacts, actuators and joint limits do not act in the dynamics.
+    Sizes, masses and frictions of the file are start values; a joint without damping starts at 1e-3 (N m
+    s/rad or N s/m). Contacts, actuators and joint limits do not act in the dynamics.
 
     Args:
         source: Path of the file, or ``single``, ``double``, ``triple``, ``bob``, ``cartpole``, ``chain:N``.
@@ -299,7 +299,6 @@ class _File:
                 f"tendon."
             )
 
-
     def _refuse_wild_numbers(self) -> None:
         """Raise for numbers that no mechanism has and no arithmetic survives."""
         model = self.model
@@ -320,12 +319,20 @@ class _File:
             wild = ~(np.abs(np.asarray(numbers)) <= WILD)
             if wild.any():
                 raise MechanismError(
-                    f"{self.where}: {what}: expected numbers up to {WILD:g}, got {np.asarray(numbers)[wild][0]:g}; "
+                    f"{self.where}: {what}: expected numbers up to {WILD:g}, got "
+                    f"{np.asarray(numbers)[wild][0]:g}; "
+                    f"correct it."
+                )
+        for name, axis in zip(self.joint_names, model.jnt_axis, strict=True):
+            if abs(float(axis @ axis) - 1) > 1e-6:
+                raise MechanismError(
+                    f"{self.where}: joint '{name}': expected an axis with a direction, got one without; "
                     f"correct it."
                 )
         if np.any(model.dof_damping < 0) or np.any(model.jnt_stiffness < 0):
             raise MechanismError(
-                f"{self.where}: joints: expected damping and stiffness not below 0, got a negative one; correct it."
+                f"{self.where}: joints: expected damping and stiffness not below 0, got a negative one; "
+                f"correct it."
             )
 
 
