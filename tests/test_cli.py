@@ -178,6 +178,19 @@ def test_ctrl_c_keeps_what_was_finished(tmp_path: Path, monkeypatch: pytest.Monk
     assert (log["status"], log["files"]) == ("interrupted", ["poses.csv"])
 
 
+def test_ctrl_c_within_compiled_code_is_an_interruption_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from monodyn import pipeline
+
+    def interrupt(*args: object, **kwargs: object) -> None:
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr(pipeline, "segment", interrupt)
+    assert command("run", CLIP, "--model", MODEL, "--out", tmp_path, "--quiet").code == 130
+    assert json.loads((tmp_path / "run.json").read_text())["status"] == "interrupted"
+
+
 def test_ctrl_c_while_replacing_a_run_leaves_the_old_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

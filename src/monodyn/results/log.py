@@ -91,22 +91,41 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
     Args:
         folder: The run folder; None writes nothing.
         log: What to write; the block may set ``log.notes``.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed, in whatever form it came out of the block.
     """
-    if folder is None:
-        yield log
-        return
     try:
         yield log
-        folder.write_text("run.json", json_text(log.document("done", [*folder.written, "run.json"])))
-        folder.finish()
+        if folder is not None:
+            folder.write_text("run.json", json_text(log.document("done", [*folder.written, "run.json"])))
+            folder.finish()
     except BaseException as error:
-        status = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
-        message = str(error) if isinstance(error, MonodynError) else type(error).__name__
-        if folder.written or status == "interrupted":
-            with suppress(MonodynError):
-                folder.write_text("run.json", json_text(log.document(status, list(folder.written), message)))
-        folder.abandon()
+        interrupted = _is_interrupt(error)
+        if folder is not None:
+            _record_failure(folder, log, error, interrupted)
+        if interrupted and not isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
         raise
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Tell whether Ctrl-C is behind an error; within a compiled function it comes out as a SystemError."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _record_failure(folder: RunFolder, log: RunLog, error: BaseException, interrupted: bool) -> None:
+    """Write ``run.json`` of a run that did not come to its end."""
+    message = str(error) if isinstance(error, MonodynError) else type(error).__name__
+    if folder.written or interrupted:
+        status = "interrupted" if interrupted else "failed"
+        with suppress(MonodynError):
+            folder.write_text("run.json", json_text(log.document(status, list(folder.written), message)))
+    folder.abandon()
 
 
 def versions() -> dict[str, str]:
