@@ -1,0 +1,299 @@
+"""Make clips with known truth: a mechanism, a camera, colours and a wall in, a video and its motion out.
+
+MuJoCo simulates the mechanism (RK4, small steps), ``paint`` draws it, H.264 encodes it. Beside the clip stand
+the model that a user would give, with every size deliberately wrong, and the truth. Everything follows from
+the case: the same case gives the same clip.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+VERSION = 3
+"""Counts changes of the drawing; clips of another version are made anew."""
+SUBFRAMES = 8
+"""Simulated states per frame, for motion blur."""
+STEP = 2.5e-4
+"""Longest step of the simulation [s]."""
+
+Colour = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Part:
+    """One moving body.
+
+    Attributes:
+        length: From its hinge to the next one or to its end; of a cart, along the slide [m].
+        width: In the picture, across [m].
+        thickness: Along the line of sight [m].
+        colour: RGB, 0 to 255.
+        kind: Its joint.
+        shape: Its geom.
+        parent: Number of the part that it hangs on; -1 is the world.
+        at: Where it hangs, as a share of the parent's length; 1 is a link's end and a cart's middle.
+        layer: How far it stands before its parent [m].
+        tail: Overhang behind the hinge [m].
+        tip: Overhang beyond the next hinge [m].
+        ball: Radius of a ball at its end [m]; 0 for none.
+        damping: Of its joint [N m s/rad or N s/m].
+        density: In kg/m^3.
+        mass: Of a cart [kg]; 0 takes the density.
+        slope: Of a slide against the horizontal [rad].
+    """
+
+    length: float
+    width: float
+    thickness: float = 0.006
+    colour: Colour = (45, 44, 60)
+    kind: Literal["hinge", "slide"] = "hinge"
+    shape: Literal["box", "capsule", "cylinder", "ellipsoid"] = "box"
+    parent: int = -1
+    at: float = 1.0
+    layer: float = 0.008
+    tail: float = 0.0
+    tip: float = 0.0
+    ball: float = 0.0
+    damping: float = 8e-4
+    density: float = 2700.0
+    mass: float = 0.0
+    slope: float = 0.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One clip.
+
+    Attributes:
+        name: Its name.
+        parts: The mechanism, parents first.
+        start: Joint positions at time zero [rad or m].
+        rates: Joint rates at time zero [rad/s or m/s]; empty is rest.
+        size: Picture width and height [px].
+        rate: Frames a second [Hz].
+        seconds: Length of the clip [s].
+        fovy: Vertical angle of view [deg].
+        fill: Diameter of the reach of the mechanism, as a share of the picture's shorter side.
+        pivot: Where the world's origin appears, as shares of width and height.
+        wall: Pattern of the background.
+        base: Its colour, RGB.
+        stand: Whether a post stands behind the origin.
+        bolts: Colour of bolt heads before the hinges, or None.
+        clutter: Things on the wall: elsewhere; or in the mechanism's colours, beside the motion or under it.
+        noise: Standard deviation of the pixel noise [grey levels].
+        shutter: Exposure as a share of the frame interval; 0 draws no motion blur.
+        shine: Strength of a highlight, as a share of the mechanism's colour.
+        crf: Quality of the encoder; higher is worse.
+        seed: Of noise, patterns and clutter.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    start: tuple[float, ...]
+    rates: tuple[float, ...] = ()
+    size: tuple[int, int] = (720, 480)
+    rate: int = 30
+    seconds: float = 6.0
+    fovy: float = 40.0
+    fill: float = 0.75
+    pivot: tuple[float, float] = (0.5, 0.42)
+    wall: Literal["plain", "mottled", "checker", "stripes", "room"] = "checker"
+    base: Colour = (190, 184, 170)
+    stand: bool = False
+    bolts: Colour | None = None
+    clutter: Literal["none", "elsewhere", "beside", "under"] = "none"
+    noise: float = 2.0
+    shutter: float = 0.0
+    shine: float = 0.0
+    crf: int = 20
+    seed: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A clip with its truth.
+
+    Attributes:
+        case: What it shows.
+        video: The clip.
+        model: The mechanism file of a user: right topology, wrong sizes.
+        truth: The mechanism file with the true sizes.
+        time: Time stamps [s], (frame,).
+        position: True joint positions [rad or m], (frame, dof).
+    """
+
+    case: Case
+    video: Path
+    model: Path
+    truth: Path
+    time: np.ndarray
+    position: np.ndarray
+
+
+def cached(case: Case, folder: Path | None = None) -> Clip:
+    """Return the clip of a case, made on first use.
+
+    Args:
+        case: What to show.
+        folder: Where clips are kept; None is a folder of the system's temporary files.
+    """
+    mark = hashlib.sha256(f"{VERSION} {case}".encode()).hexdigest()[:12]
+    home = (folder or Path(tempfile.gettempdir()) / "monodyn-clips") / f"{case.name}-{mark}"
+    paths = home / "clip.mp4", home / "model.xml", home / "truth.xml"
+    if not (home / "motion.npz").exists():
+        home.mkdir(parents=True, exist_ok=True)
+        paths[1].write_text(mjcf(tuple(wrong(part) for part in case.parts)))
+        paths[2].write_text(mjcf(case.parts))
+        states = simulate(case)
+        write_video(case, states, paths[0])
+        position = states[:, 0]
+        np.savez(home / "motion.npz", time=np.arange(len(position)) / case.rate, position=position)
+    with np.load(home / "motion.npz") as motion:
+        return Clip(case, *paths, motion["time"], motion["position"])
+
+
+def wrong(part: Part) -> Part:
+    """Return a part with the sizes that a user would guess: the same for every link.
+
+    Args:
+        part: With its true sizes.
+    """
+    guess = replace(
+        part, thickness=0.005, layer=float(np.sign(part.layer)) * 0.006, tail=0.01 * (part.tail > 0),
+        tip=0.01 * (part.tip > 0), ball=0.02 * (part.ball > 0), damping=1e-3,
+    )  # fmt: skip
+    if part.kind == "slide":
+        return replace(
+            guess, length=0.08, width=0.05, thickness=0.02, mass=0.2 * (part.mass > 0), damping=0.01
+        )
+    return replace(guess, length=0.1, width=0.02)
+
+
+def mjcf(parts: tuple[Part, ...], bolts: Colour | None = None) -> str:
+    """Return the mechanism as MJCF; hinge axes point at the camera, gravity points down.
+
+    Args:
+        parts: Its bodies, parents first.
+        bolts: Colour of weightless bolt heads before the hinges, or None.
+    """
+    inner = "".join(_body(parts, i, bolts) for i, part in enumerate(parts) if part.parent < 0)
+    head = '<mujoco><option gravity="0 0 -9.81" integrator="RK4"/><worldbody>'
+    return head + inner + "</worldbody></mujoco>\n"
+
+
+def _body(parts: tuple[Part, ...], i: int, bolts: Colour | None) -> str:
+    """Return a body with everything that hangs on it."""
+    part = parts[i]
+    place = "0 0 0"
+    if part.parent >= 0:
+        parent = parts[part.parent]
+        share = part.at if parent.kind == "hinge" else part.at - 1.0
+        place = f"{parent.length * share:.9g} {-part.layer:.9g} 0"
+    if part.kind == "slide":
+        name, axis = "slide", f"{np.cos(part.slope):.9g} 0 {np.sin(part.slope):.9g}"
+        turn = f' euler="0 {-np.degrees(part.slope):.9g} 0"' if part.slope else ""
+        body, axis = f"cart{i}" if i else "cart", "1 0 0" if part.slope else axis
+    else:
+        number = 1 + sum(other.kind == "hinge" for other in parts[:i])
+        name, axis, turn, body = f"joint{number}", "0 -1 0", "", f"link{number}"
+    text = f'<body name="{body}" pos="{place}"{turn}>'
+    text += f'<joint name="{name}" type="{part.kind}" axis="{axis}" damping="{part.damping:.9g}"/>'
+    text += _geoms(part)
+    if bolts and part.kind == "hinge":
+        face = part.thickness / 2
+        text += (
+            f'<geom type="cylinder" size="{0.32 * part.width:.9g} 0.001" pos="0 {-face - 0.001:.9g} 0" '
+            f'euler="90 0 0" density="0" mass="0" rgba="{_rgba(bolts)}" contype="0" conaffinity="0"/>'
+        )
+    inner = "".join(_body(parts, k, bolts) for k, other in enumerate(parts) if other.parent == i)
+    return text + inner + "</body>"
+
+
+def _geoms(part: Part) -> str:
+    """Return the geoms of a body."""
+    weight = f'mass="{part.mass:.9g}"' if part.mass else f'density="{part.density:.9g}"'
+    tail = f' {weight} rgba="{_rgba(part.colour)}" contype="0" conaffinity="0"/>'
+    first, last = -part.tail, part.length + part.tip
+    if part.kind == "slide":
+        first, last = -part.length / 2, part.length / 2
+    middle, half = (first + last) / 2, (last - first) / 2
+    if part.shape in ("box", "ellipsoid"):
+        sizes = f"{half:.9g} {part.thickness / 2:.9g} {part.width / 2:.9g}"
+        text = f'<geom type="{part.shape}" size="{sizes}" pos="{middle:.9g} 0 0"' + tail
+    else:
+        ends = f"{first:.9g} 0 0 {last:.9g} 0 0"
+        text = f'<geom type="{part.shape}" size="{part.width / 2:.9g}" fromto="{ends}"' + tail
+    if part.ball:
+        text += f'<geom type="sphere" size="{part.ball:.9g}" pos="{part.length:.9g} 0 0"' + tail
+    return text
+
+
+def _rgba(colour: Colour) -> str:
+    return " ".join(f"{c / 255:.4f}" for c in colour) + " 1"
+
+
+def simulate(case: Case) -> np.ndarray:
+    """Return joint positions [rad or m] from every frame's time on, (frame, subframe, dof).
+
+    Args:
+        case: Mechanism and start.
+    """
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(mjcf(case.parts))
+    steps = int(np.ceil(1.0 / (case.rate * SUBFRAMES * STEP)))
+    model.opt.timestep = 1.0 / (case.rate * SUBFRAMES * steps)
+    data = mujoco.MjData(model)
+    data.qpos[:] = case.start
+    data.qvel[:] = case.rates or np.zeros(model.nv)
+    frames = round(case.rate * case.seconds)
+    states = np.empty((frames * SUBFRAMES, model.nq))
+    for i in range(len(states)):
+        states[i] = data.qpos
+        mujoco.mj_step(model, data, steps)
+    return states.reshape(frames, SUBFRAMES, model.nq)
+
+
+def exposures(case: Case, states: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield for each frame the joint positions that its exposure averages, (exposure, dof).
+
+    Args:
+        case: With its shutter.
+        states: From ``simulate``; the exposure is centred on the frame's time.
+    """
+    flat = states.reshape(-1, states.shape[-1])
+    half = round(case.shutter * SUBFRAMES / 2)
+    for i in range(len(states)):
+        picks = np.arange(i * SUBFRAMES - half, i * SUBFRAMES + half + 1)
+        yield flat[np.clip(picks, 0, len(flat) - 1)]
+
+
+def write_video(case: Case, states: np.ndarray, path: Path) -> None:
+    """Draw and encode a clip.
+
+    Args:
+        case: What it shows.
+        states: From ``simulate``.
+        path: The file.
+    """
+    import av
+
+    from paint import Painter
+
+    painter = Painter(case)
+    with av.open(str(path), "w") as container:
+        options = {"preset": "medium", "crf": str(case.crf), "threads": "1"}
+        stream = container.add_stream("libx264", rate=case.rate, options=options)
+        stream.width, stream.height = case.size
+        stream.pix_fmt = "yuv420p"
+        for positions in exposures(case, states):
+            picture = painter.picture(positions)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode())
