@@ -66,7 +66,7 @@ _HOMES = {
 }
 """Public names by the module that they are loaded from."""
 
-__all__ = ["__version__", *sorted(name for names in _HOMES.values() for name in names)]  # noqa: PLE0604
+__all__ = ["__version__", *sorted(name for names in _HOMES.values() for name in names)]
 
 
 def __getattr__(name: str) -> object:
