@@ -1,0 +1,72 @@
+"""The least variance that any unbiased fit of the tracked poses can have (Cramer-Rao)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from monodyn.estimation.data import Pieces, prepare
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.grow import Grown
+from monodyn.estimation.problem import Problem
+from monodyn.estimation.uncertainty import know
+from monodyn.estimation.unknowns import choose_unknowns, size_prior
+from monodyn.mechanism import Mechanism
+from monodyn.types import Poses
+
+SUBSTEPS = 8
+"""Integration steps between frames: the error of the sensitivities is far below the noise at 30 Hz."""
+
+
+def bounded(fit: Fit, poses: Poses, mechanism: Mechanism) -> Fit:
+    """Return the fit with the Cramer-Rao bound in place of its own covariance.
+
+    C = (sum_t J_t^T S_t^-1 J_t + P)^-1 with J the sensitivities of the fitted motion by parameters and start
+    state, S_t the covariance that the tracker states for frame t, errors of different frames taken as
+    independent, and P what the key frames know of the sizes. The fit's own covariance is S_t scaled to the
+    residuals that were found; this one is not.
+
+    Args:
+        fit: The fit of ``poses``, with uniform bodies.
+        poses: The fitted frames.
+        mechanism: The located mechanism that was given to the fit.
+
+    Returns:
+        The fit with the bound as ``covariance``; `monodyn.predict` carries it on.
+    """
+    mechanism = mechanism.with_bodies("uniform")
+    data, unknowns = prepare((poses,), mechanism), choose_unknowns(mechanism)
+    problem = Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
+    found = fit.mechanism.values
+    x = unknowns.coordinates(np.array([found[name] for name in unknowns.names]))
+    start = fit.starts[0]
+    optimum = Grown(
+        x=x,
+        states=np.concatenate((start.position, start.velocity))[None],
+        pieces=Pieces(np.array([0, len(data.times)]), np.array([0])),
+        substeps=SUBSTEPS,
+        residuals=np.zeros(data.position.shape),
+        cost=0.0,
+        sigma=1.0,
+        evaluations=0,
+        converged=True,
+        at_bound=np.zeros(len(x), dtype=bool),
+    )
+    covariance = know(problem, optimum).full
+    slope = np.ones(len(covariance))
+    slope[: len(unknowns)] = unknowns.slope(x)
+    return replace(fit, covariance=covariance * np.outer(slope, slope))
+
+
+def spread_of(fit: Fit, name: str) -> float:
+    """Return the standard deviation of one parameter under the fit's covariance; NaN where it is no unknown.
+
+    Args:
+        fit: The fit.
+        name: Name of the parameter.
+    """
+    if name not in fit.names:
+        return float("nan")
+    at = fit.names.index(name)
+    return float(np.sqrt(max(fit.covariance[at, at], 0.0)))

@@ -1,0 +1,254 @@
+"""Print what Monodyn costs: ratios within one process, and a whole run from a cold one.
+
+Run: ``python benchmarks/speed.py [--only NAME ...] [--json FILE] [--gate]``. With ``MONODYN_DATA`` set the
+clip is ``rendered/double_a.mp4`` there, else the demo clip.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import monodyn
+from figures import Figure, finish, say, table
+from monodyn.vision.locate import Scene
+from monodyn.vision.track import Follower
+
+ROOT = Path(__file__).parents[1]
+FITTED = 40
+"""Frames of the fit."""
+HELD = 120
+"""Frames that are held in memory to time coverage and following alone."""
+
+
+@dataclass(frozen=True)
+class Clip:
+    """What is measured on.
+
+    Attributes:
+        video: The video file.
+        model: Its mechanism file.
+    """
+
+    video: Path
+    model: Path
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """A clip with its scene, everything compiled.
+
+    Attributes:
+        video: The clip.
+        scene: The mechanism before its camera.
+        poses: The whole clip, tracked.
+    """
+
+    video: monodyn.Video
+    scene: Scene
+    poses: monodyn.Poses
+
+
+def main() -> int:
+    """Measure what was asked for and print the table."""
+    parts = {"track": tracking, "fit": fitting, "run": running, "import": importing}
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--only", nargs="+", choices=tuple(parts), metavar="NAME", help=f"of {', '.join(parts)}"
+    )
+    parser.add_argument("--repeats", type=int, default=7, metavar="N", help="repeats of everything (7)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
+    parser.add_argument("--gate", action="store_true", help="exit code 1 when a target is missed")
+    options = parser.parse_args()
+    data = os.environ.get("MONODYN_DATA")
+    stem = Path(data) / "rendered" / "double_a" if data else ROOT / "examples" / "double"
+    clip = Clip(stem.with_suffix(".mp4"), stem.with_suffix(".xml"))
+    for file in (clip.video, clip.model):
+        if not file.is_file():
+            print(f"speed.py: expected {file}, found none; set MONODYN_DATA or unset it.", file=sys.stderr)
+            return 2
+    chosen = options.only or tuple(parts)
+    figures: list[Figure] = []
+    ready = None
+    for name in chosen:
+        say(f"{name} ...")
+        if name in ("track", "fit") and ready is None:
+            ready = prepared(clip)
+        figures += parts[name](ready if name in ("track", "fit") else clip, max(options.repeats, 1))
+    print(table(figures))
+    return finish(figures, to=options.json, gate=options.gate)
+
+
+def prepared(clip: Clip) -> Ready:
+    """Locate and track once, which compiles everything.
+
+    Args:
+        clip: The clip.
+    """
+    video = monodyn.read(clip.video)
+    scene = monodyn.locate(monodyn.segment(video), monodyn.load(clip.model))
+    return Ready(video, scene, monodyn.track(scene.masks, scene))
+
+
+def tracking(ready: Ready, repeats: int) -> list[Figure]:
+    """Compare tracking with decoding alone, pass by pass in turn, and time its parts.
+
+    Args:
+        ready: The clip with its scene.
+        repeats: Passes of each.
+
+    Returns:
+        The ratio to decoding as ``Video.frames`` does it and to libav alone, and milliseconds a frame.
+    """
+    video, scene = ready.video, ready.scene
+    jobs: dict[str, Callable[[], object]] = {
+        "libav": lambda: _decode(video.path),
+        "decode": lambda: sum(1 for _ in video.frames()),
+        "track": lambda: monodyn.track(scene.masks, scene),
+    }
+    seconds = _in_turn(jobs, repeats)
+    frames = [frame for frame, _ in zip(video.frames(), range(HELD), strict=False)]
+    masks = [scene.masks.of(frame) for frame in frames]
+    parts = _in_turn(
+        {
+            "coverage": lambda: [scene.masks.of(frame) for frame in frames],
+            "follow": lambda: _follow(scene, masks),
+        },
+        repeats,
+    )
+    case = f"{video.path.name}, {video.width}x{video.height}"
+    whole = {name: 1e3 * values / video.count for name, values in seconds.items()}
+    each = {name: 1e3 * values / len(frames) for name, values in parts.items()}
+    ratio = float(np.median(seconds["track"] / seconds["decode"]))
+    return [
+        Figure(case, "tracking / decoding", ratio, "times", 3.0),
+        Figure(
+            case, "tracking / libav alone", float(np.median(seconds["track"] / seconds["libav"])), "times"
+        ),
+        Figure(case, "decode with libav alone", float(np.median(whole["libav"])), "ms a frame"),
+        Figure(case, "decode", float(np.median(whole["decode"])), "ms a frame"),
+        Figure(case, "track", float(np.median(whole["track"])), "ms a frame"),
+        Figure(case, "coverage alone", float(np.median(each["coverage"])), "ms a frame"),
+        Figure(case, "follow alone", float(np.median(each["follow"])), "ms a frame"),
+    ]
+
+
+def fitting(ready: Ready, repeats: int) -> list[Figure]:
+    """Time the fit of the first frames with one start, and a prediction as long.
+
+    Args:
+        ready: The tracked clip.
+        repeats: Number of fits.
+    """
+    poses, mechanism = ready.poses.part(0, FITTED), ready.scene.mechanism
+    settings = monodyn.IdentifySettings(starts=1)
+    fit = monodyn.identify(poses, mechanism, settings)
+    times = ready.video.times[FITTED : 2 * FITTED]
+    monodyn.predict(fit, times=times)
+    seconds = _in_turn(
+        {
+            "fit": lambda: monodyn.identify(poses, mechanism, settings),
+            "predict": lambda: monodyn.predict(fit, times=times),
+        },
+        2 * repeats,
+    )
+    case = f"{FITTED} frames of {ready.video.path.name}"
+    return [
+        Figure(case, "fit, one start, compiled", 1e3 * float(np.median(seconds["fit"])), "ms", 100.0),
+        Figure(case, "the same, fastest", 1e3 * float(seconds["fit"].min()), "ms"),
+        Figure(case, "prediction with its spread", 1e3 * float(np.median(seconds["predict"])), "ms"),
+    ]
+
+
+def running(clip: Clip, repeats: int) -> list[Figure]:
+    """Time ``monodyn run`` in processes of its own; the first only fills the compile cache.
+
+    Args:
+        clip: The clip.
+        repeats: Runs are repeated up to three times.
+    """
+    seconds, peaks = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = ["run", str(clip.video), "--model", str(clip.model), "--fit-frames", "0:40"]
+        for i in range(1 + min(repeats, 3)):
+            wall, peak = _process([*_monodyn(), *arguments, "--out", f"{folder}/{i}", "--quiet"])
+            if i > 0:
+                seconds.append(wall)
+                peaks.append(peak)
+    case = f"monodyn run {clip.video.name}, {monodyn.read(clip.video).count} frames"
+    return [
+        Figure(case, "wall time, cold process, warm cache", float(np.median(seconds)), "s", 12.0),
+        Figure(case, "the same, fastest", float(np.min(seconds)), "s"),
+        Figure(case, "peak memory", max(peaks), "MB", 600.0),
+    ]
+
+
+def importing(_: Clip, repeats: int) -> list[Figure]:
+    """Time ``import monodyn`` in processes of its own.
+
+    Args:
+        repeats: Number of processes.
+    """
+    code = "import time; t = time.perf_counter(); import monodyn; print(time.perf_counter() - t)"
+    found = [
+        float(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout)
+        for _ in range(repeats)
+    ]
+    return [Figure("import monodyn", "median", float(np.median(found)), "s", 0.3)]
+
+
+def _in_turn(jobs: dict[str, Callable[[], object]], repeats: int) -> dict[str, np.ndarray]:
+    """Run the jobs in turn, so that what slows the machine down slows all of them; seconds, (repeat,)."""
+    seconds = {name: np.zeros(repeats) for name in jobs}
+    for i in range(repeats):
+        for name, job in jobs.items():
+            began = time.perf_counter()
+            job()
+            seconds[name][i] = time.perf_counter() - began
+    return seconds
+
+
+def _decode(path: Path) -> int:
+    """Decode a clip with libav, pictures not looked at."""
+    import av
+
+    with av.open(str(path)) as container:
+        container.streams.video[0].thread_type = "AUTO"
+        return sum(1 for _ in container.decode(video=0))
+
+
+def _follow(scene: Scene, masks: list[monodyn.Mask]) -> None:
+    follower = Follower(scene, monodyn.TrackSettings())
+    for mask in masks:
+        follower.step(mask)
+
+
+def _monodyn() -> list[str]:
+    """Return the command of this interpreter's monodyn."""
+    return [sys.executable, "-c", "import sys; from monodyn.cli import main; sys.exit(main())"]
+
+
+def _process(command: list[str]) -> tuple[float, float]:
+    """Run a command; wall time [s] and peak memory [MB] of its process."""
+    began = time.perf_counter()
+    child = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(child.pid, 0)
+    wall = time.perf_counter() - began
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode not in (0, 1):
+        raise SystemExit(f"speed.py: monodyn run ended with exit code {child.returncode}.")
+    kilobytes = usage.ru_maxrss / (1024.0 if sys.platform == "darwin" else 1.0)
+    return wall, kilobytes / 1024.0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
