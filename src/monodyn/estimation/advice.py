@@ -27,15 +27,14 @@ def amount(mechanism: Mechanism, joint: str, value: float) -> str:
     return f"{np.degrees(value):.3g} deg" if kind == "hinge" else f"{1000.0 * value:.3g} mm"
 
 
-def open_parameters(parameters: tuple[Estimate, ...]) -> list[str]:
+def open_parameters(parameters: tuple[Estimate, ...], without_effect: Sequence[str]) -> list[str]:
     """Say which parameters the data leave open and what would fix them."""
-    lost = [p.name for p in parameters if p.free and not np.isfinite(p.std)]
+    lost = [p.name for p in parameters if p.free and not np.isfinite(p.std) and p.name not in without_effect]
     weak = [p.name for p in parameters if p.free and np.isfinite(p.std) and not p.identifiable]
     regrouped = any(kind_of(name) == "com_x" for name in lost)
     masses = [name for name in lost if kind_of(name) in MASS_KINDS]
     centres = [name for name in lost if kind_of(name) in ("com_x", "com_y")]
     lengths = [name for name in lost if kind_of(name) in LENGTH_KINDS]
-    rest = [name for name in lost if name not in (*masses, *centres, *lengths)]
     advice = []
     if regrouped:
         advice.append(
@@ -51,10 +50,13 @@ def open_parameters(parameters: tuple[Estimate, ...]) -> list[str]:
     if lengths:
         advice.append(
             f"The data do not fix {listed(lengths, 12)} one by one; a measured length, or known values of "
-            "gravity and of the time scale, given with --fix, would help where the motion depends on it."
+            "gravity and of the time scale, given with --fix, would fix them."
         )
-    if rest:
-        advice.append(f"The data say nothing about {listed(rest)}; fix them or measure them.")
+    if without_effect:
+        verb = "does" if len(without_effect) == 1 else "do"
+        advice.append(
+            f"{listed(without_effect, 12)} {verb} not change the motion, which says nothing about it."
+        )
     if weak:
         advice.append(
             f"The data hardly fix {listed(weak)}: the error is as large as the value; a longer record or a "
@@ -76,7 +78,12 @@ def bounds(parameters: tuple[Estimate, ...]) -> list[str]:
 
 
 def misfit(
-    mechanism: Mechanism, rms: Mapping[str, float], against_noise: np.ndarray, autocorrelated: np.ndarray
+    mechanism: Mechanism,
+    rms: Mapping[str, float],
+    against_noise: np.ndarray,
+    autocorrelated: np.ndarray,
+    *,
+    uniform: bool,
 ) -> list[str]:
     """Say where the residual is far above the stated noise."""
     advice = []
@@ -88,6 +95,8 @@ def misfit(
                 f"stated noise{slow}: the model lacks something, or the record is less exact than it says; "
                 "the intervals are widened accordingly."
             )
+    if advice and uniform:
+        advice.append("Bodies were taken to be uniform; if they are not, try --identify.bodies free.")
     return advice
 
 

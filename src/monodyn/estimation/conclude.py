@@ -171,7 +171,7 @@ def _fit(
     return Fit(
         status=status,
         ok=ok,
-        advice=_advice(problem, grown, ok, parameters, rms, rejected, size, spread, tried, records),
+        advice=_advice(problem, grown, known, ok, parameters, rms, rejected, size, spread, tried, records),
         mechanism=mechanism,
         parameters=parameters,
         combinations=combinations(problem, grown.x, known),
@@ -271,6 +271,7 @@ def _noise(data: Data, dof: int) -> float:
 def _advice(
     problem: Problem,
     grown: Grown,
+    known: Knowledge,
     ok: bool,
     parameters: tuple[Estimate, ...],
     rms: dict[str, float],
@@ -284,10 +285,11 @@ def _advice(
     simulated = problem.simulated(grown.x, grown.states, grown.pieces, grown.substeps)
     gone = problem.data.source[rejected]
     left_out = [int(records[0].frame[row]) for row in gone] if len(records) == 1 else []
-    found = say.misfit(problem.mechanism, rms, size, spread)
+    share = float((typical_differences(problem, grown) / np.maximum(motion_sizes(problem.data), 1e-12)).max())
+    found = say.misfit(problem.mechanism, rms, size, spread, uniform=_uniform(problem) and share > 0.01)
     found += say.limits(problem.mechanism, simulated)
     if ok:
-        found += say.open_parameters(parameters)
+        found += say.open_parameters(parameters, known.without_effect(problem.unknowns.names))
         found += say.bounds(parameters)
         found += say.proportions(problem.unknowns.tied if _uniform(problem) else ())
         found += say.clock(problem.unknowns.names)

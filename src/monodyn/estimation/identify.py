@@ -85,6 +85,20 @@ def identify(
     Source:
         Eq. (14) and Case I (eq. 9, as a torque against the motion) of "Estimating dynamics on-the-fly using
         monocular video", 2012.
+
+    Example:
+        >>> import numpy as np
+        >>> from monodyn.mechanism import load
+        >>> from monodyn.mechanism.dynamics import rollout
+        >>> mechanism, time = load("single"), np.arange(40) / 30
+        >>> tree = mechanism.tree
+        >>> start = np.array([0.5]), np.array([0.0])
+        >>> swing, _ = rollout(tree.parent, tree.kind, tree.links, tree.gravity, time, 8, *start)
+        >>> std = np.full((40, 1, 1), 1e-3**2)
+        >>> poses = Poses(("joint1",), np.arange(40), time, swing, std, np.ones(40, dtype=bool))
+        >>> fit = identify(poses, mechanism).check()
+        >>> round(fit.parameter("link1.length").value, 3)
+        0.2
     """
     began = time.perf_counter()
     _check(settings)

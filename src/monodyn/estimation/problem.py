@@ -18,6 +18,9 @@ from monodyn.estimation.unknowns import MASS_KINDS, Prior, Unknowns, kind_of
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import Arrow
 
+STEP = 1e-6
+"""Step of the differences by coordinate when accelerations are matched, which only gives a start."""
+
 
 @dataclass(frozen=True, eq=False)
 class Point:
@@ -127,29 +130,54 @@ class Problem:
         Returns:
             The model, and the residuals (row, dof) before the loss.
         """
-        from monodyn.estimation.kernels import pieces_model
+        from monodyn.estimation.kernels import normal_blocks
 
-        point, data = self.at(x), self.data
-        cost, hessian, gradient, cross, local, slope, residuals = pieces_model(
-            *point.tree, data.times, pieces.first, substeps, states, data.position, data.white,
-            data.slide[pieces.record], *point.scale, limit,
-        )  # fmt: skip
+        residuals, jacobian = self.rows(x, states, pieces, substeps)
+        cost, hessian, gradient, cross, local, slope = normal_blocks(
+            residuals, jacobian, pieces.first, len(x), limit
+        )
         change = x - self.unknowns.x0
         pull = self.prior.information @ change
         cost += 0.5 * float(change @ pull)
         return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope), residuals
 
-    def rows(self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int):
-        """Yield residuals (row, dof) and Jacobian (row, dof, param + 2 dof) of each piece, whitened."""
-        from monodyn.estimation.kernels import piece_rows
+    def rows(
+        self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return whitened residuals (row, dof) and their Jacobian (row, dof, param + 2 dof).
+
+        The last columns belong to the start state of the piece that the row is part of.
+        """
+        from monodyn.estimation.kernels import whitened_rows
+        from monodyn.mechanism.tangents import rollout_tangents
 
         point, data = self.at(x), self.data
-        for k, state in enumerate(states):
-            a, b = pieces.first[k], pieces.first[k + 1]
-            yield piece_rows(
-                *point.tree, data.times[a:b], substeps, state, data.position[a:b], data.white[a:b],
-                data.slide[pieces.record[k]], *point.scale,
-            )  # fmt: skip
+        size, dsize, stretch, dstretch = point.scale
+        elapsed = plain(
+            (data.times - np.repeat(data.times[pieces.first[:-1]], np.diff(pieces.first))) * stretch
+        )
+        starts = plain(states)
+        parent, kind, links, dlinks, gravity, dgravity = (plain(array) for array in point.tree)
+        dofs = data.position.shape[1]
+        parts = []
+        for first, stop, state in zip(pieces.first[:-1], pieces.first[1:], starts, strict=True):
+            parts.append(
+                rollout_tangents(
+                    parent,
+                    kind,
+                    links,
+                    dlinks,
+                    gravity,
+                    dgravity,
+                    elapsed[first:stop],
+                    substeps,
+                    state[:dofs],
+                    state[dofs:],
+                )[:3]
+            )
+        q, v, dq = (np.concatenate(part) for part in zip(*parts, strict=True))
+        slide = np.repeat(data.slide[pieces.record], np.diff(pieces.first), axis=0)
+        return whitened_rows(q, v, dq, elapsed, data.position, data.white, slide, size, dsize, dstretch)
 
     def simulated(self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int) -> np.ndarray:
         """Return the simulated positions [rad or m], (row, dof), slides in metres."""
@@ -194,18 +222,48 @@ class Problem:
 
     def acceleration_rows(self, x: np.ndarray, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
         """Return weighted acceleration mismatches (row,) and their Jacobian (row, param), prior included."""
-        from monodyn.estimation.kernels import acceleration_rows
+        point, root, weight = self.at(x), motion.prior_root, motion.weight
+        jacobian = np.zeros((weight.size, len(x)))
+        for p in range(len(x)):
+            ahead, behind = (self._accelerations(point, motion, p, step) for step in (STEP, -STEP))
+            jacobian[:, p] = ((ahead - behind) * weight).ravel() / (2.0 * STEP)
+        return self._mismatch(point, x, motion), np.concatenate((jacobian, root))
 
-        point = self.at(x)
-        residual, jacobian = acceleration_rows(
-            *point.tree, motion.position, motion.velocity, motion.acceleration, motion.weight, motion.slide,
-            *point.scale,
-        )  # fmt: skip
-        root = motion.prior_root
-        return (
-            np.concatenate((residual.ravel(), root @ (x - self.unknowns.x0))),
-            np.concatenate((jacobian.reshape(-1, len(x)), root)),
+    def acceleration_cost(self, x: np.ndarray, motion: Motion) -> float:
+        """Return the sum of squares of the weighted acceleration mismatches, prior included."""
+        rows = self._mismatch(self.at(x), x, motion)
+        return float(rows @ rows)
+
+    def _mismatch(self, point: Point, x: np.ndarray, motion: Motion) -> np.ndarray:
+        rows = (self._accelerations(point, motion, 0, 0.0) - motion.acceleration) * motion.weight
+        return np.concatenate((rows.ravel(), motion.prior_root @ (x - self.unknowns.x0)))
+
+    def _accelerations(self, point: Point, motion: Motion, param: int, step: float) -> np.ndarray:
+        """Accelerations by time stamp along smooth motion, one coordinate moved by ``step``, (frame, dof)."""
+        from monodyn.estimation.kernels import accelerations_along
+
+        parent, kind, links, dlinks, gravity, dgravity = point.tree
+        size, dsize, stretch, dstretch = point.scale
+        if step != 0.0:
+            links, gravity = links + step * dlinks[:, :, param], gravity + step * dgravity[:, param]
+            size, stretch = size * np.exp(step * dsize[param]), stretch * np.exp(step * dstretch[param])
+        unit = np.where(motion.slide, size, 1.0)
+        found = accelerations_along(
+            parent,
+            kind,
+            plain(links),
+            plain(gravity),
+            motion.position * unit,
+            motion.velocity * unit / stretch,
         )
+        return found * stretch**2 / unit
+
+
+def plain(array: np.ndarray) -> np.ndarray:
+    """Return ``array`` contiguous and read-only, the one form in which the kernels are compiled."""
+    view = np.ascontiguousarray(array).view()
+    view.flags.writeable = False
+    return view
 
 
 @dataclass(frozen=True, eq=False)

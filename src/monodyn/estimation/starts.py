@@ -63,12 +63,8 @@ def starts(
 
 def matched(problem: Problem, motion: Motion) -> np.ndarray:
     """Match accelerations: first the common scale, then all unknowns, (param,)."""
-
-    def cost(x: np.ndarray) -> float:
-        rows, _ = problem.acceleration_rows(x, motion)
-        return float(rows @ rows)
-
-    return _match(problem, motion, min(_scaled(problem), key=cost))
+    nearest = min(_scaled(problem), key=lambda x: problem.acceleration_cost(x, motion))
+    return _match(problem, motion, nearest)
 
 
 def _match(problem: Problem, motion: Motion, x: np.ndarray) -> np.ndarray:

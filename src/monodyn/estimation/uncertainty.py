@@ -40,6 +40,13 @@ class Knowledge:
     std: np.ndarray
     full: np.ndarray
 
+    def without_effect(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Return those of ``names`` that are an open direction by themselves: nothing depends on them."""
+        if not self.open.size:
+            return ()
+        alone = np.linalg.norm(self.open, axis=1) > 1.0 - 1e-6
+        return tuple(name for name, is_alone in zip(names, alone, strict=True) if is_alone)
+
 
 def know(problem: Problem, grown: Grown) -> Knowledge:
     """Compute covariance and identifiability at the optimum.
@@ -56,8 +63,9 @@ def know(problem: Problem, grown: Grown) -> Knowledge:
     """
     count = len(problem.unknowns)
     stacked, local = [], []
-    for residual, jacobian in problem.rows(grown.x, grown.states, grown.pieces, grown.substeps):
-        rows = jacobian.reshape(residual.size, -1)
+    _, jacobian = problem.rows(grown.x, grown.states, grown.pieces, grown.substeps)
+    for first, stop in zip(grown.pieces.first[:-1], grown.pieces.first[1:], strict=True):
+        rows = jacobian[first:stop].reshape(-1, jacobian.shape[2])
         rows = rows[np.any(rows != 0, axis=1)]
         shared, states = rows[:, :count], rows[:, count:]
         q, r = np.linalg.qr(states)

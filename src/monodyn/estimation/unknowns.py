@@ -16,10 +16,8 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 
-SEEN_ONLY = ("width", "tail", "tip")
-"""Sizes that the motion hardly depends on: asked for only where a picture has measured them."""
-NEVER = ("offset",)
-"""Parameters that do not enter planar dynamics."""
+SEEN_ONLY = ("width", "tail", "tip", "shift", "offset")
+"""Sizes that the motion hardly depends on, if at all: asked for only where a picture has measured them."""
 POSITIVE = (
     "length",
     "width",
@@ -142,7 +140,7 @@ def choose_unknowns(mechanism: Mechanism) -> Unknowns:
     tied = [
         (p.name, where[length], p.value)
         for p in mechanism.parameters
-        if p.free and kind_of(p.name) in SEEN_ONLY and p.name not in measured
+        if p.free and kind_of(p.name) in SEEN_ONLY and p.name not in names
         if (length := f"{p.name.split('.')[0]}.length") in where
     ]
     blank = Unknowns(
@@ -154,9 +152,9 @@ def choose_unknowns(mechanism: Mechanism) -> Unknowns:
 
 def _wanted(name: str, measured: set[str]) -> bool:
     kind = kind_of(name)
-    if kind in NEVER or name.startswith("camera."):
+    if name.startswith("camera."):
         return False
-    return kind not in SEEN_ONLY or name in measured
+    return kind not in SEEN_ONLY or (name in measured and kind in POSITIVE)
 
 
 @dataclass(frozen=True, eq=False)

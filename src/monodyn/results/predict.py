@@ -34,6 +34,9 @@ def predict(
     Raises:
         SettingsError: ``until`` lies before the end of the fitted frames, times do not increase, there is no
             such record, or nothing was identified.
+
+    Example:
+        ``future = predict(fit, until=10.0)`` goes on to 10 s on the clock of the record.
     """
     if times is None:
         if not 0 <= record < len(fit.time):
