@@ -137,7 +137,7 @@ def write_overlay(
     try:
         with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
             stream: Any = container.add_stream(
-                "libx264", rate=_rate(video), options={"preset": "veryfast", "crf": "21"}
+                "libx264", rate=_rate(video), options={"preset": "ultrafast", "crf": "21"}
             )
             stream.width, stream.height = size
             stream.pix_fmt = "yuv420p"
