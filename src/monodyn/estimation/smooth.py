@@ -12,7 +12,7 @@ import numpy as np
 
 from monodyn.types import Poses
 
-WINDOWS = (5, 7, 11, 17, 27)
+WINDOWS = (7, 11, 17, 27)
 """Numbers of neighbours that are tried."""
 
 
