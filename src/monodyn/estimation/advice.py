@@ -114,7 +114,8 @@ def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:
 
 
 def proportions(tied: tuple[str, ...]) -> list[str]:
-    """Say which sizes were neither measured nor estimated."""
+    """Say which sizes that count in the motion were neither measured nor estimated."""
+    tied = tuple(name for name in tied if kind_of(name) in ("width", "tail", "tip"))
     if not tied:
         return []
     return [
