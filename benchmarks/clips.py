@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-VERSION = 3
+VERSION = 4
 """Counts changes of the drawing; clips of another version are made anew."""
 SUBFRAMES = 8
 """Simulated states per frame, for motion blur."""

@@ -27,6 +27,9 @@ def draw(clip: Clip, scene: Scene, poses: Poses, errors: np.ndarray, path: Path)
     """
     worst = int(np.argmax(np.nan_to_num(np.abs(errors), nan=9.0).max(axis=1)))
     wanted = [*np.linspace(0, len(poses) - 1, COLUMNS - 1).astype(int).tolist(), worst]
+    top, bottom, left, right = scene.masks.background.reach
+    part = np.s_[max(0, top - 25) : bottom, left:right]
+    scale = min(1.0, 400.0 / (right - left))
     columns = {}
     for frame in scene.masks.video.frames():
         if frame.index in wanted:
@@ -39,6 +42,15 @@ def draw(clip: Clip, scene: Scene, poses: Poses, errors: np.ndarray, path: Path)
                     for picture in pictures:
                         cv2.polylines(picture, points, True, (0, 255, 0), 1, cv2.LINE_AA, 4)
             error = np.round(np.degrees(errors[frame.index]), 1).tolist()
-            cv2.putText(pictures[0], f"{frame.index} {error}", (4, 16), 0, 0.5, (0, 0, 255), 1)
-            columns[frame.index] = np.vstack([cv2.resize(p, None, fx=0.7, fy=0.7) for p in pictures])
-    cv2.imwrite(str(path), np.hstack([columns[i] for i in wanted]))
+            cv2.putText(
+                pictures[0],
+                f"{frame.index} {error}",
+                (left + 4, max(0, top - 25) + 18),
+                0,
+                0.5,
+                (0, 0, 255),
+                1,
+            )
+            columns[frame.index] = np.vstack([picture[part] for picture in pictures])
+    sheet = np.hstack([columns[i] for i in wanted])
+    cv2.imwrite(str(path), cv2.resize(sheet, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
