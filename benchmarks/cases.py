@@ -158,8 +158,13 @@ _OTHERS = [
         fill=0.7,
     ),
 ]
+_RENDERED = [
+    replace(case, name=f"rendered_{case.name}", engine="mujoco")
+    for case in [*_SINGLE[:1], *_SINGLE[5:8], *_DOUBLE, *_PICTURE[:3], *_OTHERS]
+    if case.name not in ("double_shiny", "double_early_rest", "double_low_contrast", "double_one_low")
+]
+"""The same mechanisms with lamps and highlights."""
 
-CASES = {
-    case.name: replace(case, seed=k + 1) for k, case in enumerate([*_SINGLE, *_DOUBLE, *_PICTURE, *_OTHERS])
-}
+_ALL = [*_SINGLE, *_DOUBLE, *_PICTURE, *_OTHERS, *_RENDERED]
+CASES = {case.name: replace(case, seed=k + 1) for k, case in enumerate(_ALL)}
 """Every case by name, each with a seed of its own."""

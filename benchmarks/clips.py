@@ -8,13 +8,19 @@ the case: the same case gives the same clip.
 from __future__ import annotations
 
 import hashlib
+import os
+import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+
+if sys.platform == "linux":
+    # read when mujoco is imported: draw without a screen
+    os.environ.setdefault("MUJOCO_GL", "egl")
 
 VERSION = 4
 """Counts changes of the drawing; clips of another version are made anew."""
@@ -82,6 +88,7 @@ class Case:
         fovy: Vertical angle of view [deg].
         fill: Diameter of the reach of the mechanism, as a share of the picture's shorter side.
         pivot: Where the world's origin appears, as shares of width and height.
+        engine: ``plain`` draws faces of one shade; ``mujoco`` draws with lamps and highlights.
         wall: Pattern of the background.
         base: Its colour, RGB.
         stand: Whether a post stands behind the origin.
@@ -104,6 +111,7 @@ class Case:
     fovy: float = 40.0
     fill: float = 0.75
     pivot: tuple[float, float] = (0.5, 0.42)
+    engine: Literal["plain", "mujoco"] = "plain"
     wall: Literal["plain", "mottled", "checker", "stripes", "room"] = "checker"
     base: Colour = (190, 184, 170)
     stand: bool = False
@@ -114,6 +122,36 @@ class Case:
     shine: float = 0.0
     crf: int = 20
     seed: int = 1
+
+
+class NoRenderer(Exception):
+    """This machine cannot draw the case."""
+
+
+class Drawer:
+    """Draws the pictures of a case one after the other."""
+
+    _case: Case
+
+    def picture(self, positions: np.ndarray) -> np.ndarray:
+        """Return one frame, uint8 RGB (height, width, 3).
+
+        Args:
+            positions: Joint positions during the exposure, (exposure, dof).
+        """
+        raise NotImplementedError
+
+    def grainy(self, picture: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Return a picture with the noise of a sensor, uint8 RGB (height, width, 3).
+
+        Args:
+            picture: Without noise, float.
+            rng: Where the noise comes from.
+        """
+        noise = self._case.noise
+        grey = rng.normal(scale=noise, size=(*picture.shape[:2], 1)).astype(np.float32)
+        colour = rng.normal(scale=0.4 * noise, size=picture.shape).astype(np.float32)
+        return np.clip(np.round(picture + grey + colour), 0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +182,8 @@ def cached(case: Case, folder: Path | None = None) -> Clip:
         case: What to show.
         folder: Where clips are kept; None is a folder of the system's temporary files.
     """
-    mark = hashlib.sha256(f"{VERSION} {case}".encode()).hexdigest()[:12]
+    told = {f.name: getattr(case, f.name) for f in fields(case) if getattr(case, f.name) != f.default}
+    mark = hashlib.sha256(f"{VERSION} {told}".encode()).hexdigest()[:12]
     home = (folder or Path(tempfile.gettempdir()) / "monodyn-clips") / f"{case.name}-{mark}"
     paths = home / "clip.mp4", home / "model.xml", home / "truth.xml"
     if not (home / "motion.npz").exists():
@@ -285,9 +324,7 @@ def write_video(case: Case, states: np.ndarray, path: Path) -> None:
     """
     import av
 
-    from paint import Painter
-
-    painter = Painter(case)
+    painter = _drawer(case)
     with av.open(str(path), "w") as container:
         options = {"preset": "medium", "crf": str(case.crf), "threads": "1"}
         stream = container.add_stream("libx264", rate=case.rate, options=options)
@@ -297,3 +334,44 @@ def write_video(case: Case, states: np.ndarray, path: Path) -> None:
             picture = painter.picture(positions)
             container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
         container.mux(stream.encode())
+
+
+def _drawer(case: Case) -> Drawer:
+    """Return what draws a case."""
+    if case.engine == "mujoco":
+        from glpaint import GlPainter
+
+        return GlPainter(case)
+    from paint import Painter
+
+    return Painter(case)
+
+
+def span(case: Case) -> float:
+    """Return the greatest distance from the origin that the mechanism reaches by turning [m].
+
+    Args:
+        case: With its parts.
+    """
+    far: list[float] = []
+    for part in case.parts:
+        base = far[part.parent] if part.parent >= 0 else 0.0
+        if part.kind == "slide":
+            far.append(base + part.length / 2)
+            continue
+        behind = case.parts[part.parent].length * (1.0 - part.at) if part.parent >= 0 else 0.0
+        far.append(base - behind + part.length + max(part.tip, part.ball))
+    return max(far)
+
+
+def view(case: Case) -> tuple[float, np.ndarray]:
+    """Return the focal length [px] and the camera's place [m], (3,): x right, y away from the camera, z up.
+
+    Args:
+        case: With its framing.
+    """
+    width, height = case.size
+    focal = height / 2 / np.tan(np.radians(case.fovy) / 2)
+    depth = focal * 2 * span(case) / (case.fill * min(width, height))
+    left, down = case.pivot[0] * width - (width - 1) / 2, case.pivot[1] * height - (height - 1) / 2
+    return focal, np.array([-left * depth / focal, -depth, down * depth / focal])

@@ -13,14 +13,14 @@ import mujoco
 import numpy as np
 from numba import njit
 
-from clips import Case, mjcf
+from clips import Case, Drawer, mjcf, view
 
 FINE = 4
 LAMP = np.array([-0.35, -0.80, 0.5]) / np.linalg.norm([-0.35, -0.80, 0.5])
 GEOM = mujoco.mjtGeom
 
 
-class Painter:
+class Painter(Drawer):
     """Draws the pictures of one case in their order."""
 
     def __init__(self, case: Case) -> None:
@@ -30,14 +30,9 @@ class Painter:
         self._data = mujoco.MjData(self._model)
         self._faces = [_faces(self._model, g) for g in range(self._model.ngeom)]
         width, height = case.size
-        self._focal = height / 2 / np.tan(np.radians(case.fovy) / 2)
-        reach = span(case)
-        self._depth = self._focal * 2 * reach / (case.fill * min(width, height))
-        left, down = case.pivot[0] * width - (width - 1) / 2, case.pivot[1] * height - (height - 1) / 2
-        self._eye = np.array([-left, 0.0, down]) * self._depth / self._focal - [0, self._depth, 0]
-        self._wall = backdrop(
-            case, self._rng, self.project(np.zeros((1, 3)))[0], self._focal * reach / self._depth
-        )
+        self._focal, self._eye = view(case)
+        reach_px = case.fill * min(width, height) / 2
+        self._wall = backdrop(case, self._rng, self.project(np.zeros((1, 3)))[0], reach_px)
         column, row = np.meshgrid(np.arange(width) / width, np.arange(height) / height)
         spot = np.exp(
             -((column - case.pivot[0] - 0.1) ** 2 + (row - case.pivot[1] - 0.15) ** 2) / (2 * 0.1**2)
@@ -67,9 +62,7 @@ class Painter:
             self._add(layer, q, 1.0 / len(positions))
         share = layer[..., 3:] / 255.0
         picture = self._wall * (1.0 - share) + layer[..., :3] * self._gain
-        picture += self._rng.normal(scale=self._case.noise, size=(*picture.shape[:2], 1)).astype(np.float32)
-        picture += self._rng.normal(scale=0.4 * self._case.noise, size=picture.shape).astype(np.float32)
-        return np.clip(np.round(picture), 0, 255).astype(np.uint8)
+        return self.grainy(picture, self._rng)
 
     def _add(self, layer: np.ndarray, q: np.ndarray, share: float) -> None:
         """Add a share of the mechanism at positions ``q`` to a premultiplied layer."""
@@ -131,23 +124,6 @@ def fill_convex(canvas: np.ndarray, polygon: np.ndarray, colour: np.ndarray) -> 
         for column in range(max(0, int(np.ceil(low))), min(width - 1, int(np.floor(high))) + 1):
             for k in range(canvas.shape[2]):
                 canvas[row, column, k] = colour[k]
-
-
-def span(case: Case) -> float:
-    """Return the greatest distance from the origin that the mechanism reaches by turning [m].
-
-    Args:
-        case: With its parts.
-    """
-    far: list[float] = []
-    for part in case.parts:
-        base = far[part.parent] if part.parent >= 0 else 0.0
-        if part.kind == "slide":
-            far.append(base + part.length / 2)
-            continue
-        behind = case.parts[part.parent].length * (1.0 - part.at) if part.parent >= 0 else 0.0
-        far.append(base - behind + part.length + max(part.tip, part.ball))
-    return max(far)
 
 
 def _faces(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray]:

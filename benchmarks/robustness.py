@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from cases import CASES
-from clips import Clip, cached
+from clips import Clip, NoRenderer, cached
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
@@ -50,6 +50,7 @@ class Result:
         ahead_slide: Largest rms error of a slide in the prediction, up to its zero [mm].
         seconds: Wall time of segment, locate, track, identify [s].
         notes: What else went wrong.
+        skipped: Why the case could not be run, or empty.
     """
 
     name: str
@@ -63,10 +64,13 @@ class Result:
     ahead_slide: float = np.nan
     seconds: list[float] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    skipped: str = ""
 
     @property
     def failed(self) -> list[str]:
         """Names of the limits that are not met."""
+        if self.skipped:
+            return []
         kinds = CASES[self.name].parts
         hinges = any(part.kind == "hinge" for part in kinds)
         slides = any(part.kind == "slide" for part in kinds)
@@ -86,9 +90,10 @@ def measure(name: str, clips: Path | None, pictures: Path | None) -> Result:
         pictures: Folder for a picture of masks and outlines; None for none.
     """
     result = Result(name)
-    clip = cached(CASES[name], clips)
     try:
-        _run(clip, result, pictures)
+        _run(cached(CASES[name], clips), result, pictures)
+    except NoRenderer as error:
+        result.skipped = str(error)
     except Exception as error:
         last = traceback.extract_tb(error.__traceback__)[-1]
         result.notes.append(f"{type(error).__name__} ({Path(last.filename).name}:{last.lineno}): {error}")
@@ -192,6 +197,9 @@ def row(result: Result) -> str:
         result: Of a case.
     """
 
+    if result.skipped:
+        return f"{result.name:24}SKIPPED {result.skipped}"
+
     def show(value: float, form: str) -> str:
         return format(value, form) if np.isfinite(value) else "-".rjust(int(form.split(".")[0]))
 
@@ -245,7 +253,9 @@ def main(words: Sequence[str] | None = None) -> int:
             results.append(result)
             print(row(result), flush=True)
     bad = sum(bool(result.failed) for result in results)
-    print(f"{len(results) - bad} of {len(results)} cases are within the limits {LIMITS}, seen {LEAST_SEEN}")
+    ran = sum(not result.skipped for result in results)
+    skipped = len(results) - ran
+    print(f"{ran - bad} of {ran} cases ({skipped} skipped) meet the limits {LIMITS}, seen {LEAST_SEEN}")
     return bad
 
 
