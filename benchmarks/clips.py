@@ -26,6 +26,8 @@ VERSION = 4
 """Counts changes of the drawing; clips of another version are made anew."""
 SUBFRAMES = 8
 """Simulated states per frame, for motion blur."""
+EXPOSURES = 25
+"""Pictures that a blurred frame averages."""
 STEP = 2.5e-4
 """Longest step of the simulation [s]."""
 
@@ -308,10 +310,12 @@ def exposures(case: Case, states: np.ndarray) -> Iterator[np.ndarray]:
         states: From ``simulate``; the exposure is centred on the frame's time.
     """
     flat = states.reshape(-1, states.shape[-1])
-    half = round(case.shutter * SUBFRAMES / 2)
+    within = np.linspace(-0.5, 0.5, EXPOSURES if case.shutter else 1) * case.shutter * SUBFRAMES
     for i in range(len(states)):
-        picks = np.arange(i * SUBFRAMES - half, i * SUBFRAMES + half + 1)
-        yield flat[np.clip(picks, 0, len(flat) - 1)]
+        place = np.clip(i * SUBFRAMES + within, 0, len(flat) - 1)
+        before = np.minimum(place.astype(int), len(flat) - 2)
+        share = (place - before)[:, None]
+        yield (1.0 - share) * flat[before] + share * flat[before + 1]
 
 
 def write_video(case: Case, states: np.ndarray, path: Path) -> None:
