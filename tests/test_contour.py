@@ -30,7 +30,7 @@ def terms(mechanism, mask, q, reach=4.0):
     rig = rig_of(mechanism, CAMERA)
     return edge_terms(
         mask, np.ones(mask.shape, np.float32), rig.parent, rig.kind, rig.link, rig.first, rig.links[None],
-        rig.points[None], rig.radius[None], rig.camera[None], np.empty(0), np.ones(len(rig.radius)), q, reach, 2.0,
+        rig.points[None], rig.radius[None], rig.camera[None], np.empty(0), q, reach, 2.0,
     )  # fmt: skip
 
 
@@ -39,7 +39,7 @@ def terms(mechanism, mask, q, reach=4.0):
 def test_edges_lie_on_the_outline_whatever_the_blur(name, blur):
     mechanism = load(name)
     q = np.linspace(-0.8, 0.5, len(mechanism.joints)) * np.where(mechanism.tree.kind == 1, 0.1, 1.0)
-    _, _, facts, _ = terms(mechanism, draw(mechanism, CAMERA, q, blur), q)
+    _, _, facts = terms(mechanism, draw(mechanism, CAMERA, q, blur), q)
     assert facts[0] > 40
     assert facts[1] == 1.0
     # 8-bit masks and half-pixel sampling leave a few hundredths; blur takes more off near the corners
@@ -55,8 +55,7 @@ def test_follow_finds_the_pose(name):
     start = truth + np.where(hinge, 0.06, 0.01) * np.where(np.arange(len(hinge)) % 2, -1, 1)
     free = np.full(len(hinge), np.inf)
     q, information, facts = follow(
-        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), np.ones(len(mechanism.shapes.radius)),
-        start, -free, free, np.ones(len(hinge)), REACHES, 2.0,
+        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), start, -free, free, np.ones(len(hinge)), REACHES, 2.0,
     )  # fmt: skip
     # a few hundredths of a pixel over links of 30 to 60 px
     np.testing.assert_allclose(q, truth, atol=2e-3)
@@ -68,8 +67,7 @@ def test_follow_keeps_within_its_limits():
     mechanism = load("single")
     mask = draw(mechanism, CAMERA, np.array([0.3]))
     q, _, _ = follow(
-        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), np.ones(1),
-        np.array([0.2]), np.array([0.0]), np.array([0.25]), np.ones(1), REACHES, 2.0,
+        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), np.array([0.2]), np.array([0.0]), np.array([0.25]), np.ones(1), REACHES, 2.0,
     )  # fmt: skip
     assert q[0] == 0.25
 
@@ -79,7 +77,7 @@ def test_gradient_is_the_derivative_of_the_residuals():
     mechanism = load("double")
     truth = np.array([-0.4, 0.5])
     mask = draw(mechanism, CAMERA, truth)
-    normal, right, _, _ = terms(mechanism, mask, truth + [0.01, -0.008])
+    normal, right, _ = terms(mechanism, mask, truth + [0.01, -0.008])
     np.testing.assert_allclose(normal, normal.T, atol=1e-9 * normal.max())
     # one Gauss-Newton step from 0.01 rad away lands within the drawing's own error
     np.testing.assert_allclose(truth + [0.01, -0.008] + np.linalg.solve(normal, right), truth, atol=2e-3)
@@ -88,9 +86,9 @@ def test_gradient_is_the_derivative_of_the_residuals():
 def test_edges_hidden_by_another_body_do_not_count():
     mechanism = load("double")
     folded = np.array([0.4, np.pi - 0.05])
-    _, _, folded_facts, _ = terms(mechanism, draw(mechanism, CAMERA, folded), folded)
+    _, _, folded_facts = terms(mechanism, draw(mechanism, CAMERA, folded), folded)
     open_ = np.array([0.4, 1.5])
-    _, _, open_facts, _ = terms(mechanism, draw(mechanism, CAMERA, open_), open_)
+    _, _, open_facts = terms(mechanism, draw(mechanism, CAMERA, open_), open_)
     assert folded_facts[0] < 0.75 * open_facts[0]
     assert folded_facts[2] < 0.15
 
@@ -102,7 +100,7 @@ def test_pixels_that_are_not_trusted_say_nothing():
     rig = rig_of(mechanism, CAMERA)
     trust = np.zeros(mask.shape, np.float32)
     _, information, facts = follow(
-        mask, trust, *rig, np.ones(1), q, np.full(1, -9.0), np.full(1, 9.0), np.ones(1), REACHES, 2.0
+        mask, trust, *rig, q, np.full(1, -9.0), np.full(1, 9.0), np.ones(1), REACHES, 2.0
     )
     assert facts[0] == 0
     assert information[0, 0] == 0.0
@@ -110,12 +108,22 @@ def test_pixels_that_are_not_trusted_say_nothing():
 
 def test_refine_recovers_camera_and_size_ratios():
     start = load("double")
-    true = start.with_values({"link1.length": 0.23, "link1.width": 0.036, "link2.length": 0.16, "link2.width": 0.027})
+    true = start.with_values(
+        {"link1.length": 0.23, "link1.width": 0.036, "link2.length": 0.16, "link2.width": 0.027}
+    )
     camera = Camera(320, 240, 300.0, x=0.02, y=-0.03, depth=0.95)
     rng = np.random.default_rng(2)
     poses = np.column_stack([rng.uniform(-2.5, -0.5, 10), rng.uniform(-1.5, 1.5, 10)])
     masks = [draw(true, camera, q) for q in poses]
-    names = ["link1.length", "link1.width", "link1.tail", "link1.tip", "link2.length", "link2.width", "link2.tail"]
+    names = [
+        "link1.length",
+        "link1.width",
+        "link1.tail",
+        "link1.tip",
+        "link2.length",
+        "link2.width",
+        "link2.tail",
+    ]
     bundle = refine(
         masks, np.ones(masks[0].shape, np.float32), start, Camera(320, 240, 300.0, x=0.03, y=-0.02, depth=0.9),
         poses + rng.normal(scale=0.05, size=poses.shape), [*names, "camera.x", "camera.y", "camera.depth"],

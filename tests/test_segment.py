@@ -128,7 +128,12 @@ def test_pixels_never_uncovered_are_not_trusted():
         mask[20:40, 30 + frame.index % 3 : 50 + frame.index % 3] = True
     background = background_of(samples(made), covered, fallback=first)
     assert not background.known[30, 40]
-    palette = choose_palette(made, Background(np.full((H, W), 160, np.float32), None, 1.0, background.known, (0, H, 0, W)), "grey", 14.0)
+    palette = choose_palette(
+        made,
+        Background(np.full((H, W), 160, np.float32), None, 1.0, background.known, (0, H, 0, W)),
+        "grey",
+        14.0,
+    )
     assert palette.trust[30, 40] == 0
     assert palette.trust[5, 5] > 0.5
 

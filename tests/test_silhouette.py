@@ -54,7 +54,9 @@ def test_box_outline_is_the_hull_of_its_projected_corners():
         expected = cv2.convexHull(pixels(CAMERA, world).astype(np.float32))[:, 0]
         assert body == shapes.body[g]
         # single precision of cv2's hull
-        assert cv2.contourArea(polygon.astype(np.float32)) == pytest.approx(cv2.contourArea(expected), rel=1e-5)
+        assert cv2.contourArea(polygon.astype(np.float32)) == pytest.approx(
+            cv2.contourArea(expected), rel=1e-5
+        )
         assert {tuple(p.round(2)) for p in polygon} == {tuple(p.round(2)) for p in expected.astype(float)}
 
 
@@ -76,7 +78,9 @@ def test_ball_outline_is_its_tangent_cone():
     np.testing.assert_allclose(angles, expected, rtol=0.01)
 
 
-@pytest.mark.parametrize("turn", [{}, {"roll": 0.2}, {"pitch": 0.3}, {"yaw": -0.4}, {"roll": 0.1, "pitch": -0.2, "yaw": 0.3}])
+@pytest.mark.parametrize(
+    "turn", [{}, {"roll": 0.2}, {"pitch": 0.3}, {"yaw": -0.4}, {"roll": 0.1, "pitch": -0.2, "yaw": 0.3}]
+)
 def test_camera_turns_as_documented(turn):
     camera = Camera(100, 80, 90.0, depth=2.0, **turn)
     r = rotation(camera)

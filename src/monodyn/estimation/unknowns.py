@@ -16,7 +16,7 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 
-SEEN_ONLY = ("width", "tail", "tip", "shift", "offset")
+SEEN_ONLY = ("width", "tail", "tip", "lean", "offset")
 """Sizes that the motion hardly depends on, if at all: asked for only where a picture has measured them."""
 POSITIVE = (
     "length",

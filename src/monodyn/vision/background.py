@@ -93,7 +93,9 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
         if progress is not None:
             progress("background", done, video.count)
     if len(kept) < 2:
-        raise VideoError(f"{video.path}: expected at least 2 frames, got {len(kept)}; give a clip that shows motion.")
+        raise VideoError(
+            f"{video.path}: expected at least 2 frames, got {len(kept)}; give a clip that shows motion."
+        )
     reach = _reach((lightest - darkest > STILL_GREY).any(axis=0), video)
     targets = np.linspace(places[0], places[-1], min(SAMPLES, len(kept)))
     picks = np.unique(np.searchsorted(places, targets))
@@ -148,7 +150,9 @@ def _thumbnail(frame: Frame) -> np.ndarray:
 
     size = (max(1, frame.luma.shape[1] // 4), max(1, frame.luma.shape[0] // 4))
     planes = (frame.luma, *(frame.chroma or ()))
-    return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes]).astype(np.float32)
+    return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes]).astype(
+        np.float32
+    )
 
 
 def _reach(moves: np.ndarray, video: Video) -> tuple[int, int, int, int]:

@@ -21,10 +21,10 @@ SIZES = (".length", ".width", ".tail", ".tip")
 """Sizes that a picture shows; they are refined as logarithms."""
 NOISE_PX = 0.3
 """Standard deviation of an edge sample, systematic part included [px]."""
-LEAST_NOISE_PX = 0.2
-"""Edges nearer than this all count the same [px]."""
-WEIGH_FROM_PX = 5.0
-"""Search length from which the geoms' edges are weighted by how well they lie."""
+OFFSET_SPREAD, LEAN_SPREAD = 0.02, 0.2
+"""Standard deviation of how far a body may stand before its parent, and lean out of its plane, in mean lengths."""
+SETTLED = 1e-5
+"""Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
 LOG_SPREAD = 1.0
 """Standard deviation of the logarithm of a start size: the file's sizes are only a start."""
 
@@ -43,7 +43,6 @@ class Bundle:
         rms_px: Root mean square of the edge displacements of each key frame [px].
         matched: Share of outline samples within 1.5 px of an edge, by key frame.
         inside: Mean coverage inside of the outline, by key frame.
-        weight: Weight of each geom's edges: rough ones count less, (geom,).
     """
 
     mechanism: Mechanism
@@ -54,7 +53,6 @@ class Bundle:
     rms_px: np.ndarray
     matched: np.ndarray
     inside: np.ndarray
-    weight: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +71,9 @@ class _Variables:
         values = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
         pairs = dict(zip(self.names, values.tolist(), strict=True))
         seen = {n: v for n, v in pairs.items() if n in PARAMETERS}
-        return mechanism.with_values({n: v for n, v in pairs.items() if n not in PARAMETERS}), with_values(camera, seen)
+        return mechanism.with_values({n: v for n, v in pairs.items() if n not in PARAMETERS}), with_values(
+            camera, seen
+        )
 
 
 def refine(
@@ -86,7 +86,7 @@ def refine(
     start: dict[str, float],
     *,
     reaches: Sequence[float],
-    weight: np.ndarray | None = None,
+    settle: int = 0,
     shrink: float = 1.0,
     spacing: float = 3.0,
 ) -> Bundle:
@@ -100,40 +100,32 @@ def refine(
         positions: Start poses, (key frame, dof).
         names: Parameters to refine: sizes and ``camera.*``.
         start: Values of the mechanism file, to which a weak spring holds what the masks do not show.
-        reaches: Search length along the normals of each iteration, the last one repeated until it settles [px].
-        weight: Weight of each geom's edges to start with, (geom,).
+        reaches: Search length along the normals of each iteration [px].
+        settle: Most further iterations with the last search length, until nothing changes.
         shrink: Pixels of the camera per pixel of the masks.
         spacing: Distance between outline samples [px].
 
     Returns:
         The refined bundle.
     """
-    variables = _Variables(tuple(names), np.array([n.endswith(SIZES) or n in LOG_CAMERA for n in names], dtype=bool))
+    variables = _Variables(
+        tuple(names), np.array([n.endswith(SIZES) or n in LOG_CAMERA for n in names], dtype=bool)
+    )
     x = variables.read(mechanism, camera)
     anchor, stiffness = _springs(variables, mechanism, start)
     q = np.array(positions, dtype=np.float64)
-    weight = np.ones(len(mechanism.shapes.radius)) if weight is None else weight
-    for reach in map(float, reaches):
+    for reach in (*map(float, reaches), *[float(reaches[-1])] * settle):
         mechanism, camera = variables.write(x, mechanism, camera)
-        terms = _terms(coverages, trust, variables, x, mechanism, camera, q, weight, reach, shrink, spacing)
+        terms = _terms(coverages, trust, variables, x, mechanism, camera, q, reach, shrink, spacing)
         step, q_step = _step(terms, x, anchor, stiffness)
         x = x + step
         q = q + q_step
-        if reach <= WEIGH_FROM_PX and shrink == 1.0:
-            weight = _weights(terms)
+        if reach == reaches[-1] and np.abs(step).max() < SETTLED:
+            break
     mechanism, camera = variables.write(x, mechanism, camera)
-    final = _terms(coverages, trust, variables, x, mechanism, camera, q, weight, float(reaches[-1]), shrink, spacing)
+    final = _terms(coverages, trust, variables, x, mechanism, camera, q, float(reaches[-1]), shrink, spacing)
     matched, rms, inside = final.facts[:, 1], final.facts[:, 2], final.facts[:, 3]
-    return Bundle(mechanism, camera, q, tuple(names), _information(final), rms, matched, inside, weight)
-
-
-def _weights(terms: _Terms) -> np.ndarray:
-    """Return the weight of each geom's edges from their roughness along the outline, (geom,)."""
-    samples, squares = terms.geoms[:, :, 0].sum(axis=0), terms.geoms[:, :, 1].sum(axis=0)
-    variance = np.maximum(squares / np.maximum(samples, 1.0), LEAST_NOISE_PX**2)
-    seen = samples > 0
-    best = float(variance[seen].min()) if seen.any() else 1.0
-    return np.where(seen, best / variance, 1.0)
+    return Bundle(mechanism, camera, q, tuple(names), _information(final), rms, matched, inside)
 
 
 def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
@@ -171,10 +163,11 @@ class _Terms:
     q: np.ndarray
     x: np.ndarray
     facts: np.ndarray
-    geoms: np.ndarray
 
 
-def _springs(variables: _Variables, mechanism: Mechanism, start: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+def _springs(
+    variables: _Variables, mechanism: Mechanism, start: dict[str, float]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the start values and stiffness (1 / variance) of the weak springs."""
     anchor = np.zeros(len(variables.names))
     stiffness = np.zeros(len(variables.names))
@@ -182,9 +175,10 @@ def _springs(variables: _Variables, mechanism: Mechanism, start: dict[str, float
         if name.endswith(SIZES):
             spread = LOG_SPREAD if name.endswith((".length", ".width")) else 0.5 * LOG_SPREAD
             anchor[i], stiffness[i] = np.log(start[name]), 1.0 / spread**2
-        elif name.endswith(".offset"):
+        elif name.endswith((".offset", ".lean")):
             lengths = [v for n, v in start.items() if n.endswith(".length")]
-            spread = abs(start[name]) + 0.02 * float(np.mean(lengths))
+            share = LEAN_SPREAD if name.endswith(".lean") else OFFSET_SPREAD
+            spread = abs(start[name]) + share * float(np.mean(lengths))
             anchor[i], stiffness[i] = start[name], 1.0 / spread**2
         elif name in ("camera.roll", "camera.pitch", "camera.yaw"):
             stiffness[i] = 1.0
@@ -199,7 +193,6 @@ def _terms(
     mechanism: Mechanism,
     camera: Camera,
     q: np.ndarray,
-    weight: np.ndarray,
     reach: float,
     shrink: float,
     spacing: float,
@@ -212,20 +205,32 @@ def _terms(
         shifted = x.copy()
         shifted[i] += steps[i]
         rigs.append(rig_of(*variables.write(shifted, mechanism, camera), shrink=shrink))
-    stacked = [np.stack([getattr(rig, field) for rig in rigs]) for field in ("links", "points", "radius", "camera")]
+    stacked = [
+        np.stack([getattr(rig, field) for rig in rigs]) for field in ("links", "points", "radius", "camera")
+    ]
     blocks = [
         edge_terms(
-            coverage, trust, base.parent, base.kind, base.link, base.first, *stacked, steps, weight, pose, reach, spacing
+            coverage,
+            trust,
+            base.parent,
+            base.kind,
+            base.link,
+            base.first,
+            *stacked,
+            steps,
+            pose,
+            reach,
+            spacing,
         )
         for coverage, pose in zip(coverages, q, strict=True)
     ]
     dofs = q.shape[1]
     normal = np.stack([block[0] for block in blocks])
     right = np.stack([block[1] for block in blocks])
-    facts, geoms = (np.stack([block[i] for block in blocks]) for i in (2, 3))
+    facts = np.stack([block[2] for block in blocks])
     return _Terms(
         normal[:, :dofs, :dofs], normal[:, :dofs, dofs:], normal[:, dofs:, dofs:], right[:, :dofs], right[:, dofs:],
-        facts, geoms,
+        facts,
     )  # fmt: skip
 
 

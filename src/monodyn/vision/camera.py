@@ -42,7 +42,9 @@ def camera_array(camera: Camera) -> np.ndarray:
         camera: The camera.
     """
     centre = [(camera.width - 1) / 2.0, (camera.height - 1) / 2.0]
-    return np.concatenate([rotation(camera).ravel(), [camera.x, camera.y, camera.depth, camera.focal], centre])
+    return np.concatenate(
+        [rotation(camera).ravel(), [camera.x, camera.y, camera.depth, camera.focal], centre]
+    )
 
 
 def shrunk(packed: np.ndarray, factor: float) -> np.ndarray:

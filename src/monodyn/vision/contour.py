@@ -20,6 +20,8 @@ SHARP = math.cos(math.radians(35.0))
 """Edges that turn by more than 35 degrees meet in a corner."""
 STEP = 0.5
 """Distance of the picture samples along a normal [px]."""
+DOUBTFUL, SURE, UNSURE = 0.5, 0.8, 0.05
+"""Highest coverage along a normal from which an edge counts, from which in full, and the least it counts."""
 TRUSTED = 0.15
 """Least trust of the picture along a normal."""
 
@@ -50,7 +52,9 @@ def _outside(px: np.ndarray, hull: np.ndarray, a: int, b: int, x: float, y: floa
 
 
 @njit(cache=True)
-def _depth_inside(px: np.ndarray, hull: np.ndarray, a: int, b: int, x: float, y: float, nx: float, ny: float) -> float:
+def _depth_inside(
+    px: np.ndarray, hull: np.ndarray, a: int, b: int, x: float, y: float, nx: float, ny: float
+) -> float:
     """Return the width of a convex outline from (x, y) against the normal (nx, ny) [px]."""
     far = 1e18
     for i in range(a, b):
@@ -94,7 +98,7 @@ def edge_samples(
         reach: Length of the search to either side [px].
         ends: Filled with the two outline points of each sample's edge, (sample, 2).
         values: Filled for each sample with share of the second point, normal x, normal y, displacement t* [px],
-            weight (squared trust), length of the search inwards [px], x, y, geom, (sample, 9).
+            weight, length of the search inwards [px], x, y, (sample, 8).
 
     Returns:
         Number of samples.
@@ -119,7 +123,9 @@ def edge_samples(
             nx, ny = ey, -ex
             start, stop = rest, length
             if _turn(px, before, p, ex, ey) < SHARP:
-                start = max(CORNER_PX, 0.5 * (length - spacing * math.floor((length - 2 * CORNER_PX) / spacing)))
+                start = max(
+                    CORNER_PX, 0.5 * (length - spacing * math.floor((length - 2 * CORNER_PX) / spacing))
+                )
             if _turn(px, q, after, ex, ey) < SHARP:
                 stop = length - CORNER_PX
             along = start
@@ -159,7 +165,7 @@ def _edge(
     reach: float,
     value: np.ndarray,
 ) -> bool:
-    """Search one normal; fill normal, displacement, weight, inner length, place and geom; False where nothing can be said."""
+    """Search one normal; fill normal, displacement, weight, inner length and place; False where nothing can be said."""
     height, width = coverage.shape
     inner = min(reach, 0.5 * _depth_inside(px, hull, hull_first[own], hull_first[own + 1], x, y, nx, ny))
     for t in (-inner, reach):
@@ -179,16 +185,18 @@ def _edge(
         return False
     steps = max(2, int(math.ceil((inner + reach) / STEP)))
     step = (inner + reach) / steps
-    total = 0.0
+    total, most = 0.0, 0.0
     for k in range(steps + 1):
         t = -inner + k * step
         c = _bilinear(coverage, x + t * nx, y + t * ny)
+        most = max(most, c)
         total += 0.5 * c if k == 0 or k == steps else c
     value[1], value[2] = nx, ny
     value[3] = total * step / 255.0 - inner
-    value[4] = weight * weight
+    sure = min(max((most / 255.0 - DOUBTFUL) / (SURE - DOUBTFUL), UNSURE), 1.0)
+    value[4] = weight * weight * sure * sure
     value[5] = inner
-    value[6], value[7], value[8] = x, y, own
+    value[6], value[7] = x, y
     return True
 
 
@@ -217,11 +225,10 @@ def edge_terms(
     radius: np.ndarray,
     cameras: np.ndarray,
     steps: np.ndarray,
-    weight: np.ndarray,
     q: np.ndarray,
     reach: float,
     spacing: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Form the normal equations of one mask over (pose, shared parameters).
 
     ``links``, ``points``, ``radius`` and ``cameras`` hold the mechanism in row 0 and, after it, the mechanism with each
@@ -239,7 +246,6 @@ def edge_terms(
         radius: Radius of the geoms [m], (1 + param, geom).
         cameras: Packed cameras, (1 + param, 15).
         steps: Shift of each shared parameter, (param,).
-        weight: Weight of each geom's samples, 1 for the best drawn, (geom,).
         q: Joint positions, (dof,).
         reach: Length of the search along the normals [px].
         spacing: Distance between samples [px].
@@ -247,9 +253,7 @@ def edge_terms(
     Returns:
         Normal matrix (dof + param, dof + param) and right side (dof + param,) for unit noise of a sample, and facts:
         number of samples, share of them within 1.5 px of an edge, root mean square of these [px], and mean coverage
-        just inside of the outline, all weighted by geom; and for each geom the number of neighbouring samples and
-        the sum of their (saturated) squared differences [px^2], which tells its edge noise whatever the pose,
-        (geom, 2).
+        just inside of the outline, all weighted like the samples.
     """
     dofs, shared, geoms = q.shape[0], steps.shape[0], radius.shape[1]
     size = dofs + shared
@@ -257,11 +261,10 @@ def edge_terms(
     total = starts[geoms]
     px, moved = np.empty((total, 2)), np.empty((size, total, 2))
     hull, hull_first = np.empty(total + 2 * geoms + 2, dtype=np.int64), np.zeros(geoms + 1, dtype=np.int64)
-    ends, values = np.empty((4096, 2), dtype=np.int64), np.empty((4096, 9))
+    ends, values = np.empty((4096, 2), dtype=np.int64), np.empty((4096, 8))
     normal, right, row, facts = np.zeros((size, size)), np.zeros(size), np.zeros(size), np.zeros(4)
-    geom_facts = np.zeros((geoms, 2))
     if not project(link_frames(parent, kind, links[0], q), link, first, points[0], radius[0], cameras[0], px):
-        return normal, right, facts, geom_facts
+        return normal, right, facts
     hulls(px, starts, geoms, hull, hull_first)
     count = edge_samples(coverage, trust, px, hull, hull_first, geoms, spacing, reach, ends, values)
     for j in range(size):
@@ -271,7 +274,15 @@ def edge_terms(
             shifted[j] += 1e-6
         else:
             k = j - dofs + 1
-        project(link_frames(parent, kind, links[k], shifted), link, first, points[k], radius[k], cameras[k], moved[j])
+        project(
+            link_frames(parent, kind, links[k], shifted),
+            link,
+            first,
+            points[k],
+            radius[k],
+            cameras[k],
+            moved[j],
+        )
     scale, total_weight = max(0.35 * reach, 1.0), 0.0
     for s in range(count):
         p, r = ends[s, 0], ends[s, 1]
@@ -281,19 +292,15 @@ def edge_terms(
             dx = (1.0 - share) * (moved[j, p, 0] - px[p, 0]) + share * (moved[j, r, 0] - px[r, 0])
             dy = (1.0 - share) * (moved[j, p, 1] - px[p, 1]) + share * (moved[j, r, 1] - px[r, 1])
             row[j] = (dx * nx + dy * ny) / h
-        g = int(values[s, 8])
-        w = weight[g] * values[s, 4] * robust_weight(t, scale)
-        total_weight += weight[g]
-        if s > 0 and values[s - 1, 8] == values[s, 8]:
-            step = 0.5 * (t - values[s - 1, 3]) ** 2
-            geom_facts[g, 0] += 1.0
-            geom_facts[g, 1] += step / (1.0 + step)
+        trusted = values[s, 4]
+        w = trusted * robust_weight(t, scale)
+        total_weight += trusted
         if abs(t) < 1.5:
-            facts[1] += weight[g]
-            facts[2] += weight[g] * t * t
+            facts[1] += trusted
+            facts[2] += trusted * t * t
         deep = min(3.0, values[s, 5])
         ix, iy = int(values[s, 6] - deep * nx + 0.5), int(values[s, 7] - deep * ny + 0.5)
-        facts[3] += weight[g] * coverage[iy, ix] / 255.0
+        facts[3] += trusted * coverage[iy, ix] / 255.0
         for j in range(size):
             right[j] += w * row[j] * t
             for k in range(size):
@@ -302,7 +309,7 @@ def edge_terms(
     facts[2] = np.sqrt(facts[2] / max(facts[1], 1e-9))
     facts[1] /= max(total_weight, 1e-9)
     facts[3] /= max(total_weight, 1e-9)
-    return normal, right, facts, geom_facts
+    return normal, right, facts
 
 
 @njit(cache=True)
@@ -317,7 +324,6 @@ def follow(
     points: np.ndarray,
     radius: np.ndarray,
     camera: np.ndarray,
-    weight: np.ndarray,
     start: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -338,7 +344,6 @@ def follow(
         points: Points of the geoms [m].
         radius: Radius of the geoms [m].
         camera: From ``camera_array``.
-        weight: Weight of each geom's samples, (geom,).
         start: Joint positions to start from, (dof,).
         lower: Lower move limits, (dof,).
         upper: Upper move limits, (dof,).
@@ -356,14 +361,40 @@ def follow(
     q = start.copy()
     damping = 1.0 / (spread * spread) + 1e-9
     for reach in reaches:
-        normal, right, _, _ = edge_terms(
-            coverage, trust, parent, kind, link, first, tables, places, radii, cameras, steps, weight, q, reach, spacing
+        normal, right, _ = edge_terms(
+            coverage,
+            trust,
+            parent,
+            kind,
+            link,
+            first,
+            tables,
+            places,
+            radii,
+            cameras,
+            steps,
+            q,
+            reach,
+            spacing,
         )
         for j in range(q.shape[0]):
             normal[j, j] += damping[j]
             right[j] += damping[j] * (start[j] - q[j])
         q = np.minimum(np.maximum(q + np.linalg.solve(normal, right), lower), upper)
-    normal, _, facts, _ = edge_terms(
-        coverage, trust, parent, kind, link, first, tables, places, radii, cameras, steps, weight, q, reaches[-1], spacing
+    normal, _, facts = edge_terms(
+        coverage,
+        trust,
+        parent,
+        kind,
+        link,
+        first,
+        tables,
+        places,
+        radii,
+        cameras,
+        steps,
+        q,
+        reaches[-1],
+        spacing,
     )
     return q, normal, facts

@@ -10,7 +10,12 @@ from monodyn.vision.background import Background
 from monodyn.vision.palette import CHROMA_WEIGHT, Palette
 
 ANY_CONTRAST = 30.0
-"""Difference from the background, beyond the noise, that is full coverage where the colours vary [grey levels]."""
+"""Difference from the background, beyond the noise, that counts in full where the colours vary [grey levels]."""
+ANY_COVERAGE = 0.55 * 255.0
+"""Coverage of a pixel that differs from the background but has none of the mechanism's colours: rather in than out."""
+
+CLOSING = 0.004
+"""Gaps up to twice this share of the picture's longer side are closed where the colours vary."""
 
 
 def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
@@ -35,7 +40,18 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
     else:
         colour = _chroma_part(frame.chroma, background.chroma, colours, frame.luma.shape, background.reach)
     _combine(frame.luma, background.luma, colours, colour, palette.scale, reach, out)
-    return np.maximum(out, _any_difference(frame, background, palette)) if palette.varied else out
+    if not palette.varied:
+        return out
+    return _closed(np.maximum(out, _any_difference(frame, background, palette)))
+
+
+def _closed(coverage: np.ndarray) -> np.ndarray:
+    """Fill the gaps between the bright and the dark edge of a shiny rod, which look like the background."""
+    import cv2
+
+    size = 2 * round(CLOSING * max(coverage.shape)) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return cv2.morphologyEx(coverage, cv2.MORPH_CLOSE, kernel)
 
 
 def _any_difference(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
@@ -48,7 +64,7 @@ def _any_difference(frame: Frame, background: Background, palette: Palette) -> n
         small = sum((plane - back) ** 2 for plane, back in zip(frame.chroma, background.chroma, strict=True))
         squares = squares + CHROMA_WEIGHT * cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
     beyond = np.sqrt(squares) - max(6.0, 4.0 * background.noise)
-    share = np.clip(beyond * (255.0 / ANY_CONTRAST), 0.0, 255.0).astype(np.uint8)
+    share = np.clip(beyond * (ANY_COVERAGE / ANY_CONTRAST), 0.0, ANY_COVERAGE).astype(np.uint8)
     top, bottom, left, right = background.reach
     out = np.zeros_like(share)
     out[top:bottom, left:right] = share[top:bottom, left:right]
@@ -71,8 +87,12 @@ def _chroma_part(
         slice(int(top / rows), int(np.ceil(bottom / rows))),
         slice(int(left / columns), int(np.ceil(right / columns))),
     )
-    small = np.empty((len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32)
-    _project_chroma(chroma[0][part], chroma[1][part], background[0][part], background[1][part], colours, small)
+    small = np.empty(
+        (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32
+    )
+    _project_chroma(
+        chroma[0][part], chroma[1][part], background[0][part], background[1][part], colours, small
+    )
     size = (right - left, bottom - top)
     return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in small])
 

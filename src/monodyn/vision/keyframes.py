@@ -117,7 +117,9 @@ def _empty(masks: Masks) -> KeyFrames:
     shrink = max(1, round(max(bottom - top, right - left) / COARSE_PX))
     height, width = trust.shape
     size = (width // shrink, height // shrink)
-    coarse_trust = cv2.resize(trust[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA)
+    coarse_trust = cv2.resize(
+        trust[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA
+    )
     return KeyFrames((), shrink, trust, coarse_trust)
 
 

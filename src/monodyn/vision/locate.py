@@ -23,10 +23,12 @@ from monodyn.vision.rig import rig_of
 from monodyn.vision.search import Guess, place, search
 from monodyn.vision.segment import Masks
 
+WORTH = 0.9
+"""Share to which the mean squared edge distance must fall for links that lean out of their plane."""
 COARSE_REACHES = (9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0)
 FINE_REACHES = (8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0)
 REACHES = np.array([8.0, 6.0, 5.0, 4.0, 4.0])
-LAST_REACHES = (5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0)
+LAST_REACHES = (5.0, 4.0, 4.0, 4.0, 3.0, 3.0, 3.0, 3.0)
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,9 @@ class LocateSettings:
             raise SettingsError(f"locate.focal: expected 0 or more px, got {self.focal}.")
         for name in ("search_frames", "refine_frames"):
             if getattr(self, name) < 2:
-                raise SettingsError(f"locate.{name}: expected 2 or more key frames, got {getattr(self, name)}.")
+                raise SettingsError(
+                    f"locate.{name}: expected 2 or more key frames, got {getattr(self, name)}."
+                )
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +69,6 @@ class Scene:
         key_frames: Numbers of the frames that were refined jointly.
         key_positions: Joint positions there, (key frame, dof).
         spread: Standard deviations of the refined camera parameters by name.
-        weight: Weight of each geom's edges: rough ones count less, (geom,).
         rms_px: Root mean square distance between outline and mask edges [px].
         advice: Sentences for the user.
     """
@@ -78,7 +81,6 @@ class Scene:
     key_frames: tuple[int, ...]
     key_positions: np.ndarray
     spread: Mapping[str, float]
-    weight: np.ndarray
     rms_px: float
     advice: tuple[str, ...]
 
@@ -112,11 +114,14 @@ def locate(
     fix = dict(fix or {})
     for name in (*fix, *free):
         if name not in PARAMETERS:
-            raise SettingsError(f"parameter '{name}' is not one of the camera's; camera: {', '.join(PARAMETERS)}.")
+            raise SettingsError(
+                f"parameter '{name}' is not one of the camera's; camera: {', '.join(PARAMETERS)}."
+            )
     video = masks.video
     focal = settings.focal or float(max(video.width, video.height))
     camera = with_values(Camera(video.width, video.height, focal), fix)
     names = _refined_names(mechanism, fix, free)
+    leans = [p.name for p in mechanism.parameters if p.free and p.name.endswith(".lean")]
     pinned = frozenset([*fix, *(p.name for p in mechanism.parameters if not p.free)])
     report = progress or (lambda step, done, total: None)
 
@@ -125,19 +130,24 @@ def locate(
     guesses = search(frames, mechanism, camera, pinned, settings.search_frames)
     report("locate", 1, 4)
     start = mechanism.values
-    guess = min((_settle(g, frames, names, start, settings.search_frames) for g in guesses[:4]), key=lambda g: g.score)
+    guess = min(
+        (_settle(g, frames, names, start, settings.search_frames) for g in guesses[:4]), key=lambda g: g.score
+    )
     report("locate", 2, 4)
     bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, FINE_REACHES)
     report("locate", 3, 4)
     positions, fits = _all_poses(frames, bundle)
     covered = [
-        covered_pixels(bundle.mechanism, bundle.camera, q, grow=3.0) if fits_ else np.ones_like(frames.trust, dtype=bool)
+        covered_pixels(bundle.mechanism, bundle.camera, q, grow=3.0)
+        if fits_
+        else np.ones_like(frames.trust, dtype=bool)
         for q, fits_ in zip(positions, fits, strict=True)
     ]
     masks = masks.refined(covered)
     frames = key_frames(masks)
     again = Guess(bundle.mechanism, bundle.camera, positions, np.zeros(len(positions)))
-    bundle, picks = _refine_whole(frames, again, names, start, settings.refine_frames, LAST_REACHES, bundle.weight)
+    bundle, picks = _refine_whole(frames, again, names, start, settings.refine_frames, LAST_REACHES)
+    bundle = _with_lean(frames, bundle, picks, [*names, *leans], start)
     report("locate", 4, 4)
     return _scene(masks, frames, bundle, picks, settings)
 
@@ -155,7 +165,9 @@ def _refined_names(mechanism: Mechanism, fix: Mapping[str, float], free: Sequenc
     return names + [name for name in dict.fromkeys(cameras) if name not in fix]
 
 
-def _settle(guess: Guess, frames: KeyFrames, names: Sequence[str], start: dict[str, float], count: int) -> Guess:
+def _settle(
+    guess: Guess, frames: KeyFrames, names: Sequence[str], start: dict[str, float], count: int
+) -> Guess:
     """Refine a guess on the reduced key frames, place the poses anew, and refine again."""
     chosen = [frames.frames[i] for i in frames.spread(count)]
     coverages = [frame.coarse for frame in chosen]
@@ -170,7 +182,10 @@ def _settle(guess: Guess, frames: KeyFrames, names: Sequence[str], start: dict[s
             for frame, q in zip(chosen, bundle.positions, strict=True)
         ]
         new = Guess(
-            bundle.mechanism, bundle.camera, np.array([q for q, _ in placed]), np.array([m for _, m in placed])
+            bundle.mechanism,
+            bundle.camera,
+            np.array([q for q, _ in placed]),
+            np.array([m for _, m in placed]),
         )
         if new.score > guess.score:
             return guess
@@ -185,7 +200,6 @@ def _refine_whole(
     start: dict[str, float],
     count: int,
     reaches: Sequence[float],
-    weight: np.ndarray | None = None,
 ) -> tuple[Bundle, list[int]]:
     """Refine on whole pictures over key frames that fit."""
     picks = sorted(frames.spread(count))
@@ -194,19 +208,43 @@ def _refine_whole(
     else:
         rig = rig_of(guess.mechanism, guess.camera, shrink=frames.shrink)
         positions = np.array([place(frames.frames[i], frames, rig, guess.mechanism)[0] for i in picks])
-    mechanism, camera = guess.mechanism, guess.camera
-    bundle = None
-    for part in (reaches[: len(reaches) // 2], reaches[len(reaches) // 2 :]):
-        coverages = [frames.frames[i].coverage for i in picks]
-        bundle = refine(coverages, frames.trust, mechanism, camera, positions, names, start, reaches=part, weight=weight)
-        usual = float(np.median(bundle.matched)), float(np.median(bundle.inside))
-        good = (bundle.matched > 0.6 * usual[0]) & (bundle.inside > 0.6 * usual[1])
-        mechanism, camera, positions, weight = bundle.mechanism, bundle.camera, bundle.positions, bundle.weight
-        if good.sum() >= max(3, len(picks) // 4):
-            picks = [pick for pick, ok in zip(picks, good, strict=True) if ok]
-            positions = positions[good]
-    assert bundle is not None
-    return bundle, picks
+    half = len(reaches) // 2
+    coverages = [frames.frames[i].coverage for i in picks]
+    first = refine(
+        coverages,
+        frames.trust,
+        guess.mechanism,
+        guess.camera,
+        positions,
+        names,
+        start,
+        reaches=reaches[:half],
+    )
+    good = (first.matched > 0.6 * np.median(first.matched)) & (first.inside > 0.6 * np.median(first.inside))
+    kept = np.flatnonzero(good) if good.sum() >= max(3, len(picks) // 4) else np.arange(len(picks))
+    second = refine(
+        [coverages[i] for i in kept], frames.trust, first.mechanism, first.camera, first.positions[kept], names, start,
+        reaches=reaches[half:], settle=10,
+    )  # fmt: skip
+    return second, [picks[i] for i in kept]
+
+
+def _with_lean(
+    frames: KeyFrames, bundle: Bundle, picks: list[int], names: Sequence[str], start: dict[str, float]
+) -> Bundle:
+    """Let the links lean out of their plane, if that explains the edges better."""
+    if len(names) == len(bundle.names):
+        return bundle
+    richer = refine(
+        [frames.frames[i].coverage for i in picks], frames.trust, bundle.mechanism, bundle.camera, bundle.positions,
+        names, start, reaches=LAST_REACHES, settle=30,
+    )  # fmt: skip
+    return richer if _misfit(richer) < WORTH * _misfit(bundle) else bundle
+
+
+def _misfit(bundle: Bundle) -> float:
+    """Return the mean squared edge distance [px^2]; a sample without an edge counts as 1.5 px away."""
+    return float(np.mean(bundle.matched * bundle.rms_px**2 + (1.0 - bundle.matched) * 1.5**2))
 
 
 def _fits(matched: np.ndarray, inside: np.ndarray) -> np.ndarray:
@@ -226,15 +264,15 @@ def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarra
     positions, good = [], []
     for frame in frames.frames:
         q, _ = place(frame, frames, coarse, bundle.mechanism)
-        q, _, facts = follow(
-            frame.coverage, frames.trust, *rig, bundle.weight, q, lower, upper, spread, REACHES, 3.0
-        )
+        q, _, facts = follow(frame.coverage, frames.trust, *rig, q, lower, upper, spread, REACHES, 3.0)
         positions.append(q)
         good.append(bool(_fits(facts[1:2], facts[3:4])[0]))
     return np.array(positions), np.array(good)
 
 
-def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle, picks: list[int], settings: LocateSettings) -> Scene:
+def _scene(
+    masks: Masks, frames: KeyFrames, bundle: Bundle, picks: list[int], settings: LocateSettings
+) -> Scene:
     """Collect the result and what the picture knows of the sizes."""
     scale_free = "camera.depth" in bundle.names and all(
         name in bundle.names for name in bundle.mechanism.values if name.endswith(SIZES)
@@ -243,7 +281,9 @@ def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle, picks: list[int], se
     information = bundle.information
     covariance = np.linalg.pinv(information + 1e-6 * np.eye(len(information)))
     spread = {
-        name: float(np.sqrt(max(covariance[i, i], 0.0))) for i, name in enumerate(bundle.names) if name in PARAMETERS
+        name: float(np.sqrt(max(covariance[i, i], 0.0)))
+        for i, name in enumerate(bundle.names)
+        if name in PARAMETERS
     }
     order = [frames.frames[i].index for i in picks]
     first = int(np.argmin(order))
@@ -257,5 +297,5 @@ def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle, picks: list[int], se
         )
     return Scene(
         bundle.mechanism.with_measured(measured), bundle.camera, masks, order[first], bundle.positions[first],
-        tuple(order), bundle.positions, spread, bundle.weight, rms, tuple(advice),
+        tuple(order), bundle.positions, spread, rms, tuple(advice),
     )  # fmt: skip

@@ -73,11 +73,10 @@ def place(
     lower, upper = limits(mechanism)
     spread = np.full(len(lower), 0.5)
     spread[rig.kind == 1] = np.ptp(_slide_places(rig, frame.coarse.shape)) / 8.0
-    weight = np.ones(len(rig.radius))
     polished = []
     for start in beam:
         q, _, _ = follow(
-            frame.coarse, frames.coarse_trust, *rig, weight, start, lower, upper, spread, POLISH, 1.5
+            frame.coarse, frames.coarse_trust, *rig, start, lower, upper, spread, POLISH, 1.5
         )  # fmt: skip
         polished.append(q)
     both = np.vstack([beam, np.array(polished)])
@@ -120,8 +119,16 @@ def _beam(frame: KeyFrame, rig: Rig, mechanism: Mechanism) -> np.ndarray:
             continue
         table = new.reshape(len(poses), len(values))
         wrap = rig.kind[i] == 0 and len(values) == ANGLES
-        left = np.roll(table, 1, axis=1) if wrap else np.pad(table, ((0, 0), (1, 0)), constant_values=np.inf)[:, :-1]
-        right = np.roll(table, -1, axis=1) if wrap else np.pad(table, ((0, 0), (0, 1)), constant_values=np.inf)[:, 1:]
+        left = (
+            np.roll(table, 1, axis=1)
+            if wrap
+            else np.pad(table, ((0, 0), (1, 0)), constant_values=np.inf)[:, :-1]
+        )
+        right = (
+            np.roll(table, -1, axis=1)
+            if wrap
+            else np.pad(table, ((0, 0), (0, 1)), constant_values=np.inf)[:, 1:]
+        )
         peaks = np.nonzero(((table <= left) & (table < right)).ravel())[0]
         if not len(peaks):
             peaks = np.array([int(np.argmin(new))])
@@ -136,7 +143,9 @@ def _slide_places(rig: Rig, shape: tuple[int, ...]) -> np.ndarray:
     return np.linspace(-half, half, PLACES)
 
 
-def search(frames: KeyFrames, mechanism: Mechanism, camera: Camera, pinned: frozenset[str], count: int = 7) -> list[Guess]:
+def search(
+    frames: KeyFrames, mechanism: Mechanism, camera: Camera, pinned: frozenset[str], count: int = 7
+) -> list[Guess]:
     """Find camera, sizes and poses from the topology alone.
 
     Args:
@@ -254,7 +263,9 @@ def _distances(chosen: list[KeyFrame], frames: KeyFrames) -> np.ndarray:
     return np.mean(far, axis=0) * np.where(unknown, 0.3, 1.0)
 
 
-def _root_points(chosen: list[KeyFrame], frames: KeyFrames, count: int = 8) -> list[tuple[float, float, float]]:
+def _root_points(
+    chosen: list[KeyFrame], frames: KeyFrames, count: int = 8
+) -> list[tuple[float, float, float]]:
     """Return where a fixed first hinge may be [px], with the reach of the foreground from there [px].
 
     A fixed hinge is on the mechanism in every frame.
@@ -277,11 +288,19 @@ def _root_points(chosen: list[KeyFrame], frames: KeyFrames, count: int = 8) -> l
             if len(fx):
                 reaches.append(float(np.percentile(np.hypot(fx - px, fy - py), 99.0)))
         reach = float(np.max(reaches)) if reaches else 10.0
-        roots.append(((px + 0.5) * frames.shrink - 0.5, (py + 0.5) * frames.shrink - 0.5, max(reach, 2.0) * frames.shrink))
+        roots.append(
+            (
+                (px + 0.5) * frames.shrink - 0.5,
+                (py + 0.5) * frames.shrink - 0.5,
+                max(reach, 2.0) * frames.shrink,
+            )
+        )
     return roots
 
 
-def _root_lines(chosen: list[KeyFrame], frames: KeyFrames, count: int = 7) -> list[tuple[float, float, float]]:
+def _root_lines(
+    chosen: list[KeyFrame], frames: KeyFrames, count: int = 7
+) -> list[tuple[float, float, float]]:
     """Return heights at which a sliding root may run [px], with the reach of the foreground from there [px].
 
     Along its slide the root's place is the joint position, so only the height is looked for.

@@ -88,7 +88,9 @@ class Masks:
             New masks of the same clip.
         """
         background = background_of(self.samples, covered, fallback=self.background)
-        palette = choose_palette(self.samples.frames, background, self.settings.colour, self.settings.contrast)
+        palette = choose_palette(
+            self.samples.frames, background, self.settings.colour, self.settings.contrast
+        )
         return replace(self, background=background, palette=palette)
 
 

@@ -41,7 +41,10 @@ def link_frames(parent: np.ndarray, kind: np.ndarray, links: np.ndarray, q: np.n
         if parent[i] >= 0:
             x, y, angle = frames[parent[i], 0], frames[parent[i], 1], frames[parent[i], 2]
         c, s = math.cos(angle), math.sin(angle)
-        x, y = x + c * links[i, ANCHOR_X] - s * links[i, ANCHOR_Y], y + s * links[i, ANCHOR_X] + c * links[i, ANCHOR_Y]
+        x, y = (
+            x + c * links[i, ANCHOR_X] - s * links[i, ANCHOR_Y],
+            y + s * links[i, ANCHOR_X] + c * links[i, ANCHOR_Y],
+        )
         angle += links[i, ANGLE]
         if kind[i] == HINGE:
             angle += links[i, AXIS_X] * q[i]
@@ -153,7 +156,8 @@ def convex_hull(px: np.ndarray, start: int, stop: int, hull: np.ndarray) -> int:
         item = order[i]
         j = i - 1
         while j >= 0 and (
-            px[order[j], 0] > px[item, 0] or (px[order[j], 0] == px[item, 0] and px[order[j], 1] > px[item, 1])
+            px[order[j], 0] > px[item, 0]
+            or (px[order[j], 0] == px[item, 0] and px[order[j], 1] > px[item, 1])
         ):
             order[j + 1] = order[j]
             j -= 1
@@ -165,7 +169,9 @@ def convex_hull(px: np.ndarray, start: int, stop: int, hull: np.ndarray) -> int:
             p = order[i] if turn == 0 else order[n - 1 - i]
             while size - base >= 2:
                 a, b = hull[size - 2], hull[size - 1]
-                cross = (px[b, 0] - px[a, 0]) * (px[p, 1] - px[a, 1]) - (px[b, 1] - px[a, 1]) * (px[p, 0] - px[a, 0])
+                cross = (px[b, 0] - px[a, 0]) * (px[p, 1] - px[a, 1]) - (px[b, 1] - px[a, 1]) * (
+                    px[p, 0] - px[a, 0]
+                )
                 if cross > 1e-12:
                     break
                 size -= 1

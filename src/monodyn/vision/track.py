@@ -95,7 +95,13 @@ def track(
     index, time, position, covariance, seen = zip(*rows, strict=True)
     joints = tuple(joint.name for joint in scene.mechanism.joints)
     return Poses(
-        joints, np.array(index), np.array(time), np.array(position), np.array(covariance), np.array(seen), metric=False
+        joints,
+        np.array(index),
+        np.array(time),
+        np.array(position),
+        np.array(covariance),
+        np.array(seen),
+        metric=False,
     )
 
 
@@ -180,7 +186,7 @@ class Follower:
         upper = np.minimum(self._upper, start + self._move)
         trust = self._scene.masks.palette.trust
         q, normal, facts = follow(
-            mask.coverage, trust, *self._rig, self._scene.weight, start, lower, upper, self._move, reaches, s.spacing
+            mask.coverage, trust, *self._rig, start, lower, upper, self._move, reaches, s.spacing
         )
         noise = CORRELATION * max(facts[2], LEAST_NOISE_PX) ** 2
         information = normal / noise + np.diag(1.0 / self._move**2)
