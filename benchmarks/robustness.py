@@ -198,7 +198,7 @@ def row(result: Result) -> str:
     """
 
     if result.skipped:
-        return f"{result.name:24}SKIPPED {result.skipped}"
+        return f"{result.name:31}SKIPPED {result.skipped}"
 
     def show(value: float, form: str) -> str:
         return format(value, form) if np.isfinite(value) else "-".rjust(int(form.split(".")[0]))
@@ -210,7 +210,7 @@ def row(result: Result) -> str:
     failed = result.failed
     verdict = "FAIL " + ",".join(failed) if failed else "OK"
     return (
-        f"{result.name:24}"
+        f"{result.name:31}"
         + " ".join(cells)
         + f"  {times:18}{verdict}"
         + "".join(f"\n    {n}" for n in result.notes)
@@ -218,7 +218,7 @@ def row(result: Result) -> str:
 
 
 HEAD = (
-    f"{'case':24}{'rms deg':>7} {'mm':>6} {'seen%':>5} {'rat%':>6} {'len%':>6} {'wid%':>6} "
+    f"{'case':31}{'rms deg':>7} {'mm':>6} {'seen%':>5} {'rat%':>6} {'len%':>6} {'wid%':>6} "
     f"{'ahead':>7} {'mm':>6}  seconds"
 )
 """Head of the table."""
