@@ -55,7 +55,8 @@ def test_follow_finds_the_pose(name):
     start = truth + np.where(hinge, 0.06, 0.01) * np.where(np.arange(len(hinge)) % 2, -1, 1)
     free = np.full(len(hinge), np.inf)
     q, information, facts = follow(
-        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), start, -free, free, np.ones(len(hinge)), REACHES, 2.0,
+        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), start, -free, free,
+        np.ones(len(hinge)), REACHES, 2.0,
     )  # fmt: skip
     # a few hundredths of a pixel over links of 30 to 60 px
     np.testing.assert_allclose(q, truth, atol=2e-3)
@@ -67,7 +68,8 @@ def test_follow_keeps_within_its_limits():
     mechanism = load("single")
     mask = draw(mechanism, CAMERA, np.array([0.3]))
     q, _, _ = follow(
-        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), np.array([0.2]), np.array([0.0]), np.array([0.25]), np.ones(1), REACHES, 2.0,
+        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), np.array([0.2]),
+        np.array([0.0]), np.array([0.25]), np.ones(1), REACHES, 2.0,
     )  # fmt: skip
     assert q[0] == 0.25
 
@@ -77,10 +79,11 @@ def test_gradient_is_the_derivative_of_the_residuals():
     mechanism = load("double")
     truth = np.array([-0.4, 0.5])
     mask = draw(mechanism, CAMERA, truth)
-    normal, right, _ = terms(mechanism, mask, truth + [0.01, -0.008])
+    near = truth + np.array([0.01, -0.008])
+    normal, right, _ = terms(mechanism, mask, near)
     np.testing.assert_allclose(normal, normal.T, atol=1e-9 * normal.max())
     # one Gauss-Newton step from 0.01 rad away lands within the drawing's own error
-    np.testing.assert_allclose(truth + [0.01, -0.008] + np.linalg.solve(normal, right), truth, atol=2e-3)
+    np.testing.assert_allclose(near + np.linalg.solve(normal, right), truth, atol=2e-3)
 
 
 def test_edges_hidden_by_another_body_do_not_count():
@@ -125,7 +128,8 @@ def test_refine_recovers_camera_and_size_ratios():
         "link2.tail",
     ]
     bundle = refine(
-        masks, np.ones(masks[0].shape, np.float32), start, Camera(320, 240, 300.0, x=0.03, y=-0.02, depth=0.9),
+        masks, np.ones(masks[0].shape, np.float32), start,
+        Camera(320, 240, 300.0, x=0.03, y=-0.02, depth=0.9),
         poses + rng.normal(scale=0.05, size=poses.shape), [*names, "camera.x", "camera.y", "camera.depth"],
         start.values, reaches=(8, 7, 6, 5, 4, 4, 4, 4, 4, 4), spacing=2.0,
     )  # fmt: skip

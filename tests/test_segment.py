@@ -68,7 +68,7 @@ def test_median_takes_the_steps_out_of_shading():
 def test_background_is_what_the_square_leaves_free():
     made = frames()
     background = background_of(samples(made))
-    # covered up to 10 times of 24, all to the dark side: the median is then a low percentile of the noise of 1
+    # covered up to 10 times of 24, always darker: the median is then a low percentile of the noise of 1
     np.testing.assert_allclose(background.luma, 160, atol=3.0)
     assert background.known.all()
     assert 0.5 <= background.noise <= 1.5

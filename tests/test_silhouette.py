@@ -61,7 +61,8 @@ def test_box_outline_is_the_hull_of_its_projected_corners():
 
 
 def test_ball_outline_is_its_tangent_cone():
-    """A point p on the outline of a ball makes the cone's half angle, arcsin(r / d), with the ball's centre."""
+    """A point p on the outline of a ball makes the cone's half angle, arcsin(r / d), with the ball's
+    centre."""
     camera = Camera(640, 480, 400.0, x=-0.25, y=0.2, depth=0.5)
     mechanism = load("bob")
     ball = outline(mechanism, camera, np.array([0.3]))[-1][1]
@@ -136,7 +137,8 @@ def test_mismatch_against_drawn_pictures(name):
         for _, polygon in outline(mechanism, CAMERA, q):
             corners = np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)
             cv2.fillPoly(drawn, [corners], 1, cv2.LINE_8, 4)
-            assert polygon.min() > 0 and (polygon < [319, 239]).all(), "keep the test's poses in the picture"
+            assert polygon.min() > 0, "keep the test's poses in the picture"
+            assert (polygon < [319, 239]).all(), "keep the test's poses in the picture"
         expected = np.sum(np.where(drawn > 0, 1.0 - 2.0 * big, 0.0)) / fine**2
         # a row is taken along its middle line: half a pixel's slope at the ends of each outline
         assert cost == pytest.approx(expected, abs=12.0)

@@ -1,7 +1,7 @@
 """From a clip to its background: what each pixel shows while nothing moves over it.
 
-The one idea: samples are taken at equal steps of *travelled motion*, not of time, so that a mechanism that comes to
-rest, or lingers at its turning points, counts there once and not for the seconds it stays.
+The one idea: samples are taken at equal steps of *travelled motion*, not of time, so that a mechanism that
+comes to rest, or lingers at its turning points, counts there once and not for the seconds it stays.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ class Background:
 
     Attributes:
         luma: Grey level of each pixel, float32 (height, width).
-        chroma: Blue and red difference, each float32 at the size of the clip's chroma planes, or None for a grey clip.
+        chroma: Blue and red difference, each float32 at the size of the clip's chroma planes, or None for a
+            grey clip.
         noise: Standard deviation of a pixel's grey level over time [grey levels].
         known: False where too few samples show the pixel uncovered, bool (height, width).
         reach: Part of the picture in which anything moves: (top, bottom, left, right) [px].
@@ -48,7 +49,8 @@ class Samples:
 
     Attributes:
         frames: The frames, in the order of time.
-        reach: Part of the picture in which anything moves over the whole clip: (top, bottom, left, right) [px].
+        reach: Part of the picture in which anything moves over the whole clip: (top, bottom, left, right)
+            [px].
     """
 
     frames: tuple[Frame, ...]
@@ -71,12 +73,12 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
     limit = max(16, min(2 * SAMPLES, int(SAMPLE_BYTES / (1.5 * video.width * video.height))))
     kept: list[Frame] = []
     places: list[float] = []
-    previous = lightest = darkest = None
+    previous = lightest = darkest = np.zeros((0, 0, 0), dtype=np.float32)
     travelled = 0.0
     step = 0.0
     for done, frame in enumerate(video.frames(), start=1):
         small = _thumbnail(frame)
-        if previous is not None:
+        if previous.size:
             moved = np.maximum(np.abs(small - previous) - STILL_GREY, 0.0)
             travelled += float(moved.sum()) + 1e-6
             np.maximum(lightest, small, out=lightest)
@@ -96,7 +98,7 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
         raise VideoError(
             f"{video.path}: expected at least 2 frames, got {len(kept)}; give a clip that shows motion."
         )
-    reach = _reach((lightest - darkest > STILL_GREY).any(axis=0), video)
+    reach = _reach(np.any(lightest - darkest > STILL_GREY, axis=0), video)
     targets = np.linspace(places[0], places[-1], min(SAMPLES, len(kept)))
     picks = np.unique(np.searchsorted(places, targets))
     kept = [kept[i] for i in picks]
@@ -110,7 +112,8 @@ def background_of(
 
     Args:
         samples: Frames of the clip.
-        covered: For each sample the pixels that the mechanism covers, bool (height, width); they do not count.
+        covered: For each sample the pixels that the mechanism covers, bool (height, width); they do not
+            count.
         fallback: Background for the pixels that are covered in every sample; they stay unknown.
 
     Returns:
@@ -138,9 +141,10 @@ def background_of(
         grey = np.where(known, grey, fallback.luma)
         if chroma is not None and fallback.chroma is not None:
             known_small = _shrink(known, chroma[0].shape)
-            chroma = tuple(
+            blue, red = (
                 np.where(known_small, new, old) for new, old in zip(chroma, fallback.chroma, strict=True)
             )
+            chroma = (blue, red)
     return Background(grey, chroma, noise, known, samples.reach)
 
 
@@ -162,7 +166,7 @@ def _reach(moves: np.ndarray, video: Video) -> tuple[int, int, int, int]:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(moves.astype(np.uint8), connectivity=8)
     large = stats[:, cv2.CC_STAT_AREA] >= 6
     large[0] = False
-    moves = large[labels]
+    moves = large[np.asarray(labels, dtype=np.intp)]
     rows, columns = np.nonzero(moves.any(axis=1))[0], np.nonzero(moves.any(axis=0))[0]
     if not len(rows):
         return (0, video.height, 0, video.width)

@@ -1,7 +1,7 @@
 """Joint refinement of camera, sizes and poses over key frames, on the sub-pixel edges of their masks.
 
-Least squares of the edge displacements along the outline's normals over all key frames. The poses are eliminated frame
-by frame (Schur complement), so a step costs little more than the frames' edge searches.
+Least squares of the edge displacements along the outline's normals over all key frames. The poses are
+eliminated frame by frame (Schur complement), so a step costs little more than the frames' edge searches.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ SIZES = (".length", ".width", ".tail", ".tip")
 NOISE_PX = 0.3
 """Standard deviation of an edge sample, systematic part included [px]."""
 OFFSET_SPREAD, LEAN_SPREAD = 0.02, 0.2
-"""Standard deviation of how far a body may stand before its parent, and lean out of its plane, in mean lengths."""
+"""Standard deviation of how far a body may stand before its parent, and lean out of its plane, in mean
+lengths."""
 SETTLED = 1e-5
 """Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
 LOG_SPREAD = 1.0
@@ -38,8 +39,8 @@ class Bundle:
         camera: The camera.
         positions: Joint positions, (key frame, dof).
         names: Parameters that were refined.
-        information: Information matrix of the refined parameters (sizes and depth as logarithms), poses eliminated,
-            without the weak start values, (param, param).
+        information: Information matrix of the refined parameters (sizes and depth as logarithms), poses
+            eliminated, without the weak start values, (param, param).
         rms_px: Root mean square of the edge displacements of each key frame [px].
         matched: Share of outline samples within 1.5 px of an edge, by key frame.
         inside: Mean coverage inside of the outline, by key frame.
@@ -133,8 +134,8 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
 
     Args:
         bundle: A refined bundle.
-        scale_free: True where nothing pins the common scale; then the information along it, which stems only from
-            thicknesses and offsets held at their start, is taken out.
+        scale_free: True where nothing pins the common scale; then the information along it, which stems
+            only from thicknesses and offsets held at their start, is taken out.
 
     Returns:
         Information matrix on the logarithms of the sizes.
@@ -144,9 +145,9 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
     rest = bundle.information[np.ix_(others, others)] + 1e-9 * np.eye(len(others))
     cross = bundle.information[np.ix_(sizes, others)]
     known = bundle.information[np.ix_(sizes, sizes)] - cross @ np.linalg.solve(rest, cross.T)
-    if scale_free:
-        along = known @ np.ones(len(sizes))
-        known = known - np.outer(along, along) / max(float(along.sum()), 1e-12)
+    if scale_free and sizes:
+        apart = np.eye(len(sizes)) - 1.0 / len(sizes)
+        known = apart @ known @ apart
     return Measured(tuple(bundle.names[i] for i in sizes), 0.5 * (known + known.T))
 
 
@@ -205,32 +206,23 @@ def _terms(
         shifted = x.copy()
         shifted[i] += steps[i]
         rigs.append(rig_of(*variables.write(shifted, mechanism, camera), shrink=shrink))
-    stacked = [
+    links, points, radius, cameras = (
         np.stack([getattr(rig, field) for rig in rigs]) for field in ("links", "points", "radius", "camera")
-    ]
+    )
     blocks = [
         edge_terms(
-            coverage,
-            trust,
-            base.parent,
-            base.kind,
-            base.link,
-            base.first,
-            *stacked,
-            steps,
-            pose,
-            reach,
-            spacing,
+            coverage, trust, base.parent, base.kind, base.link, base.first, links, points, radius, cameras,
+            steps, pose, reach, spacing,
         )
         for coverage, pose in zip(coverages, q, strict=True)
-    ]
+    ]  # fmt: skip
     dofs = q.shape[1]
     normal = np.stack([block[0] for block in blocks])
     right = np.stack([block[1] for block in blocks])
     facts = np.stack([block[2] for block in blocks])
     return _Terms(
-        normal[:, :dofs, :dofs], normal[:, :dofs, dofs:], normal[:, dofs:, dofs:], right[:, :dofs], right[:, dofs:],
-        facts,
+        normal[:, :dofs, :dofs], normal[:, :dofs, dofs:], normal[:, dofs:, dofs:], right[:, :dofs], right[:,
+        dofs:], facts,
     )  # fmt: skip
 
 

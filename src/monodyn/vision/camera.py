@@ -21,7 +21,8 @@ PARAMETERS = {
 
 
 def rotation(camera: Camera) -> np.ndarray:
-    """Return ``R_camera_plane``, (3, 3): plane frame (x right, y up, z to the camera) to camera frame (OpenCV).
+    """Return ``R_camera_plane``, (3, 3): plane frame (x right, y up, z to the camera) to camera frame
+    (OpenCV).
 
     Args:
         camera: The camera.

@@ -1,10 +1,13 @@
 """numba kernels: sub-pixel edge search along the normals of the mechanism's outline.
 
-Along the normal of an outline point the coverage c(t) falls from 1 inside to 0 outside. If the edge lies at t*, then
-``integral of c from -a to b = a + t*``, whatever the blur, as long as it is symmetric: the residual is an area, not a
-threshold, and linear in the picture. A Gauss-Newton step moves the outline by t* along its normals.
+Along the normal of an outline point the coverage c(t) falls from 1 inside to 0 outside. If the edge lies at
+t*, then ``integral of c from -a to b = a + t*``, whatever the blur, as long as it is symmetric: the
+residual is an area, not a threshold, and linear in the picture. A Gauss-Newton step moves the outline by t*
+along its normals.
 """
 
+# elements of typed arrays are arrays to the type checker and numbers to numba
+# pyright: reportArgumentType=false
 from __future__ import annotations
 
 import math
@@ -84,8 +87,8 @@ def edge_samples(
 ) -> int:
     """Find the edges of a mask along the visible outline.
 
-    Samples are left out at sharp corners, where another body's outline covers the outer side, where the background
-    cannot be told from the mechanism, and outside of the picture.
+    Samples are left out at sharp corners, where another body's outline covers the outer side, where the
+    background cannot be told from the mechanism, and outside of the picture.
 
     Args:
         coverage: Mask, uint8 (height, width).
@@ -97,13 +100,12 @@ def edge_samples(
         spacing: Distance between samples [px].
         reach: Length of the search to either side [px].
         ends: Filled with the two outline points of each sample's edge, (sample, 2).
-        values: Filled for each sample with share of the second point, normal x, normal y, displacement t* [px],
-            weight, length of the search inwards [px], x, y, (sample, 8).
+        values: Filled for each sample with share of the second point, normal x, normal y, displacement t*
+            [px], weight, length of the search inwards [px], x, y, (sample, 8).
 
     Returns:
         Number of samples.
     """
-    height, width = coverage.shape
     count = 0
     most = values.shape[0]
     for g in range(geoms):
@@ -165,7 +167,8 @@ def _edge(
     reach: float,
     value: np.ndarray,
 ) -> bool:
-    """Search one normal; fill normal, displacement, weight, inner length and place; False where nothing can be said."""
+    """Search one normal; fill normal, displacement, weight, inner length and place; False where nothing can
+    be said."""
     height, width = coverage.shape
     inner = min(reach, 0.5 * _depth_inside(px, hull, hull_first[own], hull_first[own + 1], x, y, nx, ny))
     for t in (-inner, reach):
@@ -183,7 +186,7 @@ def _edge(
         weight = min(weight, trust[int(y + t * ny + 0.5), int(x + t * nx + 0.5)])
     if weight < TRUSTED:
         return False
-    steps = max(2, int(math.ceil((inner + reach) / STEP)))
+    steps = max(2, math.ceil((inner + reach) / STEP))
     step = (inner + reach) / steps
     total, most = 0.0, 0.0
     for k in range(steps + 1):
@@ -231,8 +234,8 @@ def edge_terms(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Form the normal equations of one mask over (pose, shared parameters).
 
-    ``links``, ``points``, ``radius`` and ``cameras`` hold the mechanism in row 0 and, after it, the mechanism with each
-    shared parameter shifted by its step.
+    ``links``, ``points``, ``radius`` and ``cameras`` hold the mechanism in row 0 and, after it, the
+    mechanism with each shared parameter shifted by its step.
 
     Args:
         coverage: Mask, uint8 (height, width).
@@ -251,9 +254,9 @@ def edge_terms(
         spacing: Distance between samples [px].
 
     Returns:
-        Normal matrix (dof + param, dof + param) and right side (dof + param,) for unit noise of a sample, and facts:
-        number of samples, share of them within 1.5 px of an edge, root mean square of these [px], and mean coverage
-        just inside of the outline, all weighted like the samples.
+        Normal matrix (dof + param, dof + param) and right side (dof + param,) for unit noise of a sample,
+        and facts: number of samples, share of them within 1.5 px of an edge, root mean square of these
+        [px], and mean coverage just inside of the outline, all weighted like the samples.
     """
     dofs, shared, geoms = q.shape[0], steps.shape[0], radius.shape[1]
     size = dofs + shared
@@ -356,8 +359,8 @@ def follow(
         ``edge_terms`` at the end.
     """
     steps = np.empty(0)
-    tables, places = links.reshape((1,) + links.shape), points.reshape((1,) + points.shape)
-    radii, cameras = radius.reshape((1, radius.shape[0])), camera.reshape((1, camera.shape[0]))
+    tables, places = links[np.newaxis], points[np.newaxis]
+    radii, cameras = radius[np.newaxis], camera[np.newaxis]
     q = start.copy()
     damping = 1.0 / (spread * spread) + 1e-9
     for reach in reaches:

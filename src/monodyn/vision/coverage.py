@@ -10,9 +10,11 @@ from monodyn.vision.background import Background
 from monodyn.vision.palette import CHROMA_WEIGHT, Palette
 
 ANY_CONTRAST = 30.0
-"""Difference from the background, beyond the noise, that counts in full where the colours vary [grey levels]."""
+"""Difference from the background, beyond the noise, that counts in full where the colours vary [grey
+levels]."""
 ANY_COVERAGE = 0.55 * 255.0
-"""Coverage of a pixel that differs from the background but has none of the mechanism's colours: rather in than out."""
+"""Coverage of a pixel that differs from the background but has none of the mechanism's colours: rather in
+than out."""
 
 CLOSING = 0.004
 """Gaps up to twice this share of the picture's longer side are closed where the colours vary."""
@@ -29,8 +31,8 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
         palette: Colours and scale from ``choose_palette``.
 
     Returns:
-        Coverage, uint8 (height, width), 255 where the mechanism covers the whole pixel; 0 out of the background's
-        reach.
+        Coverage, uint8 (height, width), 255 where the mechanism covers the whole pixel; 0 out of the
+        background's reach.
     """
     out = np.zeros(frame.luma.shape, dtype=np.uint8)
     reach = np.array(background.reach)
@@ -61,7 +63,8 @@ def _any_difference(frame: Frame, background: Background, palette: Palette) -> n
     squares = (frame.luma - background.luma) ** 2
     if not palette.grey_only and frame.chroma is not None and background.chroma is not None:
         size = (squares.shape[1], squares.shape[0])
-        small = sum((plane - back) ** 2 for plane, back in zip(frame.chroma, background.chroma, strict=True))
+        blue, red = (plane - back for plane, back in zip(frame.chroma, background.chroma, strict=True))
+        small = blue**2 + red**2
         squares = squares + CHROMA_WEIGHT * cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
     beyond = np.sqrt(squares) - max(6.0, 4.0 * background.noise)
     share = np.clip(beyond * (ANY_COVERAGE / ANY_CONTRAST), 0.0, ANY_COVERAGE).astype(np.uint8)
@@ -106,7 +109,8 @@ def _project_chroma(
     colours: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill ``out`` (colour, height, width) with the weighted product of (I - B) and (F - B) over both channels."""
+    """Fill ``out`` (colour, height, width) with the weighted product of (I - B) and (F - B) over both
+    channels."""
     weight = np.float32(CHROMA_WEIGHT)
     for k in range(colours.shape[0]):
         for y in range(out.shape[1]):
@@ -127,7 +131,8 @@ def _combine(
     reach: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill ``out`` with the largest coverage over the colours; ``colour`` has length 0 when grey alone counts."""
+    """Fill ``out`` with the largest coverage over the colours; ``colour`` has length 0 when grey alone
+    counts."""
     top, left = reach[0], reach[2]
     one, full, half = np.float32(1.0), np.float32(255.0), np.float32(0.5)
     for k in range(colours.shape[0]):

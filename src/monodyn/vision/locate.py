@@ -1,8 +1,8 @@
 """From masks and topology to the scene: camera, sizes up to one common scale, and the first pose.
 
-A global search on reduced key frames finds the mechanism; a joint refinement on the sub-pixel edges of the key frames
-fits camera, sizes and poses; then the background is taken again with the mechanism masked out, and the refinement
-repeated on the better masks.
+A global search on reduced key frames finds the mechanism; a joint refinement on the sub-pixel edges of the
+key frames fits camera, sizes and poses; then the background is taken again with the mechanism masked out,
+and the refinement repeated on the better masks.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class LocateSettings:
     """How camera, sizes and first pose are found.
 
     Attributes:
-        focal: Focal length [px]; 0 takes the picture's longer side, which a common lens has within a third. A camera
-            square to the plane does not show it.
+        focal: Focal length [px]; 0 takes the picture's longer side, which a common lens has within a third.
+            A camera square to the plane does not show it.
         search_frames: Key frames of the global search.
         refine_frames: Key frames of the joint refinement.
     """
@@ -223,8 +223,8 @@ def _refine_whole(
     good = (first.matched > 0.6 * np.median(first.matched)) & (first.inside > 0.6 * np.median(first.inside))
     kept = np.flatnonzero(good) if good.sum() >= max(3, len(picks) // 4) else np.arange(len(picks))
     second = refine(
-        [coverages[i] for i in kept], frames.trust, first.mechanism, first.camera, first.positions[kept], names, start,
-        reaches=reaches[half:], settle=10,
+        [coverages[i] for i in kept], frames.trust, first.mechanism, first.camera, first.positions[kept],
+        names, start, reaches=reaches[half:], settle=10,
     )  # fmt: skip
     return second, [picks[i] for i in kept]
 
@@ -236,8 +236,8 @@ def _with_lean(
     if len(names) == len(bundle.names):
         return bundle
     richer = refine(
-        [frames.frames[i].coverage for i in picks], frames.trust, bundle.mechanism, bundle.camera, bundle.positions,
-        names, start, reaches=LAST_REACHES, settle=30,
+        [frames.frames[i].coverage for i in picks], frames.trust, bundle.mechanism, bundle.camera,
+        bundle.positions, names, start, reaches=LAST_REACHES, settle=30,
     )  # fmt: skip
     return richer if _misfit(richer) < WORTH * _misfit(bundle) else bundle
 
@@ -292,8 +292,8 @@ def _scene(
     share = float(np.mean(_fits(bundle.matched, bundle.inside)))
     if share < 0.7:
         advice.append(
-            f"The mechanism lies on its mask in only {share:.0%} of the key frames: check the drawn outline in the "
-            "overlay, the mechanism file, and whether other things move in the clip."
+            f"The mechanism lies on its mask in only {share:.0%} of the key frames: check the drawn outline "
+            "in the overlay, the mechanism file, and whether other things move in the clip."
         )
     return Scene(
         bundle.mechanism.with_measured(measured), bundle.camera, masks, order[first], bundle.positions[first],

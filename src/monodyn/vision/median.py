@@ -13,16 +13,18 @@ NEAR = 12.0
 def masked_median(stack: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return median, noise and number of samples of every pixel.
 
-    Within the middle grey level the median is interpolated by its share of the counts, which takes the steps of 8-bit
-    values out of slow shading. The noise is the root mean square of the samples within ``NEAR`` of the median.
+    Within the middle grey level the median is interpolated by its share of the counts, which takes the
+    steps of 8-bit values out of slow shading. The noise is the root mean square of the samples within
+    ``NEAR`` of the median.
 
     Args:
         stack: Grey levels, uint8 (frame, height, width).
-        hidden: True where a sample does not count, bool (frame, height, width), or of length 0 when all count.
+        hidden: True where a sample does not count, bool (frame, height, width), or of length 0 when all
+            count.
 
     Returns:
-        Median and noise [grey levels], float32 (height, width); count, int32 (height, width). A pixel hidden in every
-        sample has count 0 and the median of them all.
+        Median and noise [grey levels], float32 (height, width); count, int32 (height, width). A pixel
+        hidden in every sample has count 0 and the median of them all.
     """
     frames, height, width = stack.shape
     median = np.zeros((height, width), dtype=np.float32)

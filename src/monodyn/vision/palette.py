@@ -31,14 +31,15 @@ class Palette:
     """Colours of the mechanism.
 
     Attributes:
-        colours: Grey level, blue and red difference of each colour, (colour, 3); the last two are NaN for a grey clip.
+        colours: Grey level, blue and red difference of each colour, (colour, 3); the last two are NaN for a
+            grey clip.
         scale: 255 over the squared contrast ``|F - B|^2``, 0 where the contrast is too low, float32
             (colour, height, width).
         grey_only: True where grey alone tells the mechanism from the background.
-        trust: How well a pixel tells mechanism from background, whichever of its colours is before it, 0 to 1,
-            float32 (height, width).
-        varied: True where the colours leave much of the mechanism unexplained (a shiny rod): then any difference from
-            the background counts as foreground too.
+        trust: How well a pixel tells mechanism from background, whichever of its colours is before it, 0 to
+            1, float32 (height, width).
+        varied: True where the colours leave much of the mechanism unexplained (a shiny rod): then any
+            difference from the background counts as foreground too.
     """
 
     colours: np.ndarray
@@ -72,8 +73,8 @@ def choose_palette(
     pixels = _moving_pixels(samples, background, grey_only, contrast)
     if len(pixels) < 50:
         raise VideoError(
-            "the clip: expected a mechanism that moves, got a still picture; nothing differs from the background by "
-            f"more than {contrast:g} grey levels (--segment.contrast lowers that)."
+            "the clip: expected a mechanism that moves, got a still picture; nothing differs from the "
+            f"background by more than {contrast:g} grey levels (--segment.contrast lowers that)."
         )
     colours = _clusters(pixels, grey_only)
     if colour == "auto" and not grey_only:
@@ -84,7 +85,8 @@ def choose_palette(
 
 
 def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool:
-    """Return whether many moving pixels are as far from every colour of the mechanism as from their background."""
+    """Return whether many moving pixels are as far from every colour of the mechanism as from their
+    background."""
     used = [0] if grey_only else [0, 1, 2]
     near = np.min([np.linalg.norm(pixels[:, used] - colour[used], axis=1) for colour in colours], axis=0)
     contrast = np.linalg.norm(pixels[:, used] - pixels[:, [3 + i for i in used]], axis=1)
@@ -193,7 +195,7 @@ def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:
         return np.median(values, axis=0)[None].astype(np.float64)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.5)
     cv2.setRNGSeed(1)
-    _, labels, _ = cv2.kmeans(values, COLOURS, None, criteria, 3, cv2.KMEANS_PP_CENTERS)
+    _, labels, _ = cv2.kmeans(values, COLOURS, np.zeros(0, np.int32), criteria, 3, cv2.KMEANS_PP_CENTERS)
     groups = [values[labels[:, 0] == k] for k in range(COLOURS)]
     groups = sorted((g for g in groups if len(g)), key=len, reverse=True)
     centres: list[np.ndarray] = []

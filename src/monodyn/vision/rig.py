@@ -57,4 +57,4 @@ def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
     tree, shapes = mechanism.tree, mechanism.shapes
     packed = shrunk(camera_array(camera), shrink)
     arrays = (tree.parent, tree.kind, tree.links, shapes.link, shapes.first, shapes.points, shapes.radius)
-    return Rig(*(array.copy() for array in arrays), packed)
+    return Rig._make([*(array.copy() for array in arrays), packed])

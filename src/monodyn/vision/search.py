@@ -1,8 +1,9 @@
 """From key frames and the topology alone to a rough camera, sizes and poses: the global search.
 
-The mechanism is laid into each mask link by link: a beam of the best partial poses is extended by every position of
-the next joint, scored by the silhouette mismatch of the links placed so far (paper eq. 3). Where the root may be, how
-large the mechanism appears and how its lengths compare is tried from a short list that the masks themselves suggest.
+The mechanism is laid into each mask link by link: a beam of the best partial poses is extended by every
+position of the next joint, scored by the silhouette mismatch of the links placed so far (paper eq. 3).
+Where the root may be, how large the mechanism appears and how its lengths compare is tried from a short
+list that the masks themselves suggest.
 """
 
 from __future__ import annotations
@@ -225,7 +226,7 @@ def _longest(mechanism: Mechanism) -> float:
     for g, link in enumerate(shapes.link):
         points = shapes.points[shapes.first[g] : shapes.first[g + 1], :2]
         far = max(far, reach[link] + float(np.hypot(*points.T).max()) + float(shapes.radius[g]))
-    return far
+    return float(far)
 
 
 def _with_area(

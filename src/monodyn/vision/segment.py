@@ -1,8 +1,9 @@
 """From frames to soft foreground coverage per pixel, streamed.
 
-A pixel that the mechanism covers by a share c shows ``I = (1 - c) B + c F``. With the background B of the pixel and the
-colour F of the mechanism, c is the projection of ``I - B`` on ``F - B``, weighted by the noise of each channel: linear
-in the picture, so the edge of the mechanism keeps its sub-pixel place.
+A pixel that the mechanism covers by a share c shows ``I = (1 - c) B + c F``. With the background B of the
+pixel and the colour F of the mechanism, c is the projection of ``I - B`` on ``F - B``, weighted by the
+noise of each
+channel: linear in the picture, so the edge of the mechanism keeps its sub-pixel place.
 """
 
 from __future__ import annotations
@@ -106,7 +107,8 @@ def segment(
     Args:
         video: The clip, from ``read``.
         settings: How the foreground is found.
-        background: A picture of the scene without the mechanism, of the clip's size; else it is taken from the clip.
+        background: A picture of the scene without the mechanism, of the clip's size; else it is taken from
+            the clip.
         progress: Called with the number of frames read.
 
     Returns:
@@ -129,8 +131,8 @@ def _given(picture: str | Path, video: Video, samples: Samples) -> Background:
     if frame.luma.shape != (video.height, video.width):
         height, width = frame.luma.shape
         raise VideoError(
-            f"{picture}: expected a background of {video.width}x{video.height} like the clip, got {width}x{height}; "
-            "give a frame of the same camera without the mechanism."
+            f"{picture}: expected a background of {video.width}x{video.height} like the clip, "
+            f"got {width}x{height}; give a frame of the same camera without the mechanism."
         )
     measured = background_of(samples)
     chroma = None

@@ -1,7 +1,9 @@
-"""numba kernels: from joint positions to the outlines of the bodies in the picture, and their mismatch with a mask.
+"""numba kernels: from joint positions to the outlines of the bodies in the picture, and their mismatch with
+a mask.
 
-Each geom is the convex hull of points grown by a radius, so its silhouette is the convex hull of the projected points;
-a sphere is seen along its tangent cone. The silhouette of the mechanism is the union of these polygons.
+Each geom is the convex hull of points grown by a radius, so its silhouette is the convex hull of the
+projected points; a sphere is seen along its tangent cone. The silhouette of the mechanism is the union of
+these polygons.
 
 The mismatch of paper eq. (3), the sum of |I_a - I_m|, is ``sum I_a`` plus the sum of ``1 - 2 I_a`` over the
 silhouette. With row prefix sums of the mask that second sum costs one look-up per row and body.
@@ -256,8 +258,8 @@ def mismatch(
         bottom = max(bottom, px[hull[i], 1])
     rows = spans.shape[0]
     offset = (rows - height) // 2
-    y0 = max(int(math.ceil(top)), -offset)
-    y1 = min(int(math.floor(bottom)), rows - offset - 1)
+    y0 = max(math.ceil(top), -offset)
+    y1 = min(math.floor(bottom), rows - offset - 1)
     for y in range(y0, y1 + 1):
         for g in range(geoms):
             spans[y + offset, g, 0] = 1e18
@@ -271,7 +273,7 @@ def mismatch(
                 p, q = q, p
             dy = px[q, 1] - px[p, 1]
             slope = (px[q, 0] - px[p, 0]) / dy if dy > 1e-12 else 0.0
-            for y in range(max(int(math.ceil(px[p, 1])), y0), min(int(math.floor(px[q, 1])), y1) + 1):
+            for y in range(max(math.ceil(px[p, 1]), y0), min(math.floor(px[q, 1]), y1) + 1):
                 x = px[p, 0] + (y - px[p, 1]) * slope
                 spans[y + offset, g, 0] = min(spans[y + offset, g, 0], x)
                 spans[y + offset, g, 1] = max(spans[y + offset, g, 1], x)

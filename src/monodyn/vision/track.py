@@ -1,7 +1,8 @@
 """From masks and scene to joint positions with covariance in every frame, streamed.
 
-Each frame starts from the motion's prediction and moves the outline onto the mask's edges within the move limits. A
-pose that does not fit is looked for anew in the whole picture; one that still does not fit was not seen.
+Each frame starts from the motion's prediction and moves the outline onto the mask's edges within the move
+limits. A pose that does not fit is looked for anew in the whole picture; one that still does not fit was
+not seen.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ class TrackSettings:
         spacing: Distance between outline samples [px].
         reach: Search length along the normals once the pose is near [px].
         first_reach: Search length from the prediction [px].
-        move: Most that a hinge may depart from its prediction in a frame [rad]; a slide may depart by this share of
-            the mechanism's length.
+        move: Most that a hinge may depart from its prediction in a frame [rad]; a slide may depart by this
+            share of the mechanism's length.
         matched: Least share of outline samples on an edge in a frame that counts as seen.
         inside: Least coverage just inside of the outline in a frame that counts as seen.
         patience: Frames between two searches of the whole picture while the mechanism is lost.
@@ -58,7 +59,8 @@ LEAST_NOISE_PX = 0.05
 """Least standard deviation of an edge sample [px]."""
 
 SLACK = 0.15
-"""A pose may fit so much worse than usual (of 2: all outline samples on edges, all covered inside) unquestioned."""
+"""A pose may fit so much worse than usual (of 2: all outline samples on edges, all covered inside)
+unquestioned."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +85,8 @@ def track(
         progress: Called with the number of frames done.
 
     Returns:
-        Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not lie on its
-        mask are not seen and hold NaN.
+        Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not
+        lie on its mask are not seen and hold NaN.
     """
     follower = Follower(scene, settings or TrackSettings())
     rows = []
