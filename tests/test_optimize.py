@@ -1,5 +1,7 @@
 """Searches: known minima, bounds, bad points, rank, blocks against the dense solution."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,35 @@ def test_scale_of_the_unknowns_does_not_matter():
     assert abs(scaled.evaluations - plain.evaluations) <= 1  # the last step is a matter of rounding
 
 
+def test_no_step_is_longer_than_its_reach():
+    """Each point is within reach of one before it, the free unknown makes up for the held one."""
+    seen = [np.array([-1.2, 1.0])]
+    reach = np.array([0.2, np.inf])
+
+    def residuals(x):
+        assert min(abs(x[0] - before[0]) for before in seen) <= reach[0] + 1e-12
+        seen.append(x.copy())
+        return rosenbrock(x)
+
+    found = minimize(residuals, seen[0], reach=reach)
+    assert found.converged
+    np.testing.assert_allclose(found.x, [1.0, 1.0], atol=1e-7)
+    assert found.evaluations >= 11  # from -1.2 to 1 in steps of 0.2
+    assert max(abs(b[1] - a[1]) for a, b in pairwise(seen)) > 0.2
+
+
+def test_a_logarithm_does_not_run_away():
+    """From 1 toward 1e-3 with a poor derivative: the free step is -50, and nothing calls it back."""
+
+    def residuals(x):
+        value = np.exp(x[0])
+        return np.array([value - 1e-3]), np.array([[0.02 * value if value > 0.5 else value]])
+
+    assert minimize(residuals, np.zeros(1)).x[0] < -45
+    found = minimize(residuals, np.zeros(1), reach=1.5)
+    assert np.exp(found.x[0]) == pytest.approx(1e-3, rel=1e-6)
+
+
 def test_bad_bounds_have_whole_messages():
     with pytest.raises(SettingsError) as error:
         minimize(rosenbrock, np.zeros(2), 1.0, -1.0)
@@ -91,6 +122,9 @@ def test_bad_bounds_have_whole_messages():
     with pytest.raises(SettingsError) as error:
         minimize(rosenbrock, np.zeros(2), 1.0, 2.0)
     assert str(error.value) == "unknown 0: the start 0 is outside its bounds 1 to 2; move it inside."
+    with pytest.raises(SettingsError) as error:
+        minimize(rosenbrock, np.zeros(2), reach=np.array([1.0, 0.0]))
+    assert str(error.value) == "unknown 1: expected a longest step above 0, got 0."
 
 
 def test_arrow_is_the_dense_solution():

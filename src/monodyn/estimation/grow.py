@@ -147,7 +147,7 @@ def fit_pieces(
     lower, upper = (x, x) if held else (problem.unknowns.lower, problem.unknowns.upper)
     found = minimize_arrow(
         lambda at, local: problem.model(at, local, pieces, substeps, limit)[0],
-        x, states, lower, upper, settings=search,
+        x, states, lower, upper, settings=search, reach=problem.unknowns.reach,
     )  # fmt: skip
     _, residuals = problem.model(found.shared, found.local, pieces, substeps, 0.0)
     return Grown(

@@ -32,6 +32,9 @@ POSITIVE = (
 )
 """Kinds that are searched as logarithms."""
 
+LONGEST = 1.5
+"""A logarithm moves by at most this much in one step of a search: a factor of 4.5."""
+
 MASS_KINDS = ("thickness", "density", "mass", "inertia", "damping", "friction", "stiffness", "armature")
 """Kinds that are proportional to the scale of masses, which motion without a measured torque leaves open."""
 
@@ -72,6 +75,11 @@ class Unknowns:
     def x0(self) -> np.ndarray:
         """Coordinates of the start, (param,)."""
         return self.coordinates(self.start)
+
+    @cached_property
+    def reach(self) -> np.ndarray:
+        """Longest step of each coordinate in a search, (param,); what is searched as it is has none."""
+        return np.where(self.log, LONGEST, np.inf)
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         """Return the coordinates of parameter values, both (param,)."""

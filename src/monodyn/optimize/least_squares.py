@@ -43,6 +43,7 @@ def minimize(
     upper: np.ndarray | float = np.inf,
     *,
     settings: SearchSettings = USUAL,
+    reach: np.ndarray | float = np.inf,
 ) -> Solution:
     """Minimize 1/2 r(x).r(x) subject to lower <= x <= upper.
 
@@ -54,12 +55,13 @@ def minimize(
         lower: Lower bounds, (param,) or one for all.
         upper: Upper bounds, (param,) or one for all.
         settings: When to stop.
+        reach: Longest step of each unknown, (param,) or one for all.
 
     Returns:
         The best point found; its status says why the search ended.
 
     Raises:
-        SettingsError: The bounds are reversed or the start lies outside them.
+        SettingsError: The bounds are reversed, the start lies outside them, or a longest step is not above 0.
 
     Source:
         Marquardt 1963, Moré 1978 (see `monodyn.optimize.levenberg`).
@@ -73,7 +75,8 @@ def minimize(
     """
     start = np.array(start, dtype=float)
     lower, upper = np.broadcast_to(lower, start.shape), np.broadcast_to(upper, start.shape)
-    _check(start, lower, upper)
+    reach = np.broadcast_to(reach, start.shape)
+    _check(start, lower, upper, reach)
     best: tuple[float, np.ndarray, np.ndarray] | None = None
 
     def evaluate(x: np.ndarray, _: np.ndarray) -> Arrow:
@@ -90,7 +93,7 @@ def minimize(
             np.zeros((0, len(x), 0)), np.zeros((0, 0, 0)), np.zeros((0, 0)),
         )  # fmt: skip
 
-    found = minimize_arrow(evaluate, start, np.zeros((0, 0)), lower, upper, settings=settings)
+    found = minimize_arrow(evaluate, start, np.zeros((0, 0)), lower, upper, settings=settings, reach=reach)
     assert best is not None
     _, residual, jacobian = best
     return Solution(
@@ -99,8 +102,8 @@ def minimize(
     )  # fmt: skip
 
 
-def _check(start: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-    for i, (x, a, b) in enumerate(zip(start, lower, upper, strict=True)):
+def _check(start: np.ndarray, lower: np.ndarray, upper: np.ndarray, reach: np.ndarray) -> None:
+    for i, (x, a, b, far) in enumerate(zip(start, lower, upper, reach, strict=True)):
         if a > b:
             raise SettingsError(
                 f"unknown {i}: the lower bound {a:g} is above the upper bound {b:g}; swap them."
@@ -109,3 +112,5 @@ def _check(start: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
             raise SettingsError(
                 f"unknown {i}: the start {x:g} is outside its bounds {a:g} to {b:g}; move it inside."
             )
+        if not far > 0:
+            raise SettingsError(f"unknown {i}: expected a longest step above 0, got {far:g}.")

@@ -101,12 +101,13 @@ def minimize_arrow(
     upper: np.ndarray,
     *,
     settings: SearchSettings = USUAL,
+    reach: np.ndarray | float = np.inf,
 ) -> ArrowSolution:
     """Minimize 1/2 r(shared, local).r subject to lower <= shared <= upper.
 
     Each step solves (H + damping D) dx = -g with D the largest diagonal of H seen so far; shared unknowns
-    that the step carries over a bound are put on it and the others solved again, so that the step is the
-    best one inside.
+    that the step carries over a bound, or further than ``reach``, are put there and the others solved again,
+    so that the step is the best one inside.
     A point that cannot be evaluated (None, NaN, infinite) counts as a rejected step.
 
     Args:
@@ -116,6 +117,9 @@ def minimize_arrow(
         lower: Lower bounds of the shared unknowns, (shared,).
         upper: Upper bounds of the shared unknowns, (shared,).
         settings: When to stop.
+        reach: Longest step of each shared unknown, (shared,) or one for all; above 0. A logarithm whose
+            derivative fades in one direction needs one: a single step of the model can carry it so far that
+            nothing calls it back.
 
     Returns:
         The best point found; its status says why the search ended.
@@ -136,7 +140,9 @@ def minimize_arrow(
         return _end(shared, local, empty, NOT_EVALUABLE, False, evaluations, lower, upper)
     damping, scale = settings.damping, _diagonals(model)
     while evaluations < settings.evaluations:
-        step, local_step, promised = damped_step(model, damping, scale, lower - shared, upper - shared)
+        step, local_step, promised = damped_step(
+            model, damping, scale, np.maximum(lower - shared, -reach), np.minimum(upper - shared, reach)
+        )
         if promised <= settings.decrease + max(settings.relative, 1e-15) * model.cost:
             done = damping < 1.0
             return _end(shared, local, model, CONVERGED if done else STALLED, done, evaluations, lower, upper)
@@ -166,8 +172,8 @@ def damped_step(
         model: Gauss-Newton model at the point.
         damping: Share of the scale that is added to the diagonal.
         scale: Diagonals of the shared (shared,) and local (block, local) parts.
-        room_below: Lower bounds less the point, (shared,).
-        room_above: Upper bounds less the point, (shared,).
+        room_below: The step is not below this, (shared,); at most 0.
+        room_above: The step is not above this, (shared,); at least 0.
 
     Returns:
         Shared step (shared,), local step (block, local), and the decrease of the cost the model promises.
