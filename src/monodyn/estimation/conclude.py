@@ -123,7 +123,7 @@ def _uniform(problem: Problem) -> bool:
 
 def _stated_residuals(problem: Problem, grown: Grown) -> np.ndarray:
     """Residuals in units of the stated noise, (row, dof)."""
-    return problem.model(grown.x, grown.states, grown.pieces, grown.substeps, 0.0)[1]
+    return problem.residuals(grown.x, grown.states, grown.pieces, grown.substeps)
 
 
 def _fitted(problem: Problem, grown: Grown) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 from monodyn.estimation.data import Pieces, cut, merge
 from monodyn.estimation.problem import Problem
 from monodyn.estimation.smooth import Smoothed
-from monodyn.optimize import SearchSettings, minimize_arrow
+from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
 
 MOST_SUBSTEPS = 64
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
@@ -141,15 +141,19 @@ def fit_pieces(
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
     """
     substeps = choose_substeps(problem, x, states, pieces, route.error_bound)
-    _, residuals = problem.model(x, states, pieces, substeps, 0.0)
-    sigma = typical(residuals, problem.data.measured)
+    ahead: tuple[np.ndarray, np.ndarray] | None = problem.rows(x, states, pieces, substeps)
+    sigma = typical(ahead[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
     lower, upper = (x, x) if held else (problem.unknowns.lower, problem.unknowns.upper)
-    found = minimize_arrow(
-        lambda at, local: problem.model(at, local, pieces, substeps, limit)[0],
-        x, states, lower, upper, settings=search, reach=problem.unknowns.reach,
-    )  # fmt: skip
-    _, residuals = problem.model(found.shared, found.local, pieces, substeps, 0.0)
+
+    def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
+        nonlocal ahead
+        rows = ahead if ahead is not None else problem.rows(at, local, pieces, substeps)
+        ahead = None
+        return problem.model(at, rows, pieces, limit)
+
+    found = minimize_arrow(evaluate, x, states, lower, upper, settings=search, reach=problem.unknowns.reach)
+    residuals = found.model.kept
     return Grown(
         found.shared, found.local, pieces, substeps, residuals, found.model.cost,
         typical(residuals, problem.data.measured), found.evaluations, found.converged, found.at_bound,

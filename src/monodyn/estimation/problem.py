@@ -116,30 +116,26 @@ class Problem:
         return Point(arrays, (self.size(x), self.prior.weights, mechanism.values["time_scale"], clock))
 
     def model(
-        self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int, limit: float
-    ) -> tuple[Arrow, np.ndarray]:
-        """Evaluate cost, Gauss-Newton model and whitened residuals.
+        self, x: np.ndarray, rows: tuple[np.ndarray, np.ndarray], pieces: Pieces, limit: float
+    ) -> Arrow:
+        """Bring whitened residuals and what the picture knows into cost and Gauss-Newton model.
 
         Args:
             x: Coordinates, (param,).
-            states: Start states of the pieces, (piece, 2 dof).
+            rows: Residuals and Jacobian there, from ``rows``.
             pieces: How the records are cut.
-            substeps: Integration steps between stamps.
             limit: Residual norm from which on a sample's pull no longer grows; 0 for plain least squares.
 
         Returns:
-            The model, and the residuals (row, dof) before the loss.
+            The model; it keeps the residuals (row, dof) as they are before the loss.
         """
         from monodyn.estimation.kernels import normal_blocks
 
-        residuals, jacobian = self.rows(x, states, pieces, substeps)
-        cost, hessian, gradient, cross, local, slope = normal_blocks(
-            residuals, jacobian, pieces.first, len(x), limit
-        )
+        cost, hessian, gradient, cross, local, slope = normal_blocks(*rows, pieces.first, len(x), limit)
         change = x - self.unknowns.x0
         pull = self.prior.information @ change
         cost += 0.5 * float(change @ pull)
-        return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope), residuals
+        return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope, rows[0])
 
     def rows(
         self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int
@@ -178,6 +174,11 @@ class Problem:
         q, v, dq = (np.concatenate(part) for part in zip(*parts, strict=True))
         slide = np.repeat(data.slide[pieces.record], np.diff(pieces.first), axis=0)
         return whitened_rows(q, v, dq, elapsed, data.position, data.white, slide, size, dsize, dstretch)
+
+    def residuals(self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int) -> np.ndarray:
+        """Return the whitened residuals alone, as in ``rows`` (row, dof)."""
+        difference = np.where(self.data.measured, self.differences(x, states, pieces, substeps), 0.0)
+        return -np.einsum("fij,fj->fi", self.data.white, difference)
 
     def simulated(self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int) -> np.ndarray:
         """Return the simulated positions [rad or m], (row, dof), slides in metres."""

@@ -73,7 +73,7 @@ class Mechanism:
     @cached_property
     def _follows(self) -> np.ndarray:
         """True where the value follows from others, bool (param,)."""
-        return np.array(self.plan.table.follows, dtype=bool) & ~self.own
+        return self.plan.follows & ~self.own
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -63,6 +64,11 @@ class Plan:
     outline: np.ndarray
     radius: np.ndarray
     depths: np.ndarray
+
+    @cached_property
+    def follows(self) -> np.ndarray:
+        """True where a value follows from others by default, bool (param,)."""
+        return np.array(self.table.follows, dtype=bool)
 
 
 def make_plan(links: Sequence[Link], gravity: float) -> Plan:

@@ -77,25 +77,19 @@ def minimize(
     lower, upper = np.broadcast_to(lower, start.shape), np.broadcast_to(upper, start.shape)
     reach = np.broadcast_to(reach, start.shape)
     _check(start, lower, upper, reach)
-    best: tuple[float, np.ndarray, np.ndarray] | None = None
 
     def evaluate(x: np.ndarray, _: np.ndarray) -> Arrow:
-        nonlocal best
         residual, jacobian = residuals_and_jacobian(x)
         finite = bool(np.isfinite(residual).all())
-        cost = 0.5 * float(residual @ residual) if finite else float("inf")
-        if best is None or cost < best[0]:
-            best = cost, residual, jacobian
         return Arrow(
-            cost,
+            0.5 * float(residual @ residual) if finite else float("inf"),
             jacobian.T @ jacobian if finite else np.full((len(x), len(x)), np.nan),
             jacobian.T @ residual if finite else np.full(len(x), np.nan),
-            np.zeros((0, len(x), 0)), np.zeros((0, 0, 0)), np.zeros((0, 0)),
+            np.zeros((0, len(x), 0)), np.zeros((0, 0, 0)), np.zeros((0, 0)), (residual, jacobian),
         )  # fmt: skip
 
     found = minimize_arrow(evaluate, start, np.zeros((0, 0)), lower, upper, settings=settings, reach=reach)
-    assert best is not None
-    _, residual, jacobian = best
+    residual, jacobian = found.model.kept
     return Solution(
         found.shared, found.model.cost, residual, jacobian, found.status, found.converged, found.evaluations,
         found.at_bound,

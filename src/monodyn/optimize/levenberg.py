@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,7 @@ class Arrow:
         cross: J.J of shared with local unknowns, (block, shared, local).
         local_hessian: J.J of the local unknowns, (block, local, local).
         local_gradient: J.r of the local unknowns, (block, local).
+        kept: Whatever the caller wants back with the best point, such as the residuals.
     """
 
     cost: float
@@ -53,6 +55,7 @@ class Arrow:
     cross: np.ndarray
     local_hessian: np.ndarray
     local_gradient: np.ndarray
+    kept: Any = None
 
     @property
     def finite(self) -> bool:
@@ -135,7 +138,7 @@ def minimize_arrow(
         size, (blocks, width) = len(shared), local.shape
         empty = Arrow(
             float("inf"), np.zeros((size, size)), np.zeros(size), np.zeros((blocks, size, width)),
-            np.zeros((blocks, width, width)), np.zeros((blocks, width)),
+            np.zeros((blocks, width, width)), np.zeros((blocks, width)), model.kept if model else None,
         )  # fmt: skip
         return _end(shared, local, empty, NOT_EVALUABLE, False, evaluations, lower, upper)
     damping, scale = settings.damping, _diagonals(model)
