@@ -7,7 +7,7 @@ import pytest
 
 from monodyn.errors import FitError, MechanismError, SettingsError, VideoError
 from monodyn.estimation.identify import IdentifySettings, identify
-from monodyn.mechanism import load
+from monodyn.mechanism import Measured, load
 from monodyn.mechanism.dynamics import rollout
 from monodyn.types import Poses
 
@@ -207,6 +207,41 @@ def test_two_joints_in_the_other_order(poses, double, fit):
         poses.covariance[:, order][:, :, order], poses.seen,
     )  # fmt: skip
     assert identify(swapped, double).parameters == fit.parameters
+
+
+def seen(mechanism, information):
+    sizes = ("link1.length", "link2.length")
+    return mechanism.with_measured(Measured(sizes, np.array(information)))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e5, 1e12])
+def test_negative_information_of_sizes_is_left_out_and_said(poses, double, fit, size):
+    """Eigenvalues 3 and -1: what is below zero would reward sizes for running away."""
+    found = identify(poses, seen(double, size * np.array([[1.0, -2.0], [-2.0, 1.0]])))
+    assert all(np.isfinite(p.value) for p in found.parameters)
+    assert (
+        "What the picture knows of the sizes contradicts itself (its information matrix is negative in some "
+        "direction); that part was left out, so sizes rest on the motion alone there."
+    ) in found.advice
+    only = identify(poses, seen(double, size * np.array([[1.5, -1.5], [-1.5, 1.5]])))
+    assert found.ok == only.ok
+    np.testing.assert_allclose(
+        [p.value for p in found.parameters], [p.value for p in only.parameters], rtol=1e-6
+    )  # the search stops within 1e-9 of the cost
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_information_that_is_no_number_is_a_status(poses, double, value):
+    found = identify(poses, seen(double, [[1e4, -1e4], [-1e4, value]]))
+    assert not found.ok
+    assert found.status == (
+        "What the picture knows of link2.length is not a finite number; locate the mechanism in a clearer "
+        "part of the clip, or give measured values with --fix."
+    )
+    assert all(np.isfinite(p.value) for p in found.parameters)
+    length = double.values["link2.length"]
+    known = seen(double, [[1e4, -1e4], [-1e4, value]]).with_choices(fix={"link2.length": length})
+    assert np.isfinite(identify(poses, known).parameter("link1.length").value)
 
 
 @pytest.mark.parametrize(

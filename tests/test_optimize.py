@@ -58,6 +58,20 @@ def test_points_that_are_nan_are_rejected_steps():
     assert found.x[0] == pytest.approx(np.exp(-3.0), rel=1e-6)
 
 
+def test_a_step_that_is_no_number_is_not_tried():
+    """Squares of the derivative overflow: the model has no step, and the search says so."""
+    tried = []
+
+    def arrow(shared, local):
+        tried.append(shared)
+        return Arrow(1.0, np.array([[1e-320]]), np.array([1e10]), *(np.zeros((0, 1, 0)), np.zeros((0, 0, 0))),
+                     np.zeros((0, 0)))  # fmt: skip
+
+    found = minimize_arrow(arrow, np.zeros(1), np.zeros((0, 0)), np.array([-np.inf]), np.array([np.inf]))
+    assert np.isfinite(tried).all()
+    assert not found.converged
+
+
 def test_start_that_cannot_be_evaluated_is_said():
     found = minimize(lambda x: (np.array([np.nan]), np.ones((1, 1))), np.zeros(1))
     assert not found.converged

@@ -113,6 +113,16 @@ def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:
     return advice
 
 
+def contradictions(negative: float) -> list[str]:
+    """Say that the picture's knowledge of sizes was partly negative; rounding is not worth a word."""
+    if negative <= 1e-6:
+        return []
+    return [
+        "What the picture knows of the sizes contradicts itself (its information matrix is negative in some "
+        "direction); that part was left out, so sizes rest on the motion alone there."
+    ]
+
+
 def proportions(tied: tuple[str, ...]) -> list[str]:
     """Say which sizes that count in the motion were neither measured nor estimated."""
     tied = tuple(name for name in tied if kind_of(name) in ("width", "tail", "tip"))

@@ -288,6 +288,7 @@ def _advice(
     share = float((typical_differences(problem, grown) / np.maximum(motion_sizes(problem.data), 1e-12)).max())
     found = say.misfit(problem.mechanism, rms, size, spread, uniform=_uniform(problem) and share > 0.01)
     found += say.limits(problem.mechanism, simulated)
+    found += say.contradictions(problem.prior.negative)
     if ok:
         found += say.open_parameters(parameters, known.without_effect(problem.unknowns.names))
         found += say.bounds(parameters)

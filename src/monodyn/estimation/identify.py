@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from monodyn.errors import SettingsError
+from monodyn.estimation.advice import listed
 from monodyn.estimation.conclude import conclude, motion_sizes, refuse, typical_differences
 from monodyn.estimation.data import Data, prepare
 from monodyn.estimation.fit import Fit
@@ -142,8 +143,14 @@ def _ordered(record: Poses, mechanism: Mechanism) -> Poses:
 
 def _hopeless(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
     """Say why there is no point in a search, or None."""
-    data = problem.data
+    data, unusable = problem.data, problem.prior.unusable
     records, dofs = data.slide.shape
+    if unusable:
+        verb = "is" if len(unusable) == 1 else "are"
+        return (
+            f"What the picture knows of {listed(unusable, 12)} {verb} not a finite number; locate the "
+            "mechanism in a clearer part of the clip, or give measured values with --fix."
+        )
     # what the picture knows of the sizes counts as data
     known = int(np.linalg.matrix_rank(problem.prior.information)) if len(problem.unknowns) else 0
     unknowns = len(problem.unknowns) - known + 2 * dofs * records

@@ -172,10 +172,15 @@ class Prior:
     Attributes:
         information: Information matrix over the unknowns, (param, param); zero for those not measured.
         weights: Share of each unknown in the logarithm of the common scale, (param,).
+        unusable: Unknowns about which the picture's knowledge is not a finite number; it is left out.
+        negative: Size of the part of the information that was below zero, which no information is, against
+            the largest; it is left out.
     """
 
     information: np.ndarray
     weights: np.ndarray
+    unusable: tuple[str, ...] = ()
+    negative: float = 0.0
 
 
 def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
@@ -190,7 +195,8 @@ def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
         unknowns: Its unknowns.
 
     Returns:
-        The information matrix and the weights of the common scale.
+        The information matrix, without what is negative or not finite in it, and the weights of the common
+        scale.
     """
     count = len(unknowns)
     information, weights = np.zeros((count, count)), np.zeros(count)
@@ -204,13 +210,25 @@ def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
     where = unknowns.index(measured.names)
     known = np.flatnonzero(where >= 0)
     known = known[unknowns.log[where[known]]]
+    given = np.asarray(measured.information)
+    block, bad = given[np.ix_(known, known)], ~np.isfinite(given[np.ix_(known, known)])
+    unusable = tuple(measured.names[i] for i in known[bad.all(axis=0) | np.diag(bad)])
+    if bad.any():
+        unusable = unusable or tuple(measured.names[i] for i in known[bad.any(axis=0)])
+        return Prior(information, weights, unusable)
     at = where[known]
-    information[np.ix_(at, at)] = np.asarray(measured.information)[np.ix_(known, known)]
-    diagonal = np.diag(np.asarray(measured.information))
+    values, vectors = np.linalg.eigh(0.5 * (block + block.T))
+    information[np.ix_(at, at)] = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    diagonal = np.diag(given).copy()
+    diagonal[known] = np.diag(information)[at]
+    diagonal = np.where(np.isfinite(diagonal), np.maximum(diagonal, 0.0), 0.0)
     total = float(diagonal.sum())
     if total > 0:
         weights[at] = diagonal[known] / total
-    return Prior(0.5 * (information + information.T), weights)
+    largest = float(values.max(initial=0.0))
+    negative = max(-float(values.min(initial=0.0)), 0.0)
+    relative = negative / largest if largest > 0 else float(negative > 0)
+    return Prior(0.5 * (information + information.T), weights, (), relative)
 
 
 def scaled_start(unknowns: Unknowns, factor: float, mechanism: Mechanism) -> Mapping[str, float]:

@@ -143,14 +143,14 @@ def minimize_arrow(
         return _end(shared, local, empty, NOT_EVALUABLE, False, evaluations, lower, upper)
     damping, scale = settings.damping, _diagonals(model)
     while evaluations < settings.evaluations:
-        step, local_step, promised = damped_step(
-            model, damping, scale, np.maximum(lower - shared, -reach), np.minimum(upper - shared, reach)
-        )
+        room = np.maximum(lower - shared, -reach), np.minimum(upper - shared, reach)
+        with np.errstate(over="ignore", invalid="ignore"):  # a step that overflows is rejected below
+            step, local_step, promised = damped_step(model, damping, scale, *room)
         if promised <= settings.decrease + max(settings.relative, 1e-15) * model.cost:
             done = damping < 1.0
             return _end(shared, local, model, CONVERGED if done else STALLED, done, evaluations, lower, upper)
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
-        trial = evaluate(at, local_at)
+        trial = evaluate(at, local_at) if np.isfinite(promised) else None
         evaluations += 1
         gain = (model.cost - trial.cost) / promised if trial is not None and trial.finite else -np.inf
         damping = _next_damping(damping, gain)
