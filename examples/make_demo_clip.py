@@ -4,7 +4,7 @@
 
 writes ``double.mp4`` and ``double.json`` (the truth: sizes, damping, camera, motion) into FOLDER, by default
 the folder of this script. The drawing is plain: each link is a box whose visible faces are filled, lit by one
-lamp, on four times finer pixels, before a textured wall, with pixel noise.
+lamp, on eight times finer pixels, before a textured wall, with pixel noise.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 
 WIDTH, HEIGHT, RATE, SECONDS, SEED = 720, 480, 30, 7, 7
-FINE = 4
+FINE = 8
 LENGTH, BREADTH, THICKNESS = (0.24, 0.19), (0.034, 0.028), (0.006, 0.006)
 OVERHANG = (0.017, 0.014)
 LAYER = 0.009

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from monodyn.mechanism import load
-from monodyn.types import Camera
+from monodyn.types import FULL, Camera
 from monodyn.vision.bundle import refine, size_information
 from monodyn.vision.contour import edge_terms, follow
 from monodyn.vision.outline import outline
@@ -21,7 +21,7 @@ def draw(mechanism, camera, q, blur=0.8):
     big = np.zeros((camera.height * fine, camera.width * fine), np.uint8)
     for _, polygon in outline(mechanism, camera, q):
         corners = np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)
-        cv2.fillPoly(big, [corners], 255, cv2.LINE_8, 4)
+        cv2.fillPoly(big, [corners], FULL, cv2.LINE_8, 4)
     mask = cv2.resize(big, (camera.width, camera.height), interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.round(cv2.GaussianBlur(mask, (0, 0), blur)).astype(np.uint8)
 

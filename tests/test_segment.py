@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monodyn.errors import SettingsError, VideoError
-from monodyn.types import Frame
+from monodyn.types import FULL, Frame
 from monodyn.vision.background import Background, Samples, background_of, sample_frames
 from monodyn.vision.coverage import coverage_of
 from monodyn.vision.median import masked_median
@@ -83,7 +83,7 @@ def test_coverage_is_the_share_of_a_mixed_pixel():
         luma[30, 40] = round(160 + share * (90 - 160))
         mask = coverage_of(Frame(0, 0.0, luma), background, palette)
         # one grey level of 70
-        assert mask[30, 40] == pytest.approx(255 * share, abs=4)
+        assert mask[30, 40] == pytest.approx(FULL * share, abs=3)
         assert mask[0, 0] == 0
 
 
@@ -93,8 +93,8 @@ def test_colour_counts_where_grey_does_not_tell():
     palette = choose_palette(made, background, "auto", 14.0)
     assert not palette.grey_only
     mask = coverage_of(made[10], background, palette)
-    assert mask[25:35, 29:41].min() > 230
-    assert mask[:15].max() < 25
+    assert mask[25:35, 29:41].min() > 0.9 * FULL
+    assert mask[:15].max() < 0.1 * FULL
     assert choose_palette(frames(), background_of(samples(frames())), "auto", 14.0).grey_only
 
 
@@ -107,7 +107,7 @@ def test_two_colours_are_both_foreground():
     palette = choose_palette(made, background, "grey", 14.0)
     assert sorted(palette.colours[:, 0].round(-1).tolist()) == [90, 240]
     mask = coverage_of(made[10], background, palette)
-    assert mask[22:38, 27:43].min() > 230
+    assert mask[22:38, 27:43].min() > 0.9 * FULL
 
 
 def test_a_lingering_mechanism_is_not_its_own_background():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from monodyn.mechanism import load
-from monodyn.types import Camera
+from monodyn.types import FULL, Camera
 from monodyn.vision.camera import camera_array, pixels, rotation, shrunk
 from monodyn.vision.outline import covered_pixels, outline
 from monodyn.vision.rig import rig_of
@@ -125,13 +125,13 @@ def test_mismatch_against_drawn_pictures(name):
     mechanism = load(name)
     rng = np.random.default_rng(5)
     soft = cv2.GaussianBlur((rng.random((240, 320)) > 0.5).astype(np.float32), (0, 0), 6.0)
-    mask = np.clip((soft - 0.45) * 2550, 0, 255).astype(np.uint8)
+    mask = np.clip((soft - 0.45) * 10 * FULL, 0, FULL).astype(np.uint8)
     rig = rig_of(mechanism, CAMERA)
     dofs = len(rig.parent)
     poses = rng.normal(scale=0.8, size=(6, dofs)) * np.where(rig.kind == 1, 0.1, 1.0)
     costs = pose_mismatch(row_sums(mask), *rig, poses, len(rig.radius))
     fine = 8
-    big = cv2.resize(mask, None, fx=fine, fy=fine, interpolation=cv2.INTER_NEAREST).astype(np.float64) / 255.0
+    big = cv2.resize(mask, None, fx=fine, fy=fine, interpolation=cv2.INTER_NEAREST).astype(np.float64) / FULL
     for q, cost in zip(poses, costs, strict=True):
         drawn = np.zeros(big.shape, np.uint8)
         for _, polygon in outline(mechanism, CAMERA, q):

@@ -14,6 +14,10 @@ import numpy as np
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
 
+FULL = 160
+"""Coverage of a pixel that the mechanism covers whole. The values above it keep a part that stands out more than
+the mechanism's usual colour from being clipped: its edges stay linear."""
+
 Progress = Callable[[str, int, int | None], None]
 """Called as ``progress(step, done, total)`` on long work; ``total`` is None where it is unknown."""
 
@@ -43,7 +47,7 @@ class Mask:
     Attributes:
         index: Number of the frame in the clip, from 0.
         time: Presentation time stamp [s].
-        coverage: Share of each pixel that the mechanism covers, uint8 (height, width), 255 is all of it.
+        coverage: Share of each pixel that the mechanism covers, uint8 (height, width), ``FULL`` is all of it.
     """
 
     index: int

@@ -15,6 +15,7 @@ import math
 import numpy as np
 from numba import njit
 
+from monodyn.types import FULL
 from monodyn.vision.silhouette import hulls, link_frames, outline_counts, project
 
 CORNER_PX = 2.5
@@ -25,6 +26,8 @@ STEP = 0.5
 """Distance of the picture samples along a normal [px]."""
 DOUBTFUL, SURE, UNSURE = 0.5, 0.8, 0.05
 """Highest coverage along a normal from which an edge counts, from which in full, and the least it counts."""
+FLAT_PX = 3.0
+"""Search length inwards from which the coverage levels off: its level there is the part's whole coverage."""
 TRUSTED = 0.15
 """Least trust of the picture along a normal."""
 
@@ -188,15 +191,21 @@ def _edge(
         return False
     steps = max(2, math.ceil((inner + reach) / STEP))
     step = (inner + reach) / steps
-    total, most = 0.0, 0.0
+    total, most, deep, plateau = 0.0, 0.0, 0, 0.0
     for k in range(steps + 1):
         t = -inner + k * step
         c = _bilinear(coverage, x + t * nx, y + t * ny)
         most = max(most, c)
+        if inner < FLAT_PX:
+            c = min(c, FULL)
+        if t < -0.5 * inner:
+            deep += 1
+            plateau += c
         total += 0.5 * c if k == 0 or k == steps else c
     value[1], value[2] = nx, ny
-    value[3] = total * step / 255.0 - inner
-    sure = min(max((most / 255.0 - DOUBTFUL) / (SURE - DOUBTFUL), UNSURE), 1.0)
+    whole = plateau / deep if inner >= FLAT_PX and plateau > DOUBTFUL * FULL * deep else FULL
+    value[3] = total * step / whole - inner
+    sure = min(max((most / FULL - DOUBTFUL) / (SURE - DOUBTFUL), UNSURE), 1.0)
     value[4] = weight * weight * sure * sure
     value[5] = inner
     value[6], value[7] = x, y
@@ -303,7 +312,7 @@ def edge_terms(
             facts[2] += trusted * t * t
         deep = min(3.0, values[s, 5])
         ix, iy = int(values[s, 6] - deep * nx + 0.5), int(values[s, 7] - deep * ny + 0.5)
-        facts[3] += trusted * coverage[iy, ix] / 255.0
+        facts[3] += trusted * min(coverage[iy, ix], FULL) / FULL
         for j in range(size):
             right[j] += w * row[j] * t
             for k in range(size):

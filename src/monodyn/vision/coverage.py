@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from monodyn.types import Frame
+from monodyn.types import FULL, Frame
 from monodyn.vision.background import Background
 from monodyn.vision.palette import CHROMA_WEIGHT, Palette
 
 ANY_CONTRAST = 30.0
 """Difference from the background, beyond the noise, that counts in full where the colours vary [grey
 levels]."""
-ANY_COVERAGE = 0.55 * 255.0
+ANY_COVERAGE = 0.55 * FULL
 """Coverage of a pixel that differs from the background but has none of the mechanism's colours: rather in
 than out."""
 
@@ -31,7 +31,7 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
         palette: Colours and scale from ``choose_palette``.
 
     Returns:
-        Coverage, uint8 (height, width), 255 where the mechanism covers the whole pixel; 0 out of the
+        Coverage, uint8 (height, width), ``FULL`` where the mechanism covers the whole pixel; 0 out of the
         background's reach.
     """
     out = np.zeros(frame.luma.shape, dtype=np.uint8)
@@ -134,7 +134,7 @@ def _combine(
     """Fill ``out`` with the largest coverage over the colours; ``colour`` has length 0 when grey alone
     counts."""
     top, left = reach[0], reach[2]
-    one, full, half = np.float32(1.0), np.float32(255.0), np.float32(0.5)
+    one, most, half = np.float32(1.0), np.float32(255.0), np.float32(0.5)
     for k in range(colours.shape[0]):
         target = colours[k, 0]
         for y in range(reach[0], reach[1]):
@@ -142,11 +142,11 @@ def _combine(
                 for x in range(reach[2], reach[3]):
                     b = background[y, x]
                     value = (np.float32(luma[y, x]) - b) * (target - b) * scale[k, y, x] * one
-                    value = min(full, max(np.float32(0.0), value + half))
+                    value = min(most, max(np.float32(0.0), value + half))
                     out[y, x] = max(out[y, x], np.uint8(value))
             else:
                 for x in range(reach[2], reach[3]):
                     b = background[y, x]
                     value = (np.float32(luma[y, x]) - b) * (target - b) + colour[k, y - top, x - left]
-                    value = min(full, max(np.float32(0.0), value * scale[k, y, x] + half))
+                    value = min(most, max(np.float32(0.0), value * scale[k, y, x] + half))
                     out[y, x] = max(out[y, x], np.uint8(value))

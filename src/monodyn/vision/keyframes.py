@@ -7,12 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
-from monodyn.types import Mask
+from monodyn.types import FULL, Mask
 from monodyn.vision.segment import Masks
 from monodyn.vision.silhouette import row_sums
 
 UNKNOWN = 0.15
 """Trust below which a pixel says nothing."""
+NOISE = FULL * 0.16
+"""Coverage of a reduced pixel below which it counts as none."""
 COARSE_PX = 170
 """Largest side of the reduced picture of the moving part [px]."""
 
@@ -25,7 +27,7 @@ class KeyFrame:
         index: Number of the frame in the clip.
         time: Time stamp [s].
         coverage: Mask, uint8 (height, width).
-        coarse: Reduced mask, 127 where the background is not known, uint8.
+        coarse: Reduced mask, half of ``FULL`` where the background is not known, uint8.
         sums: Row prefix sums of ``coarse``.
         area: Covered area of the reduced mask [reduced px^2].
     """
@@ -132,7 +134,8 @@ def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
     coarse = cv2.resize(
         mask.coverage[: height * shrink, : width * shrink], (width, height), interpolation=cv2.INTER_AREA
     )
-    coarse[coarse < 40] = 0
-    area = float(coarse.sum()) / 255.0
-    coarse[frames.coarse_trust < UNKNOWN] = 127
+    np.minimum(coarse, FULL, out=coarse)
+    coarse[coarse < NOISE] = 0
+    area = float(coarse.sum()) / FULL
+    coarse[frames.coarse_trust < UNKNOWN] = FULL // 2
     return KeyFrame(mask.index, mask.time, mask.coverage, coarse, row_sums(coarse), area)

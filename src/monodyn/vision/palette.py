@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.types import Frame
+from monodyn.types import FULL, Frame
 from monodyn.vision.background import Background
 
 CHROMA_WEIGHT = 0.25
@@ -33,7 +33,7 @@ class Palette:
     Attributes:
         colours: Grey level, blue and red difference of each colour, (colour, 3); the last two are NaN for a
             grey clip.
-        scale: 255 over the squared contrast ``|F - B|^2``, 0 where the contrast is too low, float32
+        scale: ``FULL`` over the squared contrast ``|F - B|^2``, 0 where the contrast is too low, float32
             (colour, height, width).
         grey_only: True where grey alone tells the mechanism from the background.
         trust: How well a pixel tells mechanism from background, whichever of its colours is before it, 0 to
@@ -234,7 +234,7 @@ def _palette(
         ]
     )
     seen = strength > contrast**2
-    scale = np.where(seen, 255.0 / np.maximum(strength, 1.0), 0.0)
+    scale = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
     trust = np.sqrt(np.min(np.where(seen, strength, 0.0), axis=0))
     trust = np.clip(trust / TRUSTED_CONTRAST, 0.3 if varied else 0.0, 1.0) * background.known
     shown = colours.copy()

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.mechanism import Mechanism
-from monodyn.types import Camera
+from monodyn.types import FULL, Camera
 from monodyn.vision.contour import follow
 from monodyn.vision.keyframes import UNKNOWN, KeyFrame, KeyFrames
 from monodyn.vision.rig import Rig, rig_of
@@ -259,7 +259,7 @@ def _distances(chosen: list[KeyFrame], frames: KeyFrames) -> np.ndarray:
     far = []
     unknown = frames.coarse_trust < UNKNOWN
     for frame in chosen:
-        empty = ((frame.coarse < 100) | unknown).astype(np.uint8)
+        empty = ((frame.coarse < 0.4 * FULL) | unknown).astype(np.uint8)
         far.append(np.minimum(cv2.distanceTransform(empty, cv2.DIST_L2, 5), 40.0))
     return np.mean(far, axis=0) * np.where(unknown, 0.3, 1.0)
 
@@ -285,7 +285,7 @@ def _root_points(
     for px, py in picks:
         reaches = []
         for frame in chosen:
-            fy, fx = np.nonzero((frame.coarse > 128) & (frames.coarse_trust >= UNKNOWN))
+            fy, fx = np.nonzero((frame.coarse > 0.5 * FULL) & (frames.coarse_trust >= UNKNOWN))
             if len(fx):
                 reaches.append(float(np.percentile(np.hypot(fx - px, fy - py), 99.0)))
         reach = float(np.max(reaches)) if reaches else 10.0
@@ -306,9 +306,10 @@ def _root_lines(
 
     Along its slide the root's place is the joint position, so only the height is looked for.
     """
-    rows = np.min([np.max(np.where(f.coarse == 127, 0, f.coarse), axis=1) for f in chosen], axis=0)
-    common = np.nonzero(rows > 100)[0]
-    all_rows = np.nonzero(np.max([np.max(f.coarse, axis=1) for f in chosen], axis=0) > 128)[0]
+    known = frames.coarse_trust >= UNKNOWN
+    rows = np.min([np.max(known * f.coarse, axis=1) for f in chosen], axis=0)
+    common = np.nonzero(rows > 0.4 * FULL)[0]
+    all_rows = np.nonzero(np.max([np.max(f.coarse, axis=1) for f in chosen], axis=0) > 0.5 * FULL)[0]
     if not len(common):
         common = all_rows
     heights = np.unique(np.linspace(common[0], common[-1], count).round())

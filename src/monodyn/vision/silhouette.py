@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
+from monodyn.types import FULL
 
 RING = 32
 """Points on the outline of a ball."""
@@ -206,15 +207,15 @@ def row_sums(coverage: np.ndarray) -> np.ndarray:
     """Return prefix sums along each row of a mask: float32 (height, width + 1), in pixels.
 
     Args:
-        coverage: uint8 (height, width), 255 for a whole pixel.
+        coverage: uint8 (height, width), ``FULL`` or more for a whole pixel.
     """
     height, width = coverage.shape
     sums = np.zeros((height, width + 1), dtype=np.float32)
     for y in range(height):
         total = 0
         for x in range(width):
-            total += coverage[y, x]
-            sums[y, x + 1] = total / 255.0
+            total += min(coverage[y, x], FULL)
+            sums[y, x + 1] = total / FULL
     return sums
 
 

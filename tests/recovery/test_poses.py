@@ -1,0 +1,113 @@
+"""The demo clip, whose truth its script wrote: camera, sizes and poses from the topology alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import monodyn
+from monodyn.errors import SettingsError
+from monodyn.types import Mask
+from monodyn.vision.locate import LocateSettings, Scene
+from monodyn.vision.track import Follower, TrackSettings
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def truth() -> dict:
+    return json.loads((EXAMPLES / "double.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    masks = monodyn.segment(monodyn.read(EXAMPLES / "double.mp4"))
+    return monodyn.locate(masks, monodyn.load(EXAMPLES / "double.xml"))
+
+
+def off(position: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return angle errors [deg], whole turns aside."""
+    return np.degrees((position - q + np.pi) % (2 * np.pi) - np.pi)
+
+
+def test_sizes_up_to_one_scale(scene: Scene, truth: dict) -> None:
+    values = scene.mechanism.values
+    scale = truth["length"][0] / values["link1.length"]
+    # 0.1 px on links of 110 px and widths of 16 px
+    far = truth["length"][1] + truth["overhang"][1]
+    assert values["link2.length"] * scale == pytest.approx(far, rel=5e-3)
+    assert values["link1.width"] * scale == pytest.approx(truth["width"][0], rel=0.03)
+    assert values["link2.width"] * scale == pytest.approx(truth["width"][1], rel=0.03)
+    assert scene.rms_px < 0.3
+    assert scene.advice == ()
+
+
+def test_every_frame_is_tracked(scene: Scene, truth: dict) -> None:
+    poses = monodyn.track(scene.masks, scene)
+    assert poses.seen.all()
+    error = off(poses.position, np.array(truth["q"]))
+    # issue 2 asks for 0.15 deg on clips like this one
+    assert np.sqrt((error**2).mean(axis=0)).max() < 0.15
+    spread = np.sqrt(np.array([np.diag(c) for c in poses.covariance]))
+    share = np.abs(error) < 3.0 * np.degrees(spread) + 0.03
+    assert share.mean() > 0.95
+    # angles are continuous through full turns: no step comes near half a turn
+    assert np.abs(np.diff(poses.position, axis=0)).max() < 2.0
+
+
+def test_what_the_camera_fixes_stays(scene: Scene) -> None:
+    masks = scene.masks
+    mechanism = monodyn.load(EXAMPLES / "double.xml")
+    found = monodyn.locate(
+        masks, mechanism, LocateSettings(search_frames=4, refine_frames=8), fix={"camera.depth": 1.1}
+    )
+    assert found.camera.depth == 1.1
+    # with the depth given, the focal length (a guess) alone scales the sizes
+    guess, true_focal = found.camera.focal, 240 / np.tan(np.radians(19.0))
+    assert found.mechanism.values["link1.length"] == pytest.approx(0.24 * true_focal / guess, rel=0.02)
+
+
+def test_names_that_are_not_the_cameras(scene: Scene) -> None:
+    with pytest.raises(SettingsError) as caught:
+        monodyn.locate(scene.masks, scene.mechanism, free=("camera.zoom",))
+    assert str(caught.value) == (
+        "parameter 'camera.zoom' is not one of the camera's; camera: camera.x, camera.y, camera.depth, "
+        "camera.roll, camera.pitch, camera.yaw, camera.focal."
+    )
+
+
+def test_a_mechanism_that_vanishes_is_not_seen_and_found_again(scene: Scene, truth: dict) -> None:
+    follower = Follower(scene, TrackSettings())
+    seen = []
+    for frame in scene.masks.video.frames(0, 60):
+        mask = scene.masks.of(frame)
+        if 20 <= frame.index < 30:
+            mask = replace(mask, coverage=np.zeros_like(mask.coverage))
+        position, covariance, ok = follower.step(mask)
+        seen.append(ok)
+        assert np.isfinite(position).all() == ok
+        assert np.isfinite(covariance).all() == ok
+        if ok:
+            assert np.abs(off(position, np.array(truth["q"][frame.index]))).max() < 1.0
+    assert all(seen[:20])
+    assert not any(seen[20:30])
+    assert all(seen[33:])
+
+
+def test_a_mask_of_noise_is_not_a_mechanism(scene: Scene) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, scene.masks.palette.trust.shape, dtype=np.uint8)
+    _, _, seen = Follower(scene, TrackSettings()).step(Mask(0, 0.0, noise))
+    assert not seen
+
+
+def test_settings_say_what_they_take() -> None:
+    with pytest.raises(SettingsError) as caught:
+        TrackSettings(move=-1.0)
+    assert str(caught.value) == "track.move: expected more than 0, got -1.0."
+    with pytest.raises(SettingsError) as caught:
+        LocateSettings(search_frames=1)
+    assert str(caught.value) == "locate.search_frames: expected 2 or more key frames, got 1."
