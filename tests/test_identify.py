@@ -1,5 +1,6 @@
 """Identification of simulated motion: estimates, intervals, status, advice, whole messages."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -280,6 +281,44 @@ def test_motion_of_something_else_is_not_trusted(poses, double):
     )
     assert not fit.ok
     assert fit.status.startswith("The simulated motion does not follow the record: typically joint")
+
+
+@pytest.fixture(scope="module")
+def bent():
+    """Two swings of a pendulum; from the second second on 0.2 rad of something else lies over them."""
+    single, times = load("single"), np.arange(120) / 30.0
+    swing = motion(single, times, [0.6], [0.0])
+    swing[60:, 0] += 0.2 * np.sin(12.0 * (times[60:] - 2.0))
+    return record(single, times, swing, noise=1e-3)
+
+
+def test_a_loud_and_large_residual_is_not_trusted(bent):
+    """Beyond 20 times the noise and 1.5 % of the range; the first half alone is fine, and is said to be."""
+    fit = identify(bent, load("single"))
+    size = np.ptp(bent.position)
+    assert fit.rms["joint1"] > 0.015 * size
+    assert not fit.ok
+    assert re.fullmatch(
+        r"The simulated motion is too far from the record to be used: rms residual of joint1 [\d.]+ deg, "
+        r"[\d.]+ % of its range and [\d.]+ times the stated noise; fit fewer frames or let the model have "
+        r"what it lacks \(see the advice\)\.",
+        fit.status,
+    )
+    assert re.fullmatch(
+        r"The first 60 frames alone do fit, with rms residual 0\.0\d+ deg \(joint1\): --fit-frames 0:60 for "
+        r"a clip, or a table that ends there\. Small faults of the model grow along a long or chaotic "
+        r"record\.",
+        fit.advice[0],
+    )
+    assert "Bodies were taken to be uniform; if they are not, try --identify.bodies free." in fit.advice
+    assert "Dry friction was taken to be zero; --free joint1.friction estimates it." in fit.advice
+
+
+def test_a_residual_as_large_as_the_noise_is_fine_however_large(bent):
+    """The same record that admits to be inexact."""
+    fit = identify(replace(bent, covariance=bent.covariance * 50.0**2), load("single"))
+    assert fit.ok
+    assert fit.rms["joint1"] > 0.015 * np.ptp(bent.position)
 
 
 def test_joint_limits_are_said(poses, double):

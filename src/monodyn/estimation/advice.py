@@ -84,8 +84,9 @@ def misfit(
     autocorrelated: np.ndarray,
     *,
     uniform: bool,
+    frictionless: Sequence[str],
 ) -> list[str]:
-    """Say where the residual is far above the stated noise."""
+    """Say where the residual is far above the stated noise, and what the model may lack."""
     advice = []
     for (joint, value), ratio, spread in zip(rms.items(), against_noise, autocorrelated, strict=True):
         if ratio > 3.0:
@@ -97,7 +98,19 @@ def misfit(
             )
     if advice and uniform:
         advice.append("Bodies were taken to be uniform; if they are not, try --identify.bodies free.")
+    if advice and frictionless:
+        advice.append(f"Dry friction was taken to be zero; --free {' '.join(frictionless)} estimates it.")
     return advice
+
+
+def beginning(mechanism: Mechanism, frames: Sequence[int], rms: Mapping[str, float]) -> str:
+    """Say that the beginning of a record, ``frames`` of it, fits though the whole does not."""
+    each = [f"{amount(mechanism, name, value)} ({name})" for name, value in rms.items()]
+    return (
+        f"The first {len(frames)} frames alone do fit, with rms residual {listed(each, 12)}: --fit-frames "
+        f"{frames[0]}:{frames[-1] + 1} for a clip, or a table that ends there. Small faults of the model "
+        "grow along a long or chaotic record."
+    )
 
 
 def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:

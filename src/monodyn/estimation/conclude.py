@@ -16,6 +16,7 @@ from monodyn.estimation.grow import Grown, Route, fit_pieces, typical
 from monodyn.estimation.problem import Problem
 from monodyn.estimation.uncertainty import Knowledge, know, noise_factors
 from monodyn.estimation.unknowns import kind_of
+from monodyn.estimation.verdict import motion_sizes, typical_differences, verdict
 from monodyn.optimize import SearchSettings
 from monodyn.types import Poses
 
@@ -90,21 +91,6 @@ def refuse(problem: Problem, status: str, records: tuple[Poses, ...], seconds: f
     )  # fmt: skip
 
 
-def motion_sizes(data: Data) -> np.ndarray:
-    """Return the standard deviation of the measured positions of each joint [rad or m], (dof,)."""
-    return np.array(
-        [np.std(data.position[use, j]) if use.any() else 0.0 for j, use in enumerate(data.measured.T)]
-    )
-
-
-def typical_differences(problem: Problem, grown: Grown) -> np.ndarray:
-    """Return the robust size of measured less simulated positions of each joint [rad or m], (dof,)."""
-    difference = problem.differences(grown.x, grown.states, grown.pieces, grown.substeps)
-    return np.array(
-        [typical(difference[:, [j]], use[:, None]) for j, use in enumerate(problem.data.measured.T)]
-    )
-
-
 def _plain(problem: Problem, grown: Grown) -> Grown:
     """Bring gravity and the scale of masses to the start where the motion does not fix them."""
     before = float(np.sum(_stated_residuals(problem, grown) ** 2))
@@ -119,6 +105,13 @@ def _plain(problem: Problem, grown: Grown) -> Grown:
 def _uniform(problem: Problem) -> bool:
     """True when inertia follows from sizes."""
     return not any(kind_of(name) == "inertia" for name in problem.unknowns.names)
+
+
+def _frictionless(problem: Problem) -> tuple[str, ...]:
+    """Names of the dry frictions that are zero and were not estimated."""
+    names = [f"{joint.name}.friction" for joint in problem.mechanism.joints]
+    values = problem.mechanism.values
+    return tuple(name for name in names if values[name] == 0 and name not in problem.unknowns.names)
 
 
 def _stated_residuals(problem: Problem, grown: Grown) -> np.ndarray:
@@ -167,7 +160,7 @@ def _fit(
 
     freedom = max(problem.data.samples - _fitted(problem, grown), 1) / float(np.mean(spread)) ** 2
     parameters = _estimates(problem, grown, known, float(stdtrit(max(freedom, 1.0), 0.975)))
-    status, ok = _status(problem, grown, mechanism, rms, typical_differences(problem, grown))
+    status, ok = verdict(problem, grown, rms, size)
     return Fit(
         status=status,
         ok=ok,
@@ -235,39 +228,6 @@ def _estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float
     return tuple(found)
 
 
-def _status(
-    problem: Problem, grown: Grown, mechanism, rms: dict[str, float], usual: np.ndarray
-) -> tuple[str, bool]:
-    """What came of it, and whether it can be used."""
-    moved = motion_sizes(problem.data)
-    unit = np.where(problem.data.slide.any(axis=0), problem.size(grown.x), 1.0)
-    share = usual / np.maximum(moved, 1e-12)
-    noise = np.array([_noise(problem.data, j) for j in range(len(usual))])
-    lost = (share > 0.1) & (usual > 5.0 * noise)
-    residual = say.listed(
-        [f"{say.amount(mechanism, name, value)} ({name})" for name, value in rms.items()], 12
-    )
-    if lost.any():
-        j = int(np.argmax(np.where(lost, share, 0.0)))
-        name = mechanism.joints[j].name
-        return (
-            f"The simulated motion does not follow the record: typically {name} is off by "
-            f"{say.amount(mechanism, name, usual[j] * unit[j])}, {100 * share[j]:.2g} % of its motion; "
-            "check that the mechanism is the one in the record and that no other force acts on it.",
-            False,
-        )
-    records = len(problem.data.first) - 1
-    frames = int(problem.data.measured.any(axis=1).sum())
-    source = f"{frames} frames" + (f" of {records} records" if records > 1 else "")
-    return f"Identified from {source}; rms residual {residual}.", True
-
-
-def _noise(data: Data, dof: int) -> float:
-    """Stated noise of one joint, its median [rad or m]."""
-    use = data.measured[:, dof]
-    return float(np.median(1.0 / np.maximum(data.white[use, dof, dof], 1e-300))) if use.any() else 0.0
-
-
 def _advice(
     problem: Problem,
     grown: Grown,
@@ -286,7 +246,10 @@ def _advice(
     gone = problem.data.source[rejected]
     left_out = [int(records[0].frame[row]) for row in gone] if len(records) == 1 else []
     share = float((typical_differences(problem, grown) / np.maximum(motion_sizes(problem.data), 1e-12)).max())
-    found = say.misfit(problem.mechanism, rms, size, spread, uniform=_uniform(problem) and share > 0.01)
+    found = say.misfit(
+        problem.mechanism, rms, size, spread, uniform=_uniform(problem) and share > 0.01,
+        frictionless=_frictionless(problem) if share > 0.01 or not ok else (),
+    )  # fmt: skip
     found += say.limits(problem.mechanism, simulated)
     found += say.contradictions(problem.prior.negative)
     if ok:

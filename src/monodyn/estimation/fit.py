@@ -75,7 +75,8 @@ class Fit:
 
     Attributes:
         status: What came of it, one sentence.
-        ok: True when the result can be used.
+        ok: True when the result can be used: no joint's rms residual is above both 20 times its stated noise
+            and 1.5 % of its range of motion (see ``verdict``).
         advice: Plain sentences: what is not known, and what would fix it.
         mechanism: The identified mechanism.
         parameters: All parameters with their intervals.

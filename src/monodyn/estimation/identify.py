@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.advice import listed
-from monodyn.estimation.conclude import conclude, motion_sizes, refuse, typical_differences
+from monodyn.estimation.advice import beginning, listed
+from monodyn.estimation.conclude import conclude, refuse
 from monodyn.estimation.data import Data, prepare
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.grow import Grown, Route, grow
@@ -24,6 +24,7 @@ from monodyn.estimation.problem import Problem, smooth_motion
 from monodyn.estimation.smooth import Smoothed, smooth
 from monodyn.estimation.starts import starts
 from monodyn.estimation.unknowns import choose_unknowns, size_prior
+from monodyn.estimation.verdict import motion_sizes, typical_differences
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import SearchSettings, first_good
 from monodyn.types import Poses, Progress
@@ -54,6 +55,8 @@ class IdentifySettings:
 
 
 USUAL = IdentifySettings()
+SHORTEST = 20
+"""Rows of the shortest beginning that is tried when the whole record does not fit."""
 
 
 def identify(
@@ -105,6 +108,17 @@ def identify(
     _check(settings)
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
     mechanism = mechanism.with_bodies(settings.bodies)
+    fit = _identified(records, mechanism, settings, progress)
+    if not fit.ok and fit.starts:
+        fit = replace(fit, advice=(*_beginning(records, mechanism, settings), *fit.advice))
+    return replace(fit, seconds=time.perf_counter() - began)
+
+
+def _identified(
+    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
+) -> Fit:
+    """Identify from whole records, bodies chosen."""
+    began = time.perf_counter()
     data = prepare(records, mechanism)
     unknowns = choose_unknowns(mechanism)
     problem = Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
@@ -114,6 +128,24 @@ def identify(
         return refuse(problem, reason, records, time.perf_counter() - began)
     grown, tried = _search(problem, smoothed, settings, progress)
     return conclude(problem, grown, records, settings, tried=tried, began=began)
+
+
+def _beginning(
+    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings
+) -> tuple[str, ...]:
+    """Say which first half, quarter, ... of a record fits; nothing where none does or there are several."""
+    if len(records) != 1:
+        return ()
+    poses, quick = records[0], replace(settings, starts=1)
+    measured = np.flatnonzero(poses.seen & np.isfinite(poses.position).any(axis=1))
+    first, count = int(measured[0]), len(measured) // 2
+    while count >= SHORTEST:
+        part = poses.part(first, int(measured[count]))
+        fit = _identified((part,), mechanism, quick, None)
+        if fit.ok:
+            return (beginning(mechanism, part.frame.tolist(), fit.rms),)
+        count //= 2
+    return ()
 
 
 def _check(settings: IdentifySettings) -> None:
