@@ -23,13 +23,13 @@ def draw(mechanism, camera, q, blur=0.8):
         corners = np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)
         cv2.fillPoly(big, [corners], FULL, cv2.LINE_8, 4)
     mask = cv2.resize(big, (camera.width, camera.height), interpolation=cv2.INTER_AREA).astype(np.float32)
-    return np.round(cv2.GaussianBlur(mask, (0, 0), blur)).astype(np.uint8)
+    return np.round(cv2.GaussianBlur(mask, (0, 0), blur)).astype(np.uint8)[None]
 
 
 def terms(mechanism, mask, q, reach=4.0):
     rig = rig_of(mechanism, CAMERA)
     return edge_terms(
-        mask, np.ones(mask.shape, np.float32), rig.parent, rig.kind, rig.link, rig.first, rig.links[None],
+        mask, np.ones(mask.shape, np.float32), np.zeros(len(rig.link), np.int64), rig.parent, rig.kind, rig.link, rig.first, rig.links[None],
         rig.points[None], rig.radius[None], rig.camera[None], np.empty(0), q, reach, 2.0,
     )  # fmt: skip
 
@@ -55,7 +55,8 @@ def test_follow_finds_the_pose(name):
     start = truth + np.where(hinge, 0.06, 0.01) * np.where(np.arange(len(hinge)) % 2, -1, 1)
     free = np.full(len(hinge), np.inf)
     q, information, facts = follow(
-        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), start, -free, free,
+        mask, np.ones(mask.shape, np.float32),
+        np.zeros(len(mechanism.shapes.radius), np.int64), *rig_of(mechanism, CAMERA), start, -free, free,
         np.ones(len(hinge)), REACHES, 2.0,
     )  # fmt: skip
     # a few hundredths of a pixel over links of 30 to 60 px
@@ -68,7 +69,8 @@ def test_follow_keeps_within_its_limits():
     mechanism = load("single")
     mask = draw(mechanism, CAMERA, np.array([0.3]))
     q, _, _ = follow(
-        mask, np.ones(mask.shape, np.float32), *rig_of(mechanism, CAMERA), np.array([0.2]),
+        mask, np.ones(mask.shape, np.float32),
+        np.zeros(len(mechanism.shapes.radius), np.int64), *rig_of(mechanism, CAMERA), np.array([0.2]),
         np.array([0.0]), np.array([0.25]), np.ones(1), REACHES, 2.0,
     )  # fmt: skip
     assert q[0] == 0.25
@@ -103,7 +105,16 @@ def test_pixels_that_are_not_trusted_say_nothing():
     rig = rig_of(mechanism, CAMERA)
     trust = np.zeros(mask.shape, np.float32)
     _, information, facts = follow(
-        mask, trust, *rig, q, np.full(1, -9.0), np.full(1, 9.0), np.ones(1), REACHES, 2.0
+        mask,
+        trust,
+        np.zeros(1, np.int64),
+        *rig,
+        q,
+        np.full(1, -9.0),
+        np.full(1, 9.0),
+        np.ones(1),
+        REACHES,
+        2.0,
     )
     assert facts[0] == 0
     assert information[0, 0] == 0.0
@@ -128,7 +139,8 @@ def test_refine_recovers_camera_and_size_ratios():
         "link2.tail",
     ]
     bundle = refine(
-        masks, np.ones(masks[0].shape, np.float32), start,
+        masks, np.ones(masks[0].shape, np.float32),
+        np.zeros(2, np.int64), start,
         Camera(320, 240, 300.0, x=0.03, y=-0.02, depth=0.9),
         poses + rng.normal(scale=0.05, size=poses.shape), [*names, "camera.x", "camera.y", "camera.depth"],
         start.values, reaches=(8, 7, 6, 5, 4, 4, 4, 4, 4, 4), spacing=2.0,

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from monodyn.errors import FitError, MechanismError, SettingsError, VideoError
-from monodyn.estimation.identify import IdentifySettings, identify
+from monodyn.estimation.identify import identify
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Measured, load
 from monodyn.mechanism.dynamics import rollout
 from monodyn.types import Poses

@@ -7,6 +7,7 @@ import pytest
 
 from monodyn.errors import MechanismError
 from monodyn.mechanism import BUNDLED, Measured, Mechanism, load
+from monodyn.mechanism.solids import box_moments, hull_moments
 
 BOX = '<geom type="box" size="0.05 0.0025 0.01" pos="0.05 0 0" density="2700"/>'
 HINGE = '<joint name="{}" axis="0 -1 0" damping="0.001"/>'
@@ -232,6 +233,19 @@ def test_masses_of_solids_are_those_of_mujoco(tmp_path) -> None:
     assert [p.name for p in mechanism.parameters if p.name.endswith("width")] == [
         "a.width", "a.box.width", "a.ellipsoid.width", "a.capsule.width", "a.cylinder.width",
     ]  # fmt: skip
+
+
+def test_moments_of_a_tilted_box_are_those_of_its_hull() -> None:
+    """The closed form against the integral over the hull, on random boxes."""
+    rng = np.random.default_rng(3)
+    cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    for _ in range(5):
+        axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        half = rng.uniform(0.01, 0.1, size=3)
+        points = (cube * half) @ axes.T
+        hull = hull_moments(points / np.ptp(points, axis=0))
+        for ours, theirs in zip(box_moments(axes, half), hull, strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-15)  # rounding
 
 
 def test_values_take_little_time_to_change() -> None:

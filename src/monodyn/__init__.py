@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from monodyn.errors import MonodynError as MonodynError
     from monodyn.errors import SettingsError as SettingsError
     from monodyn.errors import VideoError as VideoError
-    from monodyn.estimation.identify import Fit as Fit
-    from monodyn.estimation.identify import IdentifySettings as IdentifySettings
+    from monodyn.estimation.fit import Fit as Fit
     from monodyn.estimation.identify import identify as identify
     from monodyn.estimation.records import read_poses as read_poses
     from monodyn.estimation.records import write_poses as write_poses
+    from monodyn.estimation.settings import IdentifySettings as IdentifySettings
     from monodyn.mechanism import Mechanism as Mechanism
     from monodyn.mechanism import load as load
     from monodyn.mechanism import write_mjcf as write_mjcf
@@ -57,8 +57,10 @@ _HOMES = {
     "vision.segment": ("SegmentSettings", "segment"),
     "vision.locate": ("LocateSettings", "locate"),
     "vision.track": ("TrackSettings", "track"),
-    "estimation.identify": ("Fit", "IdentifySettings", "identify"),
+    "estimation.fit": ("Fit",),
+    "estimation.identify": ("identify",),
     "estimation.records": ("read_poses", "write_poses"),
+    "estimation.settings": ("IdentifySettings",),
     "results.predict": ("predict",),
     "results.fill": ("fill",),
     "results.report": ("report",),

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.identify import Fit, IdentifySettings, identify
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.identify import identify
 from monodyn.estimation.records import read_poses, write_poses
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.export import Trace
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import RunLog, recorded

@@ -47,12 +47,18 @@ class Mask:
     Attributes:
         index: Number of the frame in the clip, from 0.
         time: Presentation time stamp [s].
-        coverage: Share of each pixel that the mechanism covers, uint8 (height, width), ``FULL`` is all of it.
+        planes: Share of each pixel that the mechanism covers, judged by each of its colours, uint8
+            (colour, height, width); ``FULL`` is all of the pixel.
     """
 
     index: int
     time: float
-    coverage: np.ndarray
+    planes: np.ndarray
+
+    @property
+    def coverage(self) -> np.ndarray:
+        """Coverage by whichever colour fits best, uint8 (height, width)."""
+        return self.planes[0] if len(self.planes) == 1 else self.planes.max(axis=0)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from monodyn.estimation.identify import IdentifySettings, identify
+from monodyn.estimation.identify import identify
 from monodyn.estimation.records import read_poses
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
 
 DATA = Path(os.environ.get("MONODYN_DATA", "")) / "encoders"

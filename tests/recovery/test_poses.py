@@ -86,7 +86,7 @@ def test_a_mechanism_that_vanishes_is_not_seen_and_found_again(scene: Scene, tru
     for frame in scene.masks.video.frames(0, 60):
         mask = scene.masks.of(frame)
         if 20 <= frame.index < 30:
-            mask = replace(mask, coverage=np.zeros_like(mask.coverage))
+            mask = replace(mask, planes=np.zeros_like(mask.planes))
         position, covariance, ok = follower.step(mask)
         seen.append(ok)
         assert np.isfinite(position).all() == ok

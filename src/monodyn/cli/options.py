@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from tyro import conf
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.identify import IdentifySettings
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.vision.locate import LocateSettings
 from monodyn.vision.segment import SegmentSettings
 from monodyn.vision.track import TrackSettings

@@ -1,5 +1,5 @@
 """Tracked motion in, identified mechanism out.
 
-Import from the modules: ``identify`` (with its settings), ``fit``, ``smooth``, ``records``. Nothing is
+Import from the modules: ``identify``, ``settings``, ``fit``, ``smooth``, ``records``. Nothing is
 imported here, because the kernels take their time.
 """

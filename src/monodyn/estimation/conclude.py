@@ -21,7 +21,7 @@ from monodyn.optimize import SearchSettings
 from monodyn.types import Poses
 
 if TYPE_CHECKING:
-    from monodyn.estimation.identify import IdentifySettings
+    from monodyn.estimation.settings import IdentifySettings
 
 MOST_REJECTED = 0.25
 """With more far-off samples than this share they are no accident, and none is left out."""

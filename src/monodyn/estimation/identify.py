@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from monodyn.estimation.data import Data, prepare
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.grow import Grown, Route, grow
 from monodyn.estimation.problem import Problem, smooth_motion
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.smooth import Smoothed, smooth
 from monodyn.estimation.starts import starts
 from monodyn.estimation.unknowns import choose_unknowns, size_prior
@@ -28,31 +28,6 @@ from monodyn.estimation.verdict import motion_sizes, typical_differences
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import SearchSettings, first_good
 from monodyn.types import Poses, Progress
-
-
-@dataclass(frozen=True)
-class IdentifySettings:
-    """How a mechanism is identified.
-
-    Attributes:
-        bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
-            centre of mass and inertia are unknowns.
-        starts: At most so many starts are tried until the motion is explained.
-        seed: Seed of the scattered starts.
-        piece: Measured samples in each of the short rollouts the search begins with.
-        error_bound: The integration error of a rollout stays below this [rad or m].
-        outlier: A sample is left out when its residual is above so many typical ones; 0 keeps all.
-        evaluations: Evaluations of the model in one search, at most.
-    """
-
-    bodies: Literal["uniform", "free"] = "uniform"
-    starts: int = 6
-    seed: int = 0
-    piece: int = 10
-    error_bound: float = 1e-5
-    outlier: float = 8.0
-    evaluations: int = 100
-
 
 USUAL = IdentifySettings()
 SHORTEST = 20

@@ -228,16 +228,34 @@ def _unit_shape(
 ) -> tuple[np.ndarray, np.ndarray, float, tuple[float, float], float]:
     """Return outline, mass centre, volume, gyration factors and height of a block of unit extents."""
     geom = shape.geom
-    local = corners(geom) @ np.stack([[*direction, 0.0], [*side, 0.0], [0.0, 0.0, 1.0]]).T
+    onto = np.stack([[*direction, 0.0], [*side, 0.0], [0.0, 0.0, 1.0]])
+    local = corners(geom) @ onto.T
     if geom.kind == "ellipsoid":
         spans = np.array([extent(geom, direction)[1], extent(geom, side)[1], shape.deep])
         volume = 4 / 3 * np.pi * float(np.prod(geom.size)) / float(np.prod(spans))
         return local / spans, np.zeros(3), volume, (1 / 20, 1 / 20), 0.0
     low, high = local.min(axis=0), local.max(axis=0)
     unit = (local - (low + high) / 2) / (high - low)
-    volume, com, second = hull_moments(unit)
+    volume, com, second = (
+        hull_moments(unit) if geom.kind == "mesh" else box_moments(onto @ geom.axes, geom.size)
+    )
     lift = float((low + high)[2] / 2 / (high - low)[2])
     return unit, com, volume, (float(second[0]), float(second[1])), lift
+
+
+def box_moments(axes: np.ndarray, half: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return the moments of a box scaled to extents of one: 1/12 along an edge, less where it is tilted.
+
+    Args:
+        axes: Directions of its edges as columns, (3, 3).
+        half: Half lengths of its edges [m], (3,).
+
+    Returns:
+        As ``hull_moments``: volume, centre of mass (3,), second moments (3,).
+    """
+    edges = axes * half
+    spans = 2 * np.abs(edges).sum(axis=1)
+    return float(8 * np.prod(half) / np.prod(spans)), np.zeros(3), (edges**2).sum(axis=1) / 3 / spans**2
 
 
 def hull_moments(points: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

@@ -78,8 +78,9 @@ class _Variables:
 
 
 def refine(
-    coverages: Sequence[np.ndarray],
+    masks: Sequence[np.ndarray],
     trust: np.ndarray,
+    part: np.ndarray,
     mechanism: Mechanism,
     camera: Camera,
     positions: np.ndarray,
@@ -94,8 +95,9 @@ def refine(
     """Refine camera, sizes and poses together.
 
     Args:
-        coverages: Masks of the key frames, uint8 (height, width).
-        trust: How well each pixel tells mechanism from background.
+        masks: Masks of the key frames by colour, each uint8 (colour, height, width).
+        trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
+        part: Colour of each geom, int64 (geom,).
         mechanism: Start sizes.
         camera: Start camera.
         positions: Start poses, (key frame, dof).
@@ -117,14 +119,16 @@ def refine(
     q = np.array(positions, dtype=np.float64)
     for reach in (*map(float, reaches), *[float(reaches[-1])] * settle):
         mechanism, camera = variables.write(x, mechanism, camera)
-        terms = _terms(coverages, trust, variables, x, mechanism, camera, q, reach, shrink, spacing)
+        terms = _terms(masks, trust, part, variables, x, mechanism, camera, q, reach, shrink, spacing)
         step, q_step = _step(terms, x, anchor, stiffness)
         x = x + step
         q = q + q_step
         if reach == reaches[-1] and np.abs(step).max() < SETTLED:
             break
     mechanism, camera = variables.write(x, mechanism, camera)
-    final = _terms(coverages, trust, variables, x, mechanism, camera, q, float(reaches[-1]), shrink, spacing)
+    final = _terms(
+        masks, trust, part, variables, x, mechanism, camera, q, float(reaches[-1]), shrink, spacing
+    )
     matched, rms, inside = final.facts[:, 1], final.facts[:, 2], final.facts[:, 3]
     return Bundle(mechanism, camera, q, tuple(names), _information(final), rms, matched, inside)
 
@@ -187,8 +191,9 @@ def _springs(
 
 
 def _terms(
-    coverages: Sequence[np.ndarray],
+    masks: Sequence[np.ndarray],
     trust: np.ndarray,
+    part: np.ndarray,
     variables: _Variables,
     x: np.ndarray,
     mechanism: Mechanism,
@@ -211,10 +216,10 @@ def _terms(
     )
     blocks = [
         edge_terms(
-            coverage, trust, base.parent, base.kind, base.link, base.first, links, points, radius, cameras,
-            steps, pose, reach, spacing,
+            planes, trust, part, base.parent, base.kind, base.link, base.first, links, points, radius,
+            cameras, steps, pose, reach, spacing,
         )
-        for coverage, pose in zip(coverages, q, strict=True)
+        for planes, pose in zip(masks, q, strict=True)
     ]  # fmt: skip
     dofs = q.shape[1]
     normal = np.stack([block[0] for block in blocks])

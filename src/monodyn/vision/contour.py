@@ -24,10 +24,6 @@ SHARP = math.cos(math.radians(35.0))
 """Edges that turn by more than 35 degrees meet in a corner."""
 STEP = 0.5
 """Distance of the picture samples along a normal [px]."""
-DOUBTFUL, SURE, UNSURE = 0.5, 0.8, 0.05
-"""Highest coverage along a normal from which an edge counts, from which in full, and the least it counts."""
-FLAT_PX = 3.0
-"""Search length inwards from which the coverage levels off: its level there is the part's whole coverage."""
 TRUSTED = 0.15
 """Least trust of the picture along a normal."""
 
@@ -77,8 +73,9 @@ def _depth_inside(
 
 @njit(cache=True)
 def edge_samples(
-    coverage: np.ndarray,
+    planes: np.ndarray,
     trust: np.ndarray,
+    part: np.ndarray,
     px: np.ndarray,
     hull: np.ndarray,
     hull_first: np.ndarray,
@@ -94,8 +91,9 @@ def edge_samples(
     background cannot be told from the mechanism, and outside of the picture.
 
     Args:
-        coverage: Mask, uint8 (height, width).
-        trust: How well each pixel tells mechanism from background, float32 (height, width).
+        planes: Mask by colour, uint8 (colour, height, width).
+        trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
+        part: Colour of each geom, (geom,).
         px: Outline points [px], (outline point, 2).
         hull: Indices of the outlines.
         hull_first: Where each outline starts.
@@ -104,7 +102,7 @@ def edge_samples(
         reach: Length of the search to either side [px].
         ends: Filled with the two outline points of each sample's edge, (sample, 2).
         values: Filled for each sample with share of the second point, normal x, normal y, displacement t*
-            [px], weight, length of the search inwards [px], x, y, (sample, 8).
+            [px], weight, length of the search inwards [px], x, y, geom, (sample, 9).
 
     Returns:
         Number of samples.
@@ -138,7 +136,9 @@ def edge_samples(
                 if count >= most:
                     return count
                 x, y = px[p, 0] + along * ex, px[p, 1] + along * ey
-                if _edge(coverage, trust, px, hull, hull_first, geoms, g, x, y, nx, ny, reach, values[count]):
+                if _edge(
+                    planes, trust, part, px, hull, hull_first, geoms, g, x, y, nx, ny, reach, values[count]
+                ):
                     ends[count, 0], ends[count, 1] = p, q
                     values[count, 0] = along / length
                     count += 1
@@ -156,8 +156,9 @@ def _turn(px: np.ndarray, p: int, q: int, ex: float, ey: float) -> float:
 
 @njit(cache=True)
 def _edge(
-    coverage: np.ndarray,
+    planes: np.ndarray,
     trust: np.ndarray,
+    part: np.ndarray,
     px: np.ndarray,
     hull: np.ndarray,
     hull_first: np.ndarray,
@@ -172,6 +173,7 @@ def _edge(
 ) -> bool:
     """Search one normal; fill normal, displacement, weight, inner length and place; False where nothing can
     be said."""
+    coverage, known = planes[part[own]], trust[part[own]]
     height, width = coverage.shape
     inner = min(reach, 0.5 * _depth_inside(px, hull, hull_first[own], hull_first[own + 1], x, y, nx, ny))
     for t in (-inner, reach):
@@ -186,29 +188,21 @@ def _edge(
                 return False
     weight = 1.0
     for t in (-inner, -0.5 * inner, 0.0, 0.5 * reach, reach):
-        weight = min(weight, trust[int(y + t * ny + 0.5), int(x + t * nx + 0.5)])
+        weight = min(weight, known[int(y + t * ny + 0.5), int(x + t * nx + 0.5)])
     if weight < TRUSTED:
         return False
     steps = max(2, math.ceil((inner + reach) / STEP))
     step = (inner + reach) / steps
-    total, most, deep, plateau = 0.0, 0.0, 0, 0.0
+    total = 0.0
     for k in range(steps + 1):
         t = -inner + k * step
-        c = _bilinear(coverage, x + t * nx, y + t * ny)
-        most = max(most, c)
-        if inner < FLAT_PX:
-            c = min(c, FULL)
-        if t < -0.5 * inner:
-            deep += 1
-            plateau += c
+        c = min(_bilinear(coverage, x + t * nx, y + t * ny), FULL)
         total += 0.5 * c if k == 0 or k == steps else c
     value[1], value[2] = nx, ny
-    whole = plateau / deep if inner >= FLAT_PX and plateau > DOUBTFUL * FULL * deep else FULL
-    value[3] = total * step / whole - inner
-    sure = min(max((most / FULL - DOUBTFUL) / (SURE - DOUBTFUL), UNSURE), 1.0)
-    value[4] = weight * weight * sure * sure
+    value[3] = total * step / FULL - inner
+    value[4] = weight * weight
     value[5] = inner
-    value[6], value[7] = x, y
+    value[6], value[7], value[8] = x, y, own
     return True
 
 
@@ -226,8 +220,9 @@ def robust_weight(residual: float, scale: float) -> float:
 
 @njit(cache=True)
 def edge_terms(
-    coverage: np.ndarray,
+    planes: np.ndarray,
     trust: np.ndarray,
+    part: np.ndarray,
     parent: np.ndarray,
     kind: np.ndarray,
     link: np.ndarray,
@@ -247,8 +242,9 @@ def edge_terms(
     mechanism with each shared parameter shifted by its step.
 
     Args:
-        coverage: Mask, uint8 (height, width).
-        trust: How well each pixel tells mechanism from background, float32 (height, width).
+        planes: Mask by colour, uint8 (colour, height, width).
+        trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
+        part: Colour of each geom, (geom,).
         parent: Parent of each link.
         kind: Joint kinds.
         link: Link of each geom.
@@ -273,12 +269,12 @@ def edge_terms(
     total = starts[geoms]
     px, moved = np.empty((total, 2)), np.empty((size, total, 2))
     hull, hull_first = np.empty(total + 2 * geoms + 2, dtype=np.int64), np.zeros(geoms + 1, dtype=np.int64)
-    ends, values = np.empty((4096, 2), dtype=np.int64), np.empty((4096, 8))
+    ends, values = np.empty((4096, 2), dtype=np.int64), np.empty((4096, 9))
     normal, right, row, facts = np.zeros((size, size)), np.zeros(size), np.zeros(size), np.zeros(4)
     if not project(link_frames(parent, kind, links[0], q), link, first, points[0], radius[0], cameras[0], px):
         return normal, right, facts
     hulls(px, starts, geoms, hull, hull_first)
-    count = edge_samples(coverage, trust, px, hull, hull_first, geoms, spacing, reach, ends, values)
+    count = edge_samples(planes, trust, part, px, hull, hull_first, geoms, spacing, reach, ends, values)
     for j in range(size):
         shifted = q.copy()
         k = 0
@@ -312,7 +308,7 @@ def edge_terms(
             facts[2] += trusted * t * t
         deep = min(3.0, values[s, 5])
         ix, iy = int(values[s, 6] - deep * nx + 0.5), int(values[s, 7] - deep * ny + 0.5)
-        facts[3] += trusted * min(coverage[iy, ix], FULL) / FULL
+        facts[3] += trusted * min(planes[part[int(values[s, 8])], iy, ix], FULL) / FULL
         for j in range(size):
             right[j] += w * row[j] * t
             for k in range(size):
@@ -326,8 +322,9 @@ def edge_terms(
 
 @njit(cache=True)
 def follow(
-    coverage: np.ndarray,
+    planes: np.ndarray,
     trust: np.ndarray,
+    part: np.ndarray,
     parent: np.ndarray,
     kind: np.ndarray,
     links: np.ndarray,
@@ -346,8 +343,9 @@ def follow(
     """Move a pose until its outline lies on the edges of the mask (Gauss-Newton).
 
     Args:
-        coverage: Mask, uint8 (height, width).
-        trust: How well each pixel tells mechanism from background.
+        planes: Mask by colour, uint8 (colour, height, width).
+        trust: How well each pixel tells each colour from the background.
+        part: Colour of each geom, (geom,).
         parent: Parent of each link.
         kind: Joint kinds.
         links: Link table, (dof, 14).
@@ -374,8 +372,9 @@ def follow(
     damping = 1.0 / (spread * spread) + 1e-9
     for reach in reaches:
         normal, right, _ = edge_terms(
-            coverage,
+            planes,
             trust,
+            part,
             parent,
             kind,
             link,
@@ -394,8 +393,9 @@ def follow(
             right[j] += damping[j] * (start[j] - q[j])
         q = np.minimum(np.maximum(q + np.linalg.solve(normal, right), lower), upper)
     normal, _, facts = edge_terms(
-        coverage,
+        planes,
         trust,
+        part,
         parent,
         kind,
         link,

@@ -12,9 +12,6 @@ from monodyn.vision.palette import CHROMA_WEIGHT, Palette
 ANY_CONTRAST = 30.0
 """Difference from the background, beyond the noise, that counts in full where the colours vary [grey
 levels]."""
-ANY_COVERAGE = 0.55 * FULL
-"""Coverage of a pixel that differs from the background but has none of the mechanism's colours: rather in
-than out."""
 
 CLOSING = 0.004
 """Gaps up to twice this share of the picture's longer side are closed where the colours vary."""
@@ -23,28 +20,27 @@ CLOSING = 0.004
 def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
     """Project each pixel's difference from the background on the mechanism's colours.
 
-    With several colours the largest coverage counts.
-
     Args:
         frame: The picture.
         background: What it shows without the mechanism.
         palette: Colours and scale from ``choose_palette``.
 
     Returns:
-        Coverage, uint8 (height, width), ``FULL`` where the mechanism covers the whole pixel; 0 out of the
-        background's reach.
+        Coverage by each colour, and by any difference where they vary, uint8 (plane, height, width),
+        ``FULL`` where the mechanism covers the whole pixel; 0 out of the background's reach.
     """
-    out = np.zeros(frame.luma.shape, dtype=np.uint8)
-    reach = np.array(background.reach)
     colours = palette.colours.astype(np.float32)
+    planes = np.zeros((len(colours), *frame.luma.shape), dtype=np.uint8)
     if palette.grey_only or frame.chroma is None or background.chroma is None:
-        colour = np.zeros((0, 0, 0), dtype=np.float32)
+        chroma = np.zeros((0, 0, 0), dtype=np.float32)
     else:
-        colour = _chroma_part(frame.chroma, background.chroma, colours, frame.luma.shape, background.reach)
-    _combine(frame.luma, background.luma, colours, colour, palette.scale, reach, out)
-    if not palette.varied:
-        return out
-    return _closed(np.maximum(out, _any_difference(frame, background, palette)))
+        chroma = _chroma_part(frame.chroma, background.chroma, colours, frame.luma.shape, background.reach)
+    reach = np.array(background.reach)
+    _project(frame.luma, background.luma, colours, chroma, palette.scale, reach, planes)
+    if palette.varied:
+        other = _closed(np.maximum(planes.max(axis=0), _any_difference(frame, background, palette)))
+        planes = np.concatenate([planes, other[np.newaxis]])
+    return planes
 
 
 def _closed(coverage: np.ndarray) -> np.ndarray:
@@ -67,7 +63,7 @@ def _any_difference(frame: Frame, background: Background, palette: Palette) -> n
         small = blue**2 + red**2
         squares = squares + CHROMA_WEIGHT * cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
     beyond = np.sqrt(squares) - max(6.0, 4.0 * background.noise)
-    share = np.clip(beyond * (ANY_COVERAGE / ANY_CONTRAST), 0.0, ANY_COVERAGE).astype(np.uint8)
+    share = np.clip(beyond * (FULL / ANY_CONTRAST), 0.0, FULL).astype(np.uint8)
     top, bottom, left, right = background.reach
     out = np.zeros_like(share)
     out[top:bottom, left:right] = share[top:bottom, left:right]
@@ -122,31 +118,28 @@ def _project_chroma(
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _combine(
+def _project(
     luma: np.ndarray,
     background: np.ndarray,
     colours: np.ndarray,
-    colour: np.ndarray,
+    chroma: np.ndarray,
     scale: np.ndarray,
     reach: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill ``out`` with the largest coverage over the colours; ``colour`` has length 0 when grey alone
-    counts."""
+    """Fill ``out`` with the coverage by each colour; ``chroma`` has length 0 when grey alone counts."""
     top, left = reach[0], reach[2]
-    one, most, half = np.float32(1.0), np.float32(255.0), np.float32(0.5)
+    none, most, half = np.float32(0.0), np.float32(255.0), np.float32(0.5)
     for k in range(colours.shape[0]):
         target = colours[k, 0]
         for y in range(reach[0], reach[1]):
-            if colour.shape[0] == 0:
+            if chroma.shape[0] == 0:
                 for x in range(reach[2], reach[3]):
                     b = background[y, x]
-                    value = (np.float32(luma[y, x]) - b) * (target - b) * scale[k, y, x] * one
-                    value = min(most, max(np.float32(0.0), value + half))
-                    out[y, x] = max(out[y, x], np.uint8(value))
+                    value = (np.float32(luma[y, x]) - b) * (target - b) * scale[k, y, x]
+                    out[k, y, x] = np.uint8(min(most, max(none, value + half)))
             else:
                 for x in range(reach[2], reach[3]):
                     b = background[y, x]
-                    value = (np.float32(luma[y, x]) - b) * (target - b) + colour[k, y - top, x - left]
-                    value = min(most, max(np.float32(0.0), value * scale[k, y, x] + half))
-                    out[y, x] = max(out[y, x], np.uint8(value))
+                    value = (np.float32(luma[y, x]) - b) * (target - b) + chroma[k, y - top, x - left]
+                    out[k, y, x] = np.uint8(min(most, max(none, value * scale[k, y, x] + half)))

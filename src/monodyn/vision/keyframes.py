@@ -26,7 +26,7 @@ class KeyFrame:
     Attributes:
         index: Number of the frame in the clip.
         time: Time stamp [s].
-        coverage: Mask, uint8 (height, width).
+        planes: Mask by colour, uint8 (colour, height, width); one plane until the geoms' colours are known.
         coarse: Reduced mask, half of ``FULL`` where the background is not known, uint8.
         sums: Row prefix sums of ``coarse``.
         area: Covered area of the reduced mask [reduced px^2].
@@ -34,7 +34,7 @@ class KeyFrame:
 
     index: int
     time: float
-    coverage: np.ndarray
+    planes: np.ndarray
     coarse: np.ndarray
     sums: np.ndarray
     area: float
@@ -47,14 +47,16 @@ class KeyFrames:
     Attributes:
         frames: The key frames, in the order of time.
         shrink: Pixels of the clip per reduced pixel.
-        trust: How well each pixel tells mechanism from background, float32 (height, width).
-        coarse_trust: The same, reduced.
+        trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
+        coarse_trust: How well it tells the least distinct colour, reduced, float32.
+        part: Colour of each geom, int64 (geom,); zeros until the colours are known.
     """
 
     frames: tuple[KeyFrame, ...]
     shrink: int
     trust: np.ndarray
     coarse_trust: np.ndarray
+    part: np.ndarray
 
     def spread(self, count: int) -> list[int]:
         """Return the numbers of ``count`` frames whose masks differ most, the fullest first.
@@ -63,6 +65,14 @@ class KeyFrames:
             count: How many, at most.
         """
         return self._order[:count]
+
+    def coarse_view(self, frame: KeyFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the reduced mask, its trust and the colours of the geoms as the contour kernels take them.
+
+        Args:
+            frame: One of the key frames.
+        """
+        return frame.coarse[np.newaxis], self.coarse_trust[np.newaxis], np.zeros_like(self.part)
 
     @cached_property
     def _order(self) -> list[int]:
@@ -82,47 +92,53 @@ class KeyFrames:
         return chosen
 
 
-def key_frames(masks: Masks) -> KeyFrames:
+def key_frames(masks: Masks, geoms: int) -> KeyFrames:
     """Compute the masks of the sample frames, whole and reduced.
 
     Args:
         masks: The soft foreground of the clip.
+        geoms: Number of geoms of the mechanism.
 
     Returns:
         One key frame a sample.
     """
-    empty = _empty(masks)
+    empty = _empty(masks, geoms)
     return replace(empty, frames=tuple(_reduced(masks.of(frame), empty) for frame in masks.samples.frames))
 
 
-def key_frame(mask: Mask, masks: Masks) -> tuple[KeyFrame, KeyFrames]:
+def key_frame(mask: Mask, masks: Masks, geoms: int) -> tuple[KeyFrame, KeyFrames]:
     """Make a key frame of one mask.
 
     Args:
         mask: A mask of the clip.
         masks: The soft foreground of the clip.
+        geoms: Number of geoms of the mechanism.
 
     Returns:
         The key frame, alone and as a set of one.
     """
-    empty = _empty(masks)
+    empty = _empty(masks, geoms)
     frame = _reduced(mask, empty)
     return frame, replace(empty, frames=(frame,))
 
 
-def _empty(masks: Masks) -> KeyFrames:
+def _empty(masks: Masks, geoms: int) -> KeyFrames:
     """Return a set without frames: the reduction of the picture and its trust."""
     import cv2
 
-    trust = masks.palette.trust
+    palette = masks.palette
+    least = palette.trust[-1] if palette.varied else palette.trust.min(axis=0)
+    trust, part = palette.trust, palette.part
+    if part is None:
+        trust, part = least[np.newaxis], np.zeros(geoms, dtype=np.int64)
     top, bottom, left, right = masks.background.reach
     shrink = max(1, round(max(bottom - top, right - left) / COARSE_PX))
-    height, width = trust.shape
+    height, width = least.shape
     size = (width // shrink, height // shrink)
     coarse_trust = cv2.resize(
-        trust[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA
+        least[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA
     )
-    return KeyFrames((), shrink, trust, coarse_trust)
+    return KeyFrames((), shrink, trust, coarse_trust, part)
 
 
 def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
@@ -131,11 +147,13 @@ def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
 
     height, width = frames.coarse_trust.shape
     shrink = frames.shrink
+    union = mask.coverage
     coarse = cv2.resize(
-        mask.coverage[: height * shrink, : width * shrink], (width, height), interpolation=cv2.INTER_AREA
+        union[: height * shrink, : width * shrink], (width, height), interpolation=cv2.INTER_AREA
     )
     np.minimum(coarse, FULL, out=coarse)
     coarse[coarse < NOISE] = 0
     area = float(coarse.sum()) / FULL
     coarse[frames.coarse_trust < UNKNOWN] = FULL // 2
-    return KeyFrame(mask.index, mask.time, mask.coverage, coarse, row_sums(coarse), area)
+    planes = mask.planes if len(frames.trust) == len(mask.planes) else union[np.newaxis]
+    return KeyFrame(mask.index, mask.time, planes, coarse, row_sums(coarse), area)

@@ -19,6 +19,7 @@ from monodyn.vision.bundle import SIZES, Bundle, refine, size_information
 from monodyn.vision.camera import PARAMETERS, with_values
 from monodyn.vision.keyframes import KeyFrames, key_frames
 from monodyn.vision.outline import covered_pixels
+from monodyn.vision.parts import measured_parts
 from monodyn.vision.rig import rig_of
 from monodyn.vision.search import Guess, place, search
 from monodyn.vision.segment import Masks
@@ -125,8 +126,9 @@ def locate(
     pinned = frozenset([*fix, *(p.name for p in mechanism.parameters if not p.free)])
     report = progress or (lambda step, done, total: None)
 
+    geoms = len(mechanism.shapes.radius)
     report("locate", 0, 4)
-    frames = key_frames(masks)
+    frames = key_frames(masks, geoms)
     guesses = search(frames, mechanism, camera, pinned, settings.search_frames)
     report("locate", 1, 4)
     start = mechanism.values
@@ -140,11 +142,14 @@ def locate(
     covered = [
         covered_pixels(bundle.mechanism, bundle.camera, q, grow=3.0)
         if fits_
-        else np.ones_like(frames.trust, dtype=bool)
+        else np.ones(frames.trust.shape[1:], dtype=bool)
         for q, fits_ in zip(positions, fits, strict=True)
     ]
-    masks = masks.refined(covered)
-    frames = key_frames(masks)
+    parts = measured_parts(
+        masks.samples.frames, masks.background, bundle.mechanism, bundle.camera, positions, fits
+    )
+    masks = masks.refined(covered, parts)
+    frames = key_frames(masks, geoms)
     again = Guess(bundle.mechanism, bundle.camera, positions, np.zeros(len(positions)))
     bundle, picks = _refine_whole(frames, again, names, start, settings.refine_frames, LAST_REACHES)
     bundle = _with_lean(frames, bundle, picks, [*names, *leans], start)
@@ -170,11 +175,11 @@ def _settle(
 ) -> Guess:
     """Refine a guess on the reduced key frames, place the poses anew, and refine again."""
     chosen = [frames.frames[i] for i in frames.spread(count)]
-    coverages = [frame.coarse for frame in chosen]
+    views = [frames.coarse_view(frame) for frame in chosen]
     for _ in range(2):
         bundle = refine(
-            coverages, frames.coarse_trust, guess.mechanism, guess.camera, guess.positions, names, start,
-            reaches=COARSE_REACHES, shrink=frames.shrink, spacing=1.5,
+            [view[0] for view in views], *views[0][1:], guess.mechanism, guess.camera, guess.positions,
+            names, start, reaches=COARSE_REACHES, shrink=frames.shrink, spacing=1.5,
         )  # fmt: skip
         rig = rig_of(bundle.mechanism, bundle.camera, shrink=frames.shrink)
         placed = [
@@ -209,10 +214,11 @@ def _refine_whole(
         rig = rig_of(guess.mechanism, guess.camera, shrink=frames.shrink)
         positions = np.array([place(frames.frames[i], frames, rig, guess.mechanism)[0] for i in picks])
     half = len(reaches) // 2
-    coverages = [frames.frames[i].coverage for i in picks]
+    planes = [frames.frames[i].planes for i in picks]
     first = refine(
-        coverages,
+        planes,
         frames.trust,
+        frames.part,
         guess.mechanism,
         guess.camera,
         positions,
@@ -223,8 +229,8 @@ def _refine_whole(
     good = (first.matched > 0.6 * np.median(first.matched)) & (first.inside > 0.6 * np.median(first.inside))
     kept = np.flatnonzero(good) if good.sum() >= max(3, len(picks) // 4) else np.arange(len(picks))
     second = refine(
-        [coverages[i] for i in kept], frames.trust, first.mechanism, first.camera, first.positions[kept],
-        names, start, reaches=reaches[half:], settle=10,
+        [planes[i] for i in kept], frames.trust, frames.part, first.mechanism, first.camera,
+        first.positions[kept], names, start, reaches=reaches[half:], settle=10,
     )  # fmt: skip
     return second, [picks[i] for i in kept]
 
@@ -236,7 +242,7 @@ def _with_lean(
     if len(names) == len(bundle.names):
         return bundle
     richer = refine(
-        [frames.frames[i].coverage for i in picks], frames.trust, bundle.mechanism, bundle.camera,
+        [frames.frames[i].planes for i in picks], frames.trust, frames.part, bundle.mechanism, bundle.camera,
         bundle.positions, names, start, reaches=LAST_REACHES, settle=30,
     )  # fmt: skip
     return richer if _misfit(richer) < WORTH * _misfit(bundle) else bundle
@@ -264,7 +270,9 @@ def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarra
     positions, good = [], []
     for frame in frames.frames:
         q, _ = place(frame, frames, coarse, bundle.mechanism)
-        q, _, facts = follow(frame.coverage, frames.trust, *rig, q, lower, upper, spread, REACHES, 3.0)
+        q, _, facts = follow(
+            frame.planes, frames.trust, frames.part, *rig, q, lower, upper, spread, REACHES, 3.0
+        )
         positions.append(q)
         good.append(bool(_fits(facts[1:2], facts[3:4])[0]))
     return np.array(positions), np.array(good)

@@ -22,6 +22,10 @@ TRUSTED_CONTRAST = 60.0
 """Contrast from which a pixel has full weight [grey levels]."""
 VARIED_SHARE = 0.1
 """Share of moving pixels unlike every colour from which the mechanism counts as varied."""
+VARIED_TRUST = 0.25
+"""Trust of a pixel that differs from the background but has none of the mechanism's colours."""
+VARIED = -1
+"""Stands for the colour of a geom that has none of its own."""
 COLOURS = 3
 """Most colours a mechanism may have."""
 
@@ -36,10 +40,11 @@ class Palette:
         scale: ``FULL`` over the squared contrast ``|F - B|^2``, 0 where the contrast is too low, float32
             (colour, height, width).
         grey_only: True where grey alone tells the mechanism from the background.
-        trust: How well a pixel tells mechanism from background, whichever of its colours is before it, 0 to
-            1, float32 (height, width).
-        varied: True where the colours leave much of the mechanism unexplained (a shiny rod): then any
-            difference from the background counts as foreground too.
+        trust: How well a pixel tells each plane of the mask from the background, 0 to 1, float32
+            (plane, height, width).
+        varied: True where the colours leave much of the mechanism unexplained (a shiny rod): then a last
+            plane of the mask counts any difference from the background as foreground too.
+        part: Plane of the mask for each geom once its colour has been measured, int64 (geom,), or None.
     """
 
     colours: np.ndarray
@@ -47,13 +52,24 @@ class Palette:
     grey_only: bool
     trust: np.ndarray
     varied: bool
+    part: np.ndarray | None
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Colours measured on the geoms of a located mechanism.
+
+    Attributes:
+        colours: Grey level, blue and red difference of each colour, (colour, 3).
+        part: Colour of each geom, int64 (geom,); ``VARIED`` for one that has none of its own.
+    """
+
+    colours: np.ndarray
+    part: np.ndarray
 
 
 def choose_palette(
-    samples: Sequence[Frame],
-    background: Background,
-    colour: str,
-    contrast: float,
+    samples: Sequence[Frame], background: Background, colour: str, contrast: float, parts: Parts | None = None
 ) -> Palette:
     """Find the mechanism's colours among the pixels that differ from the background.
 
@@ -62,6 +78,7 @@ def choose_palette(
         background: Its background.
         colour: ``auto``, ``grey`` or ``colour``.
         contrast: Least difference that counts as seen [grey levels].
+        parts: Colours measured on the mechanism; else the main colours of the moving pixels are taken.
 
     Returns:
         The palette.
@@ -76,21 +93,32 @@ def choose_palette(
             "the clip: expected a mechanism that moves, got a still picture; nothing differs from the "
             f"background by more than {contrast:g} grey levels (--segment.contrast lowers that)."
         )
-    colours = _clusters(pixels, grey_only)
+    colours = _clusters(pixels, grey_only) if parts is None else parts.colours
     if colour == "auto" and not grey_only:
         grey_only = _grey_suffices(pixels, colours, contrast)
-    if grey_only:
-        colours = _clusters(np.column_stack([pixels[:, :1], np.zeros((len(pixels), 2)), pixels[:, 3:]]), True)
-    return _palette(colours, background, grey_only, contrast, _is_varied(pixels, colours, grey_only))
+    if grey_only and parts is None:
+        colours = _clusters(pixels, True)
+    if parts is None:
+        return _palette(
+            colours, background, grey_only, contrast, _is_varied(pixels, colours, grey_only), None
+        )
+    varied = bool(np.any(parts.part == VARIED))
+    part = np.where(parts.part == VARIED, len(colours), parts.part)
+    return _palette(colours, background, grey_only, contrast, varied, part)
 
 
 def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool:
-    """Return whether many moving pixels are as far from every colour of the mechanism as from their
-    background."""
+    """Return whether many moving pixels are as far from every colour as from their background.
+
+    Blur makes such pixels too, but not in the frames in which the mechanism is slow: the steadier fifth
+    counts.
+    """
     used = [0] if grey_only else [0, 1, 2]
     near = np.min([np.linalg.norm(pixels[:, used] - colour[used], axis=1) for colour in colours], axis=0)
     contrast = np.linalg.norm(pixels[:, used] - pixels[:, [3 + i for i in used]], axis=1)
-    return float(np.mean(near > 0.7 * contrast)) > VARIED_SHARE
+    far = near > 0.7 * contrast
+    shares = [float(np.mean(far[pixels[:, 6] == frame])) for frame in np.unique(pixels[:, 6])]
+    return float(np.percentile(shares, 20.0)) > VARIED_SHARE
 
 
 def lingering(samples: Sequence[Frame], background: Background, palette: Palette) -> list[np.ndarray]:
@@ -141,7 +169,8 @@ def _moving_pixels(
     grey_only: bool,
     contrast: float,
 ) -> np.ndarray:
-    """Gather colours of inner foreground pixels beside their backgrounds: (pixel, 6)."""
+    """Gather colours of inner foreground pixels beside their backgrounds and the frame's number: (pixel,
+    7)."""
     import cv2
 
     rows = []
@@ -162,9 +191,10 @@ def _moving_pixels(
         y, x = y[::step], x[::step]
         columns = [plane[y, x] for plane in planes + behind]
         if grey_only:
-            columns = [columns[0], 0 * columns[0], 0 * columns[0], columns[1], 0 * columns[0], 0 * columns[0]]
-        rows.append(np.column_stack(columns))
-    return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, 6))
+            blank = np.zeros(len(y))
+            columns = [columns[0], blank, blank, columns[1], blank, blank]
+        rows.append(np.column_stack([*columns, np.full(len(y), i)]))
+    return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, 7))
 
 
 def _surroundings(samples: Sequence[Frame], background: Background) -> list[np.ndarray]:
@@ -191,6 +221,8 @@ def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:
     import cv2
 
     values = pixels[:, :3].astype(np.float32)
+    if grey_only:
+        values[:, 1:] = 0.0
     if float(values.std(axis=0).max()) < 1.0:
         return np.median(values, axis=0)[None].astype(np.float64)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.5)
@@ -222,7 +254,12 @@ def _grey_suffices(pixels: np.ndarray, colours: np.ndarray, contrast: float) -> 
 
 
 def _palette(
-    colours: np.ndarray, background: Background, grey_only: bool, contrast: float, varied: bool
+    colours: np.ndarray,
+    background: Background,
+    grey_only: bool,
+    contrast: float,
+    varied: bool,
+    part: np.ndarray | None,
 ) -> Palette:
     """Compute each pixel's contrast with every colour, zero below the least contrast."""
     planes = _full_size(background.luma, None if grey_only else background.chroma)
@@ -235,9 +272,10 @@ def _palette(
     )
     seen = strength > contrast**2
     scale = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
-    trust = np.sqrt(np.min(np.where(seen, strength, 0.0), axis=0))
-    trust = np.clip(trust / TRUSTED_CONTRAST, 0.3 if varied else 0.0, 1.0) * background.known
+    trust = np.clip(np.sqrt(np.where(seen, strength, 0.0)) / TRUSTED_CONTRAST, 0.0, 1.0) * background.known
+    if varied:
+        trust = np.concatenate([trust, VARIED_TRUST * background.known[np.newaxis]])
     shown = colours.copy()
     if grey_only:
         shown[:, 1:] = np.nan
-    return Palette(shown, scale.astype(np.float32), grey_only, trust.astype(np.float32), varied)
+    return Palette(shown, scale.astype(np.float32), grey_only, trust.astype(np.float32), varied, part)

@@ -17,7 +17,7 @@ import numpy as np
 from monodyn.errors import VideoError
 from monodyn.types import Frame, Mask, Progress
 from monodyn.vision.background import Background, Samples, background_of, sample_frames
-from monodyn.vision.palette import Palette, choose_palette, lingering
+from monodyn.vision.palette import Palette, Parts, choose_palette, lingering
 from monodyn.vision.video import Video, read
 
 
@@ -79,19 +79,19 @@ class Masks:
 
         return Mask(frame.index, frame.time, coverage_of(frame, self.background, self.palette))
 
-    def refined(self, covered: Sequence[np.ndarray]) -> Masks:
+    def refined(self, covered: Sequence[np.ndarray], parts: Parts | None = None) -> Masks:
         """Return the masks over a background from which the mechanism is taken out.
 
         Args:
             covered: For each of the sample frames the pixels that the mechanism covers, bool (height, width).
+            parts: Colours measured on the located mechanism; else they are looked for anew.
 
         Returns:
             New masks of the same clip.
         """
         background = background_of(self.samples, covered, fallback=self.background)
-        palette = choose_palette(
-            self.samples.frames, background, self.settings.colour, self.settings.contrast
-        )
+        colour = "grey" if self.palette.grey_only else "colour"
+        palette = choose_palette(self.samples.frames, background, colour, self.settings.contrast, parts)
         return replace(self, background=background, palette=palette)
 
 

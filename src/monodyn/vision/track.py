@@ -114,6 +114,10 @@ class Follower:
         self._scene = scene
         self._settings = settings
         self._rig: Rig = rig_of(scene.mechanism, scene.camera)
+        palette = scene.masks.palette
+        geoms = len(self._rig.radius)
+        self._trust = palette.trust
+        self._part = np.zeros(geoms, dtype=np.int64) if palette.part is None else palette.part
         self._lower, self._upper = limits(scene.mechanism)
         self._hinge = self._rig.kind == 0
         reach = float(np.ptp(scene.mechanism.shapes.points[:, :2], axis=0).max())
@@ -186,9 +190,17 @@ class Follower:
             reaches = np.array([s.first_reach, 0.5 * (s.first_reach + s.reach), s.reach, s.reach])
         lower = np.maximum(self._lower, start - self._move)
         upper = np.minimum(self._upper, start + self._move)
-        trust = self._scene.masks.palette.trust
         q, normal, facts = follow(
-            mask.coverage, trust, *self._rig, start, lower, upper, self._move, reaches, s.spacing
+            mask.planes,
+            self._trust,
+            self._part,
+            *self._rig,
+            start,
+            lower,
+            upper,
+            self._move,
+            reaches,
+            s.spacing,
         )
         noise = CORRELATION * max(facts[2], LEAST_NOISE_PX) ** 2
         information = normal / noise + np.diag(1.0 / self._move**2)
@@ -198,7 +210,7 @@ class Follower:
     def _search(self, mask: Mask) -> _Found:
         """Look for the mechanism in the whole picture."""
         scene = self._scene
-        frame, frames = key_frame(mask, scene.masks)
+        frame, frames = key_frame(mask, scene.masks, len(self._part))
         coarse = rig_of(scene.mechanism, scene.camera, shrink=frames.shrink)
         q, _ = place(frame, frames, coarse, scene.mechanism)
         if self._past:
