@@ -97,6 +97,33 @@ def test_mass_scale_is_open_and_said(fit):
     assert np.isfinite(fit.covariance).all()
 
 
+def test_what_follows_is_known_as_well_as_what_it_follows_from(fit, truth):
+    """Masses are open with the thickness; the centre of mass is half the length, tail and tip in proportion."""
+    for body in ("link1", "link2"):
+        for name in (f"{body}.mass", f"{body}.inertia"):
+            assert np.isinf(fit.parameter(name).std)
+            assert not fit.parameter(name).identifiable
+        length, centre = fit.parameter(f"{body}.length"), fit.parameter(f"{body}.com_x")
+        assert centre.std / centre.value == pytest.approx(length.std / length.value, rel=1e-6)
+        assert centre.lower < truth.values[f"{body}.com_x"] < centre.upper
+        assert fit.parameter(f"{body}.com_y").std == 0.0
+
+
+def test_values_of_the_picture_alone_have_no_interval(poses, double):
+    """Lean and offset do not move anything; they follow the scale, and are not among the unknowns."""
+    seen_so = double.with_values({"link1.lean": 0.01, "link2.offset": -0.008})
+    fit = identify(poses, seen_so)
+    scale = fit.parameter("link1.length").value / double.values["link1.length"]
+    assert fit.parameter("link1.lean").value == pytest.approx(0.01 * scale, rel=1e-12)
+    for name in ("link1.lean", "link2.lean", "link2.offset"):
+        estimate = fit.parameter(name)
+        assert (estimate.std, estimate.free, estimate.identifiable) == (np.inf, False, False)
+        assert estimate.lower < estimate.value < estimate.upper
+        assert not any(name in line for line in fit.advice)
+    known = identify(poses, seen_so.with_choices(fix={"link2.offset": -0.008})).parameter("link2.offset")
+    assert (known.value, known.std, known.identifiable) == (-0.008, 0.0, True)
+
+
 def test_residual_rms_and_start_state(fit, poses):
     assert fit.rms["joint1"] == pytest.approx(
         NOISE, rel=0.4

@@ -11,6 +11,7 @@ import numpy as np
 from monodyn.estimation import advice as say
 from monodyn.estimation.combinations import combinations
 from monodyn.estimation.data import Data
+from monodyn.estimation.estimates import estimates
 from monodyn.estimation.fit import Estimate, Fit, Start
 from monodyn.estimation.grow import Grown, Route, fit_pieces, typical
 from monodyn.estimation.problem import Problem
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 MOST_REJECTED = 0.25
 """With more far-off samples than this share they are no accident, and none is left out."""
-WEAK = 1.0
-"""A standard deviation of the logarithm above this says little: a factor of e either way."""
 
 
 def conclude(
@@ -159,7 +158,7 @@ def _fit(
     from scipy.special import stdtrit
 
     freedom = max(problem.data.samples - _fitted(problem, grown), 1) / float(np.mean(spread)) ** 2
-    parameters = _estimates(problem, grown, known, float(stdtrit(max(freedom, 1.0), 0.975)))
+    parameters = estimates(problem, grown, known, float(stdtrit(max(freedom, 1.0), 0.975)))
     status, ok = verdict(problem, grown, rms, size)
     return Fit(
         status=status,
@@ -183,49 +182,6 @@ def _fit(
         evaluations=evaluations,
         seconds=time.perf_counter() - began,
     )
-
-
-def _estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float) -> tuple[Estimate, ...]:
-    """Every parameter with its interval; ``quantile`` standard deviations either side."""
-    where = {name: i for i, name in enumerate(problem.unknowns.names)}
-    tied = dict(zip(problem.unknowns.tied, problem.unknowns.tied_to, strict=True))
-    values = problem.mechanism_at(grown.x).values
-    found = []
-    for p in problem.mechanism.parameters:
-        value = float(values[p.name])
-        i = where.get(p.name)
-        follows = tied.get(p.name)
-        if follows is not None:
-            share = float(known.std[follows])
-            finite = np.isfinite(share)
-            reach = np.exp(min(quantile * share, 700.0)) if finite else np.inf
-            low, high = (
-                (max(value / reach, p.lower), min(value * reach, p.upper)) if finite else (p.lower, p.upper)
-            )
-            found.append(
-                Estimate(
-                    p.name, value, value * share, low, high, p.unit, False, finite and share < WEAK, False
-                )
-            )
-            continue
-        if i is None:
-            found.append(Estimate(p.name, value, 0.0, value, value, p.unit, False, True, False))
-            continue
-        std, log = float(known.std[i]), bool(problem.unknowns.log[i])
-        reach = quantile * std
-        if not np.isfinite(std):
-            lower, upper = p.lower, p.upper
-        elif log:
-            lower, upper = value * float(np.exp(-min(reach, 700.0))), value * float(np.exp(min(reach, 700.0)))
-        else:
-            lower, upper = value - reach, value + reach
-        lower, upper = max(float(lower), p.lower), min(float(upper), p.upper)
-        clear = bool(np.isfinite(std)) and (not log or std < WEAK)
-        natural = std * value if log else std
-        found.append(
-            Estimate(p.name, value, natural, lower, upper, p.unit, True, clear, bool(grown.at_bound[i]))
-        )
-    return tuple(found)
 
 
 def _advice(

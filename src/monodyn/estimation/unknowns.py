@@ -18,6 +18,8 @@ from monodyn.mechanism import Mechanism
 
 SEEN_ONLY = ("width", "tail", "tip", "lean", "offset")
 """Sizes that the motion hardly depends on, if at all: asked for only where a picture has measured them."""
+PICTURE_ONLY = ("lean", "offset")
+"""Those of them that the motion does not depend on at all."""
 POSITIVE = (
     "length",
     "width",

@@ -8,7 +8,7 @@ and the refinement repeated on the better masks.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -136,22 +136,11 @@ def locate(
         (_settle(g, frames, names, start, settings.search_frames) for g in guesses[:4]), key=lambda g: g.score
     )
     report("locate", 2, 4)
+    masks, frames, guess = _coloured(masks, frames, guess)
     bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, FINE_REACHES)
     report("locate", 3, 4)
-    positions, fits = _all_poses(frames, bundle)
-    covered = [
-        covered_pixels(bundle.mechanism, bundle.camera, q, grow=3.0)
-        if fits_
-        else np.ones(frames.trust.shape[1:], dtype=bool)
-        for q, fits_ in zip(positions, fits, strict=True)
-    ]
-    parts = measured_parts(
-        masks.samples.frames, masks.background, bundle.mechanism, bundle.camera, positions, fits
-    )
-    masks = masks.refined(covered, parts)
-    frames = key_frames(masks, geoms)
-    again = Guess(bundle.mechanism, bundle.camera, positions, np.zeros(len(positions)))
-    bundle, picks = _refine_whole(frames, again, names, start, settings.refine_frames, LAST_REACHES)
+    masks, frames, guess = _uncovered(masks, frames, bundle)
+    bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, LAST_REACHES)
     bundle = _with_lean(frames, bundle, picks, [*names, *leans], start)
     report("locate", 4, 4)
     return _scene(masks, frames, bundle, picks, settings)
@@ -198,6 +187,35 @@ def _settle(
     return guess
 
 
+def _coloured(masks: Masks, frames: KeyFrames, guess: Guess) -> tuple[Masks, KeyFrames, Guess]:
+    """Find the pose in every sample frame and measure the colours of the geoms there."""
+    rig = rig_of(guess.mechanism, guess.camera, shrink=frames.shrink)
+    placed = [place(frame, frames, rig, guess.mechanism) for frame in frames.frames]
+    positions, mismatch = np.array([q for q, _ in placed]), np.array([m for _, m in placed])
+    fits = mismatch <= max(0.5, float(np.median(mismatch)))
+    frames_, background = masks.samples.frames, masks.background
+    parts = measured_parts(frames_, background, guess.mechanism, guess.camera, positions, fits)
+    masks = masks.coloured(parts)
+    return masks, key_frames(masks, len(rig.radius)), replace(guess, positions=positions, mismatch=mismatch)
+
+
+def _uncovered(masks: Masks, frames: KeyFrames, bundle: Bundle) -> tuple[Masks, KeyFrames, Guess]:
+    """Take the background again without the mechanism, and the colours over it."""
+    mechanism, camera = bundle.mechanism, bundle.camera
+    positions, fits = _all_poses(frames, bundle)
+    everything = np.ones(frames.trust.shape[1:], dtype=bool)
+    masks = masks.refined(
+        [
+            covered_pixels(mechanism, camera, q, grow=3.0) if lies else everything
+            for q, lies in zip(positions, fits, strict=True)
+        ]
+    )
+    parts = measured_parts(masks.samples.frames, masks.background, mechanism, camera, positions, fits)
+    masks = masks.coloured(parts)
+    guess = Guess(mechanism, camera, positions, np.zeros(len(positions)))
+    return masks, key_frames(masks, len(mechanism.shapes.radius)), guess
+
+
 def _refine_whole(
     frames: KeyFrames,
     guess: Guess,
@@ -208,11 +226,7 @@ def _refine_whole(
 ) -> tuple[Bundle, list[int]]:
     """Refine on whole pictures over key frames that fit."""
     picks = sorted(frames.spread(count))
-    if len(guess.positions) == len(frames.frames):
-        positions = guess.positions[picks]
-    else:
-        rig = rig_of(guess.mechanism, guess.camera, shrink=frames.shrink)
-        positions = np.array([place(frames.frames[i], frames, rig, guess.mechanism)[0] for i in picks])
+    positions = guess.positions[picks]
     half = len(reaches) // 2
     planes = [frames.frames[i].planes for i in picks]
     first = refine(

@@ -79,19 +79,33 @@ class Masks:
 
         return Mask(frame.index, frame.time, coverage_of(frame, self.background, self.palette))
 
-    def refined(self, covered: Sequence[np.ndarray], parts: Parts | None = None) -> Masks:
+    def coloured(self, parts: Parts | None) -> Masks:
+        """Return the masks with colours measured on the located mechanism.
+
+        Args:
+            parts: The colours, or None to keep those found without it.
+
+        Returns:
+            New masks of the same clip over the same background.
+        """
+        if parts is None:
+            return self
+        colour = "grey" if self.palette.grey_only else "colour"
+        frames, contrast = self.samples.frames, self.settings.contrast
+        return replace(self, palette=choose_palette(frames, self.background, colour, contrast, parts))
+
+    def refined(self, covered: Sequence[np.ndarray]) -> Masks:
         """Return the masks over a background from which the mechanism is taken out.
 
         Args:
             covered: For each of the sample frames the pixels that the mechanism covers, bool (height, width).
-            parts: Colours measured on the located mechanism; else they are looked for anew.
 
         Returns:
-            New masks of the same clip.
+            New masks of the same clip, the colours looked for anew.
         """
         background = background_of(self.samples, covered, fallback=self.background)
-        colour = "grey" if self.palette.grey_only else "colour"
-        palette = choose_palette(self.samples.frames, background, colour, self.settings.contrast, parts)
+        frames, settings = self.samples.frames, self.settings
+        palette = choose_palette(frames, background, settings.colour, settings.contrast)
         return replace(self, background=background, palette=palette)
 
 
