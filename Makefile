@@ -37,8 +37,9 @@ types: $(READY)
 docs: $(READY)  ## check that the documentation says what the code does
 	$(BIN)/python -m pytest tests/test_docs.py tests/test_architecture.py
 
-bench: $(READY)  ## accuracy and speed tables (MONODYN_DATA)
-	$(BIN)/python benchmarks/accuracy.py
+bench: $(READY)  ## accuracy (needs MONODYN_DATA) and speed tables
+	@if test -n "$$MONODYN_DATA"; then $(BIN)/python benchmarks/accuracy.py; \
+	else echo "accuracy.py: SKIPPED, MONODYN_DATA is not set; it names the folder with the recordings."; fi
 	$(BIN)/python benchmarks/speed.py
 
 clean:

@@ -98,7 +98,7 @@ def test_mass_scale_is_open_and_said(fit):
 
 
 def test_what_follows_is_known_as_well_as_what_it_follows_from(fit, truth):
-    """Masses are open with the thickness; the centre of mass is half the length, tail and tip in proportion."""
+    """Masses are open with the thickness; the centre of mass keeps its proportion to the length."""
     for body in ("link1", "link2"):
         for name in (f"{body}.mass", f"{body}.inertia"):
             assert np.isinf(fit.parameter(name).std)
