@@ -24,7 +24,7 @@ SHARP = math.cos(math.radians(35.0))
 """Edges that turn by more than 35 degrees meet in a corner."""
 STEP = 0.5
 """Distance of the picture samples along a normal [px]."""
-TRUSTED = 0.15
+TRUSTED = 0.09
 """Least trust of the picture along a normal."""
 
 

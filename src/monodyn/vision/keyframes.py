@@ -11,7 +11,7 @@ from monodyn.types import FULL, Mask
 from monodyn.vision.segment import Masks
 from monodyn.vision.silhouette import row_sums
 
-UNKNOWN = 0.15
+UNKNOWN = 0.06
 """Trust below which a pixel says nothing."""
 NOISE = FULL * 0.16
 """Coverage of a reduced pixel below which it counts as none."""

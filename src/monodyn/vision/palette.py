@@ -22,7 +22,7 @@ TRUSTED_CONTRAST = 60.0
 """Contrast from which a pixel has full weight [grey levels]."""
 VARIED_SHARE = 0.1
 """Share of moving pixels unlike every colour from which the mechanism counts as varied."""
-VARIED_TRUST = 0.25
+VARIED_TRUST = 0.1
 """Trust of a pixel that differs from the background but has none of the mechanism's colours."""
 VARIED = -1
 """Stands for the colour of a geom that has none of its own."""
