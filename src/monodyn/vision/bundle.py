@@ -155,6 +155,28 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
     return Measured(tuple(bundle.names[i] for i in sizes), 0.5 * (known + known.T))
 
 
+def camera_spread(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
+    """Return the standard deviations of the refined camera parameters [m, rad, px].
+
+    Args:
+        bundle: A refined bundle.
+        scale_free: True where nothing pins the common scale; then it is held, as for the mean size.
+    """
+    information = bundle.information + 1e-6 * np.eye(len(bundle.names))
+    sizes = np.array([name.endswith(SIZES) for name in bundle.names], dtype=np.float64)
+    if scale_free:
+        information = information + 1e6 * np.trace(information) * np.outer(sizes, sizes) / max(
+            sizes.sum(), 1.0
+        )
+    covariance = np.linalg.inv(information)
+    spread = {}
+    for i, name in enumerate(bundle.names):
+        if name in PARAMETERS:
+            unit = value_of(bundle.camera, name) if name in LOG_CAMERA else 1.0
+            spread[name] = unit * float(np.sqrt(max(covariance[i, i], 0.0)))
+    return spread
+
+
 LOG_CAMERA = ("camera.depth", "camera.focal")
 
 

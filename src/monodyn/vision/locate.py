@@ -15,7 +15,7 @@ import numpy as np
 from monodyn.errors import SettingsError
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Progress
-from monodyn.vision.bundle import SIZES, Bundle, refine, size_information
+from monodyn.vision.bundle import SIZES, Bundle, camera_spread, refine, size_information
 from monodyn.vision.camera import PARAMETERS, with_values
 from monodyn.vision.keyframes import KeyFrames, key_frames
 from monodyn.vision.outline import covered_pixels
@@ -69,7 +69,7 @@ class Scene:
         position: Joint positions there [rad; m in the start scale], (dof,).
         key_frames: Numbers of the frames that were refined jointly.
         key_positions: Joint positions there, (key frame, dof).
-        spread: Standard deviations of the refined camera parameters by name.
+        spread: Standard deviations of the refined camera parameters by name, the common scale held.
         rms_px: Root mean square distance between outline and mask edges [px].
         advice: Sentences for the user.
     """
@@ -300,13 +300,7 @@ def _scene(
         name in bundle.names for name in bundle.mechanism.values if name.endswith(SIZES)
     )
     measured = size_information(bundle, scale_free=scale_free)
-    information = bundle.information
-    covariance = np.linalg.pinv(information + 1e-6 * np.eye(len(information)))
-    spread = {
-        name: float(np.sqrt(max(covariance[i, i], 0.0)))
-        for i, name in enumerate(bundle.names)
-        if name in PARAMETERS
-    }
+    spread = camera_spread(bundle, scale_free=scale_free)
     order = [frames.frames[i].index for i in picks]
     first = int(np.argmin(order))
     advice = []

@@ -17,7 +17,8 @@ ALIKE = 10.0
 FRAMES = 16
 """Frames in which the colours are measured."""
 INNER_PX = 3.0
-"""Distance from every outline at which a pixel shows its geom alone; 80 % of the half width where a geom is thin."""
+"""Distance from every outline at which a pixel shows its geom alone; 80 % of the half width where a geom is
+thin."""
 THIN_PX = 5.0
 """Half width below which blur mixes even the inner pixels with the background."""
 ENOUGH = 20
@@ -76,8 +77,8 @@ def measured_parts(
 
 
 def _colour(pixels: np.ndarray) -> np.ndarray:
-    """Return the median colour of a geom's inner pixels; of a thin one's, which all are a little mixed with the
-    background, that of the quarter that stands out most."""
+    """Return the median colour of a geom's inner pixels; of a thin one's, which all are a little mixed with
+    the background, that of the quarter that stands out most."""
     if len(pixels) < ENOUGH:
         return np.full(3, np.nan)
     if float(np.median(pixels[:, 6])) < THIN_PX:
