@@ -1,6 +1,6 @@
 """Searches: known minima, bounds, bad points, rank, blocks against the dense solution."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -41,6 +41,29 @@ def test_correlated_bound_is_not_clipped_after_the_fact():
     slope = jacobian.T @ jacobian
     best = target[1] - slope[1, 0] / slope[1, 1] * (1.0 - target[0])
     np.testing.assert_allclose(found.x, [1.0, best], atol=1e-9)
+
+
+def test_the_best_step_in_a_box_is_the_one_of_an_exhaustive_search():
+    """Random correlated quadratics: of all sets of bounds, the feasible one with the least value."""
+    rng = np.random.default_rng(11)
+    for _ in range(60):
+        rows = rng.normal(size=(5, 4)) * 10.0 ** rng.uniform(-2, 2, size=4)
+        target = 3.0 * rng.normal(size=5)
+        lower, upper = -rng.uniform(0.0, 1.0, 4), rng.uniform(0.0, 1.0, 4)
+        best = np.inf
+        for sides in product((None, 0, 1), repeat=4):
+            free = np.array([side is None for side in sides])
+            x = np.array(
+                [(lower, upper, lower)[2 if side is None else side][i] for i, side in enumerate(sides)]
+            )
+            if free.any():
+                rest = target - rows[:, ~free] @ x[~free]
+                x[free] = np.linalg.lstsq(rows[:, free], rest, rcond=None)[0]
+            if np.all((x >= lower - 1e-12) & (x <= upper + 1e-12)):
+                best = min(best, 0.5 * float(np.sum((rows @ x - target) ** 2)))
+        found = minimize(lambda x, a=rows, b=target: (a @ x - b, a), np.zeros(4), lower, upper)
+        assert found.converged
+        assert found.cost == pytest.approx(best, rel=1e-9)
 
 
 def test_leaves_a_bound_again():

@@ -201,20 +201,37 @@ def damped_step(
 def _bounded_solve(
     hessian: np.ndarray, gradient: np.ndarray, room_below: np.ndarray, room_above: np.ndarray
 ) -> np.ndarray:
-    """Minimize g.d + 1/2 d.H.d over room_below <= d <= room_above by adding bounds to an active set."""
+    """Minimize g.d + 1/2 d.H.d over room_below <= d <= room_above, from 0 and downhill all the way.
+
+    Source:
+        Primal active sets: Nocedal and Wright, Numerical Optimization, 2006, section 16.5.
+    """
     step = np.zeros_like(gradient)
-    active = ((room_below >= 0) & (gradient > 0)) | ((room_above <= 0) & (gradient < 0))
-    for _ in range(len(gradient) + 1):
-        inside = ~active
-        if not inside.any():
+    held = ((room_below >= 0) & (gradient > 0)) | ((room_above <= 0) & (gradient < 0))
+    unit = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    for _ in range(4 * len(gradient) + 1):
+        inside = np.flatnonzero(~held)
+        move = np.zeros_like(step)
+        if len(inside):
+            slope = gradient + hessian @ step
+            move[inside] = _scaled_solve(hessian[np.ix_(inside, inside)], -slope[inside])
+        bound = np.where(move > 0, room_above, room_below)
+        moving = move != 0
+        share = np.full_like(step, np.inf)
+        share[moving] = (bound[moving] - step[moving]) / move[moving]
+        first = float(share.min(initial=np.inf))
+        if first < 1.0:
+            step += max(first, 0.0) * move
+            step[share <= first] = bound[share <= first]
+            held |= share <= first
+            continue
+        step += move
+        slope = (gradient + hessian @ step) / unit
+        fixed = room_below == room_above
+        inward = np.where(held & ~fixed, np.where(step <= room_below, -slope, slope), 0.0)
+        if not inward.max(initial=0.0) > 1e-9 * np.abs(gradient / unit).max(initial=0.0):
             break
-        right = -(gradient + hessian[:, active] @ step[active])[inside]
-        step[inside] = _scaled_solve(hessian[np.ix_(inside, inside)], right)
-        over = inside & ((step < room_below) | (step > room_above))
-        if not over.any():
-            break
-        step[over] = np.clip(step[over], room_below[over], room_above[over])
-        active |= over
+        held[int(np.argmax(inward))] = False
     return step
 
 
