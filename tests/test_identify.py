@@ -259,6 +259,20 @@ def test_negative_information_of_sizes_is_left_out_and_said(poses, double, fit, 
     )  # the search stops within 1e-9 of the cost
 
 
+def test_a_size_the_picture_hardly_knows_keeps_its_proportion(poses, double):
+    """Known to a quarter or better counts as measured; motion alone would trade a tail for a thickness."""
+    sizes = ("link1.length", "link2.length", "link1.tail", "link2.tail")
+    information = np.zeros((4, 4))
+    information[:2, :2] = [[100.0, -100.0], [-100.0, 100.0]]
+    information[2, 2], information[3, 3] = 15.0, 400.0
+    found = identify(poses, double.with_measured(Measured(sizes, information)))
+    free = {p.name: p.free for p in found.parameters}
+    assert (free["link1.tail"], free["link2.tail"]) == (False, True)
+    assert found.parameter("link1.tail").std == np.inf
+    assert found.parameter("link2.tail").std < 0.1 * found.parameter("link2.tail").value
+    assert any(line.startswith("Nothing tells link1.tail, link1.tip, ") for line in found.advice)
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_information_that_is_no_number_is_a_status(poses, double, value):
     found = identify(poses, seen(double, [[1e4, -1e4], [-1e4, value]]))

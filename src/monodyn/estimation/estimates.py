@@ -1,7 +1,7 @@
 """The optimum and what is known there in, every parameter with its interval out.
 
-A parameter is an unknown of the search, or tied to one, or follows from several, or was given; and some are
-values of the picture alone, about which the motion has nothing to say.
+A parameter is an unknown of the search, or follows from several, or was given; and some only keep their
+proportion to a length, about which the data have nothing to say.
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ def estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float)
         quantile: Half width of an interval in standard deviations.
 
     Returns:
-        One estimate by parameter of the mechanism, in its order. Offsets and leans have no interval: the
-        picture measured them, the motion does not depend on them.
+        One estimate by parameter of the mechanism, in its order. What keeps its proportion to a length has
+        no interval, because nothing tells it; nor have offsets and leans, on which the motion does not
+        depend.
     """
     unknowns, x = problem.unknowns, grown.x
     where = {name: i for i, name in enumerate(unknowns.names)}
-    tied = dict(zip(unknowns.tied, unknowns.tied_to.tolist(), strict=True))
+    tied = set(unknowns.tied)
     mechanism = problem.mechanism_at(x)
     dlinks = problem.at(x).tree[3]
     columns = {
@@ -54,11 +55,8 @@ def estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float)
             log = bool(unknowns.log[i])
             spread = Spread(float(known.std[i]) * (p.value if log else 1.0), log)
             found.append(_estimate(p, spread, quantile, free=True, at_bound=bool(grown.at_bound[i])))
-        elif p.free and kind_of(p.name) in PICTURE_ONLY:
+        elif p.name in tied or (p.free and kind_of(p.name) in PICTURE_ONLY):
             found.append(_estimate(p, Spread(np.inf, False), quantile))
-        elif p.name in tied:
-            share = float(known.std[tied[p.name]])
-            found.append(_estimate(p, Spread(share * p.value if p.value else 0.0, p.value > 0), quantile))
         elif p.follows:
             found.append(_estimate(p, _along(columns[p.name], p.value, known), quantile))
         else:

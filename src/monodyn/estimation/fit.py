@@ -18,8 +18,8 @@ class Estimate:
         name: Parameter name.
         value: Estimate, or the fixed value.
         std: Standard deviation; 0 for a fixed parameter, infinite where the data do not fix it. One that
-            follows from others has that of its value; an offset or a lean, which the picture alone shows,
-            has an infinite one.
+            follows from others has that of its value; one that only keeps its proportion to a length (see
+            ``Fit.tied``) has an infinite one.
         lower: Lower end of the 95 % interval; the parameter's bound or -infinity where nothing limits it.
         upper: Upper end, likewise.
         unit: Unit of value and std.

@@ -34,6 +34,8 @@ POSITIVE = (
 )
 """Kinds that are searched as logarithms."""
 
+SEEN = 16.0
+"""A picture has measured a size when it knows it better than to a quarter: information of the logarithm."""
 LONGEST = 1.5
 """A logarithm moves by at most this much in one step of a search: a factor of 4.5."""
 
@@ -134,7 +136,11 @@ def choose_unknowns(mechanism: Mechanism) -> Unknowns:
     Returns:
         The unknowns; bounds of logarithms stay finite.
     """
-    measured = set(mechanism.measured.names) if mechanism.measured is not None else set()
+    measured: set[str] = set()
+    if mechanism.measured is not None:
+        known = np.diag(np.asarray(mechanism.measured.information))
+        # what is not a number stays in, for `size_prior` to complain about
+        measured = {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < SEEN}
     chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p.name, measured)]
     log = np.array([kind_of(p.name) in POSITIVE and p.value > 0 for p in chosen], dtype=bool)
     start = np.array([p.value for p in chosen], dtype=float)
