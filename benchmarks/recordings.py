@@ -140,12 +140,13 @@ def _lengths(seen: Seen) -> np.ndarray:
     rows = rows[np.linspace(0, len(rows) - 1, min(LOOKS, len(rows))).astype(int)]
     chosen = {int(poses.frame[row]): poses.position[row] for row in rows}
     size = "link1.length"
-    values, palette = scene.mechanism.values, scene.masks.palette
+    values = scene.mechanism.values
+    view = scene.masks.palette.view(len(scene.mechanism.shapes.radius))
     found = []
     for frame in scene.masks.video.frames():
         if frame.index in chosen:
             bundle = refine(
-                [scene.masks.of(frame).planes], palette.trust, palette.part, scene.mechanism, scene.camera,
+                [scene.masks.of(frame).planes], view, scene.mechanism, scene.camera,
                 chosen[frame.index][None], [size], values, reaches=REACHES,
             )  # fmt: skip
             found.append(bundle.mechanism.values[size] / values[size] * seen.radius)

@@ -9,6 +9,7 @@ from monodyn.types import FULL, Camera
 from monodyn.vision.bundle import refine, size_information
 from monodyn.vision.contour import edge_terms, follow
 from monodyn.vision.outline import outline
+from monodyn.vision.palette import View
 from monodyn.vision.rig import rig_of
 
 CAMERA = Camera(320, 240, 300.0, x=0.05, y=-0.1, depth=0.9)
@@ -26,10 +27,17 @@ def draw(mechanism, camera, q, blur=0.8):
     return np.round(cv2.GaussianBlur(mask, (0, 0), blur)).astype(np.uint8)[None]
 
 
+def plain(mechanism):
+    """Read one plane for all geoms, trusted everywhere."""
+    geoms = len(mechanism.shapes.radius)
+    trust = np.ones((1, CAMERA.height, CAMERA.width), np.float32)
+    return View(trust, np.zeros(geoms, np.int64), np.zeros(geoms, np.bool_))
+
+
 def terms(mechanism, mask, q, reach=4.0):
     rig = rig_of(mechanism, CAMERA)
     return edge_terms(
-        mask, np.ones(mask.shape, np.float32), np.zeros(len(rig.link), np.int64), rig.parent, rig.kind, rig.link, rig.first, rig.links[None],
+        mask, *plain(mechanism), rig.parent, rig.kind, rig.link, rig.first, rig.links[None],
         rig.points[None], rig.radius[None], rig.camera[None], np.empty(0), q, reach, 2.0,
     )  # fmt: skip
 
@@ -56,7 +64,7 @@ def test_follow_finds_the_pose(name):
     free = np.full(len(hinge), np.inf)
     q, information, facts = follow(
         mask, np.ones(mask.shape, np.float32),
-        np.zeros(len(mechanism.shapes.radius), np.int64), *rig_of(mechanism, CAMERA), start, -free, free,
+        *plain(mechanism)[1:], *rig_of(mechanism, CAMERA), start, -free, free,
         np.ones(len(hinge)), REACHES, 2.0,
     )  # fmt: skip
     # a few hundredths of a pixel over links of 30 to 60 px
@@ -70,7 +78,7 @@ def test_follow_keeps_within_its_limits():
     mask = draw(mechanism, CAMERA, np.array([0.3]))
     q, _, _ = follow(
         mask, np.ones(mask.shape, np.float32),
-        np.zeros(len(mechanism.shapes.radius), np.int64), *rig_of(mechanism, CAMERA), np.array([0.2]),
+        *plain(mechanism)[1:], *rig_of(mechanism, CAMERA), np.array([0.2]),
         np.array([0.0]), np.array([0.25]), np.ones(1), REACHES, 2.0,
     )  # fmt: skip
     assert q[0] == 0.25
@@ -103,11 +111,10 @@ def test_pixels_that_are_not_trusted_say_nothing():
     q = np.array([-0.5])
     mask = draw(mechanism, CAMERA, q)
     rig = rig_of(mechanism, CAMERA)
-    trust = np.zeros(mask.shape, np.float32)
+    blind = plain(mechanism)._replace(trust=np.zeros(mask.shape, np.float32))
     _, information, facts = follow(
         mask,
-        trust,
-        np.zeros(1, np.int64),
+        *blind,
         *rig,
         q,
         np.full(1, -9.0),
@@ -139,8 +146,7 @@ def test_refine_recovers_camera_and_size_ratios():
         "link2.tail",
     ]
     bundle = refine(
-        masks, np.ones(masks[0].shape, np.float32),
-        np.zeros(2, np.int64), start,
+        masks, plain(true), start,
         Camera(320, 240, 300.0, x=0.03, y=-0.02, depth=0.9),
         poses + rng.normal(scale=0.05, size=poses.shape), [*names, "camera.x", "camera.y", "camera.depth"],
         start.values, reaches=(8, 7, 6, 5, 4, 4, 4, 4, 4, 4), spacing=2.0,

@@ -15,8 +15,8 @@ from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
 
 FULL = 160
-"""Coverage of a pixel that the mechanism covers whole. The values above it keep a part that stands out more than
-the mechanism's usual colour from being clipped: its edges stay linear."""
+"""Coverage of a pixel that the mechanism covers whole. The values above it keep a part that stands out more
+than the mechanism's usual colour from being clipped: its edges stay linear."""
 
 Progress = Callable[[str, int, int | None], None]
 """Called as ``progress(step, done, total)`` on long work; ``total`` is None where it is unknown."""
@@ -102,8 +102,8 @@ class Poses:
         position: Joint positions [rad or m], unwrapped, (frame, dof); NaN where not seen.
         covariance: Covariance of each frame's positions, (frame, dof, dof).
         seen: True where the frame was measured, bool (frame,).
-        metric: True when slides are in metres; False when they are in the start scale of the mechanism file, as
-            a picture gives them.
+        metric: True when slides are in metres; False when they are in the start scale of the mechanism
+            file, as a picture gives them.
     """
 
     joints: tuple[str, ...]
@@ -120,7 +120,11 @@ class Poses:
         set_(self, "frame", frozen("Poses.frame", self.frame, (frames,), dtype=np.int64, error=VideoError))
         set_(self, "time", frozen("Poses.time", self.time, (frames,), error=VideoError))
         set_(self, "position", frozen("Poses.position", self.position, (frames, dofs), error=VideoError))
-        set_(self, "covariance", frozen("Poses.covariance", self.covariance, (frames, dofs, dofs), error=VideoError))
+        set_(
+            self,
+            "covariance",
+            frozen("Poses.covariance", self.covariance, (frames, dofs, dofs), error=VideoError),
+        )
         set_(self, "seen", frozen("Poses.seen", self.seen, (frames,), dtype=np.bool_, error=VideoError))
         increasing("Poses.time", self.time, error=VideoError)
 

@@ -15,6 +15,7 @@ from monodyn.mechanism import Measured, Mechanism
 from monodyn.types import Camera
 from monodyn.vision.camera import PARAMETERS, value_of, with_values
 from monodyn.vision.contour import edge_terms
+from monodyn.vision.palette import View
 from monodyn.vision.rig import rig_of
 
 SIZES = (".length", ".width", ".tail", ".tip")
@@ -79,8 +80,7 @@ class _Variables:
 
 def refine(
     masks: Sequence[np.ndarray],
-    trust: np.ndarray,
-    part: np.ndarray,
+    view: View,
     mechanism: Mechanism,
     camera: Camera,
     positions: np.ndarray,
@@ -96,8 +96,7 @@ def refine(
 
     Args:
         masks: Masks of the key frames by colour, each uint8 (colour, height, width).
-        trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
-        part: Colour of each geom, int64 (geom,).
+        view: How the planes of the masks are to be read.
         mechanism: Start sizes.
         camera: Start camera.
         positions: Start poses, (key frame, dof).
@@ -119,16 +118,14 @@ def refine(
     q = np.array(positions, dtype=np.float64)
     for reach in (*map(float, reaches), *[float(reaches[-1])] * settle):
         mechanism, camera = variables.write(x, mechanism, camera)
-        terms = _terms(masks, trust, part, variables, x, mechanism, camera, q, reach, shrink, spacing)
+        terms = _terms(masks, view, variables, x, mechanism, camera, q, reach, shrink, spacing)
         step, q_step = _step(terms, x, anchor, stiffness)
         x = x + step
         q = q + q_step
         if reach == reaches[-1] and np.abs(step).max() < SETTLED:
             break
     mechanism, camera = variables.write(x, mechanism, camera)
-    final = _terms(
-        masks, trust, part, variables, x, mechanism, camera, q, float(reaches[-1]), shrink, spacing
-    )
+    final = _terms(masks, view, variables, x, mechanism, camera, q, float(reaches[-1]), shrink, spacing)
     matched, rms, inside = final.facts[:, 1], final.facts[:, 2], final.facts[:, 3]
     return Bundle(mechanism, camera, q, tuple(names), _information(final), rms, matched, inside)
 
@@ -214,8 +211,7 @@ def _springs(
 
 def _terms(
     masks: Sequence[np.ndarray],
-    trust: np.ndarray,
-    part: np.ndarray,
+    view: View,
     variables: _Variables,
     x: np.ndarray,
     mechanism: Mechanism,
@@ -238,7 +234,7 @@ def _terms(
     )
     blocks = [
         edge_terms(
-            planes, trust, part, base.parent, base.kind, base.link, base.first, links, points, radius,
+            planes, *view, base.parent, base.kind, base.link, base.first, links, points, radius,
             cameras, steps, pose, reach, spacing,
         )
         for planes, pose in zip(masks, q, strict=True)

@@ -24,6 +24,11 @@ SHARP = math.cos(math.radians(35.0))
 """Edges that turn by more than 35 degrees meet in a corner."""
 STEP = 0.5
 """Distance of the picture samples along a normal [px]."""
+FLAT_PX = 3.0
+"""Search length inwards from which the coverage levels off; an edge is taken against its own level there."""
+LEAST_LEVEL = 0.35
+"""Coverage inside of an edge below which the edge is looked for against full coverage: it is not where it is
+thought."""
 TRUSTED = 0.09
 """Least trust of the picture along a normal."""
 
@@ -76,6 +81,7 @@ def edge_samples(
     planes: np.ndarray,
     trust: np.ndarray,
     part: np.ndarray,
+    shaded: np.ndarray,
     px: np.ndarray,
     hull: np.ndarray,
     hull_first: np.ndarray,
@@ -93,7 +99,8 @@ def edge_samples(
     Args:
         planes: Mask by colour, uint8 (colour, height, width).
         trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
-        part: Colour of each geom, (geom,).
+        part: Plane of each geom, (geom,).
+        shaded: True for geoms whose edges are taken against their own level, bool (geom,).
         px: Outline points [px], (outline point, 2).
         hull: Indices of the outlines.
         hull_first: Where each outline starts.
@@ -137,7 +144,21 @@ def edge_samples(
                     return count
                 x, y = px[p, 0] + along * ex, px[p, 1] + along * ey
                 if _edge(
-                    planes, trust, part, px, hull, hull_first, geoms, g, x, y, nx, ny, reach, values[count]
+                    planes,
+                    trust,
+                    part,
+                    shaded,
+                    px,
+                    hull,
+                    hull_first,
+                    geoms,
+                    g,
+                    x,
+                    y,
+                    nx,
+                    ny,
+                    reach,
+                    values[count],
                 ):
                     ends[count, 0], ends[count, 1] = p, q
                     values[count, 0] = along / length
@@ -159,6 +180,7 @@ def _edge(
     planes: np.ndarray,
     trust: np.ndarray,
     part: np.ndarray,
+    shaded: np.ndarray,
     px: np.ndarray,
     hull: np.ndarray,
     hull_first: np.ndarray,
@@ -193,13 +215,17 @@ def _edge(
         return False
     steps = max(2, math.ceil((inner + reach) / STEP))
     step = (inner + reach) / steps
-    total = 0.0
+    total, deep, level = 0.0, 0, 0.0
     for k in range(steps + 1):
         t = -inner + k * step
         c = min(_bilinear(coverage, x + t * nx, y + t * ny), FULL)
+        if t < -0.6 * inner:
+            deep += 1
+            level += c
         total += 0.5 * c if k == 0 or k == steps else c
+    level = level / deep if shaded[own] and inner >= FLAT_PX and level > LEAST_LEVEL * FULL * deep else FULL
     value[1], value[2] = nx, ny
-    value[3] = total * step / FULL - inner
+    value[3] = total * step / level - inner
     value[4] = weight * weight
     value[5] = inner
     value[6], value[7], value[8] = x, y, own
@@ -223,6 +249,7 @@ def edge_terms(
     planes: np.ndarray,
     trust: np.ndarray,
     part: np.ndarray,
+    shaded: np.ndarray,
     parent: np.ndarray,
     kind: np.ndarray,
     link: np.ndarray,
@@ -244,7 +271,8 @@ def edge_terms(
     Args:
         planes: Mask by colour, uint8 (colour, height, width).
         trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
-        part: Colour of each geom, (geom,).
+        part: Plane of each geom, (geom,).
+        shaded: True for geoms whose edges are taken against their own level, bool (geom,).
         parent: Parent of each link.
         kind: Joint kinds.
         link: Link of each geom.
@@ -274,7 +302,9 @@ def edge_terms(
     if not project(link_frames(parent, kind, links[0], q), link, first, points[0], radius[0], cameras[0], px):
         return normal, right, facts
     hulls(px, starts, geoms, hull, hull_first)
-    count = edge_samples(planes, trust, part, px, hull, hull_first, geoms, spacing, reach, ends, values)
+    count = edge_samples(
+        planes, trust, part, shaded, px, hull, hull_first, geoms, spacing, reach, ends, values
+    )
     for j in range(size):
         shifted = q.copy()
         k = 0
@@ -308,7 +338,9 @@ def edge_terms(
             facts[2] += trusted * t * t
         deep = min(3.0, values[s, 5])
         ix, iy = int(values[s, 6] - deep * nx + 0.5), int(values[s, 7] - deep * ny + 0.5)
-        facts[3] += trusted * min(planes[part[int(values[s, 8])], iy, ix], FULL) / FULL
+        g = int(values[s, 8])
+        whole = LEAST_LEVEL * FULL if shaded[g] else FULL
+        facts[3] += trusted * min(planes[part[g], iy, ix] / whole, 1.0)
         for j in range(size):
             right[j] += w * row[j] * t
             for k in range(size):
@@ -325,6 +357,7 @@ def follow(
     planes: np.ndarray,
     trust: np.ndarray,
     part: np.ndarray,
+    shaded: np.ndarray,
     parent: np.ndarray,
     kind: np.ndarray,
     links: np.ndarray,
@@ -345,7 +378,8 @@ def follow(
     Args:
         planes: Mask by colour, uint8 (colour, height, width).
         trust: How well each pixel tells each colour from the background.
-        part: Colour of each geom, (geom,).
+        part: Plane of each geom, (geom,).
+        shaded: True for geoms whose edges are taken against their own level, bool (geom,).
         parent: Parent of each link.
         kind: Joint kinds.
         links: Link table, (dof, 14).
@@ -375,6 +409,7 @@ def follow(
             planes,
             trust,
             part,
+            shaded,
             parent,
             kind,
             link,
@@ -396,6 +431,7 @@ def follow(
         planes,
         trust,
         part,
+        shaded,
         parent,
         kind,
         link,

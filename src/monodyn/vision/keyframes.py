@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.types import FULL, Mask
+from monodyn.vision.palette import View
 from monodyn.vision.segment import Masks
 from monodyn.vision.silhouette import row_sums
 
@@ -47,16 +48,14 @@ class KeyFrames:
     Attributes:
         frames: The key frames, in the order of time.
         shrink: Pixels of the clip per reduced pixel.
-        trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
+        view: How the planes of the masks are to be read.
         coarse_trust: How well it tells the least distinct colour, reduced, float32.
-        part: Colour of each geom, int64 (geom,); zeros until the colours are known.
     """
 
     frames: tuple[KeyFrame, ...]
     shrink: int
-    trust: np.ndarray
+    view: View
     coarse_trust: np.ndarray
-    part: np.ndarray
 
     def spread(self, count: int) -> list[int]:
         """Return the numbers of ``count`` frames whose masks differ most, the fullest first.
@@ -66,13 +65,11 @@ class KeyFrames:
         """
         return self._order[:count]
 
-    def coarse_view(self, frame: KeyFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the reduced mask, its trust and the colours of the geoms as the contour kernels take them.
-
-        Args:
-            frame: One of the key frames.
-        """
-        return frame.coarse[np.newaxis], self.coarse_trust[np.newaxis], np.zeros_like(self.part)
+    @property
+    def coarse_view(self) -> View:
+        """How the one plane of the reduced masks is to be read."""
+        part, shaded = self.view.part, self.view.shaded
+        return View(self.coarse_trust[np.newaxis], np.zeros_like(part), np.zeros_like(shaded))
 
     @cached_property
     def _order(self) -> list[int]:
@@ -126,11 +123,7 @@ def _empty(masks: Masks, geoms: int) -> KeyFrames:
     """Return a set without frames: the reduction of the picture and its trust."""
     import cv2
 
-    palette = masks.palette
-    least = palette.trust[-1] if palette.varied else palette.trust.min(axis=0)
-    trust, part = palette.trust, palette.part
-    if part is None:
-        trust, part = least[np.newaxis], np.zeros(geoms, dtype=np.int64)
+    least = masks.palette.least_trust
     top, bottom, left, right = masks.background.reach
     shrink = max(1, round(max(bottom - top, right - left) / COARSE_PX))
     height, width = least.shape
@@ -138,7 +131,7 @@ def _empty(masks: Masks, geoms: int) -> KeyFrames:
     coarse_trust = cv2.resize(
         least[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA
     )
-    return KeyFrames((), shrink, trust, coarse_trust, part)
+    return KeyFrames((), shrink, masks.palette.view(geoms), coarse_trust)
 
 
 def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
@@ -155,5 +148,5 @@ def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
     coarse[coarse < NOISE] = 0
     area = float(coarse.sum()) / FULL
     coarse[frames.coarse_trust < UNKNOWN] = FULL // 2
-    planes = mask.planes if len(frames.trust) == len(mask.planes) else union[np.newaxis]
+    planes = mask.planes if len(frames.view.trust) == len(mask.planes) else union[np.newaxis]
     return KeyFrame(mask.index, mask.time, planes, coarse, row_sums(coarse), area)

@@ -164,10 +164,10 @@ def _settle(
 ) -> Guess:
     """Refine a guess on the reduced key frames, place the poses anew, and refine again."""
     chosen = [frames.frames[i] for i in frames.spread(count)]
-    views = [frames.coarse_view(frame) for frame in chosen]
+    planes = [frame.coarse[np.newaxis] for frame in chosen]
     for _ in range(2):
         bundle = refine(
-            [view[0] for view in views], *views[0][1:], guess.mechanism, guess.camera, guess.positions,
+            planes, frames.coarse_view, guess.mechanism, guess.camera, guess.positions,
             names, start, reaches=COARSE_REACHES, shrink=frames.shrink, spacing=1.5,
         )  # fmt: skip
         rig = rig_of(bundle.mechanism, bundle.camera, shrink=frames.shrink)
@@ -203,7 +203,7 @@ def _uncovered(masks: Masks, frames: KeyFrames, bundle: Bundle) -> tuple[Masks, 
     """Take the background again without the mechanism, and the colours over it."""
     mechanism, camera = bundle.mechanism, bundle.camera
     positions, fits = _all_poses(frames, bundle)
-    everything = np.ones(frames.trust.shape[1:], dtype=bool)
+    everything = np.ones(frames.view.trust.shape[1:], dtype=bool)
     masks = masks.refined(
         [
             covered_pixels(mechanism, camera, q, grow=3.0) if lies else everything
@@ -231,8 +231,7 @@ def _refine_whole(
     planes = [frames.frames[i].planes for i in picks]
     first = refine(
         planes,
-        frames.trust,
-        frames.part,
+        frames.view,
         guess.mechanism,
         guess.camera,
         positions,
@@ -243,7 +242,7 @@ def _refine_whole(
     good = (first.matched > 0.6 * np.median(first.matched)) & (first.inside > 0.6 * np.median(first.inside))
     kept = np.flatnonzero(good) if good.sum() >= max(3, len(picks) // 4) else np.arange(len(picks))
     second = refine(
-        [planes[i] for i in kept], frames.trust, frames.part, first.mechanism, first.camera,
+        [planes[i] for i in kept], frames.view, first.mechanism, first.camera,
         first.positions[kept], names, start, reaches=reaches[half:], settle=10,
     )  # fmt: skip
     return second, [picks[i] for i in kept]
@@ -256,7 +255,7 @@ def _with_lean(
     if len(names) == len(bundle.names):
         return bundle
     richer = refine(
-        [frames.frames[i].planes for i in picks], frames.trust, frames.part, bundle.mechanism, bundle.camera,
+        [frames.frames[i].planes for i in picks], frames.view, bundle.mechanism, bundle.camera,
         bundle.positions, names, start, reaches=LAST_REACHES, settle=30,
     )  # fmt: skip
     return richer if _misfit(richer) < WORTH * _misfit(bundle) else bundle
@@ -284,9 +283,7 @@ def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarra
     positions, good = [], []
     for frame in frames.frames:
         q, _ = place(frame, frames, coarse, bundle.mechanism)
-        q, _, facts = follow(
-            frame.planes, frames.trust, frames.part, *rig, q, lower, upper, spread, REACHES, 3.0
-        )
+        q, _, facts = follow(frame.planes, *frames.view, *rig, q, lower, upper, spread, REACHES, 3.0)
         positions.append(q)
         good.append(bool(_fits(facts[1:2], facts[3:4])[0]))
     return np.array(positions), np.array(good)

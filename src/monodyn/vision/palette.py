@@ -6,7 +6,8 @@ Where the mechanism has the background's own colour the picture says nothing: su
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,20 @@ COLOURS = 3
 """Most colours a mechanism may have."""
 
 
+class View(NamedTuple):
+    """How the planes of a mask are to be read; arguments of the contour kernels, in their order.
+
+    Attributes:
+        trust: How well each pixel tells each plane from the background, float32 (plane, height, width).
+        part: Plane of each geom, int64 (geom,).
+        shaded: True for geoms whose edges are taken against their own level, bool (geom,).
+    """
+
+    trust: np.ndarray
+    part: np.ndarray
+    shaded: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Palette:
     """Colours of the mechanism.
@@ -45,6 +60,7 @@ class Palette:
         varied: True where the colours leave much of the mechanism unexplained (a shiny rod): then a last
             plane of the mask counts any difference from the background as foreground too.
         part: Plane of the mask for each geom once its colour has been measured, int64 (geom,), or None.
+        shaded: True for geoms that show their colour at many levels, bool (geom,), or None before.
     """
 
     colours: np.ndarray
@@ -53,6 +69,22 @@ class Palette:
     trust: np.ndarray
     varied: bool
     part: np.ndarray | None
+    shaded: np.ndarray | None
+
+    def view(self, geoms: int) -> View:
+        """Return how the planes are to be read; before the colours are measured, one plane for all geoms.
+
+        Args:
+            geoms: Number of geoms of the mechanism.
+        """
+        if self.part is None or self.shaded is None:
+            return View(self.least_trust[np.newaxis], np.zeros(geoms, np.int64), np.zeros(geoms, np.bool_))
+        return View(self.trust, self.part, self.shaded)
+
+    @property
+    def least_trust(self) -> np.ndarray:
+        """How well a pixel tells the least distinct colour from the background, float32 (height, width)."""
+        return self.trust[-1] if self.varied else self.trust.min(axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +94,12 @@ class Parts:
     Attributes:
         colours: Grey level, blue and red difference of each colour, (colour, 3).
         part: Colour of each geom, int64 (geom,); ``VARIED`` for one that has none of its own.
+        shaded: True for geoms that show it at many levels, bool (geom,).
     """
 
     colours: np.ndarray
     part: np.ndarray
+    shaded: np.ndarray
 
 
 def choose_palette(
@@ -99,12 +133,10 @@ def choose_palette(
     if grey_only and parts is None:
         colours = _clusters(pixels, True)
     if parts is None:
-        return _palette(
-            colours, background, grey_only, contrast, _is_varied(pixels, colours, grey_only), None
-        )
-    varied = bool(np.any(parts.part == VARIED))
+        return _palette(colours, background, grey_only, contrast, _is_varied(pixels, colours, grey_only))
+    palette = _palette(colours, background, grey_only, contrast, bool(np.any(parts.part == VARIED)))
     part = np.where(parts.part == VARIED, len(colours), parts.part)
-    return _palette(colours, background, grey_only, contrast, varied, part)
+    return replace(palette, part=part, shaded=parts.shaded)
 
 
 def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool:
@@ -254,12 +286,7 @@ def _grey_suffices(pixels: np.ndarray, colours: np.ndarray, contrast: float) -> 
 
 
 def _palette(
-    colours: np.ndarray,
-    background: Background,
-    grey_only: bool,
-    contrast: float,
-    varied: bool,
-    part: np.ndarray | None,
+    colours: np.ndarray, background: Background, grey_only: bool, contrast: float, varied: bool
 ) -> Palette:
     """Compute each pixel's contrast with every colour, zero below the least contrast."""
     planes = _full_size(background.luma, None if grey_only else background.chroma)
@@ -278,4 +305,4 @@ def _palette(
     shown = colours.copy()
     if grey_only:
         shown[:, 1:] = np.nan
-    return Palette(shown, scale.astype(np.float32), grey_only, trust.astype(np.float32), varied, part)
+    return Palette(shown, scale.astype(np.float32), grey_only, trust.astype(np.float32), varied, None, None)

@@ -23,6 +23,8 @@ THIN_PX = 5.0
 """Half width below which blur mixes even the inner pixels with the background."""
 ENOUGH = 20
 """Least number of pixels for a colour."""
+SHADED_PERCENT, SHADED_LEVEL = 15.0, 0.75
+"""A geom is shaded if this share of its pixels shows less than this level of its colour."""
 VARIED_SHARE = 0.25
 """Share of pixels unlike the median colour from which a geom has no colour of its own (a shiny rod)."""
 
@@ -73,7 +75,8 @@ def measured_parts(
     if not colours:
         return None
     part[part == -2] = 0
-    return Parts(np.array(colours), part)
+    shaded = np.array([part[g] != VARIED and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
+    return Parts(np.array(colours), part, shaded)
 
 
 def _colour(pixels: np.ndarray) -> np.ndarray:
@@ -98,6 +101,17 @@ def _is_varied(pixels: np.ndarray) -> bool:
     off = np.sqrt(np.nansum((pixels[:, :3] - median) ** 2, axis=1))
     contrast = np.sqrt(np.nansum((median - pixels[:, 3:6]) ** 2, axis=1))
     return float(np.mean(off > 0.5 * contrast)) > VARIED_SHARE
+
+
+def _is_shaded(pixels: np.ndarray, colour: np.ndarray) -> bool:
+    """Return whether many inner pixels of a geom show much less of its colour than all of it."""
+    if len(pixels) < ENOUGH or float(np.median(pixels[:, 6])) < THIN_PX:
+        return False
+    full = colour - pixels[:, 3:6]
+    share = np.nansum((pixels[:, :3] - pixels[:, 3:6]) * full, axis=1) / np.maximum(
+        np.nansum(full**2, axis=1), 1.0
+    )
+    return float(np.percentile(share, SHADED_PERCENT)) < SHADED_LEVEL
 
 
 def _inner_pixels(

@@ -77,7 +77,7 @@ def place(
     polished = []
     for start in beam:
         q, _, _ = follow(
-            *frames.coarse_view(frame), *rig, start, lower, upper, spread, POLISH, 1.5
+            frame.coarse[np.newaxis], *frames.coarse_view, *rig, start, lower, upper, spread, POLISH, 1.5
         )  # fmt: skip
         polished.append(q)
     both = np.vstack([beam, np.array(polished)])

@@ -114,10 +114,7 @@ class Follower:
         self._scene = scene
         self._settings = settings
         self._rig: Rig = rig_of(scene.mechanism, scene.camera)
-        palette = scene.masks.palette
-        geoms = len(self._rig.radius)
-        self._trust = palette.trust
-        self._part = np.zeros(geoms, dtype=np.int64) if palette.part is None else palette.part
+        self._view = scene.masks.palette.view(len(self._rig.radius))
         self._lower, self._upper = limits(scene.mechanism)
         self._hinge = self._rig.kind == 0
         reach = float(np.ptp(scene.mechanism.shapes.points[:, :2], axis=0).max())
@@ -192,8 +189,7 @@ class Follower:
         upper = np.minimum(self._upper, start + self._move)
         q, normal, facts = follow(
             mask.planes,
-            self._trust,
-            self._part,
+            *self._view,
             *self._rig,
             start,
             lower,
@@ -210,7 +206,7 @@ class Follower:
     def _search(self, mask: Mask) -> _Found:
         """Look for the mechanism in the whole picture."""
         scene = self._scene
-        frame, frames = key_frame(mask, scene.masks, len(self._part))
+        frame, frames = key_frame(mask, scene.masks, len(self._rig.radius))
         coarse = rig_of(scene.mechanism, scene.camera, shrink=frames.shrink)
         q, _ = place(frame, frames, coarse, scene.mechanism)
         if self._past:
