@@ -23,7 +23,11 @@ from monodyn.vision.parts import measured_parts
 from monodyn.vision.rig import rig_of
 from monodyn.vision.search import Guess, place, search
 from monodyn.vision.segment import Masks
+from monodyn.vision.silhouette import pose_mismatch
 
+UNEXPLAINED = 0.35
+"""Share of the foreground outside of the mechanism, or of the mechanism outside of it, from which it is
+said."""
 WORTH = 0.9
 """Share to which the mean squared edge distance must fall for links that lean out of their plane."""
 COARSE_REACHES = (9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0)
@@ -308,7 +312,25 @@ def _scene(
             f"The mechanism lies on its mask in only {share:.0%} of the key frames: check the drawn outline "
             "in the overlay, the mechanism file, and whether other things move in the clip."
         )
+    left = _unexplained(frames, bundle, picks)
+    if left > UNEXPLAINED and not masks.palette.varied:
+        advice.append(
+            f"{left:.0%} of what stands out from the background is not the mechanism as it was found: it may
+            be " "in the wrong place or of the wrong size, or other things move; look at the overlay, or
+            give " "--background a picture without the mechanism."
+        )
     return Scene(
         bundle.mechanism.with_measured(measured), bundle.camera, masks, order[first], bundle.positions[first],
         tuple(order), bundle.positions, spread, rms, tuple(advice),
     )  # fmt: skip
+
+
+def _unexplained(frames: KeyFrames, bundle: Bundle, picks: list[int]) -> float:
+    """Return the mean mismatch of outline and mask as a share of the mask's area (paper eq. 3)."""
+    rig = rig_of(bundle.mechanism, bundle.camera, shrink=frames.shrink)
+    shares = []
+    for i, q in zip(picks, bundle.positions, strict=True):
+        frame = frames.frames[i]
+        cost = pose_mismatch(frame.sums, *rig, q[np.newaxis], len(rig.radius))[0]
+        shares.append((frame.area + float(cost)) / max(frame.area, 1.0))
+    return float(np.median(shares))
