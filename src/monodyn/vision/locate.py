@@ -315,9 +315,9 @@ def _scene(
     left = _unexplained(frames, bundle, picks)
     if left > UNEXPLAINED and not masks.palette.varied:
         advice.append(
-            f"{left:.0%} of what stands out from the background is not the mechanism as it was found: it may
-            be " "in the wrong place or of the wrong size, or other things move; look at the overlay, or
-            give " "--background a picture without the mechanism."
+            f"{left:.0%} of what stands out from the background is not the mechanism as it was found: it may "
+            "be in the wrong place or of the wrong size, or other things move; look at the overlay, or give "
+            "--background a picture without the mechanism."
         )
     return Scene(
         bundle.mechanism.with_measured(measured), bundle.camera, masks, order[first], bundle.positions[first],
