@@ -7,7 +7,8 @@ import pytest
 from monodyn.mechanism import load
 from monodyn.types import FULL, Camera
 from monodyn.vision.bundle import refine, size_information
-from monodyn.vision.contour import edge_terms, follow
+from monodyn.vision.contour import edge_terms
+from monodyn.vision.follow import follow
 from monodyn.vision.outline import outline
 from monodyn.vision.palette import View
 from monodyn.vision.rig import rig_of

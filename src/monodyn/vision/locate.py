@@ -277,7 +277,7 @@ def _fits(matched: np.ndarray, inside: np.ndarray) -> np.ndarray:
 
 def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarray]:
     """Find the pose in every sample frame, and whether it fits."""
-    from monodyn.vision.contour import follow
+    from monodyn.vision.follow import follow
     from monodyn.vision.search import limits
 
     coarse = rig_of(bundle.mechanism, bundle.camera, shrink=frames.shrink)

@@ -15,7 +15,7 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.types import FULL, Camera
-from monodyn.vision.contour import follow
+from monodyn.vision.follow import follow
 from monodyn.vision.keyframes import UNKNOWN, KeyFrame, KeyFrames
 from monodyn.vision.rig import Rig, rig_of
 from monodyn.vision.silhouette import pose_mismatch

@@ -13,7 +13,7 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.types import Mask, Poses, Progress
-from monodyn.vision.contour import follow
+from monodyn.vision.follow import follow
 from monodyn.vision.keyframes import key_frame
 from monodyn.vision.locate import Scene
 from monodyn.vision.rig import Rig, rig_of
