@@ -31,8 +31,8 @@ def test_parameters_of_the_double_pendulum() -> None:
         ("joint2", "link2", "hinge", 1),
     ]
     assert _names(mechanism, "free") == [
-        "link1.length", "link1.tail", "link1.tip", "link1.width", "link1.thickness", "link1.lean",
-        "link2.length", "link2.tail", "link2.width", "link2.offset", "link2.thickness", "link2.lean",
+        "link1.length", "link1.tail", "link1.tip", "link1.width", "link1.thickness",
+        "link2.length", "link2.tail", "link2.width", "link2.offset", "link2.thickness",
         "joint1.damping", "joint2.damping",
     ]  # fmt: skip
     assert _names(mechanism, "follows") == [
@@ -82,34 +82,6 @@ def test_tail_tip_width_thickness_and_offset_change_only_the_box() -> None:
     assert points[:8].max(axis=0) == pytest.approx((0.2, 0.025, 0.005), rel=1e-12)
     assert points[8:, 2].mean() == pytest.approx(-0.02, rel=1e-12)
     assert mechanism.tree.links[1, :2] == pytest.approx((0.2, 0.0))
-
-
-@pytest.mark.parametrize("name", ["double", "bob", "cartpole"])
-def test_lean_moves_the_outline_toward_the_camera_and_nothing_else(name: str) -> None:
-    """All of it at the hinge, none at the end of the length, in proportion between and beyond."""
-    start = load(name)
-    leaning = start.with_values({"link1.lean": 0.02})
-    for column in ("parent", "kind", "links", "gravity"):
-        assert np.array_equal(getattr(leaning.tree, column), getattr(start.tree, column))
-    assert not start.directions(["link1.lean"])[0].any()
-    assert np.array_equal(leaning.shapes.radius, start.shapes.radius)
-    moved = leaning.shapes.points - start.shapes.points
-    assert not moved[:, :2].any()
-    for body, first, stop in zip(
-        start.shapes.body, start.shapes.first[:-1], start.shapes.first[1:], strict=True
-    ):
-        along = start.shapes.points[first:stop, 0] / start.values["link1.length"]
-        expected = 0.02 * (1.0 - along) if body == "link1" else np.zeros(stop - first)
-        assert moved[first:stop, 2] == pytest.approx(expected, abs=1e-15)
-    far = leaning.with_values({"link1.length": 2 * start.values["link1.length"]}).shapes.points
-    first = list(start.shapes.body).index("link1")
-    assert far[start.shapes.first[first] :, 2].max() == pytest.approx(
-        leaning.shapes.points[:, 2].max(), rel=1e-12
-    )  # the same share of the length, whatever the length
-
-
-def test_a_cart_does_not_lean() -> None:
-    assert [p.name for p in load("cartpole").parameters if p.name.endswith("lean")] == ["link1.lean"]
 
 
 def test_inertia_is_that_of_the_paper() -> None:
@@ -238,7 +210,7 @@ def test_branches_tail_and_parts_of_a_body(tmp_path) -> None:
     assert sizes == [
         "a.length", "a.tail", "a.tip", "a.width", "a.thickness", "a.density", "a.bar.width",
         "a.bar.thickness", "a.bar.density", "a.sphere.width", "a.sphere.mass", "a.sphere2.width",
-        "a.sphere2.density", "a.lean",
+        "a.sphere2.density",
     ]  # fmt: skip
     changed = mechanism.with_values({"a.length": 0.2, "a.tail": 0.06})
     assert changed.tree.links[1, :2] == pytest.approx((0.2, 0.0), abs=1e-12)
@@ -291,7 +263,7 @@ def test_measured_is_carried() -> None:
 
 
 SINGLE_NAMES = (
-    "'link1.length', 'link1.tail', 'link1.width', 'link1.thickness', 'link1.density', 'link1.lean', "
+    "'link1.length', 'link1.tail', 'link1.width', 'link1.thickness', 'link1.density', "
     "'link1.mass', 'link1.com_x', "
     "'link1.com_y', 'link1.inertia', 'joint1.damping', 'joint1.friction', 'joint1.stiffness', "
     "'joint1.armature', "

@@ -145,13 +145,3 @@ def test_urdf_says_what_it_cannot_hold(tmp_path: Path) -> None:
     text = (tmp_path / "model.urdf").read_text()
     spring, rotor = "stiffness 0.03 N m/rad about 0.349066 rad", "armature 0.0002 kg m^2"
     assert f"<!-- not in URDF: {spring} and {rotor} of the next joint -->" in text
-
-
-@pytest.mark.parametrize("write", [write_mjcf, write_urdf])
-def test_lean_is_not_written(write, tmp_path: Path) -> None:
-    """Only a picture depends on it: the file is that of the mechanism without it, and loads."""
-    mechanism = load("double")
-    write(mechanism, tmp_path / "model.xml")
-    write(mechanism.with_values({"link1.lean": 0.03, "link2.lean": -0.01}), tmp_path / "leaning.xml")
-    assert (tmp_path / "leaning.xml").read_bytes() == (tmp_path / "model.xml").read_bytes()
-    assert load(tmp_path / "leaning.xml").values["link1.lean"] == 0.0

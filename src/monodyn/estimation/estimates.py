@@ -35,7 +35,7 @@ def estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float)
 
     Returns:
         One estimate by parameter of the mechanism, in its order. What keeps its proportion to a length has
-        no interval, because nothing tells it; nor have offsets and leans, on which the motion does not
+        no interval, because nothing tells it; nor have offsets, on which the motion does not
         depend.
     """
     unknowns, x = problem.unknowns, grown.x

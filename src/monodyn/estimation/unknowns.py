@@ -16,9 +16,9 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 
-SEEN_ONLY = ("width", "tail", "tip", "lean", "offset")
+SEEN_ONLY = ("width", "tail", "tip", "offset")
 """Sizes that the motion hardly depends on, if at all: asked for only where a picture has measured them."""
-PICTURE_ONLY = ("lean", "offset")
+PICTURE_ONLY = ("offset",)
 """Those of them that the motion does not depend on at all."""
 POSITIVE = (
     "length",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -92,7 +92,7 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
             depth = plus(depth, _enter_offset(links, i, table, reach))
             for k in children:
                 anchors[k] = axis.point(links[k].anchor)
-            solids[i] = _leaning(_enter_solids(link, axis, table, depth), link, axis, table, reach)
+            solids[i] = _enter_solids(link, axis, table, depth)
             _enter_inertia(link, table, reach)
         depths.append(depth)
     joints = [_enter_joint(link, table) for link in links]
@@ -202,25 +202,6 @@ def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Sol
         table.add(name, given.mass, "kg", free=True, bounds=(1e-6 * given.mass, 1e6 * given.mass))
         solids.append(given_solid(given, axis, name))
     return solids
-
-
-def _leaning(solids: list[Solid], link: Link, axis: Axis, table: Table, reach: float) -> list[Solid]:
-    """Return the solids with the hinge end of the body ``lean`` nearer to the camera than its far end.
-
-    Only the picture depends on it: a link that leans out of its plane is seen in its real perspective.
-    """
-    if axis.length <= 0 or link.joint.kind != "hinge":
-        return solids
-    name = table.add(f"{link.joint.body}.lean", 0.0, "m", free=True, bounds=(-reach, reach), sign=ANY)
-    start = {"": 1.0, **dict(zip(table.names, table.start, strict=True))}
-    leaning = []
-    for solid in solids:
-        points = []
-        for x, y, z in solid.points:
-            place = [sum(factor * start[key] for key, factor in form.items()) for form in (x, y)]
-            points.append((x, y, plus(z, {name: 1.0 - float(np.dot(place, axis.along)) / axis.length})))
-        leaning.append(replace(solid, points=tuple(points)))
-    return leaning
 
 
 def _free_name(stem: str, table: Table) -> str:

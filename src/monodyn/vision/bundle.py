@@ -22,9 +22,11 @@ SIZES = (".length", ".width", ".tail", ".tip")
 """Sizes that a picture shows; they are refined as logarithms."""
 NOISE_PX = 0.3
 """Standard deviation of an edge sample, systematic part included [px]."""
-OFFSET_SPREAD, LEAN_SPREAD = 0.02, 0.2
-"""Standard deviation of how far a body may stand before its parent, and lean out of its plane, in mean
-lengths."""
+OFFSET_SPREAD = 0.02
+"""Standard deviation of how far a body may stand before its parent, in mean lengths of the mechanism."""
+LEAST_WIDTH_PX = 1.5
+"""No width gets below this while it is refined: an outline without an inside has no edges to come back by
+[px]."""
 SETTLED = 1e-5
 """Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
 LOG_SPREAD = 1.0
@@ -114,13 +116,14 @@ def refine(
         tuple(names), np.array([n.endswith(SIZES) or n in LOG_CAMERA for n in names], dtype=bool)
     )
     x = variables.read(mechanism, camera)
-    anchor, stiffness = _springs(variables, mechanism, start)
     q = np.array(positions, dtype=np.float64)
+    wide = np.array([name.endswith(".width") for name in names], dtype=bool)
     for reach in (*map(float, reaches), *[float(reaches[-1])] * settle):
         mechanism, camera = variables.write(x, mechanism, camera)
         terms = _terms(masks, view, variables, x, mechanism, camera, q, reach, shrink, spacing)
-        step, q_step = _step(terms, x, anchor, stiffness)
+        step, q_step = _step(terms, x, *_springs(variables, x, start))
         x = x + step
+        x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
         if reach == reaches[-1] and np.abs(step).max() < SETTLED:
             break
@@ -146,9 +149,9 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
     rest = bundle.information[np.ix_(others, others)] + 1e-9 * np.eye(len(others))
     cross = bundle.information[np.ix_(sizes, others)]
     known = bundle.information[np.ix_(sizes, sizes)] - cross @ np.linalg.solve(rest, cross.T)
-    if scale_free and sizes:
-        apart = np.eye(len(sizes)) - 1.0 / len(sizes)
-        known = apart @ known @ apart
+    along = known.sum(axis=1)
+    if scale_free and along.sum() > 1e-9 * np.trace(known):
+        known = known - np.outer(along, along) / along.sum()
     return Measured(tuple(bundle.names[i] for i in sizes), 0.5 * (known + known.T))
 
 
@@ -189,21 +192,24 @@ class _Terms:
     facts: np.ndarray
 
 
-def _springs(
-    variables: _Variables, mechanism: Mechanism, start: dict[str, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the start values and stiffness (1 / variance) of the weak springs."""
-    anchor = np.zeros(len(variables.names))
-    stiffness = np.zeros(len(variables.names))
-    for i, name in enumerate(variables.names):
-        if name.endswith(SIZES):
-            spread = LOG_SPREAD if name.endswith((".length", ".width")) else 0.5 * LOG_SPREAD
-            anchor[i], stiffness[i] = np.log(start[name]), 1.0 / spread**2
-        elif name.endswith((".offset", ".lean")):
-            lengths = [v for n, v in start.items() if n.endswith(".length")]
-            share = LEAN_SPREAD if name.endswith(".lean") else OFFSET_SPREAD
-            spread = abs(start[name]) + share * float(np.mean(lengths))
-            anchor[i], stiffness[i] = start[name], 1.0 / spread**2
+def _springs(variables: _Variables, x: np.ndarray, start: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the weak springs pull the variables ``x`` and their stiffness (1 / variance).
+
+    A length is held to its start; another size to its start proportion to the lengths.
+    """
+    names = variables.names
+    anchor, stiffness = np.zeros(len(names)), np.zeros(len(names))
+    grown = [x[i] - np.log(start[name]) for i, name in enumerate(names) if name.endswith(".length")]
+    common = float(np.mean(grown)) if grown else 0.0
+    reach = OFFSET_SPREAD * float(np.mean([v for n, v in start.items() if n.endswith(".length")] or [0.0]))
+    for i, name in enumerate(names):
+        if name.endswith(".length"):
+            anchor[i], stiffness[i] = np.log(start[name]), 1.0 / LOG_SPREAD**2
+        elif name.endswith(SIZES):
+            spread = LOG_SPREAD if name.endswith(".width") else 0.5 * LOG_SPREAD
+            anchor[i], stiffness[i] = np.log(start[name]) + common, 1.0 / spread**2
+        elif name.endswith(".offset"):
+            anchor[i], stiffness[i] = start[name], 1.0 / (abs(start[name]) + reach + 1e-12) ** 2
         elif name in ("camera.roll", "camera.pitch", "camera.yaw"):
             stiffness[i] = 1.0
     return anchor, stiffness

@@ -28,8 +28,6 @@ from monodyn.vision.silhouette import pose_mismatch
 UNEXPLAINED = 0.35
 """Share of the foreground outside of the mechanism, or of the mechanism outside of it, from which it is
 said."""
-WORTH = 0.9
-"""Share to which the mean squared edge distance must fall for links that lean out of their plane."""
 COARSE_REACHES = (9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0)
 FINE_REACHES = (8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0)
 REACHES = np.array([8.0, 6.0, 5.0, 4.0, 4.0])
@@ -126,7 +124,6 @@ def locate(
     focal = settings.focal or float(max(video.width, video.height))
     camera = with_values(Camera(video.width, video.height, focal), fix)
     names = _refined_names(mechanism, fix, free)
-    leans = [p.name for p in mechanism.parameters if p.free and p.name.endswith(".lean")]
     pinned = frozenset([*fix, *(p.name for p in mechanism.parameters if not p.free)])
     report = progress or (lambda step, done, total: None)
 
@@ -145,7 +142,6 @@ def locate(
     report("locate", 3, 4)
     masks, frames, guess = _uncovered(masks, frames, bundle)
     bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, LAST_REACHES)
-    bundle = _with_lean(frames, bundle, picks, [*names, *leans], start)
     report("locate", 4, 4)
     return _scene(masks, frames, bundle, picks, settings)
 
@@ -250,24 +246,6 @@ def _refine_whole(
         first.positions[kept], names, start, reaches=reaches[half:], settle=10,
     )  # fmt: skip
     return second, [picks[i] for i in kept]
-
-
-def _with_lean(
-    frames: KeyFrames, bundle: Bundle, picks: list[int], names: Sequence[str], start: dict[str, float]
-) -> Bundle:
-    """Let the links lean out of their plane, if that explains the edges better."""
-    if len(names) == len(bundle.names):
-        return bundle
-    richer = refine(
-        [frames.frames[i].planes for i in picks], frames.view, bundle.mechanism, bundle.camera,
-        bundle.positions, names, start, reaches=LAST_REACHES, settle=30,
-    )  # fmt: skip
-    return richer if _misfit(richer) < WORTH * _misfit(bundle) else bundle
-
-
-def _misfit(bundle: Bundle) -> float:
-    """Return the mean squared edge distance [px^2]; a sample without an edge counts as 1.5 px away."""
-    return float(np.mean(bundle.matched * bundle.rms_px**2 + (1.0 - bundle.matched) * 1.5**2))
 
 
 def _fits(matched: np.ndarray, inside: np.ndarray) -> np.ndarray:

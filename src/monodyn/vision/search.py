@@ -15,6 +15,7 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.types import FULL, Camera
+from monodyn.vision.bundle import SIZES
 from monodyn.vision.follow import follow
 from monodyn.vision.keyframes import UNKNOWN, KeyFrame, KeyFrames
 from monodyn.vision.rig import Rig, rig_of
@@ -202,6 +203,10 @@ def _try(
     if "camera.depth" not in pinned:
         depth = camera.focal * longest / (scale * reach)
         camera = replace(camera, depth=depth)
+    else:
+        factor = scale * reach * camera.depth / (camera.focal * longest)
+        names = [n for n in mechanism.values if n.endswith(SIZES) and n not in pinned]
+        mechanism = mechanism.with_values({n: mechanism.values[n] * factor for n in names})
     centre = ((camera.width - 1) / 2.0, (camera.height - 1) / 2.0)
     anchor = mechanism.tree.links[0, :2]
     if "camera.x" not in pinned and np.isfinite(x):

@@ -58,6 +58,8 @@ CORRELATION = 2.0
 LEAST_NOISE_PX = 0.05
 """Least standard deviation of an edge sample [px]."""
 
+TOLD = 0.3
+"""A pose that the mask tells less well than this share of the move limit was not seen."""
 SLACK = 0.15
 """A pose may fit so much worse than usual (of 2: all outline samples on edges, all covered inside)
 unquestioned."""
@@ -199,9 +201,11 @@ class Follower:
             s.spacing,
         )
         noise = CORRELATION * max(facts[2], LEAST_NOISE_PX) ** 2
-        information = normal / noise + np.diag(1.0 / self._move**2)
-        fits = facts[0] >= 8 and facts[1] >= s.matched and facts[3] >= s.inside
-        return _Found(q, np.linalg.inv(information), bool(fits), float(facts[1] + facts[3]))
+        covariance = np.linalg.inv(normal / noise + np.diag(1.0 / self._move**2))
+        spread = np.sqrt(np.diag(covariance))
+        told = np.all(spread < TOLD * self._move)
+        fits = told and facts[0] >= 8 and facts[1] >= s.matched and facts[3] >= s.inside
+        return _Found(q, covariance, bool(fits), float(facts[1] + facts[3]))
 
     def _search(self, mask: Mask) -> _Found:
         """Look for the mechanism in the whole picture."""
