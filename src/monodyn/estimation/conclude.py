@@ -212,7 +212,7 @@ def _advice(
         found += say.open_parameters(parameters, known.without_effect(problem.unknowns.names))
         found += say.bounds(parameters)
         found += say.proportions(problem.unknowns.tied if _uniform(problem) else ())
-        found += say.clock(problem.unknowns.names)
+    found += say.clock(problem.unknowns.names)
     total = int(problem.data.measured.any(axis=1).sum()) + int(rejected.sum())
     found += say.outliers(total, int(rejected.sum()), left_out)
     found += say.few(problem.data.samples, _fitted(problem, grown))
