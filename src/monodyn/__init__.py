@@ -6,7 +6,7 @@ The public names are loaded when they are first used, so that ``import monodyn``
     video = monodyn.read("clip.mp4")
     masks = monodyn.segment(video)                            # streamed: foreground coverage per frame
     scene = monodyn.locate(masks, mechanism)                  # camera, sizes, initial pose
-    poses = monodyn.track(scene.masks, scene)                 # joint positions and covariance per frame
+    poses = monodyn.track(masks, scene)                        # joint positions and covariance per frame
     fit = monodyn.identify(poses, scene.mechanism).check()    # parameters and covariance, or advice
     future = monodyn.predict(fit, until=10.0)
     monodyn.report(fit, future, to="run/")

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -111,3 +112,28 @@ def test_settings_say_what_they_take() -> None:
     with pytest.raises(SettingsError) as caught:
         LocateSettings(search_frames=1)
     assert str(caught.value) == "locate.search_frames: expected 2 or more key frames, got 1."
+
+
+def test_any_masks_of_the_clip_are_followed_alike(scene: Scene) -> None:
+    """The program of the README hands over the first masks; background and colours are the scene's."""
+    video = monodyn.read(EXAMPLES / "double.mp4")
+    first = monodyn.segment(video)
+    poses, same = monodyn.track(first, scene), monodyn.track(scene.masks, scene)
+    np.testing.assert_array_equal(poses.position, same.position)
+
+
+def test_a_background_that_was_given_stays(scene: Scene, tmp_path: Path) -> None:
+    picture = np.clip(scene.masks.background.luma.round() + 1, 0, 255).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "wall.png"), picture)
+    masks = monodyn.segment(scene.masks.video, background=tmp_path / "wall.png")
+    found = monodyn.locate(masks, monodyn.load(EXAMPLES / "double.xml"))
+    np.testing.assert_array_equal(found.masks.background.luma, masks.background.luma)
+
+
+def test_roll_is_not_told_by_a_picture(scene: Scene) -> None:
+    with pytest.raises(SettingsError) as caught:
+        monodyn.locate(scene.masks, scene.mechanism, free=("camera.roll",))
+    assert str(caught.value) == (
+        "parameter 'camera.roll': a picture does not tell it from the first hinge's angle; level the camera, "
+        "or give the roll with --fix camera.roll=VALUE [rad]."
+    )

@@ -25,6 +25,8 @@ from monodyn.vision.search import Guess, place, search
 from monodyn.vision.segment import Masks
 from monodyn.vision.silhouette import pose_mismatch
 
+VAGUE_FOCAL, VAGUE_TURN = 0.2, 0.1
+"""Spread of the focal length as a share of it, and of a turn [rad], from which it is called vague."""
 UNEXPLAINED = 0.35
 """Share of the foreground outside of the mechanism, or of the mechanism outside of it, from which it is
 said."""
@@ -111,7 +113,7 @@ def locate(
         The scene.
 
     Raises:
-        SettingsError: a name in ``fix`` or ``free`` is not a camera parameter.
+        SettingsError: a name in ``fix`` or ``free`` is not a camera parameter, or cannot be estimated.
     """
     settings = settings or LocateSettings()
     fix = dict(fix or {})
@@ -120,6 +122,11 @@ def locate(
             raise SettingsError(
                 f"parameter '{name}' is not one of the camera's; camera: {', '.join(PARAMETERS)}."
             )
+    if "camera.roll" in free and mechanism.joints[0].kind == "hinge":
+        raise SettingsError(
+            "parameter 'camera.roll': a picture does not tell it from the first hinge's angle; level the "
+            "camera, or give the roll with --fix camera.roll=VALUE [rad]."
+        )
     video = masks.video
     focal = settings.focal or float(max(video.width, video.height))
     camera = with_values(Camera(video.width, video.height, focal), fix)
@@ -290,6 +297,11 @@ def _scene(
             f"The mechanism lies on its mask in only {share:.0%} of the key frames: check the drawn outline "
             "in the overlay, the mechanism file, and whether other things move in the clip."
         )
+    vague = [name for name, value in spread.items() if value > _vague_from(bundle.camera, name)]
+    if vague:
+        advice.append(
+            f"The clip hardly tells {', '.join(vague)}: leave out --free, or give the value with --fix."
+        )
     left = _unexplained(frames, bundle, picks)
     if left > UNEXPLAINED and not masks.palette.varied:
         advice.append(
@@ -301,6 +313,13 @@ def _scene(
         bundle.mechanism.with_measured(measured), bundle.camera, masks, order[first], bundle.positions[first],
         tuple(order), bundle.positions, spread, rms, tuple(advice),
     )  # fmt: skip
+
+
+def _vague_from(camera: Camera, name: str) -> float:
+    """Return the spread from which a freed camera parameter is called vague [px or rad]; places never are."""
+    if name == "camera.focal":
+        return VAGUE_FOCAL * camera.focal
+    return VAGUE_TURN if name in ("camera.pitch", "camera.yaw", "camera.roll") else np.inf
 
 
 def _unexplained(frames: KeyFrames, bundle: Bundle, picks: list[int]) -> float:

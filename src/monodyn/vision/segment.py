@@ -53,6 +53,7 @@ class Masks:
         palette: Colours of the mechanism and each pixel's gain.
         samples: Frames spread over the motion, from which the background was taken.
         settings: How the foreground was found.
+        given: True when the background is a picture that the user gave.
     """
 
     video: Video
@@ -60,6 +61,7 @@ class Masks:
     palette: Palette
     samples: Samples = field(repr=False)
     settings: SegmentSettings
+    given: bool = False
 
     def __iter__(self) -> Iterator[Mask]:
         """Stream the masks in the order of time."""
@@ -101,9 +103,11 @@ class Masks:
             covered: For each of the sample frames the pixels that the mechanism covers, bool (height, width).
 
         Returns:
-            New masks of the same clip, the colours looked for anew.
+            New masks of the same clip, the colours looked for anew; a background that was given stays.
         """
-        background = background_of(self.samples, covered, fallback=self.background)
+        background = self.background
+        if not self.given:
+            background = background_of(self.samples, covered, fallback=self.background)
         frames, settings = self.samples.frames, self.settings
         palette = choose_palette(frames, background, settings.colour, settings.contrast)
         return replace(self, background=background, palette=palette)
@@ -135,7 +139,7 @@ def segment(
     samples = sample_frames(video, progress=progress)
     scene = background_of(samples) if background is None else _given(background, video, samples)
     palette = choose_palette(samples.frames, scene, settings.colour, settings.contrast)
-    masks = Masks(video, scene, palette, samples, settings)
+    masks = Masks(video, scene, palette, samples, settings, background is not None)
     return masks if background is not None else masks.refined(lingering(samples.frames, scene, palette))
 
 

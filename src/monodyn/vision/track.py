@@ -7,11 +7,11 @@ not seen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.errors import SettingsError
+from monodyn.errors import SettingsError, VideoError
 from monodyn.types import Mask, Poses, Progress
 from monodyn.vision.follow import follow
 from monodyn.vision.keyframes import key_frame
@@ -58,6 +58,8 @@ CORRELATION = 2.0
 LEAST_NOISE_PX = 0.05
 """Least standard deviation of an edge sample [px]."""
 
+COASTING = 8
+"""Frames out of sight over which the last rates count for the number of turns."""
 TOLD = 0.3
 """A pose that the mask tells less well than this share of the move limit was not seen."""
 SLACK = 0.15
@@ -81,21 +83,35 @@ def track(
     """Follow the mechanism through the clip.
 
     Args:
-        masks: The clip's masks; ``scene.masks`` has the better background.
+        masks: The masks of the clip to follow; they are taken anew with the background and the colours that
+            the scene was found with.
         scene: Camera, sizes and first pose.
         settings: How the mechanism is followed.
         progress: Called with the number of frames done.
 
     Returns:
         Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not
-        lie on its mask are not seen and hold NaN.
+        lie on its mask, or that did not decode, are not seen and hold NaN.
+
+    Raises:
+        VideoError: the pictures of ``masks`` have another size than those of the scene.
     """
+    video = masks.video
+    if (video.width, video.height) != (scene.camera.width, scene.camera.height):
+        raise VideoError(
+            f"{video.path}: expected pictures of {scene.camera.width}x{scene.camera.height} like the scene, "
+            f"got {video.width}x{video.height}; locate the mechanism in this clip."
+        )
     follower = Follower(scene, settings or TrackSettings())
+    blank = np.full(len(scene.mechanism.joints), np.nan)
     rows = []
-    for done, mask in enumerate(masks, start=1):
+    for mask in replace(scene.masks, video=video):
+        rows += [
+            (i, video.times[i], blank, np.outer(blank, blank), False) for i in range(len(rows), mask.index)
+        ]  # frames that did not decode
         rows.append((mask.index, mask.time, *follower.step(mask)))
         if progress is not None:
-            progress("track", done, masks.video.count)
+            progress("track", len(rows), video.count)
     index, time, position, covariance, seen = zip(*rows, strict=True)
     joints = tuple(joint.name for joint in scene.mechanism.joints)
     return Poses(
@@ -207,6 +223,14 @@ class Follower:
         fits = told and facts[0] >= 8 and facts[1] >= s.matched and facts[3] >= s.inside
         return _Found(q, covariance, bool(fits), float(facts[1] + facts[3]))
 
+    def _expected(self, time: float) -> np.ndarray:
+        """Return where the joints would be by now at their last rate; after a long gap, where they were."""
+        last, position = self._past[-1]
+        if len(self._past) < 2 or self._lost > COASTING:
+            return position
+        before, earlier = self._past[-2]
+        return position + (position - earlier) * (time - last) / (last - before)
+
     def _search(self, mask: Mask) -> _Found:
         """Look for the mechanism in the whole picture."""
         scene = self._scene
@@ -214,7 +238,7 @@ class Follower:
         coarse = rig_of(scene.mechanism, scene.camera, shrink=frames.shrink)
         q, _ = place(frame, frames, coarse, scene.mechanism)
         if self._past:
-            turns = np.round((self._past[-1][1] - q) / (2.0 * np.pi))
+            turns = np.round((self._expected(mask.time) - q) / (2.0 * np.pi))
             q = q + np.where(self._hinge & ~np.isfinite(self._lower), 2.0 * np.pi * turns, 0.0)
         return self._follow(mask, q, self._settings.first_reach)
 
