@@ -110,10 +110,11 @@ def test_what_follows_is_known_as_well_as_what_it_follows_from(fit, truth):
 
 
 def test_values_of_the_picture_alone_have_no_interval(poses, double):
-    """An offset does not move anything; it follows the scale, and is not among the unknowns."""
+    """An offset does not move anything; it follows the length of its body, and is not among the unknowns."""
     seen_so = double.with_values({"link2.offset": -0.008})
     fit = identify(poses, seen_so)
-    scale = fit.parameter("link1.length").value / double.values["link1.length"]
+    scale = fit.parameter("link2.length").value / double.values["link2.length"]
+    assert ("link2.offset", "link2.length") in fit.tied
     assert fit.parameter("link2.offset").value == pytest.approx(-0.008 * scale, rel=1e-12)
     estimate = fit.parameter("link2.offset")
     assert (estimate.std, estimate.free, estimate.identifiable) == (np.inf, False, False)
