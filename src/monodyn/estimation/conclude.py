@@ -24,8 +24,10 @@ from monodyn.types import Poses
 if TYPE_CHECKING:
     from monodyn.estimation.settings import IdentifySettings
 
-MOST_REJECTED = 0.25
+MOST_REJECTED = 0.1
 """With more far-off samples than this share they are no accident, and none is left out."""
+LONGEST_RUN = 3
+"""Nor is a run of more far-off measured rows than this: there the motion does not follow."""
 
 
 def conclude(
@@ -125,15 +127,21 @@ def _fitted(problem: Problem, grown: Grown) -> int:
 
 
 def _gross(data: Data, residuals: np.ndarray, outlier: float) -> np.ndarray:
-    """Rows with a residual above ``outlier`` typical ones of their joint, (row,)."""
-    if outlier == 0:
-        return np.zeros(len(residuals), dtype=bool)
+    """Rows of short runs with a residual above ``outlier`` typical ones of their joint, (row,)."""
     far = np.zeros(len(residuals), dtype=bool)
+    if outlier == 0:
+        return far
     for dof, use in enumerate(data.measured.T):
         size = max(typical(residuals[:, [dof]], use[:, None]), 1.0)
         far |= use & (np.abs(residuals[:, dof]) > outlier * size)
-    share = far.sum() / max(data.measured.any(axis=1).sum(), 1)
-    return far if share <= MOST_REJECTED else np.zeros_like(far)
+    measured = data.measured.any(axis=1)
+    alone = np.zeros_like(far)
+    for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
+        rows = first + np.flatnonzero(measured[first:stop])
+        ends = np.flatnonzero(np.diff(far[rows].astype(int), prepend=0, append=0))
+        for begin, end in ends.reshape(-1, 2):
+            alone[rows[begin:end]] = end - begin <= LONGEST_RUN
+    return alone if alone.sum() <= MOST_REJECTED * measured.sum() else np.zeros_like(far)
 
 
 def _fit(
