@@ -58,3 +58,11 @@ def test_too_few_samples_give_nan():
 def test_short_records_work(count):
     time = np.arange(count) * 0.1
     np.testing.assert_allclose(smooth(record(time, 3.0 * time)).velocity, 3.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("position", [(0, 0, 0, 0.5, 2), (0, 0, 0.5, 1, 1), (0, 0, 1, 2, 2)])
+def test_five_samples_have_none_that_is_far_off(position):
+    """With fewer than five samples left there is no cubic to tell what is far off."""
+    found = smooth(record(np.arange(5) * 0.1, position))
+    assert np.isfinite(found.acceleration).all()
+    assert not found.outlier.any()

@@ -6,7 +6,7 @@ and smooths better than any filter. Time stamps may be uneven and frames may be 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from monodyn.types import Poses
 
 WINDOWS = (7, 11, 17, 27)
 """Numbers of neighbours that are tried."""
+LEAST = 5
+"""Samples that a cubic and a word on its noise need; with fewer left, none of them counts as far off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ def smooth(poses: Poses) -> Smoothed:
     noise, outlier = np.full(dofs, np.nan), np.zeros((frames, dofs), dtype=bool)
     for dof in range(dofs):
         use = np.flatnonzero(poses.seen & np.isfinite(poses.position[:, dof]))
-        if len(use) < 5:
+        if len(use) < LEAST:
             continue
         times, values = poses.time[use], poses.position[use, dof]
         found = _best_window(times, values, poses.time)
@@ -84,8 +86,11 @@ def _best_window(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> _Curv
     widths = [count for count in WINDOWS if count <= len(times)] or [len(times)]
     tried = [_fit(times, values, count) for count in widths]
     best = min(tried, key=lambda curve: curve.error)
+    width = widths[tried.index(best)]
+    if len(times) - int(best.far.sum()) < LEAST:
+        best = replace(best, far=np.zeros(len(times), dtype=bool))
     near = ~best.far
-    count = min(widths[tried.index(best)], int(near.sum()))
+    count = min(width, int(near.sum()))
     rows, _ = _cubics(times[near], values[near], np.ones(int(near.sum())), at, count)
     return _Curve(rows * np.array([[1.0], [1.0], [1.0], [best.noise]]), best.noise, best.far, best.error)
 
