@@ -5,8 +5,9 @@ Everything that can be refused is refused before the first frame is decoded and 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ from monodyn.results.page import Page
 from monodyn.results.predict import predict
 from monodyn.results.report import result_document, trace_of, view_of, write_results
 from monodyn.types import Poses, Progress
+from monodyn.vision.camera import PARAMETERS
 from monodyn.vision.locate import LocateSettings, Scene, locate
 from monodyn.vision.segment import SegmentSettings, segment
 from monodyn.vision.track import TrackSettings, track
@@ -62,6 +64,20 @@ class RunSettings:
     locate: LocateSettings = field(default_factory=LocateSettings)
     track: TrackSettings = field(default_factory=TrackSettings)
     identify: IdentifySettings = field(default_factory=IdentifySettings)
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
+        if self.rate is not None and not (math.isfinite(self.rate) and self.rate > 0):
+            raise SettingsError(
+                f"rate: expected more than 0 Hz, got {self.rate:g}; give the true frames a second."
+            )
+        for stage in ("segment", "locate", "track", "identify"):
+            for name, value in asdict(getattr(self, stage)).items():
+                if isinstance(value, float) and not math.isfinite(value):
+                    raise SettingsError(
+                        f"{stage}.{name}: expected a finite number, got {value}; leave it out for the usual one."
+                    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,19 +260,58 @@ def opened(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[
 
 
 def chosen(model: str | Path, settings: RunSettings) -> Mechanism:
-    """Load a mechanism and apply ``fix`` and ``free``; those of the camera are left to ``locate``.
+    """Load a mechanism and apply ``fix`` and ``free``; those of the camera are checked and left to ``locate``.
 
     Args:
         model: Mechanism file or bundled name.
         settings: The user's choices.
+
+    Raises:
+        MechanismError: the model or a choice cannot be used.
+        SettingsError: a choice of a camera parameter cannot be used.
     """
     from monodyn.mechanism import load
 
     fix, free = settings.fix, settings.free
+    check_camera(fix, free)
     return load(model).with_choices(
         fix={name: value for name, value in fix.items() if not name.startswith("camera.")},
         free=[name for name in free if not name.startswith("camera.")],
     )
+
+
+def check_camera(fix: Mapping[str, float], free: Sequence[str]) -> None:
+    """Refuse choices of camera parameters that no camera can have; other names are left alone.
+
+    Args:
+        fix: Values by parameter name.
+        free: Names of parameters to estimate.
+
+    Raises:
+        SettingsError: there is no such parameter, it is both fixed and freed, or its value is impossible.
+    """
+    for name in (*fix, *free):
+        if name.startswith("camera.") and name not in PARAMETERS:
+            raise SettingsError(
+                f"parameter '{name}': expected one of the camera's ({', '.join(PARAMETERS)}); correct the name."
+            )
+        if name.startswith("camera.") and name in fix and name in free:
+            raise SettingsError(f"parameter '{name}': is both fixed and freed; choose one of them.")
+    for name in PARAMETERS:
+        value, unit = float(fix.get(name, 1.0)), PARAMETERS[name]
+        if not math.isfinite(value):
+            raise SettingsError(
+                f"parameter '{name}': expected a finite number, got {value}; give it in {unit}."
+            )
+        if name in ("camera.depth", "camera.focal") and value <= 0:
+            raise SettingsError(
+                f"parameter '{name}': expected a value above 0 {unit}, got {value:g}; correct it."
+            )
+        if name in ("camera.pitch", "camera.yaw") and abs(value) >= math.pi / 2:
+            raise SettingsError(
+                f"parameter '{name}': expected less than a quarter turn, got {value:g} rad; "
+                "the camera looks at the plane, give the angle in radians."
+            )
 
 
 def fitted_range(wanted: tuple[int, int | None] | None, count: int) -> tuple[int, int]:

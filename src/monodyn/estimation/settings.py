@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import Literal
+
+from monodyn.errors import SettingsError
 
 
 @dataclass(frozen=True)
@@ -17,7 +20,7 @@ class IdentifySettings:
         seed: Seed of the scattered starts.
         piece: Measured samples in each of the short rollouts the search begins with.
         error_bound: The integration error of a rollout stays below this [rad or m].
-        outlier: A sample is left out when its residual is above so many typical ones; 0 keeps all.
+        outlier: A sample is left out when its residual is above so many typical ones, 3 or more; 0 keeps all.
         evaluations: Evaluations of the model in one search, at most.
     """
 
@@ -28,3 +31,18 @@ class IdentifySettings:
     error_bound: float = 1e-5
     outlier: float = 8.0
     evaluations: int = 100
+
+    def __post_init__(self) -> None:
+        if self.bodies not in ("uniform", "free"):
+            raise SettingsError(f"identify.bodies: expected 'uniform' or 'free', got '{self.bodies}'.")
+        ranges = (
+            ("starts", 1, 1000), ("seed", 0, 2**63), ("piece", 5, 10000), ("error_bound", 1e-10, 1e-2),
+            ("evaluations", 5, 10000),
+        )  # fmt: skip
+        for name, low, high in ranges:
+            value = getattr(self, name)
+            if not low <= value <= high:
+                shown = f"identify.{name.replace('_', '-')}"
+                raise SettingsError(f"{shown}: expected {low:g} to {high:g}, got {value:g}.")
+        if self.outlier != 0 and not (self.outlier >= 3 and isfinite(self.outlier)):
+            raise SettingsError(f"identify.outlier: expected 0 or at least 3, got {self.outlier:g}.")
