@@ -296,6 +296,12 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
          "the camera looks at the plane, give the angle in radians."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "camera.roll=0.1", "--free", "camera.roll"],
          "parameter 'camera.roll': is both fixed and freed; choose one of them."),
+        (["identify", "nowhere.csv", "--model", MODEL, "--out", "o", "--fix", "camera.bogus=3"],
+         "parameter 'camera.bogus': expected one of the mechanism's; tables of joint positions have no "
+         "camera, leave it out."),
+        (["identify", "nowhere.csv", "--model", MODEL, "--out", "o", "--free", "camera.focal"],
+         "parameter 'camera.focal': expected one of the mechanism's; tables of joint positions have no "
+         "camera, leave it out."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--identify.starts", "0"],
          "identify.starts: expected 1 to 1000, got 0."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--track.reach", "inf"],

@@ -76,7 +76,8 @@ class RunSettings:
             for name, value in asdict(getattr(self, stage)).items():
                 if isinstance(value, float) and not math.isfinite(value):
                     raise SettingsError(
-                        f"{stage}.{name}: expected a finite number, got {value}; leave it out for the usual one."
+                        f"{stage}.{name}: expected a finite number, got {value}; "
+                        "leave it out for the usual one."
                     )
 
 
@@ -220,7 +221,7 @@ def identify_tables(
         SettingsError: a setting or the folder cannot be used.
     """
     settings = settings or RunSettings()
-    mechanism = chosen(model, settings)
+    mechanism = chosen(model, settings, camera=False)
     records = [read_poses(table, mechanism) for table in tables]
     names = [Path(table).name for table in tables]
     inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
@@ -259,12 +260,13 @@ def opened(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[
     return mechanism, video
 
 
-def chosen(model: str | Path, settings: RunSettings) -> Mechanism:
-    """Load a mechanism and apply ``fix`` and ``free``; those of the camera are checked and left to ``locate``.
+def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> Mechanism:
+    """Load a mechanism and apply ``fix`` and ``free``; those of the camera are only checked, for ``locate``.
 
     Args:
         model: Mechanism file or bundled name.
         settings: The user's choices.
+        camera: False refuses parameters of the camera, where there is none.
 
     Raises:
         MechanismError: the model or a choice cannot be used.
@@ -273,6 +275,12 @@ def chosen(model: str | Path, settings: RunSettings) -> Mechanism:
     from monodyn.mechanism import load
 
     fix, free = settings.fix, settings.free
+    odd = [name for name in (*fix, *free) if name.startswith("camera.")]
+    if odd and not camera:
+        raise SettingsError(
+            f"parameter '{odd[0]}': expected one of the mechanism's; tables of joint positions have no "
+            "camera, leave it out."
+        )
     check_camera(fix, free)
     return load(model).with_choices(
         fix={name: value for name, value in fix.items() if not name.startswith("camera.")},
@@ -293,7 +301,8 @@ def check_camera(fix: Mapping[str, float], free: Sequence[str]) -> None:
     for name in (*fix, *free):
         if name.startswith("camera.") and name not in PARAMETERS:
             raise SettingsError(
-                f"parameter '{name}': expected one of the camera's ({', '.join(PARAMETERS)}); correct the name."
+                f"parameter '{name}': expected one of the camera's ({', '.join(PARAMETERS)}); "
+                "correct the name."
             )
         if name.startswith("camera.") and name in fix and name in free:
             raise SettingsError(f"parameter '{name}': is both fixed and freed; choose one of them.")
