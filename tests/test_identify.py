@@ -29,10 +29,10 @@ def scaled(mechanism, **factors):
     return mechanism.with_values(changed)
 
 
-def motion(mechanism, times, q0, v0):
+def motion(mechanism, times, q0, v0, steps=16):
     tree = mechanism.tree
     q, _ = rollout(
-        tree.parent, tree.kind, tree.links, tree.gravity, np.asarray(times, float), 16, np.array(q0, float),
+        tree.parent, tree.kind, tree.links, tree.gravity, np.asarray(times, float), steps, np.array(q0, float),
         np.array(v0, float),
     )  # fmt: skip
     return q
@@ -385,6 +385,31 @@ def test_a_residual_as_large_as_the_noise_is_fine_however_large(bent):
     fit = identify(replace(bent, covariance=bent.covariance * 50.0**2), load("single"))
     assert fit.ok
     assert fit.rms["joint1"] > 0.015 * np.ptp(bent.position)
+
+
+@pytest.mark.parametrize("bound", [1e-3, 1e-6])
+def test_the_integration_keeps_its_bound(poses, double, bound):
+    fit = identify(poses, double, IdentifySettings(error_bound=bound))
+    start = fit.starts[0]
+    exact = motion(fit.mechanism, TIMES, start.position, start.velocity, steps=256)
+    error = np.abs(poses.position - fit.residual[0] - exact).max()
+    assert error < 1.5 * bound  # the estimate is of leading order
+    assert not any("integration steps" in line for line in fit.advice)
+
+
+def test_an_integration_bound_out_of_reach_is_said(double):
+    slow = record(double, 12.0 * TIMES[:24], motion(double, 12.0 * TIMES[:24], [0.3, 0.5], [0.0, 1.0], 512))
+    known = double.with_choices(fix={p.name: p.value for p in double.parameters if p.free})
+    fit = identify(slow, known, IdentifySettings(starts=1, error_bound=1e-9))
+    assert any(
+        re.fullmatch(
+            r"With 64 integration steps between time stamps, the most there are, the motion is exact to \S+ rad "
+            r"\(m for slides\) and not to the 1e-09 asked for; fit fewer frames, or give a larger "
+            r"--identify\.error-bound if that is exact enough\.",
+            line,
+        )
+        for line in fit.advice
+    )
 
 
 def test_joint_limits_are_said(poses, double):

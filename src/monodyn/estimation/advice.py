@@ -113,6 +113,17 @@ def beginning(mechanism: Mechanism, frames: Sequence[int], rms: Mapping[str, flo
     )
 
 
+def integration(substeps: int, error: float, bound: float) -> list[str]:
+    """Say that the integration error of the fitted motion, ``error``, stays above its bound [rad or m]."""
+    if error <= bound:
+        return []
+    return [
+        f"With {substeps} integration steps between time stamps, the most there are, the motion is exact to "
+        f"{error:.2g} rad (m for slides) and not to the {bound:.2g} asked for; fit fewer frames, or give a "
+        "larger --identify.error-bound if that is exact enough."
+    ]
+
+
 def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:
     """Say which joints the simulated motion carries to their limits, which it does not know."""
     advice = []

@@ -13,7 +13,7 @@ from monodyn.estimation.combinations import combinations
 from monodyn.estimation.data import Data
 from monodyn.estimation.estimates import estimates
 from monodyn.estimation.fit import Estimate, Fit, Start
-from monodyn.estimation.grow import Grown, Route, fit_pieces, typical
+from monodyn.estimation.grow import Grown, Route, choose_substeps, fit_pieces, typical
 from monodyn.estimation.problem import Problem
 from monodyn.estimation.uncertainty import Knowledge, know, noise_factors
 from monodyn.estimation.unknowns import kind_of
@@ -64,15 +64,19 @@ def conclude(
     route = Route(settings.piece, settings.error_bound, fine)
     evaluations = grown.evaluations
     grown = _plain(stated, grown)
-    for _ in range(2):
+    substeps, error, rounds = 0, 0.0, 0
+    # twice, and again where the optimum needs more steps than the search chose; they double at least
+    while rounds < 2 or substeps > grown.substeps:
         size, spread = noise_factors(stated.data, _stated_residuals(stated, grown), _fitted(problem, grown))
         weighted = stated.with_data(stated.data.scaled(size * spread))
         grown = fit_pieces(weighted, grown.x, grown.states, grown.pieces, route, fine, robust=False)
-        evaluations += grown.evaluations
+        evaluations, rounds = evaluations + grown.evaluations, rounds + 1
+        substeps, error = choose_substeps(stated, grown.x, grown.states, grown.pieces, settings.error_bound)
     size, spread = noise_factors(stated.data, _stated_residuals(stated, grown), _fitted(problem, grown))
     weighted = stated.with_data(stated.data.scaled(size * spread))
     known = know(weighted, grown)
-    return _fit(stated, grown, known, records, rejected, size, spread, tried, evaluations, began)
+    fit = _fit(stated, grown, known, records, rejected, size, spread, tried, evaluations, began)
+    return replace(fit, advice=(*say.integration(substeps, error, settings.error_bound), *fit.advice))
 
 
 def refuse(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:

@@ -15,6 +15,7 @@ import numpy as np
 from monodyn.estimation.data import Pieces, cut, merge
 from monodyn.estimation.problem import Problem
 from monodyn.estimation.smooth import Smoothed
+from monodyn.mechanism.simulate import least_substeps
 from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
 
 MOST_SUBSTEPS = 64
@@ -140,7 +141,7 @@ def fit_pieces(
     Returns:
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
     """
-    substeps = choose_substeps(problem, x, states, pieces, route.error_bound)
+    substeps, _ = choose_substeps(problem, x, states, pieces, route.error_bound)
     ahead: tuple[np.ndarray, np.ndarray] | None = problem.rows(x, states, pieces, substeps)
     sigma = typical(ahead[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
@@ -169,10 +170,8 @@ def typical(residuals: np.ndarray, measured: np.ndarray) -> float:
 
 def choose_substeps(
     problem: Problem, x: np.ndarray, states: np.ndarray, pieces: Pieces, error_bound: float
-) -> int:
+) -> tuple[int, float]:
     """Choose the integration steps between stamps by doubling them until the motion no longer changes.
-
-    The error of a rollout with n steps is the change against 2 n steps over 15 (Runge-Kutta, order four).
 
     Args:
         problem: The problem.
@@ -182,15 +181,8 @@ def choose_substeps(
         error_bound: Largest error [rad or m].
 
     Returns:
-        The smallest number that keeps the bound, or 64.
+        The smallest number that keeps the bound, or 64; and the largest error with it [rad or m].
     """
     pick = np.unique(np.linspace(0, len(states) - 1, 24).astype(int))
     chosen = [(int(pieces.first[k]), int(pieces.first[k + 1]), states[k]) for k in pick]
-    substeps, coarse = 1, problem.rollouts(x, chosen, 1)
-    while substeps < MOST_SUBSTEPS:
-        fine = problem.rollouts(x, chosen, 2 * substeps)
-        error = np.abs(fine - coarse).max() / 15.0
-        if error <= error_bound:
-            return substeps
-        substeps, coarse = 2 * substeps, fine
-    return substeps
+    return least_substeps(lambda steps: problem.rollouts(x, chosen, steps), error_bound, MOST_SUBSTEPS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,20 +95,36 @@ def choose_substeps(
 
     Returns:
         Steps between two time stamps.
-
-    Source: step doubling: halving the step of an order-4 method divides its error by 16, so the error of the
-        longer step is 16/15 of the difference of the two results.
     """
     from monodyn.mechanism.dynamics import rollout
 
     tree = mechanism.tree
-    steps = 1
-    coarse = rollout(tree.parent, tree.kind, tree.links, tree.gravity, times, steps, q0, v0)[0]
+    arrays = (tree.parent, tree.kind, tree.links, tree.gravity, times)
+    return least_substeps(lambda steps: rollout(*arrays, steps, q0, v0)[0], tolerance, most)[0]
+
+
+def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, most: int) -> tuple[int, float]:
+    """Double the integration steps until the motion stays within a bound of its error.
+
+    Args:
+        positions: Gives the motion integrated with a number of steps between two time stamps [rad or m].
+        tolerance: Largest error of any position [rad or m].
+        most: Where to stop doubling; returned too if the bound is out of reach, as in long chaotic motion.
+
+    Returns:
+        Steps between two time stamps, the least power of two that keeps the bound; and the largest error with
+        them [rad or m], infinite where the motion is not finite or there is nothing to compare with.
+
+    Source: step doubling: halving the step of an order-4 method divides its error by 16, so the error of the
+        longer step is 16/15 of the difference of the two results, that of the shorter 1/15.
+    """
+    steps, change = 1, np.inf
+    coarse = positions(1)
     while steps < most:
-        fine = rollout(tree.parent, tree.kind, tree.links, tree.gravity, times, 2 * steps, q0, v0)[0]
+        fine = positions(2 * steps)
         with np.errstate(invalid="ignore", over="ignore"):
-            error = 16 / 15 * float(np.max(np.abs(fine - coarse), initial=0.0))
-        if error <= tolerance:
-            return steps
+            change = float(np.max(np.abs(fine - coarse), initial=0.0))
+        if 16 / 15 * change <= tolerance:
+            return steps, 16 / 15 * change
         steps, coarse = 2 * steps, fine
-    return most
+    return steps, change / 15 if np.isfinite(change) else np.inf

@@ -77,6 +77,7 @@ def _one_way(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Simulate away from the start: positions, rates and standard deviations at ``times``."""
     from monodyn.mechanism.dynamics import rollout, sensitivities
+    from monodyn.mechanism.simulate import least_substeps
 
     tree, stretch = fit.mechanism.tree, fit.mechanism.values["time_scale"]
     stamps, rows = _stamps(start.time, times, usual)
@@ -87,13 +88,7 @@ def _one_way(
     def positions(substeps: int) -> np.ndarray:
         return rollout(*arrays, tree.gravity, clock, substeps, *state)[0]
 
-    substeps, coarse = 1, positions(1)
-    while substeps < MOST_SUBSTEPS:
-        finer = positions(2 * substeps)
-        done = np.abs(finer - coarse).max() / 15.0 <= ERROR_BOUND
-        if done:
-            break
-        substeps, coarse = 2 * substeps, finer
+    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_SUBSTEPS)
     dofs = len(start.position)
     count = len(fit.names) - 2 * dofs * len(fit.starts)
     names = fit.names[:count]
