@@ -14,6 +14,7 @@ import pytest
 from conftest import EXAMPLES, ClipMaker, Done, command
 from monodyn.cli.options import frame_range, values
 from monodyn.errors import SettingsError
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.folder import FILES, RunFolder
 
 CLIP, MODEL = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
@@ -136,6 +137,25 @@ def test_identify_takes_the_poses_of_a_run(demo: Done, tmp_path: Path) -> None:
     assert printed.code == 0
     assert "link1.length" in printed.out
     assert "N m s/rad" in printed.out
+
+
+def test_the_seed_that_is_recorded_is_the_one_that_was_used(
+    demo: Done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from monodyn import pipeline
+
+    used = []
+
+    def interrupt(records: object, mechanism: object, settings: IdentifySettings, **kwargs: object) -> None:
+        used.append(settings.seed)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pipeline, "identify", interrupt)
+    words = ("identify", demo.folder / "poses.csv", "--model", MODEL, "--out", tmp_path, "--quiet")
+    assert command(*words, "--seed", "5", "--identify.starts", "2").code == 130
+    log = json.loads((tmp_path / "run.json").read_text())
+    assert used == [log["seed"]] == [log["settings"]["identify"]["seed"]] == [5]
+    assert log["settings"]["identify"]["starts"] == 2
 
 
 def test_a_fit_that_cannot_be_trusted_exits_1_and_writes_its_files(demo: Done, tmp_path: Path) -> None:
@@ -306,6 +326,8 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
          "identify.starts: expected 1 to 1000, got 0."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--track.reach", "inf"],
          "track.reach: expected a finite number, got inf; leave it out for the usual one."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--identify.seed", "3"],
+         "run: expected known options, got --identify.seed, 3; see monodyn run --help."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--seed", "-1"],
          "seed: expected 0 or more, got -1; give a whole number."),
     ],

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,7 +46,7 @@ class RunSettings:
         free: Parameters to estimate that are not by default.
         background: Picture of the scene without the mechanism.
         rate: Frames a second [Hz] in place of the clip's time stamps.
-        seed: Seed of every random start.
+        seed: Seed of every random start; it takes the place of ``identify.seed``.
         segment: How the foreground is found.
         locate: How camera, sizes and initial pose are found.
         track: How the mechanism is followed.
@@ -68,6 +68,7 @@ class RunSettings:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
+        object.__setattr__(self, "identify", replace(self.identify, seed=self.seed))
         if self.rate is not None and not (math.isfinite(self.rate) and self.rate > 0):
             raise SettingsError(
                 f"rate: expected more than 0 Hz, got {self.rate:g}; give the true frames a second."
@@ -144,7 +145,7 @@ def run(
         scene, poses = see(folder, log, video, mechanism, settings, progress)
         part = poses.part(*np.searchsorted(poses.frame, [first, stop]))
         with log.stage("identify"):
-            fit = identify(part, scene.mechanism, seeded(settings.identify, settings.seed), progress=progress)
+            fit = identify(part, scene.mechanism, settings.identify, progress=progress)
         with log.stage("predict"):
             traces = []
             if fit.starts:
@@ -229,7 +230,7 @@ def identify_tables(
     folder = None if out is None else RunFolder(out, force=force)
     with recorded(folder, log):
         with log.stage("identify"):
-            fit = identify(records, mechanism, seeded(settings.identify, settings.seed), progress=progress)
+            fit = identify(records, mechanism, settings.identify, progress=progress)
         traces = []
         if fit.starts:
             traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]
@@ -394,25 +395,12 @@ def see(
     with log.stage("segment"):
         masks = segment(video, settings.segment, background=settings.background, progress=progress)
     with log.stage("locate"):
-        finding = seeded(settings.locate, settings.seed)
-        scene = locate(masks, mechanism, finding, fix=fix, free=free, progress=progress)
+        scene = locate(masks, mechanism, settings.locate, fix=fix, free=free, progress=progress)
     with log.stage("track"):
-        poses = track(scene.masks, scene, seeded(settings.track, settings.seed), progress=progress)
+        poses = track(scene.masks, scene, settings.track, progress=progress)
     log.notes += [*scene.advice, *video.notes, *_untracked(poses)]
     folder.write("poses.csv", lambda path: write_poses(poses, path))
     return scene, poses
-
-
-def seeded(settings: Any, seed: int) -> Any:
-    """Return the settings with the seed of the run, where they have one.
-
-    Args:
-        settings: Settings of a stage.
-        seed: Seed of every random start.
-    """
-    if any(item.name == "seed" for item in fields(settings)):
-        return replace(settings, seed=seed)
-    return settings
 
 
 def _untracked(poses: Poses) -> list[str]:

@@ -32,6 +32,13 @@ Picture = Annotated[Path | None, conf.arg(metavar="PICTURE")]
 
 
 @dataclass(frozen=True)
+class IdentifyChoices(IdentifySettings):
+    """How the dynamics are identified; the one seed of a command is ``--seed``."""
+
+    seed: Annotated[int, conf.Fixed, conf.Suppress] = 0
+
+
+@dataclass(frozen=True)
 class RunOptions:
     """Track a clip, identify the mechanism on some of its frames, predict the others, write the run folder.
 
@@ -71,7 +78,7 @@ class RunOptions:
     segment: SegmentSettings = field(default_factory=SegmentSettings)
     locate: LocateSettings = field(default_factory=LocateSettings)
     track: TrackSettings = field(default_factory=TrackSettings)
-    identify: IdentifySettings = field(default_factory=IdentifySettings)
+    identify: IdentifyChoices = field(default_factory=IdentifyChoices)
 
     def go(self) -> int:
         """Run the command; return the exit code."""
@@ -167,7 +174,7 @@ class IdentifyOptions:
     quiet: bool = False
     json: bool = False
     seed: int = 0
-    identify: IdentifySettings = field(default_factory=IdentifySettings)
+    identify: IdentifyChoices = field(default_factory=IdentifyChoices)
 
     def go(self) -> int:
         """Run the command; return the exit code."""
@@ -250,7 +257,7 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
     """Bring a boxed complaint about the command line into one sentence."""
     text = re.sub(r"[\u2500-\u257f]|-{4,}", " ", complaint)
     text = " ".join(text.split())
-    text = re.split(r"For full helptext|Argument helptext|Got errors", text)[0].strip()
+    text = re.split(r"For full helptext|Argument helptext|Got errors|Perhaps you meant", text)[0].strip()
     see = f"see monodyn {command} --help."
     if text.startswith("Required options"):
         wanted = [
