@@ -47,6 +47,13 @@ def test_encoder_log_in_the_order_of_the_mechanism(tmp_path):
     assert found.seen.all()
 
 
+def test_a_joint_that_was_never_measured_is_a_gap(tmp_path):
+    (tmp_path / "log.csv").write_text("time,a,b\n" + "".join(f"{i},{i % 3},\n" for i in range(9)))
+    found = read_poses(tmp_path / "log.csv", ["a", "b"])
+    assert np.isnan(found.position[:, 1]).all()
+    assert np.isfinite(found.covariance).all()
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -59,6 +66,20 @@ def test_encoder_log_in_the_order_of_the_mechanism(tmp_path):
         ("", "log.csv: expected a header line and rows of numbers, got 0 lines."),
         ("time,a\n", "log.csv: expected a header line and rows of numbers, got 1 lines."),
         ("time,a\n0,\n1,nan\n", "log.csv: expected measured joint positions, got none in 2 rows."),
+        (
+            "frame,time,a\n0,0,1\n,1,2\n",
+            "log.csv: line 3, column 'frame': expected a whole number, got an empty cell.",
+        ),
+        ("frame,time,a\n0.5,0,1\n", "log.csv: line 2, column 'frame': expected a whole number, got 0.5."),
+        (
+            "time,a,a_std\n0,1,0.1\n\n1,2,-0.1\n",
+            "log.csv: line 4, column 'a_std': expected a standard deviation of zero or more, or nothing, "
+            "got -0.1.",
+        ),
+        (
+            "time,a\n0,1\n1,inf\n",
+            "log.csv: line 3, column 'a': expected a finite number, or nothing for a gap, got inf.",
+        ),
         ("time,a,a\n0,1,2\n", "log.csv: column 'a' is there 2 times; keep one."),
     ],
 )

@@ -35,14 +35,15 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
         The record; slides are in metres.
 
     Raises:
-        VideoError: The file cannot be read, lacks a column, holds something that is not a number, or its
-            times do not increase.
+        VideoError: The file cannot be read, lacks a column, holds something that is not a number or that
+            its column cannot have, or its times do not increase.
     """
     path = Path(path)
     names = tuple(joints if isinstance(joints, Sequence) else (joint.name for joint in joints.joints))
     header, rows = _table(path)
     columns = _columns(path, header, names)
     table = np.array([_numbers(path, header, row, line) for line, row in rows])
+    _check_values(path, columns, names, rows, table)
     time = increasing(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
     position = table[:, [columns[name] for name in names]]
     seen = np.asarray(np.isfinite(position).any(axis=1))
@@ -135,13 +136,42 @@ def _numbers(path: Path, header: list[str], row: list[str], line: int) -> list[f
     return numbers
 
 
+def _check_values(
+    path: Path,
+    columns: dict[str, int],
+    names: tuple[str, ...],
+    rows: list[tuple[int, list[str]]],
+    table: np.ndarray,
+) -> None:
+    """Refuse numbers that their column cannot have: what is used must be finite, a gap or a deviation."""
+    deviations = [f"{name}_std" for name in names]
+    rules = [
+        (["frame"], lambda x: np.isfinite(x) & (x == np.rint(x)), "a whole number"),
+        (names, lambda x: ~np.isinf(x), "a finite number, or nothing for a gap"),
+        (deviations, lambda x: ~np.isinf(x) & ~(x < 0), "a standard deviation of zero or more, or nothing"),
+    ]
+    for chosen, holds, expected in rules:
+        for name in chosen:
+            if name not in columns:
+                continue
+            bad = np.flatnonzero(~holds(table[:, columns[name]]))
+            if len(bad):
+                line, row = rows[bad[0]]
+                cell = row[columns[name]].strip() or "an empty cell"
+                raise VideoError(
+                    f"{path.name}: line {line}, column {name!r}: expected {expected}, got {cell}."
+                )
+
+
 def _with_noise(poses: Poses, std: np.ndarray) -> Poses:
     """Fill in missing standard deviations with the scatter about a smooth curve."""
     from monodyn.estimation.smooth import smooth
 
     smoothed = smooth(poses)
     scatter = np.nan_to_num(smoothed.noise, nan=0.0)
-    floor = 1e-4 * np.nan_to_num(np.nanstd(np.where(poses.seen[:, None], poses.position, np.nan), axis=0))
+    used = np.isfinite(poses.position) & poses.seen[:, None]
+    columns = zip(poses.position.T, used.T, strict=True)
+    floor = np.array([1e-4 * np.std(values[use]) if use.any() else 0.0 for values, use in columns])
     filled = np.where(np.isfinite(std), std, np.maximum(np.maximum(scatter, floor), 1e-9))
     covariance = np.zeros_like(poses.covariance)
     covariance[:, range(len(poses.joints)), range(len(poses.joints))] = filled**2
