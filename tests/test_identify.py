@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from monodyn.errors import FitError, MechanismError, SettingsError, VideoError
+from monodyn.estimation.data import prepare
 from monodyn.estimation.identify import identify
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.uncertainty import noise_factors
 from monodyn.mechanism import Measured, load
 from monodyn.mechanism.dynamics import rollout
 from monodyn.types import Poses
@@ -385,6 +387,25 @@ def test_a_residual_as_large_as_the_noise_is_fine_however_large(bent):
     fit = identify(replace(bent, covariance=bent.covariance * 50.0**2), load("single"))
     assert fit.ok
     assert fit.rms["joint1"] > 0.015 * np.ptp(bent.position)
+
+
+def test_correlated_noise_is_judged_by_joint(truth, double):
+    """Joints that err together, two and three times as much as stated: that is what comes out."""
+    stated, share = np.array([0.001, 0.003]), np.array([[1.0, -0.98], [-0.98, 1.0]])
+    covariance = np.outer(stated, stated) * share
+    times = np.arange(200) / 30.0
+    clean = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]), noise=0.0)
+    rng = np.random.default_rng(4)
+    noise = 2.0 * rng.multivariate_normal(np.zeros(2), covariance, size=200)
+    noise[:, 1] *= 1.5
+    noisy = replace(clean, position=clean.position + noise, covariance=np.tile(covariance, (200, 1, 1)))
+    data = prepare([noisy], double)
+    np.testing.assert_allclose(data.std, np.tile(stated, (200, 1)), rtol=1e-9)
+    size, _ = noise_factors(data, noise, 0)
+    np.testing.assert_allclose(size, [2.0, 3.0], rtol=0.2)  # 200 samples: 1/sqrt(400) = 5 %, four times that
+    fit = identify(noisy, double)
+    assert fit.ok
+    assert sigmas(fit.parameter("link1.length"), truth.values["link1.length"]) < 4.0
 
 
 @pytest.mark.parametrize("bound", [1e-3, 1e-6])

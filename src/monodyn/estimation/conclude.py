@@ -67,12 +67,12 @@ def conclude(
     substeps, error, rounds = 0, 0.0, 0
     # twice, and again where the optimum needs more steps than the search chose; they double at least
     while rounds < 2 or substeps > grown.substeps:
-        size, spread = noise_factors(stated.data, _stated_residuals(stated, grown), _fitted(problem, grown))
+        size, spread = noise_factors(stated.data, _differences(stated, grown), _fitted(problem, grown))
         weighted = stated.with_data(stated.data.scaled(size * spread))
         grown = fit_pieces(weighted, grown.x, grown.states, grown.pieces, route, fine, robust=False)
         evaluations, rounds = evaluations + grown.evaluations, rounds + 1
         substeps, error = choose_substeps(stated, grown.x, grown.states, grown.pieces, settings.error_bound)
-    size, spread = noise_factors(stated.data, _stated_residuals(stated, grown), _fitted(problem, grown))
+    size, spread = noise_factors(stated.data, _differences(stated, grown), _fitted(problem, grown))
     weighted = stated.with_data(stated.data.scaled(size * spread))
     known = know(weighted, grown)
     fit = _fit(stated, grown, known, records, rejected, size, spread, tried, evaluations, began)
@@ -124,6 +124,11 @@ def _stated_residuals(problem: Problem, grown: Grown) -> np.ndarray:
     return problem.residuals(grown.x, grown.states, grown.pieces, grown.substeps)
 
 
+def _differences(problem: Problem, grown: Grown) -> np.ndarray:
+    """Measured less simulated positions in the record's units, NaN in gaps, (row, dof)."""
+    return problem.differences(grown.x, grown.states, grown.pieces, grown.substeps)
+
+
 def _fitted(problem: Problem, grown: Grown) -> int:
     """Number of unknowns that take a degree of freedom from the motion."""
     from_picture = int(np.linalg.matrix_rank(problem.prior.information)) if len(problem.unknowns) else 0
@@ -163,7 +168,7 @@ def _fit(
     """Collect what was found."""
     mechanism = problem.mechanism_at(grown.x)
     unit = np.where(problem.data.slide, problem.size(grown.x), 1.0)
-    difference = problem.differences(grown.x, grown.states, grown.pieces, grown.substeps)
+    difference = _differences(problem, grown)
     difference = difference * np.repeat(unit, np.diff(problem.data.first), axis=0)
     names = [joint.name for joint in mechanism.joints]
     rms = {name: float(np.sqrt(np.nanmean(difference[:, j] ** 2))) for j, name in enumerate(names)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -40,6 +41,14 @@ class Data:
     def samples(self) -> int:
         """Number of measured joint positions."""
         return int(self.measured.sum())
+
+    @cached_property
+    def std(self) -> np.ndarray:
+        """Standard deviation of each measured position by itself [rad or m], NaN in gaps, (row, dof)."""
+        gaps = np.eye(self.measured.shape[1]) * ~self.measured[:, None, :]
+        covariance = np.linalg.inv(np.swapaxes(self.white, 1, 2) @ self.white + gaps)
+        diagonal = np.diagonal(covariance, axis1=1, axis2=2)
+        return np.where(self.measured, np.sqrt(np.maximum(diagonal, 0.0)), np.nan)
 
     def scaled(self, noise: np.ndarray) -> Data:
         """Return the data with every standard deviation multiplied by ``noise`` (dof,)."""

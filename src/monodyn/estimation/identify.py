@@ -182,8 +182,7 @@ def _still(data: Data, dof: int) -> bool:
         use = data.measured[first:stop, dof]
         if use.any():
             values = data.position[first:stop, dof][use]
-            noise = np.sqrt(np.median(1.0 / np.maximum(data.white[first:stop, dof, dof][use], 1e-300) ** 2))
-            if np.std(values) > 4.0 * noise:
+            if np.std(values) > 4.0 * np.median(data.std[first:stop, dof][use]):
                 return False
     return True
 

@@ -136,15 +136,18 @@ def _with_states(covariance: np.ndarray, local: list[tuple[np.ndarray, np.ndarra
     return 0.5 * (full + full.T)
 
 
-def noise_factors(data: Data, residuals: np.ndarray, unknowns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Compare the residuals with the stated noise.
+def noise_factors(data: Data, difference: np.ndarray, unknowns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Compare the residuals with the stated noise, joint by joint.
+
+    Each residual is held against its own stated deviation, sqrt(C_jj), because the factor scales that; a
+    whitened one would be a mixture of joints.
 
     The second factor is what residuals that resemble their neighbours cost: n samples with autocorrelation
     rho_k know as much as n / (1 + 2 sum rho_k) independent ones.
 
     Args:
         data: The data, with its stated noise.
-        residuals: Whitened residuals, (row, dof).
+        difference: Measured less simulated positions in the record's units, NaN in gaps, (row, dof).
         unknowns: Number of unknowns that were fitted, start states included.
 
     Returns:
@@ -157,6 +160,7 @@ def noise_factors(data: Data, residuals: np.ndarray, unknowns: int) -> tuple[np.
     """
     dofs = data.position.shape[1]
     size, spread = np.ones(dofs), np.ones(dofs)
+    residuals = np.where(data.measured, difference / data.std, 0.0)
     share = 1.0 - min(unknowns / max(data.samples, 1), 0.9)
     for dof in range(dofs):
         use = data.measured[:, dof]

@@ -107,4 +107,4 @@ def motion_ranges(problem: Problem) -> np.ndarray:
 def _noise(data: Data, dof: int) -> float:
     """Stated noise of one joint, its median [rad or m]."""
     use = data.measured[:, dof]
-    return float(np.median(1.0 / np.maximum(data.white[use, dof, dof], 1e-300))) if use.any() else 0.0
+    return float(np.median(data.std[use, dof])) if use.any() else 0.0
