@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 import json
+import os
 from pathlib import Path
 
 import mujoco
@@ -240,6 +241,43 @@ def test_force_replaces_our_own_files_alone(tmp_path: Path) -> None:
         "poses.csv": "new",
         "mine.txt": "mine",
     }
+
+
+@pytest.mark.parametrize("stop", range(4))
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
+def test_a_swap_that_is_stopped_leaves_the_old_run_whole(
+    stop: int, error: type[BaseException], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = {"poses.csv": "old", "overlay.mp4": "old"}
+    for name, text in old.items():
+        (tmp_path / name).write_text(text)
+    folder = RunFolder(tmp_path, force=True)
+    folder.write_text("poses.csv", "new")
+    folder.write_text("run.json", "new")
+    move, moves = os.replace, []
+
+    def stopped(source: Path, target: Path) -> None:
+        moves.append(source)
+        if len(moves) == stop + 1:
+            raise error
+        move(source, target)
+
+    monkeypatch.setattr(os, "replace", stopped)
+    with pytest.raises(SettingsError if error is OSError else error):
+        folder.finish()
+    assert {path.name: path.read_text() for path in tmp_path.iterdir() if path.is_file()} == old
+    assert {path.name for path in tmp_path.iterdir() if path.is_dir()} == {"unfinished"}
+    kept = {path.name: path.read_text() for path in (tmp_path / "unfinished").iterdir()}
+    assert kept == {"poses.csv": "new", "run.json": "new"}
+
+
+def test_what_an_interrupted_run_left_does_not_get_into_the_next(tmp_path: Path) -> None:
+    (tmp_path / "poses.csv").write_text("old")
+    (tmp_path / "unfinished").mkdir()
+    for name in ("fit.json", ".poses.csv.part"):
+        (tmp_path / "unfinished" / name).write_text("interrupted")
+    RunFolder(tmp_path, force=True)
+    assert list((tmp_path / "unfinished").iterdir()) == []
 
 
 def test_full_disk_is_one_line_and_leaves_no_half_file(

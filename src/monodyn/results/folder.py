@@ -2,7 +2,9 @@
 
 Every file is written beside its place and renamed into it when it is whole. A folder that already holds a run
 is refused unless it may be replaced; then the new run grows in the sub-folder ``unfinished`` and takes the
-old one's place only when it is complete, so a full disk or Ctrl-C leaves the old run as it was.
+old one's place only when it is complete, so a full disk or Ctrl-C leaves the old run as it was. The swap
+moves all of the old run aside (``replaced``) before the first new file comes: whatever stops it, the folder
+never holds files of two runs.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ FILES = (
 """Names of the files of a run; nothing else in the folder is ever touched."""
 
 STAGE = "unfinished"
+ASIDE = "replaced"
 
 
 class RunFolder:
@@ -60,6 +63,8 @@ class RunFolder:
                 "give another folder, or --force to replace the run."
             )
         self.stage = self.path / STAGE if old else self.path
+        if old:
+            self._clear(self.stage)
         self._made = [folder for folder in (self.stage, *self.stage.parents) if not folder.exists()]
         try:
             self.stage.mkdir(parents=True, exist_ok=True)
@@ -111,18 +116,51 @@ class RunFolder:
         """
         if self.stage == self.path:
             return
+        aside = self.path / ASIDE
+        self._clear(aside)
+        try:
+            aside.mkdir(exist_ok=True)
+            for name in FILES:
+                if (self.path / name).exists():
+                    os.replace(self.path / name, aside / name)
+            for name in self.written:
+                os.replace(self.stage / name, self.path / name)
+        except BaseException as error:
+            self._put_back(aside)
+            if isinstance(error, OSError):
+                raise self._cannot("replace the old run", error) from error
+            raise
+        unfinished, self.stage = self.stage, self.path
+        self._clear(aside)
+        self._clear(unfinished)
+
+    def _put_back(self, aside: Path) -> None:
+        """Undo a swap that was stopped: where the files are says how far it came."""
+        try:
+            if all(not (self.stage / name).exists() for name in self.written):
+                return
+            for name in self.written:
+                if not (self.stage / name).exists():
+                    os.replace(self.path / name, self.stage / name)
+            for name in FILES:
+                if (aside / name).exists():
+                    os.replace(aside / name, self.path / name)
+            aside.rmdir()
+        except OSError:
+            return
+
+    def _clear(self, folder: Path) -> None:
+        """Remove our own files from a sub-folder, and the folder when nothing else is in it."""
+        if not folder.is_dir():
+            return
         try:
             for name in FILES:
-                if name in self.written:
-                    os.replace(self.stage / name, self.path / name)
-                else:
-                    (self.path / name).unlink(missing_ok=True)
-                    (self.stage / name).unlink(missing_ok=True)
-            if not any(self.stage.iterdir()):
-                self.stage.rmdir()
+                (folder / name).unlink(missing_ok=True)
+                (folder / f".{name}.part").unlink(missing_ok=True)
+            if not any(folder.iterdir()):
+                folder.rmdir()
         except OSError as error:
-            raise self._cannot("replace the old run", error) from error
-        self.stage = self.path
+            raise self._cannot(f"empty '{folder.name}'", error) from error
 
     def abandon(self) -> None:
         """Remove the folders that were created for a run of which nothing was written."""
