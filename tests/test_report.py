@@ -17,13 +17,14 @@ import monodyn
 from conftest import Done
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Combination, Estimate, Fit
+from monodyn.estimation.records import read_poses
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.results.export import Trace, fit_document, json_text, prediction_table, rms_of, states_table
 from monodyn.results.fill import States, fill
 from monodyn.results.page import Page, number, page_text, short
 from monodyn.results.predict import predict
-from monodyn.results.report import frame_numbers, metric, trace_of
+from monodyn.results.report import counted, frame_numbers, metric, trace_of
 from monodyn.types import Poses
 
 TIME = np.arange(20) / 30.0
@@ -192,6 +193,35 @@ def test_report_writes_from_the_fit_alone(tmp_path: Path) -> None:
         f"out '{tmp_path / 'run'}': expected a folder without a run, it holds states.csv; "
         "give another folder, or --force to replace the run."
     )
+
+
+def test_report_keeps_frame_numbers_and_poses(tmp_path: Path) -> None:
+    mechanism = load("single")
+    rng = np.random.default_rng(5)
+    frame = np.arange(50, 150)
+    time = frame / 30.0
+    position = simulate(mechanism, time, np.array([-1.0]), np.array([0.5])).position
+    position = position + 1e-3 * rng.standard_normal((100, 1))
+    covariance = np.full((100, 1, 1), 1e-6)
+    poses = Poses(("joint1",), frame, time, position, covariance, np.ones(100, bool))
+    fit = monodyn.identify(poses, mechanism)
+    for name, given in (("alone", None), ("poses", poses)):
+        monodyn.report(fit, predict(fit, until=5.5), to=tmp_path / name, poses=given)
+        assert json.loads((tmp_path / name / "fit.json").read_text())["fit_frames"] == [50, 150]
+        rows = (tmp_path / name / "prediction.csv").read_text().splitlines()
+        assert rows[1].startswith("150,")
+    assert not (tmp_path / "alone" / "poses.csv").exists()
+    again = read_poses(tmp_path / "poses" / "poses.csv", mechanism)
+    assert again.frame.tolist() == frame.tolist()
+    # as many digits as poses.csv is written with
+    assert np.allclose(again.position, position, rtol=0.0, atol=1e-6)
+
+
+def test_frames_without_numbers_are_counted_where_the_stamps_tell() -> None:
+    assert counted(np.arange(50, 60) / 30.0).tolist() == list(range(50, 60))
+    assert counted(np.round(np.arange(50, 60) / 30.0, 3)).tolist() == list(range(50, 60))
+    assert counted(np.arange(10) * 0.1 + 0.05).tolist() == list(range(10))
+    assert counted(np.array([1.0, 1.1, 1.3])).tolist() == [0, 1, 2]
 
 
 def test_report_of_the_demo_shows_pictures_and_camera(demo: Done) -> None:

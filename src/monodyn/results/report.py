@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monodyn.errors import VideoError
+from monodyn.estimation.records import write_poses
 from monodyn.results.export import Trace, fit_document, json_text, prediction_table, states_table
 from monodyn.results.folder import RunFolder
 from monodyn.results.overlay import Motion, write_overlay
@@ -58,7 +59,8 @@ def report(
         fit: The fit.
         future: Its prediction, from ``predict``.
         to: The folder; it may not hold a run yet.
-        poses: The whole record to compare with; the fitted frames alone when it is left out.
+        poses: The whole record to compare with, written as ``poses.csv``; the fitted frames alone when it
+            is left out.
         scene: Where the mechanism is in the picture, from ``locate``; adds the overlay and the pictures.
         force: Replace a run that is already there.
         progress: Called with the number of frames drawn.
@@ -72,10 +74,15 @@ def report(
     Example:
         >>> monodyn.report(fit, future, to="run/")  # doctest: +SKIP
     """
-    trace = trace_of(fit, poses, future) if poses is not None else fitted_trace(fit, future)
+    if poses is not None:
+        trace = trace_of(fit, poses, future)
+    else:
+        trace = fitted_trace(fit, future, None if scene is None else scene.masks.video)
     view = None if scene is None else view_of(fit, scene, trace.poses)
     folder = RunFolder(to, force=force)
     title = fit.mechanism.name if view is None else view.video.path.name
+    if poses is not None:
+        folder.write("poses.csv", lambda path: write_poses(trace.poses, path))
     write_results(folder, fit, [trace], Page(title, _subtitle(fit)), view=view, progress=progress)
     folder.finish()
     return folder.path / "report.html"
@@ -221,12 +228,14 @@ def trace_of(
     return Trace(name, record_poses, fill(fit, poses.time, record=record), (first, stop), future, numbers)
 
 
-def fitted_trace(fit: Fit, future: Prediction | None = None) -> Trace:
+def fitted_trace(fit: Fit, future: Prediction | None = None, video: Video | None = None) -> Trace:
     """Put the fitted frames of the first record beside their motion, from the residual that the fit keeps.
 
     Args:
         fit: The fit.
         future: Its prediction.
+        video: The clip the record is from, which knows its frame numbers; without it they are those of a
+            clip that starts at 0 s where the stamps are those of one, else they count from 0.
     """
     from monodyn.results.fill import fill
 
@@ -235,8 +244,26 @@ def fitted_trace(fit: Fit, future: Prediction | None = None) -> Trace:
     joints = tuple(joint.name for joint in fit.mechanism.joints)
     count, dofs = residual.shape
     seen = np.asarray(np.isfinite(residual).any(axis=1))
-    poses = Poses(joints, np.arange(count), time, position, np.zeros((count, dofs, dofs)), seen)
+    numbers = counted(time) if video is None else frame_numbers(time, video.times, np.arange(video.count))
+    poses = Poses(joints, numbers, time, position, np.zeros((count, dofs, dofs)), seen)
     return trace_of(fit, poses, future)
+
+
+def counted(times: np.ndarray) -> np.ndarray:
+    """Return the frame numbers of a record whose numbers are not known, int (frame,).
+
+    Args:
+        times: Time stamps [s]; where they are evenly spaced and 0 s is one of the places, frame 0 is there.
+    """
+    count = len(times)
+    rows = np.arange(count)
+    if count < 2:
+        return rows
+    places = times * ((count - 1) / (times[-1] - times[0]))
+    first = int(np.round(places[0]))
+    # stamps in whole milliseconds are off by 1 part in 20 of a frame at 100 Hz
+    even = first >= 0 and np.abs(places - first - rows).max() < 0.1
+    return rows + first if even else rows
 
 
 def frame_numbers(times: np.ndarray, known: np.ndarray, numbers: np.ndarray) -> np.ndarray:
