@@ -163,8 +163,8 @@ def test_refine_recovers_camera_and_size_ratios():
     measured = size_information(bundle, scale_free=True)
     assert measured.names == tuple(names)
     information = measured.information
-    # what is left of the common scale, and the worst known ratio: link lengths to 0.1 %
+    # what is left of the common scale; the links' ratio to 0.2 px on 70 and 50 px each
     assert np.abs(information @ np.ones(len(names))).max() < 1e-6 * np.trace(information)
     ratio = np.zeros(len(names))
     ratio[[0, 4]] = 1.0, -1.0
-    assert np.sqrt(ratio @ np.linalg.pinv(information) @ ratio) < 3e-3
+    assert np.sqrt(ratio @ np.linalg.pinv(information) @ ratio) == pytest.approx(5e-3, rel=0.3)

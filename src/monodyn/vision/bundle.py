@@ -29,6 +29,9 @@ LEAST_WIDTH_PX = 1.5
 [px]."""
 SETTLED = 1e-5
 """Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
+SYSTEMATIC_PX = 0.2
+"""Standard deviation of a size that more key frames do not better: blur, light and the codec shift edges
+[px]."""
 LOG_SPREAD = 1.0
 """Standard deviation of the logarithm of a start size: the file's sizes are only a start."""
 
@@ -152,7 +155,13 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
     along = known.sum(axis=1)
     if scale_free and along.sum() > 1e-9 * np.trace(known):
         known = known - np.outer(along, along) / along.sum()
-    return Measured(tuple(bundle.names[i] for i in sizes), 0.5 * (known + known.T))
+    names = tuple(bundle.names[i] for i in sizes)
+    values = bundle.mechanism.values
+    px = np.array([values[name] for name in names]) * bundle.camera.focal / bundle.camera.depth
+    # (K^-1 + D)^-1 for a K that may be singular, D the variance that no number of frames takes away
+    floor = np.diag((px / SYSTEMATIC_PX) ** 2)
+    known = known - known @ np.linalg.solve(known + floor, known)
+    return Measured(names, 0.5 * (known + known.T))
 
 
 def camera_spread(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
@@ -168,7 +177,7 @@ def camera_spread(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
         information = information + 1e6 * np.trace(information) * np.outer(sizes, sizes) / max(
             sizes.sum(), 1.0
         )
-    covariance = np.linalg.inv(information)
+    covariance = np.linalg.pinv(information, hermitian=True)
     spread = {}
     for i, name in enumerate(bundle.names):
         if name in PARAMETERS:
