@@ -34,8 +34,8 @@ def scaled(mechanism, **factors):
 def motion(mechanism, times, q0, v0, steps=16):
     tree = mechanism.tree
     q, _ = rollout(
-        tree.parent, tree.kind, tree.links, tree.gravity, np.asarray(times, float), steps, np.array(q0, float),
-        np.array(v0, float),
+        tree.parent, tree.kind, tree.links, tree.gravity, np.asarray(times, float), steps,
+        np.array(q0, float), np.array(v0, float),
     )  # fmt: skip
     return q
 
@@ -424,8 +424,8 @@ def test_an_integration_bound_out_of_reach_is_said(double):
     fit = identify(slow, known, IdentifySettings(starts=1, error_bound=1e-9))
     assert any(
         re.fullmatch(
-            r"With 64 integration steps between time stamps, the most there are, the motion is exact to \S+ rad "
-            r"\(m for slides\) and not to the 1e-09 asked for; fit fewer frames, or give a larger "
+            r"With 64 integration steps between time stamps, the most there are, the motion is exact to \S+ "
+            r"rad \(m for slides\) and not to the 1e-09 asked for; fit fewer frames, or give a larger "
             r"--identify\.error-bound if that is exact enough\.",
             line,
         )

@@ -142,8 +142,8 @@ def _gross(data: Data, residuals: np.ndarray, outlier: float) -> np.ndarray:
         return far
     for dof, use in enumerate(data.measured.T):
         size = max(typical(residuals[:, [dof]], use[:, None]), 1.0)
-        far |= use & (np.abs(residuals[:, dof]) > outlier * size)
-    measured = data.measured.any(axis=1)
+        far[use & (np.abs(residuals[:, dof]) > outlier * size)] = True
+    measured = np.asarray(data.measured.any(axis=1))
     alone = np.zeros_like(far)
     for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
         rows = first + np.flatnonzero(measured[first:stop])
