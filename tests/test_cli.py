@@ -140,6 +140,16 @@ def test_identify_takes_the_poses_of_a_run(demo: Done, tmp_path: Path) -> None:
     assert "N m s/rad" in printed.out
 
 
+def test_bounds_hold_and_are_recorded(demo: Done, tmp_path: Path) -> None:
+    words = ("identify", demo.folder / "poses.csv", "--model", MODEL, "--out", tmp_path, "--quiet")
+    # without bounds the length comes out at 0.24 m
+    assert command(*words, "--bounds", "link1.length=0.26:0.4").code in (0, 1)
+    log = json.loads((tmp_path / "run.json").read_text())
+    assert log["settings"]["bounds"] == {"link1.length": [0.26, 0.4]}
+    found = {row["name"]: row for row in json.loads((tmp_path / "fit.json").read_text())["parameters"]}
+    assert 0.26 * (1 - 1e-9) <= found["link1.length"]["value"] <= 0.4
+
+
 def test_the_seed_that_is_recorded_is_the_one_that_was_used(
     demo: Done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -366,6 +376,16 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
          "track.reach: expected a finite number, got inf; leave it out for the usual one."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--identify.seed", "3"],
          "run: expected known options, got --identify.seed, 3; see monodyn run --help."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--bounds", "link1.length=3"],
+         "bounds: expected NAME=LOW:HIGH with two numbers, got 'link1.length=3'; "
+         "e.g. link1.length=0.1:0.3."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--bounds", "link1.length=3:1"],
+         "bounds of 'link1.length': expected the lower bound first, got 3 and 1."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--bounds", "gravity=1:2"],
+         "parameter 'gravity': expected a value between 1 and 2 m/s^2, got 9.81; "
+         "change the value or the bounds."),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--bounds", "camera.depth=1:2"],
+         "bounds of 'camera.depth': expected a parameter of the mechanism; give the camera's with fix."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--seed", "-1"],
          "seed: expected 0 or more, got -1; give a whole number."),
     ],

@@ -44,6 +44,7 @@ class RunSettings:
         until: End of the prediction [s]; None predicts to the end of the clip.
         fix: Parameter values that are known and not estimated.
         free: Parameters to estimate that are not by default.
+        bounds: Lower and upper bounds by parameter.
         background: Picture of the scene without the mechanism.
         rate: Frames a second [Hz] in place of the clip's time stamps.
         seed: Seed of every random start; it takes the place of ``identify.seed``.
@@ -57,6 +58,7 @@ class RunSettings:
     until: float | None = None
     fix: Mapping[str, float] = field(default_factory=dict)
     free: Sequence[str] = ()
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     background: Path | None = None
     rate: float | None = None
     seed: int = 0
@@ -262,7 +264,7 @@ def opened(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[
 
 
 def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> Mechanism:
-    """Load a mechanism and apply ``fix`` and ``free``; those of the camera are only checked, for ``locate``.
+    """Load a mechanism with the user's choices; those of the camera are only checked, for ``locate``.
 
     Args:
         model: Mechanism file or bundled name.
@@ -276,6 +278,11 @@ def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> 
     from monodyn.mechanism import load
 
     fix, free = settings.fix, settings.free
+    for name in settings.bounds:
+        if name.startswith("camera."):
+            raise SettingsError(
+                f"bounds of '{name}': expected a parameter of the mechanism; give the camera's with fix."
+            )
     odd = [name for name in (*fix, *free) if name.startswith("camera.")]
     if odd and not camera:
         raise SettingsError(
@@ -286,6 +293,7 @@ def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> 
     return load(model).with_choices(
         fix={name: value for name, value in fix.items() if not name.startswith("camera.")},
         free=[name for name in free if not name.startswith("camera.")],
+        bounds=settings.bounds,
     )
 
 

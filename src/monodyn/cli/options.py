@@ -25,6 +25,7 @@ Model = Annotated[str, conf.arg(metavar="MODEL")]
 Folder = Annotated[Path, conf.arg(metavar="DIR")]
 Values = Annotated[Words, conf.arg(metavar="NAME=VALUE ...")]
 Names = Annotated[Words, conf.arg(metavar="NAME ...")]
+Limits = Annotated[Words, conf.arg(metavar="NAME=LOW:HIGH ...")]
 Range = Annotated[str | None, conf.arg(metavar="A:B")]
 Seconds = Annotated[float | None, conf.arg(metavar="S")]
 Rate = Annotated[float | None, conf.arg(metavar="HZ")]
@@ -50,6 +51,7 @@ class RunOptions:
         until: End of the prediction [s]; the end of the clip when left out.
         fix: Parameters that are known, e.g. gravity=9.81 or camera.roll=0.
         free: Parameters to estimate that are not by default, e.g. camera.focal.
+        bounds: Bounds of parameters, e.g. link1.length=0.1:0.3.
         force: Replace a run that is already in DIR.
         quiet: No progress, no table.
         json: The result as JSON on the standard output.
@@ -69,6 +71,7 @@ class RunOptions:
     until: Seconds = None
     fix: Values = ()
     free: Names = ()
+    bounds: Limits = ()
     force: bool = False
     quiet: bool = False
     json: bool = False
@@ -83,11 +86,12 @@ class RunOptions:
     def go(self) -> int:
         """Run the command; return the exit code."""
         frames, fix, free = frame_range(self.fit_frames), values(self.fix), names(self.free)
+        limits = intervals(self.bounds)
         from monodyn.cli.show import progress_on, show
         from monodyn.pipeline import RunSettings, run
 
         settings = RunSettings(
-            frames, self.until, fix, free, self.background, self.rate, self.seed,
+            frames, self.until, fix, free, limits, self.background, self.rate, self.seed,
             self.segment, self.locate, self.track, self.identify,
         )  # fmt: skip
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
@@ -138,7 +142,7 @@ class TrackOptions:
         from monodyn.pipeline import RunSettings, track_clip
 
         settings = RunSettings(
-            None, None, fix, free, self.background, self.rate, self.seed,
+            None, None, fix, free, {}, self.background, self.rate, self.seed,
             self.segment, self.locate, self.track,
         )  # fmt: skip
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
@@ -158,6 +162,7 @@ class IdentifyOptions:
         out: Folder for the results; nothing is written when left out.
         fix: Parameters that are known, e.g. link1.length=0.2.
         free: Parameters to estimate that are not by default, e.g. gravity.
+        bounds: Bounds of parameters, e.g. link1.length=0.1:0.3.
         force: Replace a run that is already in DIR.
         quiet: No progress, no table.
         json: The result as JSON on the standard output.
@@ -170,6 +175,7 @@ class IdentifyOptions:
     out: Annotated[Path | None, conf.arg(metavar="DIR")] = None
     fix: Values = ()
     free: Names = ()
+    bounds: Limits = ()
     force: bool = False
     quiet: bool = False
     json: bool = False
@@ -182,11 +188,11 @@ class IdentifyOptions:
             raise SettingsError(
                 "identify: expected at least one table of joint positions, got none; name a poses.csv."
             )
-        fix, free = values(self.fix), names(self.free)
+        fix, free, limits = values(self.fix), names(self.free), intervals(self.bounds)
         from monodyn.cli.show import progress_on, show
         from monodyn.pipeline import RunSettings, identify_tables
 
-        settings = RunSettings(fix=fix, free=free, seed=self.seed, identify=self.identify)
+        settings = RunSettings(fix=fix, free=free, bounds=limits, seed=self.seed, identify=self.identify)
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             outcome = identify_tables(
                 self.poses, self.model, self.out, settings, force=self.force, progress=progress
@@ -314,6 +320,31 @@ def values(words: Sequence[Sequence[str]]) -> dict[str, float]:
         if name in found:
             raise SettingsError(f"fix: expected each name once, got '{name}' twice; keep one of them.")
         found[name] = value
+    return found
+
+
+def intervals(words: Sequence[Sequence[str]]) -> dict[str, tuple[float, float]]:
+    """Read ``NAME=LOW:HIGH`` words.
+
+    Args:
+        words: What the user wrote, by option.
+
+    Raises:
+        SettingsError: a word is not a name and two numbers, or a name comes twice.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for word in (word for group in words for word in group):
+        name, _, text = word.partition("=")
+        low, _, high = text.partition(":")
+        try:
+            ends = float(low), float(high)
+        except ValueError:
+            raise SettingsError(
+                f"bounds: expected NAME=LOW:HIGH with two numbers, got '{word}'; e.g. link1.length=0.1:0.3."
+            ) from None
+        if name in found:
+            raise SettingsError(f"bounds: expected each name once, got '{name}' twice; keep one of them.")
+        found[name] = ends
     return found
 
 
