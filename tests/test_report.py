@@ -195,6 +195,18 @@ def test_report_writes_from_the_fit_alone(tmp_path: Path) -> None:
     )
 
 
+def test_what_urdf_cannot_hold_is_said(tmp_path: Path) -> None:
+    said = "URDF has no place for joint1.stiffness, joint1.armature: "
+    fit = made_fit()
+    monodyn.report(fit, to=tmp_path / "plain")
+    assert "URDF has no place" not in (tmp_path / "plain" / "fit.json").read_text()
+    sprung = fit.mechanism.with_values({"joint1.stiffness": 0.1, "joint1.armature": 1e-4})
+    monodyn.report(replace(fit, mechanism=sprung), to=tmp_path / "sprung")
+    advice = json.loads((tmp_path / "sprung" / "fit.json").read_text())["advice"]
+    assert [sentence for sentence in advice if sentence.startswith(said)]
+    assert said in (tmp_path / "sprung" / "report.html").read_text(encoding="utf-8")
+
+
 def test_report_keeps_frame_numbers_and_poses(tmp_path: Path) -> None:
     mechanism = load("single")
     rng = np.random.default_rng(5)

@@ -117,6 +117,7 @@ def write_results(
     Raises:
         SettingsError: a file cannot be written.
     """
+    page = replace(page, notes=(*page.notes, *lost_in_urdf(fit.mechanism)))
     document = result_document(fit, traces, page.notes, view, fit_frames)
     folder.write_text("fit.json", json_text(document))
     write_models(folder, fit.mechanism)
@@ -169,6 +170,24 @@ def write_models(folder: RunFolder, mechanism: Mechanism) -> None:
 
     folder.write("model.xml", lambda path: write_mjcf(mechanism, path))
     folder.write("model.urdf", lambda path: write_urdf(mechanism, path))
+
+
+def lost_in_urdf(mechanism: Mechanism) -> list[str]:
+    """Say which springs and rotor inertias ``model.urdf`` cannot hold; nothing where there are none.
+
+    Args:
+        mechanism: The mechanism that is written.
+    """
+    values = mechanism.values
+    lost = [
+        name
+        for joint in mechanism.joints
+        for name in (f"{joint.name}.stiffness", f"{joint.name}.armature")
+        if values.get(name, 0.0) != 0.0
+    ]
+    if not lost:
+        return []
+    return [f"URDF has no place for {', '.join(lost)}: model.urdf moves without; simulate model.xml instead."]
 
 
 def _film(
