@@ -162,7 +162,7 @@ def test_settings_say_what_they_take():
     assert str(caught.value) == "segment.colour: expected 'auto', 'grey' or 'colour', got 'sepia'."
     with pytest.raises(SettingsError) as caught:
         SegmentSettings(contrast=0.0)
-    assert str(caught.value) == "segment.contrast: expected more than 0 grey levels, got 0.0."
+    assert str(caught.value) == "segment.contrast: expected more than 0 and at most 255 grey levels, got 0.0."
 
 
 def test_samples_follow_the_motion_not_the_time(make_clip):

@@ -108,10 +108,10 @@ def test_a_mask_of_noise_is_not_a_mechanism(scene: Scene) -> None:
 def test_settings_say_what_they_take() -> None:
     with pytest.raises(SettingsError) as caught:
         TrackSettings(move=-1.0)
-    assert str(caught.value) == "track.move: expected more than 0, got -1.0."
+    assert str(caught.value) == "track.move: expected 0.001 to 10, got -1.0."
     with pytest.raises(SettingsError) as caught:
         LocateSettings(search_frames=1)
-    assert str(caught.value) == "locate.search_frames: expected 2 or more key frames, got 1."
+    assert str(caught.value) == "locate.search_frames: expected 2 to 1000 key frames, got 1."
 
 
 def test_any_masks_of_the_clip_are_followed_alike(scene: Scene) -> None:

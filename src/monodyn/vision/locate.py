@@ -52,12 +52,12 @@ class LocateSettings:
     refine_frames: int = 32
 
     def __post_init__(self) -> None:
-        if not self.focal >= 0.0:
-            raise SettingsError(f"locate.focal: expected 0 or more px, got {self.focal}.")
+        if not 0.0 <= self.focal <= 1e6:
+            raise SettingsError(f"locate.focal: expected 0 to 1e6 px, got {self.focal}.")
         for name in ("search_frames", "refine_frames"):
-            if getattr(self, name) < 2:
+            if not 2 <= getattr(self, name) <= 1000:
                 raise SettingsError(
-                    f"locate.{name}: expected 2 or more key frames, got {getattr(self, name)}."
+                    f"locate.{name}: expected 2 to 1000 key frames, got {getattr(self, name)}."
                 )
 
 
@@ -122,6 +122,11 @@ def locate(
             raise SettingsError(
                 f"parameter '{name}' is not one of the camera's; camera: {', '.join(PARAMETERS)}."
             )
+    for name, value in fix.items():
+        least = 0.0 if name in ("camera.depth", "camera.focal") else -np.inf
+        if not (np.isfinite(value) and value > least):
+            needed = "a number above 0" if least == 0.0 else "a number"
+            raise SettingsError(f"parameter '{name}': expected {needed}, got {value}.")
     if "camera.roll" in free and mechanism.joints[0].kind == "hinge":
         raise SettingsError(
             "parameter 'camera.roll': a picture does not tell it from the first hinge's angle; level the "
@@ -305,9 +310,9 @@ def _scene(
     left = _unexplained(frames, bundle, picks)
     if left > UNEXPLAINED and not masks.palette.varied:
         advice.append(
-            f"{left:.0%} of what stands out from the background is not the mechanism as it was found: it may "
-            "be in the wrong place or of the wrong size, or other things move; look at the overlay, or give "
-            "--background a picture without the mechanism."
+            f"{min(left, 1.0):.0%} of what stands out from the background is not the mechanism as it was "
+            "found: it may be in the wrong place or of the wrong size, or other things move; look at the "
+            "overlay, or give --background a picture without the mechanism."
         )
     return Scene(
         bundle.mechanism.with_measured(measured), bundle.camera, masks, order[first], bundle.positions[first],

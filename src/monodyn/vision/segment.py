@@ -39,8 +39,10 @@ class SegmentSettings:
 
         if self.colour not in ("auto", "grey", "colour"):
             raise SettingsError(f"segment.colour: expected 'auto', 'grey' or 'colour', got '{self.colour}'.")
-        if not self.contrast > 0:
-            raise SettingsError(f"segment.contrast: expected more than 0 grey levels, got {self.contrast}.")
+        if not 0 < self.contrast <= 255:
+            raise SettingsError(
+                f"segment.contrast: expected more than 0 and at most 255 grey levels, got {self.contrast}."
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,8 @@ from monodyn.types import FULL
 
 RING = 32
 """Points on the outline of a ball."""
+FARTHEST_PX = 1e6
+"""Points farther out than this have no place in a picture [px]."""
 ROUNDING = math.sqrt(2.0 * math.pi / RING / math.sin(2.0 * math.pi / RING))
 """Growth of the ring that gives the polygon the area of the circle."""
 
@@ -97,7 +99,7 @@ def project(
         out: Filled with pixel coordinates, (outline point, 2).
 
     Returns:
-        False when a point lies behind the camera.
+        False when a point lies behind the camera, absurdly far out of the picture, or nowhere (NaN).
     """
     k = 0
     focal, cx, cy = camera[12], camera[13], camera[14]
@@ -112,7 +114,7 @@ def project(
             px = camera[0] * dx + camera[1] * dy + camera[2] * dz
             py = camera[3] * dx + camera[4] * dy + camera[5] * dz
             pz = camera[6] * dx + camera[7] * dy + camera[8] * dz
-            if pz <= r + 1e-9:
+            if not pz > r + 1e-9 or not abs(focal * px) + abs(focal * py) < FARTHEST_PX * pz:
                 return False
             if r == 0.0:
                 out[k, 0] = cx + focal * px / pz

@@ -20,6 +20,15 @@ from monodyn.vision.rig import Rig, rig_of
 from monodyn.vision.search import limits, place
 from monodyn.vision.segment import Masks
 
+LIMITS = (
+    ("spacing", 0.5, 100.0),
+    ("reach", 1.0, 200.0),
+    ("first_reach", 1.0, 200.0),
+    ("move", 1e-3, 10.0),
+    ("patience", 1, 10_000),
+)
+"""Name, least and greatest value of the settings that are numbers."""
+
 
 @dataclass(frozen=True)
 class TrackSettings:
@@ -45,9 +54,9 @@ class TrackSettings:
     patience: int = 3
 
     def __post_init__(self) -> None:
-        for name in ("spacing", "reach", "first_reach", "move", "patience"):
-            if not getattr(self, name) > 0:
-                raise SettingsError(f"track.{name}: expected more than 0, got {getattr(self, name)}.")
+        for name, low, high in LIMITS:
+            if not low <= getattr(self, name) <= high:
+                raise SettingsError(f"track.{name}: expected {low:g} to {high:g}, got {getattr(self, name)}.")
         for name in ("matched", "inside"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise SettingsError(f"track.{name}: expected a share from 0 to 1, got {getattr(self, name)}.")
