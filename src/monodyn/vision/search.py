@@ -27,6 +27,8 @@ ANGLES = 72
 """Positions tried per hinge."""
 PLACES = 64
 """Positions tried per slide."""
+PATTERNED = 5
+"""Most lengths for which patterns are tried; with more the joint refinement has to find their proportions."""
 POLISH = np.array([9.0, 7.0, 5.0, 4.0, 3.0, 3.0])
 """Search lengths along the normals while a pose is polished in the reduced picture [px]."""
 
@@ -179,7 +181,7 @@ def _patterns(mechanism: Mechanism, pinned: frozenset[str]) -> list[dict[str, fl
     names = [f"{body}.length" for body in mechanism.bodies if f"{body}.length" in mechanism.values]
     names = [name for name in names if name not in pinned]
     patterns: list[dict[str, float]] = [{}]
-    if len(names) > 1:
+    if 1 < len(names) <= PATTERNED:
         for name in names:
             patterns += [{name: 1.7}, {name: 0.6}]
     return patterns
