@@ -48,14 +48,11 @@ def open_parameters(parameters: tuple[Estimate, ...], without_effect: Sequence[s
             "mass, thickness or torque, given with --fix, fixes the mass scale."
         )
     if lengths:
-        advice.append(
-            f"The data do not fix {listed(lengths, 12)} one by one; a measured length, or known values of "
-            "gravity and of the time scale, given with --fix, would fix them."
-        )
+        advice.append(_open_lengths(lengths))
     if without_effect:
-        verb = "does" if len(without_effect) == 1 else "do"
+        verb, it = ("does", "it") if len(without_effect) == 1 else ("do", "them")
         advice.append(
-            f"{listed(without_effect, 12)} {verb} not change the motion, which says nothing about it."
+            f"{listed(without_effect, 12)} {verb} not change the motion, which says nothing about {it}."
         )
     if weak:
         advice.append(
@@ -63,6 +60,22 @@ def open_parameters(parameters: tuple[Estimate, ...], without_effect: Sequence[s
             "livelier motion would help."
         )
     return advice
+
+
+def _open_lengths(names: Sequence[str]) -> str:
+    """Say that the data leave the scale of lengths open, and what would fix it."""
+    if "time_scale" not in names:
+        return (
+            f"The data do not fix {listed(names, 12)} one by one; a measured length, or known values of "
+            "gravity and of the time scale, given with --fix, would fix them."
+        )
+    rate = "the true frame rate (--rate for a clip, or --fix time_scale=VALUE)"
+    if "gravity" in names:
+        rate += " together with the value of gravity"
+    return (
+        f"The data do not fix {listed(names, 12)} one by one: lengths are only known up to the time scale "
+        f"(see the combinations). A measured length, given with --fix, or {rate} would fix them."
+    )
 
 
 def bounds(parameters: tuple[Estimate, ...]) -> list[str]:
@@ -85,8 +98,22 @@ def misfit(
     *,
     uniform: bool,
     frictionless: Sequence[str],
+    pictured: bool,
 ) -> list[str]:
-    """Say where the residual is far above the stated noise, and what the model may lack."""
+    """Say where the residual is far above the stated noise, and what the model may lack.
+
+    Args:
+        mechanism: Gives the joints.
+        rms: Root mean square of the residual by joint [rad or m].
+        against_noise: The same in units of the stated noise, (dof,).
+        autocorrelated: What neighbouring residuals share, from ``noise_factors``, (dof,).
+        uniform: Whether to say that bodies were taken to be uniform.
+        frictionless: Dry frictions that were taken to be zero and may not be.
+        pictured: Whether the record comes from pictures, whose camera may have been tilted.
+
+    Returns:
+        Sentences; none where every residual is near its noise.
+    """
     advice = []
     for (joint, value), ratio, spread in zip(rms.items(), against_noise, autocorrelated, strict=True):
         if ratio > 3.0:
@@ -100,6 +127,11 @@ def misfit(
         advice.append("Bodies were taken to be uniform; if they are not, try --identify.bodies free.")
     if advice and frictionless:
         advice.append(f"Dry friction was taken to be zero; --free {' '.join(frictionless)} estimates it.")
+    if advice and pictured:
+        advice.append(
+            "Gravity was taken straight down in the picture; where the camera was not level, give its tilt "
+            "with --fix camera.roll=VALUE [rad] (positive turns the picture of the mechanism clockwise)."
+        )
     return advice
 
 
@@ -152,17 +184,23 @@ def proportions(tied: tuple[str, ...]) -> list[str]:
     tied = tuple(name for name in tied if kind_of(name) in ("width", "tail", "tip"))
     if not tied:
         return []
+    if len(tied) == 1:
+        return [
+            f"Nothing tells {tied[0]}; it keeps its proportion to the length of its body. Give a measured "
+            "value with --fix if it matters."
+        ]
     return [
         f"Nothing tells {listed(tied, 12)}; they keep their proportion to the length of their body. Give "
         "measured values with --fix if they matter."
     ]
 
 
-def clock(unknowns: tuple[str, ...]) -> list[str]:
-    """Say what identified lengths rest on."""
-    if "time_scale" in unknowns or "gravity" in unknowns:
+def clock(parameters: tuple[Estimate, ...]) -> list[str]:
+    """Say what identified lengths rest on; a time scale that stays open is as good as none."""
+    free = {p.name: p for p in parameters if p.free}
+    if "gravity" in free or ("time_scale" in free and np.isfinite(free["time_scale"].std)):
         return []
-    if not any(kind_of(name) == "length" for name in unknowns):
+    if not any(kind_of(name) == "length" for name in free):
         return []
     return [
         "Lengths follow from gravity and take the time stamps for real time: in a clip k times slower than "

@@ -55,14 +55,14 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
         simple = [Fraction(float(e)).limit_denominator(6) for e in exponents]
         if max(abs(float(s) - e) for s, e in zip(simple, exponents, strict=True)) > 1e-3:
             continue
-        terms = [(names[i], Fraction(1)), *((names[f], e) for f, e in zip(reference, simple, strict=True))]
+        # lengths go with the square of the time scale: length / time_scale^2 reads better than its root
+        whole = Fraction(-2 if kind_of(names[i]) == "time_scale" else 1)
+        powers = [(i, whole), *((f, whole * e) for f, e in zip(reference, simple, strict=True))]
+        terms = [(names[k], e) for k, e in powers]
         gradient = np.zeros(len(names))
-        gradient[i] = known.relative[i]
-        for f, e in zip(reference, simple, strict=True):
-            gradient[f] += float(e) * known.relative[f]
-        value = values[i] * float(
-            np.prod([values[f] ** float(e) for f, e in zip(reference, simple, strict=True)])
-        )
+        for k, e in powers:
+            gradient[k] += float(e) * known.relative[k]
+        value = float(np.prod([values[k] ** float(e) for k, e in powers]))
         std = value * float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0)))
         found.append(Combination(_product(terms), float(value), std))
     return found

@@ -97,10 +97,14 @@ def refuse(problem: Problem, status: str, records: tuple[Poses, ...], seconds: f
 
 
 def _plain(problem: Problem, grown: Grown) -> Grown:
-    """Bring gravity and the scale of masses to the start where the motion does not fix them."""
+    """Bring gravity, time scale and the scale of masses to the start where the motion does not fix them."""
     before = float(np.sum(_stated_residuals(problem, grown) ** 2))
-    for plainer in (problem.gravity_scaled, problem.mass_scaled):
-        moved = replace(grown, x=plainer(grown.x))
+    rates = grown.states.shape[1] // 2
+    for plainer in (problem.gravity_scaled, problem.clock_scaled, problem.mass_scaled):
+        x, states = plainer(grown.x), grown.states.copy()
+        # measured rates are by stamp, start rates by true time
+        states[:, rates:] *= problem.stretch(grown.x) / problem.stretch(x)
+        moved = replace(grown, x=x, states=states)
         after = float(np.sum(_stated_residuals(problem, moved) ** 2))
         if abs(after - before) <= 1e-6 * (1.0 + before):
             grown = moved
@@ -222,6 +226,7 @@ def _advice(
     found = say.misfit(
         problem.mechanism, rms, size, spread, uniform=_uniform(problem) and share > 0.01,
         frictionless=_frictionless(problem) if share > 0.01 or not ok else (),
+        pictured=not all(record.metric for record in records),
     )  # fmt: skip
     found += say.limits(problem.mechanism, simulated)
     found += say.contradictions(problem.prior.negative)
@@ -229,7 +234,7 @@ def _advice(
         found += say.open_parameters(parameters, known.without_effect(problem.unknowns.names))
         found += say.bounds(parameters)
         found += say.proportions(problem.unknowns.tied if _uniform(problem) else ())
-    found += say.clock(problem.unknowns.names)
+    found += say.clock(parameters)
     total = int(problem.data.measured.any(axis=1).sum()) + int(rejected.sum())
     found += say.outliers(total, int(rejected.sum()), left_out)
     found += say.few(problem.data.samples, _fitted(problem, grown))

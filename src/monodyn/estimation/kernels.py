@@ -13,22 +13,19 @@ from monodyn.mechanism.dynamics import WORK, forward
 
 
 @njit(cache=True)
-def whitened_rows(q, v, dq, elapsed, position, white, slide, size, dsize, dstretch):
+def whitened_rows(q, dq, position, white, slide, size, dsize):
     """Residuals r = W (x / size - y) of rollouts and their Jacobian.
 
     W whitens; ``size`` divides slides of records in the start scale and nothing else.
 
     Args:
         q: Simulated positions [rad or m], (row, dof).
-        v: Simulated rates [rad/s or m/s], (row, dof).
         dq: Derivative of q by shared unknowns and by the start state of the row's piece, (row, dof, column).
-        elapsed: True time since the start of the piece [s], (row,).
         position: Measured positions, (row, dof).
         white: Whitening matrices, (row, dof, dof).
         slide: True for slides in the start scale, (row, dof).
         size: Metric scale of those slides.
         dsize: Derivative of log size by shared unknown, (param,).
-        dstretch: Derivative of the logarithm of true over stamped time by shared unknown, (param,).
 
     Returns:
         Residuals (row, dof) and Jacobian (row, dof, column).
@@ -43,9 +40,8 @@ def whitened_rows(q, v, dq, elapsed, position, white, slide, size, dsize, dstret
             x = q[f, j] * unit
             for p in range(columns):
                 slope[p] = dq[f, j, p] * unit
-            for p in range(params):
-                slope[p] += v[f, j] * elapsed[f] * dstretch[p] * unit
-                if slide[f, j]:
+            if slide[f, j]:
+                for p in range(params):
                     slope[p] -= x * dsize[p]
             for i in range(dofs):
                 w = white[f, i, j]

@@ -16,6 +16,7 @@ from monodyn.estimation.data import Data, Pieces
 from monodyn.estimation.smooth import Smoothed
 from monodyn.estimation.unknowns import MASS_KINDS, Prior, Unknowns, kind_of
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.tree import DAMPING, FRICTION, STIFFNESS
 from monodyn.optimize import Arrow
 
 STEP = 1e-6
@@ -99,6 +100,26 @@ class Problem:
         moved = np.where(self.unknowns.log, x + powers * np.log(k), x * k**powers)
         return np.clip(moved, self.unknowns.lower, self.unknowns.upper)
 
+    def clock_scaled(self, x: np.ndarray) -> np.ndarray:
+        """Return ``x`` with the time scale as at the start, and lengths and what goes with them to match.
+
+        With everything k times as long the motion of hinges takes k^(1/2) times as long, when inertias are
+        k^2 (free) or k^4 (uniform, same thickness) times as large, frictions and stiffnesses inertia / k and
+        dampings inertia / k^(1/2). Start rates by true time become k^(-1/2) of what they were.
+        """
+        names = self.unknowns.names
+        if "time_scale" not in names or self.data.slide.any():
+            return x
+        at = names.index("time_scale")
+        k = float(np.exp(2.0 * (self.unknowns.x0[at] - x[at])))
+        inertia = 2.0 if any(kind_of(name) == "inertia" for name in names) else 4.0
+        power: dict[str, float] = dict.fromkeys(("length", "width", "tail", "tip", "com_x", "com_y"), 1.0)
+        power |= {"time_scale": 0.5, "damping": inertia - 0.5, "inertia": inertia, "armature": inertia}
+        power |= {"friction": inertia - 1.0, "stiffness": inertia - 1.0}
+        powers = np.array([power.get(kind_of(name), 0.0) for name in names])
+        moved = np.where(self.unknowns.log, x + powers * np.log(k), x * k**powers)
+        return np.clip(moved, self.unknowns.lower, self.unknowns.upper)
+
     def at(self, x: np.ndarray) -> Point:
         """Bring the mechanism at the coordinates ``x`` (param,) into the form the kernels take."""
         mechanism, unknowns = self.mechanism_at(x), self.unknowns
@@ -154,26 +175,20 @@ class Problem:
         )
         starts = plain(states)
         parent, kind, links, dlinks, gravity, dgravity = (plain(array) for array in point.tree)
-        dofs = data.position.shape[1]
+        dlinks, dgravity = _slowed(links, dlinks, gravity, dgravity, dstretch)
+        dofs, params = data.position.shape[1], len(x)
         parts = []
         for first, stop, state in zip(pieces.first[:-1], pieces.first[1:], starts, strict=True):
-            parts.append(
-                rollout_tangents(
-                    parent,
-                    kind,
-                    links,
-                    dlinks,
-                    gravity,
-                    dgravity,
-                    elapsed[first:stop],
-                    substeps,
-                    state[:dofs],
-                    state[dofs:],
-                )[:3]
+            q0, v0 = state[:dofs], state[dofs:]
+            span = elapsed[first:stop]
+            q, _, dq, _ = rollout_tangents(
+                parent, kind, links, dlinks, gravity, dgravity, span, substeps, q0, v0
             )
-        q, v, dq = (np.concatenate(part) for part in zip(*parts, strict=True))
+            dq[:, :, :params] += (dq[:, :, params + dofs :] @ v0)[:, :, None] * dstretch
+            parts.append((q, dq))
+        q, dq = (np.concatenate(part) for part in zip(*parts, strict=True))
         slide = np.repeat(data.slide[pieces.record], np.diff(pieces.first), axis=0)
-        return whitened_rows(q, v, dq, elapsed, data.position, data.white, slide, size, dsize, dstretch)
+        return whitened_rows(q, dq, data.position, data.white, slide, size, dsize)
 
     def residuals(self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int) -> np.ndarray:
         """Return the whitened residuals alone, as in ``rows`` (row, dof)."""
@@ -258,6 +273,34 @@ class Problem:
             motion.velocity * unit / stretch,
         )
         return found * stretch**2 / unit
+
+
+def _slowed(
+    links: np.ndarray, dlinks: np.ndarray, gravity: np.ndarray, dgravity: np.ndarray, dstretch: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Add what a change of the time scale does, written as a change of forces at the same stamps.
+
+    q(s t; gravity, stiffness, friction, damping, v0) = q(t; s^2 gravity, s^2 stiffness, s^2 friction,
+    s damping, s v0) holds for the integrated motion as well, step by step, so that the derivative is exact
+    and a time scale that lengths can make up for is seen to be open. The rate within which friction changes
+    sign is part of the method and not of the mechanism: it goes along with the scale.
+
+    Args:
+        links: Constants of the links, (dof, column).
+        dlinks: Their derivatives, (dof, column, param).
+        gravity: Gravity [m/s^2], (2,).
+        dgravity: Its derivatives, (2, param).
+        dstretch: Derivative of the logarithm of true over stamped time, (param,).
+
+    Returns:
+        The derivatives of links and gravity; that of the start rates is the caller's.
+    """
+    if not dstretch.any():
+        return dlinks, dgravity
+    power = np.zeros(links.shape[1])
+    power[DAMPING], power[FRICTION], power[STIFFNESS] = 1.0, 2.0, 2.0
+    slowed = dlinks + (power * links)[:, :, None] * dstretch
+    return plain(slowed), plain(dgravity + 2.0 * gravity[:, None] * dstretch)
 
 
 def plain(array: np.ndarray) -> np.ndarray:
