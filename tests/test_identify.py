@@ -291,3 +291,29 @@ def test_the_derivative_by_the_time_scale_is_exact(model):
     slope = (ends[0] - ends[1]) / 2e-5
     # the difference is good to 1e-10 by its step and to 1e-11 of the residuals by rounding
     np.testing.assert_allclose(jacobian[:, :, at], slope, rtol=0, atol=1e-7 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("model", ["single", "cartpole"])
+def test_an_open_time_scale_stays_at_the_start(model):
+    """With dry friction, whose smooth sign does not scale, and with slides in the scale of the picture."""
+    start, times = load(model).with_values({"time_scale": 0.5}), np.arange(150) / 30.0
+    true = scaled(load(model), cart=1.6, link1=1.6).with_values({"joint1.friction": 2e-4})
+    slides = [joint.kind == "slide" for joint in true.joints]
+    swing = motion(true, times, [0.0, 0.9][-len(slides) :], [0.2, 0.0][-len(slides) :])
+    slow = record(start, 3.0 * times, np.where(slides, swing / 1.6, swing), noise=5e-4, metric=False)
+    fit = identify(slow, start.with_choices(free=["time_scale", "joint1.friction"]))
+    assert fit.ok
+    assert np.isinf(fit.parameter("time_scale").std)
+    assert fit.parameter("time_scale").value == pytest.approx(0.5, rel=1e-3)  # kept near the start
+    length = {c.name: c for c in fit.combinations}[f"{true.joints[0].body}.length / time_scale^2"]
+    assert sigmas(length, 9.0 * true.values[f"{true.joints[0].body}.length"]) < 4.0
+
+
+def test_gravity_against_the_time_scale(poses, double, truth):
+    known = {name: value for name, value in truth.values.items() if name.rsplit(".", 1)[-1] in SIZES}
+    fit = identify(poses, double.with_choices(fix=known, free=["time_scale", "gravity"]))
+    assert sigmas({c.name: c for c in fit.combinations}["time_scale^2 * gravity"], 9.81) < 4.0
+    assert (
+        "The data do not fix gravity and time_scale one by one; the true frame rate (--rate for a clip, or "
+        "--fix time_scale=VALUE) or the value of gravity would fix the rest."
+    ) in fit.advice

@@ -64,17 +64,22 @@ def open_parameters(parameters: tuple[Estimate, ...], without_effect: Sequence[s
 
 def _open_lengths(names: Sequence[str]) -> str:
     """Say that the data leave the scale of lengths open, and what would fix it."""
+    them = listed(names, 12)
+    sizes = [name for name in names if name not in ("gravity", "time_scale")]
     if "time_scale" not in names:
         return (
-            f"The data do not fix {listed(names, 12)} one by one; a measured length, or known values of "
-            "gravity and of the time scale, given with --fix, would fix them."
+            f"The data do not fix {them} one by one; a measured length, or known values of gravity and of "
+            "the time scale, given with --fix, would fix them."
         )
     rate = "the true frame rate (--rate for a clip, or --fix time_scale=VALUE)"
+    if not sizes:
+        return f"The data do not fix {them} one by one; {rate} or the value of gravity would fix the rest."
+    known = f"A measured length, given with --fix, or {rate} would fix them."
     if "gravity" in names:
-        rate += " together with the value of gravity"
+        known = f"Two of these would fix them: a measured length, the value of gravity, {rate}."
     return (
-        f"The data do not fix {listed(names, 12)} one by one: lengths are only known up to the time scale "
-        f"(see the combinations). A measured length, given with --fix, or {rate} would fix them."
+        f"The data do not fix {them} one by one: lengths are only known up to the time scale (see the "
+        f"combinations). {known}"
     )
 
 

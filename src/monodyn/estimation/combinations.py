@@ -58,6 +58,8 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
         # lengths go with the square of the time scale: length / time_scale^2 reads better than its root
         whole = Fraction(-2 if kind_of(names[i]) == "time_scale" else 1)
         powers = [(i, whole), *((f, whole * e) for f, e in zip(reference, simple, strict=True))]
+        if all(e <= 0 for _, e in powers):
+            powers = [(k, -e) for k, e in powers]
         terms = [(names[k], e) for k, e in powers]
         gradient = np.zeros(len(names))
         for k, e in powers:
@@ -70,7 +72,10 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
 
 def _reference(names: tuple[str, ...], unfixed: np.ndarray, usable: np.ndarray) -> list[int]:
     """Pick as many reference parameters as there are open directions, each of which one direction moves."""
-    rank = {kind: i for i, kind in enumerate(REFERENCE)}
+    usual = {kind: i for i, kind in enumerate(REFERENCE)}
+    rank = dict(usual)
+    if any(kind_of(names[i]) == "time_scale" for i in np.flatnonzero(usable)):
+        rank["length"] = -1
     order = sorted(np.flatnonzero(usable), key=lambda i: (rank.get(kind_of(names[i]), len(rank)), i))
     picked: list[int] = []
     for i in order:
@@ -79,7 +84,7 @@ def _reference(names: tuple[str, ...], unfixed: np.ndarray, usable: np.ndarray) 
             picked.append(int(i))
         if len(picked) == unfixed.shape[1]:
             break
-    return picked
+    return sorted(picked, key=lambda i: (usual.get(kind_of(names[i]), len(usual)), i))
 
 
 def _product(terms: list[tuple[str, Fraction]]) -> str:

@@ -99,15 +99,19 @@ def refuse(problem: Problem, status: str, records: tuple[Poses, ...], seconds: f
 def _plain(problem: Problem, grown: Grown) -> Grown:
     """Bring gravity, time scale and the scale of masses to the start where the motion does not fix them."""
     before = float(np.sum(_stated_residuals(problem, grown) ** 2))
-    rates = grown.states.shape[1] // 2
-    for plainer in (problem.gravity_scaled, problem.clock_scaled, problem.mass_scaled):
-        x, states = plainer(grown.x), grown.states.copy()
-        # measured rates are by stamp, start rates by true time
-        states[:, rates:] *= problem.stretch(grown.x) / problem.stretch(x)
+    dofs = grown.states.shape[1] // 2
+    slide = np.tile(problem.data.slide[grown.pieces.record], 2)
+    # the sign of friction changes within a rate that does not scale: a small change, and the search goes on
+    steps = ((problem.gravity_scaled, 1e-6), (problem.clock_scaled, 1e-3), (problem.mass_scaled, 1e-6))
+    for plainer, change in steps:
+        x = plainer(grown.x)
+        # start states are in metres and by true time, what was measured is not
+        states = grown.states * np.where(slide, problem.size(x) / problem.size(grown.x), 1.0)
+        states[:, dofs:] *= problem.stretch(grown.x) / problem.stretch(x)
         moved = replace(grown, x=x, states=states)
         after = float(np.sum(_stated_residuals(problem, moved) ** 2))
-        if abs(after - before) <= 1e-6 * (1.0 + before):
-            grown = moved
+        if abs(after - before) <= change * (1.0 + before):
+            grown, before = moved, after
     return grown
 
 

@@ -103,20 +103,25 @@ class Problem:
     def clock_scaled(self, x: np.ndarray) -> np.ndarray:
         """Return ``x`` with the time scale as at the start, and lengths and what goes with them to match.
 
-        With everything k times as long the motion of hinges takes k^(1/2) times as long, when inertias are
-        k^2 (free) or k^4 (uniform, same thickness) times as large, frictions and stiffnesses inertia / k and
-        dampings inertia / k^(1/2). Start rates by true time become k^(-1/2) of what they were.
+        With everything k times as long motion takes k^(1/2) times as long, when masses stay and inertias are
+        k^2 times as large (free) or masses k^2 and inertias k^4 (uniform, same thickness); frictions,
+        stiffnesses and dampings follow from their units, with inertias at a hinge and masses at a slide.
         """
         names = self.unknowns.names
-        if "time_scale" not in names or self.data.slide.any():
+        if "time_scale" not in names:
             return x
         at = names.index("time_scale")
         k = float(np.exp(2.0 * (self.unknowns.x0[at] - x[at])))
-        inertia = 2.0 if any(kind_of(name) == "inertia" for name in names) else 4.0
+        mass = 0.0 if any(kind_of(name) == "inertia" for name in names) else 2.0
         power: dict[str, float] = dict.fromkeys(("length", "width", "tail", "tip", "com_x", "com_y"), 1.0)
-        power |= {"time_scale": 0.5, "damping": inertia - 0.5, "inertia": inertia, "armature": inertia}
-        power |= {"friction": inertia - 1.0, "stiffness": inertia - 1.0}
-        powers = np.array([power.get(kind_of(name), 0.0) for name in names])
+        power |= {"time_scale": 0.5, "mass": mass, "inertia": mass + 2.0}
+        for joint in self.mechanism.joints:
+            hinge = joint.kind == "hinge"
+            moves = mass + 2.0 if hinge else mass
+            power |= {f"{joint.name}.armature": moves, f"{joint.name}.damping": moves - 0.5}
+            power |= {f"{joint.name}.stiffness": moves - 1.0}
+            power |= {f"{joint.name}.friction": moves - 1.0 if hinge else moves}
+        powers = np.array([power.get(name, power.get(kind_of(name), 0.0)) for name in names])
         moved = np.where(self.unknowns.log, x + powers * np.log(k), x * k**powers)
         return np.clip(moved, self.unknowns.lower, self.unknowns.upper)
 
