@@ -18,7 +18,8 @@ DATA = Path(os.environ.get("MONODYN_DATA", ""))
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(
-        "MONODYN_DATA" not in os.environ, reason="MONODYN_DATA is not set: no clips to follow"
+        "MONODYN_DATA" not in os.environ or not (DATA / "rendered").is_dir(),
+        reason="MONODYN_DATA has no rendered folder: no clips to follow",
     ),
 ]
 
