@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monodyn.errors import SettingsError
+from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify
 from monodyn.estimation.records import read_poses, write_poses
@@ -29,10 +29,14 @@ from monodyn.vision.camera import PARAMETERS
 from monodyn.vision.locate import LocateSettings, Scene, locate
 from monodyn.vision.segment import SegmentSettings, segment
 from monodyn.vision.track import TrackSettings, track
-from monodyn.vision.video import Video, read
+from monodyn.vision.video import RATES, Video, read
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
+
+
+MOST_ROWS = 1_000_000
+"""Most rows of a prediction."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +75,10 @@ class RunSettings:
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
         object.__setattr__(self, "identify", replace(self.identify, seed=self.seed))
-        if self.rate is not None and not (math.isfinite(self.rate) and self.rate > 0):
+        if self.rate is not None and not RATES[0] <= self.rate <= RATES[1]:
             raise SettingsError(
-                f"rate: expected more than 0 Hz, got {self.rate:g}; give the true frames a second."
+                f"rate: expected {RATES[0]:g} to {RATES[1]:g} Hz, got {self.rate:g}; "
+                "give the true frames a second."
             )
         for stage in ("segment", "locate", "track", "identify"):
             for name, value in asdict(getattr(self, stage)).items():
@@ -142,10 +147,11 @@ def run(
     first, stop = fitted_range(settings.fit_frames, video.count)
     times, numbers = prediction_times(video, stop, settings.until)
     log = RunLog("run", {"clip": clip, "model": model}, settings)
-    folder = RunFolder(out, force=force)
+    folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
     with recorded(folder, log):
         scene, poses = see(folder, log, video, mechanism, settings, progress)
         part = poses.part(*np.searchsorted(poses.frame, [first, stop]))
+        check_tracked(part, video, log.notes)
         with log.stage("identify"):
             fit = identify(part, scene.mechanism, settings.identify, progress=progress)
         with log.stage("predict"):
@@ -191,9 +197,10 @@ def track_clip(
     settings = settings or RunSettings()
     mechanism, video = opened(clip, model, settings)
     log = RunLog("track", {"clip": clip, "model": model}, settings)
-    folder = RunFolder(out, force=force)
+    folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
     with recorded(folder, log):
         _, poses = see(folder, log, video, mechanism, settings, progress)
+    check_tracked(poses, video, log.notes)
     return Outcome(
         folder.path, log.document("done", folder.written), poses, notes=log.notes, seconds=log.seconds
     )
@@ -229,7 +236,7 @@ def identify_tables(
     names = [Path(table).name for table in tables]
     inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
     log = RunLog("identify", inputs, settings)
-    folder = None if out is None else RunFolder(out, force=force)
+    folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables))
     with recorded(folder, log):
         with log.stage("identify"):
             fit = identify(records, mechanism, settings.identify, progress=progress)
@@ -256,6 +263,11 @@ def opened(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[
     """
     mechanism = chosen(model, settings)
     video = read(clip, rate=settings.rate)
+    if not mechanism.plan.drawn:
+        raise MechanismError(
+            f"mechanism '{mechanism.name}': expected a moving body with a geom that a clip can show, got "
+            "none; add its shape."
+        )
     if settings.background is not None and not Path(settings.background).is_file():
         raise SettingsError(
             f"background '{settings.background}': expected a picture file, found none; check the path."
@@ -277,6 +289,8 @@ def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> 
     """
     from monodyn.mechanism import load
 
+    if not str(model):
+        raise MechanismError("model: expected a file or a bundled name, got an empty one; name one.")
     fix, free = settings.fix, settings.free
     for name in settings.bounds:
         if name.startswith("camera."):
@@ -372,6 +386,13 @@ def prediction_times(video: Video, stop: int, until: float | None) -> tuple[np.n
             f"until: expected a time after the last fitted frame at {last:.3f} s, got {until:g} s."
         )
     step = float(np.median(np.diff(video.times)))
+    end = float(video.times[-1])
+    most = min(end + 10.0 * (end - float(video.times[0])) + 60.0, end + MOST_ROWS * step)
+    if until > most:
+        raise SettingsError(
+            f"until: expected at most {most:.6g} s (ten more times the clip and a minute, and {MOST_ROWS} "
+            f"rows), got {until:g} s."
+        )
     more = int(np.floor((until - video.times[-1]) / step + 1e-6)) if until > video.times[-1] else 0
     times = np.concatenate([times[times <= until + 1e-9], video.times[-1] + step * np.arange(1, more + 1)])
     return times, stop + np.arange(len(times))
@@ -409,6 +430,26 @@ def see(
     log.notes += [*scene.advice, *video.notes, *_untracked(poses)]
     folder.write("poses.csv", lambda path: write_poses(poses, path))
     return scene, poses
+
+
+def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
+    """Refuse poses of which none was measured.
+
+    Args:
+        poses: The poses.
+        video: Their clip.
+        notes: What is known about the reason.
+
+    Raises:
+        FitError: no frame was measured.
+    """
+    if np.any(poses.seen):
+        return
+    first, last = (int(poses.frame[0]), int(poses.frame[-1])) if len(poses) else (0, 0)
+    raise FitError(
+        f"clip '{video.path}': expected the mechanism in frames {first} to {last}, tracked it in none; "
+        + " ".join(notes)
+    )
 
 
 def _untracked(poses: Poses) -> list[str]:

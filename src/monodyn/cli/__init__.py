@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 HELP = """usage: monodyn COMMAND ...
 
@@ -23,7 +24,7 @@ commands:
 examples:
   monodyn run clip.mp4 --model double.xml --out run
   monodyn run clip.mp4 --model chain:3 --out run --fit-frames 0:120 --fix gravity=9.81
-  monodyn identify run/poses.csv --model double.xml --out fit
+  monodyn identify run/poses.csv --model run/model.xml --out fit
 
 monodyn COMMAND --help lists the options of a command. Exit codes: 0 done; 1 the fit is not to be trusted;
 2 bad input or usage; 130 interrupted.
@@ -39,13 +40,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
+    from monodyn.cli.streams import safe
+
+    with safe():
+        return _main(list(sys.argv[1:] if argv is None else argv))
+
+
+def _main(words: list[str]) -> int:
     from monodyn.errors import FitError, MonodynError
 
-    words = list(sys.argv[1:] if argv is None else argv)
     try:
         return _dispatch(words)
-    except KeyboardInterrupt:
-        _fail("interrupted; what was finished is in the output folder.")
+    except KeyboardInterrupt as stop:
+        _fail(f"interrupted; {stop.args[0] if stop.args else 'nothing was written.'}")
         return 130
     except FitError as error:
         _fail(str(error))
@@ -53,26 +60,36 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MonodynError as error:
         _fail(str(error))
         return 2
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
+    except OSError as error:
+        name = str(error.filename or "a file")
+        name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
+        _fail(
+            f"'{name}': expected a place the system can use, got '{error.strerror or error}'; give another."
+        )
+        return 2
 
 
 def _dispatch(words: list[str]) -> int:
-    if not words or words[0] in ("-h", "--help", "help"):
-        print(HELP, end="")
-        return 0 if words else 2
-    if words[0] in ("-V", "--version"):
+    from monodyn.cli.streams import keep_compiled, printing
+
+    if not words or words[0] in ("-h", "--help", "help", "-V", "--version"):
         import monodyn
 
-        print(f"monodyn {monodyn.__version__}")
-        return 0
+        with printing():
+            version = bool(words) and words[0] in ("-V", "--version")
+            print(f"monodyn {monodyn.__version__}\n" if version else HELP, end="")
+        return 0 if words else 2
+    note = keep_compiled()
+    if note and "--quiet" not in words:
+        _fail(note)
     from monodyn.cli.options import COMMANDS, parsed
 
     if words[0] not in COMMANDS:
         _fail(f"expected a command, got '{words[0]}'; commands: {', '.join(COMMANDS)}.")
         return 2
-    options = parsed(words[0], words[1:])
+    options: Any = 0
+    with printing():
+        options = parsed(words[0], words[1:])
     if isinstance(options, int):
         return options
     return options.go()

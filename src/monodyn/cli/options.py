@@ -220,7 +220,7 @@ class ModelsOptions:
 COMMANDS: dict[str, tuple[type[Any], str]] = {
     "run": (RunOptions, "monodyn run clip.mp4 --model double.xml --out run --fit-frames 0:120"),
     "track": (TrackOptions, "monodyn track clip.mp4 --model double.xml --out run"),
-    "identify": (IdentifyOptions, "monodyn identify run/poses.csv --model double.xml --out fit"),
+    "identify": (IdentifyOptions, "monodyn identify run/poses.csv --model run/model.xml --out fit"),
     "models": (ModelsOptions, "monodyn models"),
 }
 """Options and an example of each command."""
@@ -241,6 +241,10 @@ def parsed(command: str, words: Sequence[str]) -> Any:
     """
     import tyro
 
+    for before, word in zip(["", *words], words, strict=False):
+        name = before if word == "" else word.removesuffix("=")
+        if name in ("--out", "--model", "--background") and (word == "" or word.endswith("=")):
+            raise SettingsError(f"{command}: {name}: expected a name, got an empty one; give one.")
     options, example = COMMANDS[command]
     about = f"{(options.__doc__ or '').split(chr(10))[0]}\n\nExample: {example}"
     complaint = io.StringIO()

@@ -101,28 +101,38 @@ def show(outcome: Outcome, *, as_json: bool, quiet: bool) -> int:
     Returns:
         0, or 1 when the fit is not to be trusted.
     """
+    from monodyn.cli.streams import printing
+
     code = 0 if outcome.fit is None or outcome.fit.ok else 1
+    with printing():
+        _show(outcome, code, as_json, quiet)
+    return code
+
+
+def _show(outcome: Outcome, code: int, as_json: bool, quiet: bool) -> None:
     if as_json:
         from monodyn.results.export import plain
 
         document = {**outcome.document, "out": None if outcome.folder is None else str(outcome.folder)}
-        print(json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False))
-        return code
-    if quiet:
+        ascii_only = "utf" not in (getattr(sys.stdout, "encoding", None) or "utf").lower()
+        print(json.dumps(plain(document), indent=2, ensure_ascii=ascii_only, allow_nan=False))
+    elif quiet:
         if code:
             print(f"monodyn: {outcome.document['status']}", file=sys.stderr)
-        return code
-    if outcome.fit is None:
+    elif outcome.fit is None:
         _show_tracking(outcome)
     else:
         _show_fit(outcome)
-    return code
 
 
 def _console() -> Any:
     from rich.console import Console
 
-    return Console(highlight=False, soft_wrap=True)
+    class Plain(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
+    return Plain(highlight=False, soft_wrap=True)
 
 
 def _show_tracking(outcome: Outcome) -> None:
@@ -207,6 +217,14 @@ def show_models(*, as_json: bool) -> int:
     Args:
         as_json: As JSON.
     """
+    from monodyn.cli.streams import printing
+
+    with printing():
+        _print_models(as_json)
+    return 0
+
+
+def _print_models(as_json: bool) -> None:
     from monodyn.mechanism import BUNDLED, load
 
     rows = []
@@ -218,7 +236,7 @@ def show_models(*, as_json: bool) -> int:
         )
     if as_json:
         print(json.dumps(rows, indent=2))
-        return 0
+        return
     table = _table("model", "joints", "lengths [m]", left=3)
     for row in rows:
         lengths = ", ".join(f"{value:g}" for value in row["lengths"].values())
@@ -228,4 +246,3 @@ def show_models(*, as_json: bool) -> int:
     console.print(
         "chain:N has N hinges, 1 to 10; shown for 3. Any MJCF or URDF file of a planar mechanism works too."
     )
-    return 0

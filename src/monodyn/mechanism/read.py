@@ -19,6 +19,9 @@ from monodyn.mechanism.tree import INERTIA, MASS
 WILD = 1e9
 """Largest number [SI] that a mechanism file may hold."""
 
+RESERVED = ("time", "frame", "seen")
+"""Columns of the tables of positions that no joint may be named after."""
+
 KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 
 
@@ -75,7 +78,7 @@ def _mechanism(text: str, urdf: bool, meshes: dict[str, bytes], where: str) -> M
     file = _File(mujoco, spec, model, where, urdf)
     # "MuJoCo Model" is what MuJoCo calls a model without a name.
     name = Path(where).stem if spec.modelname in ("", "MuJoCo Model") else spec.modelname
-    return assemble(name, *file.links())
+    return assemble(name.encode("utf-8", "replace").decode("utf-8"), *file.links())
 
 
 class _File:
@@ -267,9 +270,16 @@ class _File:
             raise MechanismError(
                 f"{self.where}: expected at least one joint, got none; add a hinge or a slide."
             )
+        for name in self.joint_names:
+            if name in RESERVED:
+                raise MechanismError(
+                    f"{self.where}: joint '{name}': expected a name other than {', '.join(RESERVED)}, which "
+                    "are columns of the tables of positions; rename it."
+                )
         for j, kind in enumerate(model.jnt_type):
             if kind not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
-                got = "free" if kind == int(mujoco.mjtJoint.mjJNT_FREE) else "ball"
+                free = "floating" if self.urdf else "free"
+                got = free if kind == int(mujoco.mjtJoint.mjJNT_FREE) else "ball"
                 raise MechanismError(
                     f"{self.where}: joint '{self.joint_names[j]}': expected a hinge or a slide, got a {got} "
                     f"joint; "

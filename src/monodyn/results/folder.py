@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from monodyn.errors import SettingsError
@@ -42,18 +42,23 @@ class RunFolder:
         written: Names of the files written so far.
     """
 
-    def __init__(self, path: str | Path, *, force: bool = False) -> None:
+    def __init__(self, path: str | Path, *, force: bool = False, inputs: Sequence[object] = ()) -> None:
         """Check that the folder can take a run and create it.
 
         Args:
             path: The folder; it is created with its parents when it does not exist.
             force: Replace a run that is already there.
+            inputs: Files that are read; none may be one that the run would replace.
 
         Raises:
-            SettingsError: the path is a file, holds a run and ``force`` is not set, or cannot be created.
+            SettingsError: the path is a file, holds a run and ``force`` is not set, holds an input under a
+                name of ours, or cannot be created.
         """
         self.path = Path(path)
+        if not str(path):
+            raise SettingsError("out: expected the name of a folder, got an empty one; give one with --out.")
         self.written: list[str] = []
+        self._spare(inputs)
         if self.path.exists() and not self.path.is_dir():
             raise SettingsError(f"out '{self.path}': expected a folder, got a file; give another name.")
         old = [name for name in FILES if (self.path / name).exists()]
@@ -70,6 +75,16 @@ class RunFolder:
             self.stage.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise self._cannot("create the folder", error) from error
+
+    def _spare(self, inputs: Sequence[object]) -> None:
+        """Raise if an input is a file that this run would replace or remove."""
+        places = [self.path / sub / name for sub in ("", STAGE, ASIDE) for name in FILES]
+        for given in (Path(str(given)) for given in inputs if given is not None):
+            if given.is_file() and any(place.exists() and place.samefile(given) for place in places):
+                raise SettingsError(
+                    f"out '{self.path}': expected another folder than that of the inputs, got the one of "
+                    f"'{given}', which the run would replace; give another with --out."
+                )
 
     def write(self, name: str, writer: Callable[[Path], None]) -> None:
         """Write one file; it appears under its name only when it is whole.
@@ -179,7 +194,7 @@ class RunFolder:
 
 
 def _write_text(path: Path, text: str) -> None:
-    with path.open("w", encoding="utf-8", newline="\n") as file:
+    with path.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
         file.write(text)
         file.flush()
         os.fsync(file.fileno())

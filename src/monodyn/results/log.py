@@ -104,8 +104,10 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
         interrupted = _is_interrupt(error)
         if folder is not None:
             _record_failure(folder, log, error, interrupted)
-        if interrupted and not isinstance(error, KeyboardInterrupt):
-            raise KeyboardInterrupt from error
+        if interrupted:
+            place = None if folder is None else folder.stage
+            kept = place is not None and place.is_dir()
+            raise KeyboardInterrupt(*([f"what was finished is in '{place}'."] if kept else [])) from error
         raise
 
 

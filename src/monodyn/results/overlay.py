@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 TICKS = 90_000
 """Time stamps of the film are whole multiples of 1 / TICKS seconds."""
+FASTEST = 1000.0
+"""Most frames a second [Hz] of the film; a faster clip is shown slower, its own time in the caption."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,8 @@ def write_overlay(
 ) -> list[tuple[bytes, str]]:
     """Write the clip with the mechanism drawn over it, H.264 with the clip's own time stamps.
 
+    A clip of more than ``FASTEST`` frames a second is shown at that rate.
+
     Args:
         path: The film to write (mp4).
         video: The clip.
@@ -142,13 +146,15 @@ def write_overlay(
             stream.width, stream.height = size
             stream.pix_fmt = "yuv420p"
             stream.codec_context.time_base = Fraction(1, TICKS)
+            last, slower = -1, max(1.0, 1.0 / (FASTEST * _step(video)))
             for done, frame in enumerate(video.frames(), start=1):
                 drawing = motion.drawing(frame.index, frame.time)
                 if frame.index in kept:
                     stills.append((still(frame, drawing), f"Frame {frame.index}, {drawing.caption}"))
                 planes = draw(frame, drawing)
                 picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
-                picture.pts = round((frame.time - video.times[0]) * TICKS)
+                last = max(last + 1, round((frame.time - video.times[0]) * slower * TICKS))
+                picture.pts = last
                 picture.time_base = Fraction(1, TICKS)
                 container.mux(stream.encode(picture))
                 if progress is not None:
@@ -160,8 +166,12 @@ def write_overlay(
 
 
 def _rate(video: Video) -> Fraction:
-    step = float(np.median(np.diff(video.times)))
-    return Fraction(1.0 / step).limit_denominator(1001)
+    return Fraction(min(max(1.0 / _step(video), 1e-3), FASTEST)).limit_denominator(1001)
+
+
+def _step(video: Video) -> float:
+    """Return the usual time between two frames [s]."""
+    return float(np.median(np.diff(video.times)))
 
 
 def still(frame: Frame, drawing: Drawing, quality: int = 82) -> bytes:

@@ -19,6 +19,9 @@ from monodyn.types import Frame
 
 Decode = Callable[[int, int], Iterator[Frame]]
 
+RATES = (1e-3, 1e6)
+"""Least and most frames a second [Hz] that can be asked for."""
+
 
 @dataclass(frozen=True, eq=False)
 class Video:
@@ -102,8 +105,10 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
         >>> video.width, video.height, video.count  # doctest: +SKIP
         (720, 480, 300)
     """
-    if rate is not None and not (np.isfinite(rate) and rate > 0):
-        raise VideoError(f"rate: expected a positive number of frames a second, got {rate:g}.")
+    if rate is not None and not RATES[0] <= rate <= RATES[1]:
+        raise VideoError(
+            f"rate: expected {RATES[0]:g} to {RATES[1]:g} frames a second, got {rate:g}; give the true rate."
+        )
     path = Path(path)
     if still:
         from monodyn.vision.folder import read_still

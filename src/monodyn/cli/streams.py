@@ -1,0 +1,138 @@
+"""Streams and places that may be missing: a closed pipe, a full disk, no folder for compiled functions."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from monodyn.errors import SettingsError
+
+
+class _Lossy:
+    """The error stream; what cannot be written is dropped."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text, or lose it."""
+        try:
+            self._stream.write(text)
+        except (OSError, ValueError):
+            _silence(self._stream)
+        return len(text)
+
+    def flush(self) -> None:
+        """Write out what is waiting, or lose it."""
+        try:
+            self._stream.flush()
+        except (OSError, ValueError):
+            _silence(self._stream)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextlib.contextmanager
+def safe() -> Iterator[None]:
+    """Make both streams print whatever they can and never fail on a name; a lost error stream is no error."""
+    with contextlib.suppress(OSError):
+        # What is opened later must not get the number of a closed standard stream.
+        while (number := os.open(os.devnull, os.O_RDWR)) < 3:
+            pass
+        os.close(number)
+    out, err = sys.stdout, sys.stderr
+    if out is None:
+        sys.stdout = open(os.devnull, encoding="utf-8")  # noqa: SIM115 (not writable: printing says so)
+    if err is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="replace")
+    sys.stderr = _Lossy(sys.stderr)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = out, err
+
+
+@contextlib.contextmanager
+def printing() -> Iterator[None]:
+    """Print on the standard output: a reader that has gone away ends it, without an error.
+
+    Raises:
+        SettingsError: the standard output cannot be written.
+    """
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _silence(sys.stdout)
+    except OSError as error:
+        _silence(sys.stdout)
+        raise SettingsError(
+            f"standard output: cannot print the result ({error.strerror or error}); give it another place, "
+            "or --quiet."
+        ) from None
+
+
+def _silence(stream: Any) -> None:
+    """Let what is still waiting in a stream go nowhere."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        number = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(number, stream.fileno())
+        os.close(number)
+
+
+def keep_compiled() -> str:
+    """Choose a temporary folder for compiled functions when the usual ones cannot be written.
+
+    Returns:
+        A sentence for the user, or nothing.
+    """
+    import monodyn
+
+    usual = [Path(monodyn.__file__).parent / "mechanism" / "__pycache__", _user_cache()]
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if any(_writable(folder) for folder in ([Path(given)] if given else usual)):
+        return ""
+    folder = Path(tempfile.gettempdir()) / f"monodyn-{getattr(os, 'getuid', int)()}"
+    if not _private(folder):
+        folder = Path(tempfile.mkdtemp(prefix="monodyn-"))
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    return f"no usual folder for compiled functions can be written; they are kept in '{folder}'."
+
+
+def _user_cache() -> Path:
+    """Return the user's folder for compiled functions, as numba names it."""
+    if sys.platform == "darwin":
+        return Path("~/Library/Caches/numba").expanduser()
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", "~/AppData/Local")).expanduser() / "numba"
+    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "numba"
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except (OSError, RuntimeError):
+        return False
+
+
+def _private(folder: Path) -> bool:
+    """Tell whether a folder, made if need be, is ours alone: compiled functions are code that is run."""
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return False
+    ours = not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o077)
+    return ours and not folder.is_symlink() and _writable(folder)
