@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import errno
+import io
 import json
 import os
+import sys
 from pathlib import Path
 
 import mujoco
@@ -13,10 +15,15 @@ import numpy as np
 import pytest
 
 from conftest import EXAMPLES, ClipMaker, Done, command
+from monodyn.cli import main
 from monodyn.cli.options import frame_range, values
-from monodyn.errors import SettingsError
+from monodyn.cli.show import progress_on
+from monodyn.errors import FitError, SettingsError
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.pipeline import check_tracked
 from monodyn.results.folder import FILES, RunFolder
+from monodyn.types import Poses
+from monodyn.vision.video import read
 
 CLIP, MODEL = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
 
@@ -203,7 +210,7 @@ def test_ctrl_c_keeps_what_was_finished(tmp_path: Path, monkeypatch: pytest.Monk
     out = tmp_path / "run"
     done = command("run", CLIP, "--model", MODEL, "--out", out, "--quiet")
     assert done.code == 130
-    assert done.err == "monodyn: interrupted; what was finished is in the output folder.\n"
+    assert done.err == f"monodyn: interrupted; what was finished is in '{out}'.\n"
     assert sorted(path.name for path in out.iterdir()) == ["poses.csv", "run.json"]
     log = json.loads((out / "run.json").read_text())
     assert (log["status"], log["files"]) == ("interrupted", ["poses.csv"])
@@ -373,7 +380,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
         (["run", CLIP, "--model", MODEL, "--out", "o", "--identify.starts", "0"],
          "identify.starts: expected 1 to 1000, got 0."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--track.reach", "inf"],
-         "track.reach: expected a finite number, got inf; leave it out for the usual one."),
+         "track.reach: expected 1 to 200, got inf."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--identify.seed", "3"],
          "run: expected known options, got --identify.seed, 3; see monodyn run --help."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--bounds", "link1.length=3"],
@@ -448,3 +455,92 @@ def test_frame_range_and_values() -> None:
     assert values((("a=1", "b=-2.5e3"), ("c=0",))) == {"a": 1.0, "b": -2500.0, "c": 0.0}
     with pytest.raises(SettingsError):
         values((("a=1=2",),))
+
+
+# inputs inside the folder, streams and names
+
+
+@pytest.mark.parametrize("sub", ["", "unfinished"])
+def test_a_run_never_replaces_its_own_input(tmp_path: Path, sub: str) -> None:
+    folder = tmp_path / "run" / sub
+    folder.mkdir(parents=True)
+    model, poses = folder / "model.xml", folder / "poses.csv"
+    model.write_bytes(MODEL.read_bytes())
+    poses.write_text("time,joint1,joint2\n0,0,0\n0.1,0.1,0.1\n0.2,0.2,0.1\n", encoding="utf-8")
+    for words in (["run", CLIP, "--model", model], ["identify", poses, "--model", MODEL]):
+        message = refused(*words, "--out", tmp_path / "run", "--force")
+        assert "which the run would replace; give another with --out." in message
+    assert model.exists()
+    assert poses.exists()
+
+
+class Closed(io.StringIO):
+    """A stream whose other end is in trouble."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+    def write(self, text: str) -> int:
+        raise OSError(self.number, os.strerror(self.number))
+
+
+def test_a_lost_error_stream_drops_the_progress_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    from monodyn.cli.streams import safe
+
+    monkeypatch.setattr(sys, "stderr", Closed(errno.EPIPE))
+    with safe(), progress_on(sys.stderr, quiet=False) as progress:
+        assert progress is not None
+        progress("track", 1, 2)
+        progress("identify", 1, 2)
+
+
+@pytest.mark.parametrize("words", [["models"], ["--help"], ["run", "--help"]])
+def test_a_reader_that_has_gone_away_is_no_error(monkeypatch: pytest.MonkeyPatch, words: list[str]) -> None:
+    monkeypatch.setattr(sys, "stdout", Closed(errno.EPIPE))
+    assert main(words) == 0
+    monkeypatch.setattr(sys, "stdout", Closed(errno.ENOSPC))
+    monkeypatch.setattr(sys, "stderr", err := io.StringIO())
+    assert main(words) == 2
+    assert err.getvalue().startswith("monodyn: standard output: cannot print the result (No space left")
+
+
+def test_compiled_functions_go_to_a_temporary_folder_when_no_other_can_be_written(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from monodyn.cli import streams
+
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    monkeypatch.setattr(streams.tempfile, "gettempdir", lambda: str(tmp_path))
+    assert "are kept in" in streams.keep_compiled()
+    chosen = Path(os.environ["NUMBA_CACHE_DIR"])
+    assert chosen.parent == tmp_path
+    assert chosen.stat().st_mode & 0o077 == 0
+    assert streams.keep_compiled() == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (["--until", "1e300"], "until: expected at most"),
+        (["--rate", "1e300"], "rate: expected 0.001 to 1e+06 Hz"),
+        (["--rate", "1e-300"], "rate: expected 0.001 to 1e+06 Hz"),
+        (["--background", "a" * 5000], "expected a place the system can use, got 'File name too long'"),
+        (["--background="], "--background: expected a name, got an empty one"),
+    ],
+)
+def test_settings_beyond_all_limits_are_refused(tmp_path: Path, words: list[str], part: str) -> None:
+    assert part in refused("run", CLIP, "--model", MODEL, "--out", tmp_path / "run", *words)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_clip_without_the_mechanism_says_so(make_clip: ClipMaker, tmp_path: Path) -> None:
+    poses = Poses(
+        ("joint1",), np.arange(3), np.arange(3) / 30, np.full((3, 1), np.nan), np.full((3, 1, 1), np.nan),
+        np.zeros(3, bool),
+    )  # fmt: skip
+    with pytest.raises(
+        FitError, match=r"clip '.*': expected the mechanism in frames 0 to 2, tracked it in n"
+    ):
+        check_tracked(poses, read(make_clip()), ["Light it better."])

@@ -413,3 +413,26 @@ def test_a_folder_and_a_picture_are_refused(tmp_path) -> None:
     (tmp_path / "clip.mp4").write_bytes(bytes(range(256)))
     with pytest.raises(MechanismError, match="text that is not XML"):
         load(tmp_path / "clip.mp4")
+
+
+@pytest.mark.parametrize("name", ["time", "frame", "seen"])
+def test_a_joint_is_not_named_after_a_column(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "model.xml"
+    path.write_text(
+        f'<mujoco><worldbody><body><joint name="{name}" axis="0 1 0"/><geom size="0.1"/>'
+        "</body></worldbody></mujoco>",
+        encoding="utf-8",
+    )
+    with pytest.raises(MechanismError, match=f"joint '{name}': expected a name other than time, frame, seen"):
+        load(path)
+
+
+def test_a_floating_joint_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "model.urdf"
+    path.write_text(
+        '<robot name="r"><link name="w"/><link name="a"/><joint name="j" type="floating">'
+        '<parent link="w"/><child link="a"/></joint></robot>',
+        encoding="utf-8",
+    )
+    with pytest.raises(MechanismError, match=r"joint 'j': .*, got a floating one"):
+        load(path)

@@ -216,6 +216,11 @@ def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
                 f"{where}: <replicate>: expected a count from 1 to {MAX_COPIES}, got '{child.get('count')}'; "
                 f"correct it."
             )
+        if urdf and tag == "joint" and child.get("type") in ("floating", "planar"):
+            raise MechanismError(
+                f"{where}: joint '{child.get('name', '')}': expected a revolute, continuous, prismatic or "
+                f"fixed joint, got a {child.get('type')} one; replace it."
+            )
         if tag == "mimic":
             raise MechanismError(
                 f"{where}: joint '{element.get('name', '')}': mimic joints couple joints and are not "
