@@ -20,7 +20,7 @@ from monodyn.cli.options import frame_range, values
 from monodyn.cli.show import progress_on
 from monodyn.errors import FitError, SettingsError
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.pipeline import check_tracked
+from monodyn.results.checks import check_tracked
 from monodyn.results.folder import FILES, RunFolder
 from monodyn.types import Poses
 from monodyn.vision.video import read

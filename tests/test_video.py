@@ -113,7 +113,7 @@ def test_rate_replaces_the_stamps(make_clip: ClipMaker) -> None:
     assert video.notes == ("Time stamps replaced by 240 frames a second.",)
     with pytest.raises(VideoError) as error:
         read("x.mp4", rate=0.0)
-    assert str(error.value) == "rate: expected a positive number of frames a second, got 0."
+    assert str(error.value) == "rate: expected 0.001 to 1e+06 frames a second, got 0; give the true rate."
 
 
 def test_no_time_stamps(make_clip: ClipMaker) -> None:
