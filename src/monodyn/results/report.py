@@ -198,11 +198,14 @@ def _film(
     frames: Sequence[int],
     progress: Progress | None,
 ) -> list[tuple[bytes, str]]:
-    """Write ``overlay.mp4``; return pictures of its first, middle and last frame."""
+    """Write ``overlay.mp4``; return pictures of its first, middle and last frame.
+
+    A refused fit is not drawn: then the film shows the tracked poses alone.
+    """
     from monodyn.results.fill import fill
 
     position = np.full((view.video.count, len(fit.mechanism.joints)), np.nan)
-    if traces:
+    if traces and fit.ok:
         position = fill(fit, view.video.times).position
     motion = Motion(view.mechanism, view.camera, position, (frames[0], frames[1]), view.tracked)
     pictures: list[tuple[bytes, str]] = []
