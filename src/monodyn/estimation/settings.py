@@ -8,12 +8,32 @@ from typing import Literal
 
 from monodyn.errors import SettingsError
 
+MOST_TERMS = 50
+"""Harmonics of the longest Fourier series."""
+CHOICES = {
+    "method": ("fast", "paper", None),
+    "torque": ("friction", "fourier", "free"),
+    "series": ("with-friction", "alone"),
+    "states": ("measured", "filtered"),
+    "bodies": ("uniform", "free"),
+}
+"""What the settings that are words can be."""
+
 
 @dataclass(frozen=True)
 class IdentifySettings:
     """How a mechanism is identified.
 
     Attributes:
+        method: ``fast``: all states and the start state in one weighted least squares; ``paper``: eq. (14) of the
+            2012 paper, start state from the filtered poses; None is as the whole run.
+        torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
+            Fourier series, and friction) or ``free`` (one torque a joint and time stamp).
+        terms: Harmonics of the Fourier series; 0 takes as many as the record asks for, 7 with ``paper``.
+        series: ``with-friction`` keeps friction beside the Fourier series, ``alone`` is the paper's form.
+        gains: Gains alpha, beta, gamma of the filter, eq. (7); for ``paper``.
+        states: What ``paper`` compares the simulated states with: the ``measured`` poses or the ``filtered``.
+        rates: With ``paper`` compare rates as well as angles, weighted with the tracker's covariance.
         bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
             centre of mass and inertia are unknowns.
         starts: At most so many starts are tried until the motion is explained.
@@ -24,6 +44,13 @@ class IdentifySettings:
         evaluations: Evaluations of the model in one search, at most.
     """
 
+    method: Literal["fast", "paper"] | None = None
+    torque: Literal["friction", "fourier", "free"] = "friction"
+    terms: int = 0
+    series: Literal["with-friction", "alone"] = "with-friction"
+    gains: tuple[float, float, float] = (0.4, 0.1, 0.05)
+    states: Literal["measured", "filtered"] = "measured"
+    rates: bool = False
     bodies: Literal["uniform", "free"] = "uniform"
     starts: int = 6
     seed: int = 0
@@ -33,9 +60,13 @@ class IdentifySettings:
     evaluations: int = 100
 
     def __post_init__(self) -> None:
-        if self.bodies not in ("uniform", "free"):
-            raise SettingsError(f"identify.bodies: expected 'uniform' or 'free', got '{self.bodies}'.")
+        for name, choices in CHOICES.items():
+            value = getattr(self, name)
+            if value not in choices:
+                known = ", ".join(f"'{choice}'" for choice in choices if choice is not None)
+                raise SettingsError(f"identify.{name}: expected one of {known}, got '{value}'.")
         ranges = (
+            ("terms", 0, MOST_TERMS),
             ("starts", 1, 1000), ("seed", 0, 2**63), ("piece", 5, 10000), ("error_bound", 1e-10, 1e-2),
             ("evaluations", 5, 10000),
         )  # fmt: skip
