@@ -1,0 +1,241 @@
+"""Measured joint positions in, filtered positions, rates and accelerations out: the alpha-beta-gamma filter.
+
+The filter is linear in the measurements, so the covariance of its states follows from theirs without any
+approximation. It looks only backwards, hence its states lag behind fast motion; the covariance knows of noise
+alone and not of that lag.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.arrays import frozen, increasing
+from monodyn.errors import SettingsError, VideoError
+
+FIRST = 3
+"""Seen samples that a filter starts from."""
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of the filter: 0 < alpha <= 1, 0 < beta < 1, 0 < gamma < 4 alpha beta / (2 - alpha), eq. (7).
+
+    The last bound is that of a filter whose acceleration takes gamma / (2 T^2) of the innovation. Eq. (6) takes
+    gamma / T^2, and with that errors only die out for gamma < 2 alpha beta / (2 - alpha), see ``stable``. The
+    paper's own gains lie on that edge: they ring without end.
+
+    Attributes:
+        alpha: Share of the innovation that the position takes.
+        beta: That of the rate, times the step.
+        gamma: That of the acceleration, times the step squared.
+    """
+
+    alpha: float = 0.4
+    beta: float = 0.1
+    gamma: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.alpha <= 1.0:
+            raise SettingsError(f"gains: expected alpha above 0 and up to 1 (eq. 7), got {self.alpha:g}.")
+        if not 0.0 < self.beta < 1.0:
+            raise SettingsError(f"gains: expected beta between 0 and 1 (eq. 7), got {self.beta:g}.")
+        most = 4.0 * self.alpha * self.beta / (2.0 - self.alpha)
+        if not 0.0 < self.gamma < most:
+            raise SettingsError(
+                f"gains: expected gamma between 0 and 4 alpha beta / (2 - alpha) = {most:g} (eq. 7) with "
+                f"alpha {self.alpha:g} and beta {self.beta:g}, got {self.gamma:g}."
+            )
+
+    @property
+    def stable(self) -> bool:
+        """True when an error of the filter's states dies out: gamma < 2 alpha beta / (2 - alpha)."""
+        return self.gamma < 2.0 * self.alpha * self.beta / (2.0 - self.alpha)
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Gains:
+        """Return the gains given as alpha, beta, gamma.
+
+        Args:
+            values: The three of them.
+
+        Raises:
+            SettingsError: They are not three, or outside of eq. (7).
+        """
+        if len(values) != 3:
+            raise SettingsError(f"gains: expected alpha, beta and gamma, got {len(values)} numbers.")
+        return cls(*(float(value) for value in values))
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """Filtered motion of a record, NaN for a joint before its first seen sample.
+
+    Attributes:
+        time: Time stamps [s], (frame,).
+        position: Joint positions [rad or m], (frame, dof).
+        velocity: Joint rates [rad/s or m/s], (frame, dof).
+        acceleration: Joint accelerations [rad/s^2 or m/s^2], (frame, dof).
+        covariance: Covariance of the positions, then the rates, (frame, 2 dof, 2 dof), or None where that of
+            the measurements was not given.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    covariance: np.ndarray | None
+
+
+def filtered(
+    time: np.ndarray, observed: np.ndarray, gains: Gains, covariance: np.ndarray | None = None
+) -> Filtered:
+    """Filter joint positions, each by itself: predict with constant acceleration, correct by the innovation.
+
+    x_p(k) = x_s(k-1) + T v_s(k-1) + T^2/2 a_s(k-1), v_p(k) = v_s(k-1) + T a_s(k-1), a_p(k) = a_s(k-1);
+    x_s = x_p + alpha e, v_s = v_p + beta/T e, a_s = a_p + gamma/T^2 e with e = x_o - x_p. The paper prints
+    a_p(k-1) in the last line, though a_p is defined nowhere: it is read as the prediction of a constant
+    acceleration. T is the time since the joint was last seen, so that an unseen frame, which is predicted
+    only, counts as much as one that is not in the record. The paper leaves the start open: here it is the
+    parabola through the first three seen samples, taken at the first.
+
+    Args:
+        time: Increasing time stamps [s], (frame,).
+        observed: Measured positions [rad or m], NaN where not seen, (frame, dof).
+        gains: The gains.
+        covariance: Covariance of each frame's measurements, (frame, dof, dof); frames are taken as
+            independent of each other.
+
+    Returns:
+        The filtered motion at ``time``.
+
+    Raises:
+        SettingsError: The times do not increase or the arrays do not belong together.
+        VideoError: A joint was seen in under three frames.
+
+    Source:
+        Eq. (6) of "Estimating dynamics on-the-fly using monocular video", 2012.
+
+    Example:
+        >>> import numpy as np
+        >>> time = np.arange(5) / 10
+        >>> fall = filtered(time, 0.5 * 9.81 * time[:, None] ** 2, Gains())
+        >>> [round(float(v), 3) for v in fall.velocity[:, 0]]
+        [0.0, 0.981, 1.962, 2.943, 3.924]
+    """
+    observed = np.asarray(observed, dtype=float)
+    if observed.ndim != 2:
+        raise SettingsError(f"filter: expected positions (frame, dof), got shape {observed.shape}.")
+    frames, dofs = observed.shape
+    times = increasing("filter: time", np.asarray(time, dtype=float), error=SettingsError)
+    times = frozen("filter: time", times, (frames,), error=SettingsError)
+    seen = np.isfinite(observed)
+    start, heads = _starts(times, observed, seen)
+    steps = _steps(times, seen, heads, gains)
+    states = np.full((frames, 3, dofs), np.nan)
+    for dof in range(dofs):
+        states[:, :, dof] = _run(steps[dof], observed[:, dof], start[dof], heads[dof])
+    spread = None
+    if covariance is not None:
+        covariance = frozen("filter: covariance", covariance, (frames, dofs, dofs), error=SettingsError)
+        spread = _covariance(steps, times, covariance, seen, heads)
+    return Filtered(times, states[:, 0], states[:, 1], states[:, 2], spread)
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """The filter of one joint as a linear recursion s(k) = transition(k) s(k-1) + gain(k) x_o(k).
+
+    Attributes:
+        transition: (frame, 3, 3).
+        gain: Zero where the joint was not seen, (frame, 3).
+    """
+
+    transition: np.ndarray
+    gain: np.ndarray
+
+
+def _starts(
+    times: np.ndarray, observed: np.ndarray, seen: np.ndarray
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """First state (3,) and the frames of the first three seen samples (3,), by joint."""
+    starts, heads = [], []
+    for dof, use in enumerate(seen.T):
+        head = np.flatnonzero(use)[:FIRST]
+        if len(head) < FIRST:
+            raise VideoError(
+                f"filter: joint {dof} was measured in {len(head)} frames, expected at least {FIRST}; give "
+                "more frames."
+            )
+        starts.append(_parabola(times[head]) @ observed[head, dof])
+        heads.append(head)
+    return starts, heads
+
+
+def _parabola(times: np.ndarray) -> np.ndarray:
+    """Position, rate and acceleration at the first of three times by the samples there, (3, 3)."""
+    offset = times - times[0]
+    return np.linalg.inv(np.stack((np.ones(FIRST), offset, 0.5 * offset**2), axis=1))
+
+
+def _steps(times: np.ndarray, seen: np.ndarray, heads: list[np.ndarray], gains: Gains) -> list[_Steps]:
+    """The recursion of each joint."""
+    found = []
+    for dof, head in enumerate(heads):
+        frames = len(times)
+        transition, gain = np.tile(np.eye(3), (frames, 1, 1)), np.zeros((frames, 3))
+        last = times[head[0]]
+        for k in range(head[0] + 1, frames):
+            step = times[k] - times[k - 1]
+            predict = np.array([[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
+            if seen[k, dof]:
+                since = times[k] - last
+                gain[k] = gains.alpha, gains.beta / since, gains.gamma / since**2
+                last = times[k]
+            transition[k] = predict - np.outer(gain[k], predict[0])
+        found.append(_Steps(transition, gain))
+    return found
+
+
+def _run(steps: _Steps, observed: np.ndarray, start: np.ndarray, head: np.ndarray) -> np.ndarray:
+    """States of one joint, (frame, 3), NaN before the first seen sample."""
+    states = np.full((len(observed), 3), np.nan)
+    states[head[0]] = start
+    values = np.where(np.isfinite(observed), observed, 0.0)
+    for k in range(head[0] + 1, len(observed)):
+        states[k] = steps.transition[k] @ states[k - 1] + steps.gain[k] * values[k]
+    return states
+
+
+def _covariance(
+    steps: list[_Steps], times: np.ndarray, noise: np.ndarray, seen: np.ndarray, heads: list[np.ndarray]
+) -> np.ndarray:
+    """Covariance of positions, then rates, (frame, 2 dof, 2 dof), NaN before a joint's first sample.
+
+    A sample that a start is made of enters the state again at its own frame, so the response to the samples
+    of the first frames is kept; that to later ones is summed up in the covariance itself.
+    """
+    frames, dofs = seen.shape
+    noise = np.where(seen[:, :, None] & seen[:, None, :], noise, 0.0)
+    early = 1 + max(int(head[-1]) for head in heads)
+    response, later = np.zeros((early, dofs, 3, dofs)), np.zeros((dofs, 3, dofs, 3))
+    found = np.full((frames, 2 * dofs, 2 * dofs), np.nan)
+    for k in range(frames):
+        transition = np.stack([step.transition[k] for step in steps])
+        gain = np.stack([step.gain[k] for step in steps])
+        response = np.einsum("dij,edjc->edic", transition, response)
+        later = np.einsum("aij,ajbl,bkl->aibk", transition, later, transition, optimize=True)
+        if k < early:
+            response[k, range(dofs), :, range(dofs)] += gain
+        else:
+            later += np.einsum("ai,ab,bk->aibk", gain, noise[k], gain)
+        for dof, head in enumerate(heads):
+            if head[0] == k:
+                response[head, dof, :, dof] = _parabola(times[head]).T
+        total = later + np.einsum("eaic,ecd,ebkd->aibk", response, noise[:early], response, optimize=True)
+        begun = np.tile([head[0] <= k for head in heads], 2)
+        block = total[:, :2, :, :2].transpose(1, 0, 3, 2).reshape(2 * dofs, 2 * dofs)
+        found[k] = np.where(begun[:, None] & begun[None, :], block, np.nan)
+    return found
