@@ -75,6 +75,7 @@ def test_covariance_is_the_response_to_every_sample():
         other = filtered(time, moved, GAINS)
         jacobian[:, :, frame, dof] = np.concatenate((other.position, other.velocity), axis=1) - base
     begun = slice(1, None)
+    assert found.covariance is not None
     jacobian = np.nan_to_num(jacobian)
     expected = np.einsum("faec,ecd,fbed->fab", jacobian, noise, jacobian)
     np.testing.assert_allclose(found.covariance[begun], expected[begun], rtol=1e-8, atol=1e-8)
@@ -115,7 +116,7 @@ def test_gains_outside_their_range(gains, message):
 
 
 def test_half_of_the_printed_range_is_stable():
-    """Eq. (7) is the limit for gamma / (2 T^2); eq. (6) has gamma / T^2 and is stable in half of the range."""
+    """Eq. (7) is the limit for gamma / (2 T^2); eq. (6) has gamma / T^2: stable in half of the range."""
     rng = np.random.default_rng(5)
     for _ in range(300):
         alpha, beta, share = rng.uniform(0.01, 1.0), rng.uniform(0.01, 0.99), rng.uniform(0.01, 0.99)

@@ -23,7 +23,7 @@ FIRST = 3
 class Gains:
     """Gains of the filter: 0 < alpha <= 1, 0 < beta < 1, 0 < gamma < 4 alpha beta / (2 - alpha), eq. (7).
 
-    The last bound is that of a filter whose acceleration takes gamma / (2 T^2) of the innovation. Eq. (6) takes
+    The last bound is that of a filter whose acceleration takes gamma / (2 T^2) of the innovation. Eq. (6) has
     gamma / T^2, and with that errors only die out for gamma < 2 alpha beta / (2 - alpha), see ``stable``. The
     paper's own gains lie on that edge: they ring without end.
 
