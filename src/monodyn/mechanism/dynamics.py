@@ -1,4 +1,4 @@
-"""Planar multibody dynamics of any joint tree: numba kernels on plain arrays (here and in ``tangents.py``).
+"""Planar multibody dynamics of any joint tree: numba kernels (here, ``branches``, ``tangents``).
 
 All quantities are planar spatial vectors about one fixed point, the first joint's place at q = 0: a motion is
 (turn rate, velocity at that point), a force is (moment about it, force), an inertia is (m, m c_x, m c_y, J).
@@ -10,7 +10,7 @@ that a complex step differentiates them exactly.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), tables 5.1 (recursive Newton-Euler), 6.2
 (composite rigid body) and 6.3 (LTDL factorization), in planar coordinates; for the double pendulum this is
-eq. (8) of the 2012 paper.
+eq. (8) of the 2012 paper (``two_link.py``).
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ import numpy as np
 from numba import njit
 
 from monodyn.errors import MechanismError
+from monodyn.mechanism.branches import factor, solve
+from monodyn.mechanism.drive import NONE, UNDRIVEN, Drive, torque
 from monodyn.mechanism.tree import (
     ANCHOR_X,
     ANCHOR_Y,
@@ -119,6 +121,7 @@ def rollout(
     substeps: int,
     q0: np.ndarray,
     v0: np.ndarray,
+    drive: Drive | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrate the motion over ``times`` with classical Runge-Kutta steps of order four.
 
@@ -127,10 +130,12 @@ def rollout(
         kind: ``HINGE`` or ``SLIDE``, int64 (dof,).
         links: Columns of ``Tree.links``, (dof, 14).
         gravity: Acceleration of free fall [m/s^2], (2,).
-        times: Time stamps [s], (frame,); they need not be uniform and may run backwards.
+        times: Time stamps [s], (frame,); they need not be uniform and may run backwards. The drive
+            goes by them too.
         substeps: Equal steps between two stamps.
         q0: Joint positions at ``times[0]`` [rad or m], (dof,).
         v0: Joint rates there [rad/s or m/s], (dof,).
+        drive: Torques over time besides friction and springs, or None.
 
     Returns:
         Joint positions and rates, each (frame, dof).
@@ -138,12 +143,13 @@ def rollout(
     Raises:
         MechanismError: The arrays do not belong to one tree.
     """
-    _agree(parent, kind, links, gravity, q0, v0)
-    t = links.dtype
+    drive = drive or UNDRIVEN(len(parent))
+    _agree(parent, kind, links, gravity, q0, v0, drive.table.T)
+    t = np.result_type(links, drive.table)
     i8 = np.int64
     return _rollout(
         plain(parent, i8), plain(kind, i8), plain(links, t), plain(gravity, t), plain(times, np.float64),
-        int(substeps), plain(q0, t), plain(v0, t),
+        int(substeps), plain(q0, t), plain(v0, t), drive.mode, drive.times, plain(drive.table, t),
     )  # fmt: skip
 
 
@@ -185,8 +191,15 @@ def sensitivities(
     substeps: int,
     q0: np.ndarray,
     v0: np.ndarray,
+    drive: Drive | None = None,
+    way: np.ndarray | None = None,
+    grow: np.ndarray | None = None,
+    drift: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Integrate the motion together with its exact derivatives along directions.
+
+    A parameter p changes the drive's torque by d tau_i / dp = sum of basis_c where ``way[i, c]`` is p,
+    + grow[p] tau_i + drift[p] t dtau_i/dt.
 
     Args:
         parent: Row of each link's parent, -1 for the world, int64 (dof,).
@@ -199,6 +212,10 @@ def sensitivities(
         substeps: Equal steps between two stamps.
         q0: Joint positions at ``times[0]`` [rad or m], (dof,).
         v0: Joint rates there [rad/s or m/s], (dof,).
+        drive: Torques over time besides friction and springs, or None.
+        way: Parameter that an entry of the drive's table is, -1 where none, int64 (dof, column).
+        grow: Derivative of the logarithm of all torques by parameter, (param,).
+        drift: Derivative of the logarithm of the drive's clock by parameter, (param,).
 
     Returns:
         Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
@@ -207,7 +224,8 @@ def sensitivities(
     Raises:
         MechanismError: The arrays do not belong to one tree.
     """
-    _agree(parent, kind, links, gravity, q0, v0)
+    drive = drive or UNDRIVEN(len(parent))
+    _agree(parent, kind, links, gravity, q0, v0, drive.table.T)
     from monodyn.mechanism.tangents import rollout_tangents
 
     f8, i8 = np.float64, np.int64
@@ -216,7 +234,7 @@ def sensitivities(
     return rollout_tangents(
         plain(parent, i8), plain(kind, i8), plain(links, f8), plain(np.moveaxis(dlinks, 0, -1), f8),
         plain(gravity, f8), plain(dgravity.T, f8), plain(times, f8), int(substeps), plain(q0, f8),
-        plain(v0, f8),
+        plain(v0, f8), drive.mode, drive.times, drive.table, way, grow, drift,
     )  # fmt: skip
 
 
@@ -338,37 +356,6 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
 
 
 @njit(cache=True, error_model="numpy")
-def factor(parent, h):  # pragma: no cover - compiled
-    """Factor the inertia matrix in place as L^T D L, along the branches; L is below the diagonal."""
-    for k in range(parent.size - 1, -1, -1):
-        i = parent[k]
-        while i >= 0:
-            ratio = h[k, i] / h[k, k]
-            j = i
-            while j >= 0:
-                h[i, j] -= h[k, j] * ratio
-                j = parent[j]
-            h[k, i] = ratio
-            i = parent[i]
-
-
-@njit(cache=True, error_model="numpy")
-def solve(parent, h, x):  # pragma: no cover - compiled
-    """Solve L^T D L x = b in place, ``x`` holding b, with ``h`` from ``factor``."""
-    for i in range(parent.size - 1, -1, -1):
-        j = parent[i]
-        while j >= 0:
-            x[j] -= h[i, j] * x[i]
-            j = parent[j]
-    for i in range(parent.size):
-        x[i] /= h[i, i]
-        j = parent[i]
-        while j >= 0:
-            x[i] -= h[i, j] * x[j]
-            j = parent[j]
-
-
-@njit(cache=True, error_model="numpy")
 def _accelerations(parent, kind, links, gravity, q, v, tau):  # pragma: no cover - compiled
     w = np.empty((parent.size, WORK), links.dtype)
     h = np.empty((parent.size, parent.size), links.dtype)
@@ -378,8 +365,12 @@ def _accelerations(parent, kind, links, gravity, q, v, tau):  # pragma: no cover
 
 
 @njit(cache=True, error_model="numpy")
-def _rollout(parent, kind, links, gravity, times, substeps, q0, v0):  # pragma: no cover - compiled
+def _rollout(
+    parent, kind, links, gravity, times, substeps, q0, v0, mode, stamps, table
+):  # pragma: no cover - compiled
     n = parent.size
+    value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
+    slope = np.empty(n, links.dtype)
     w = np.empty((n, WORK), links.dtype)
     h = np.empty((n, n), links.dtype)
     tau = np.zeros(n, links.dtype)
@@ -396,13 +387,15 @@ def _rollout(parent, kind, links, gravity, times, substeps, q0, v0):  # pragma: 
     u[0] = v0
     for f in range(1, times.size):
         step = (times[f] - times[f - 1]) / substeps
-        for _ in range(substeps):
+        for s in range(substeps):
             for k in range(4):
+                part = 0.0 if k == 0 else step if k == 3 else 0.5 * step
                 if k > 0:
-                    part = step if k == 3 else 0.5 * step
                     for i in range(n):
                         x[k, i] = x[0, i] + part * u[k - 1, i]
                         u[k, i] = u[0, i] + part * a[k - 1, i]
+                if mode != NONE:
+                    torque(mode, stamps, table, times[f - 1] + s * step + part, value, rate, tau, slope)
                 forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
             for i in range(n):
                 x[0, i] += step / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])

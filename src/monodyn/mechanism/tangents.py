@@ -3,7 +3,8 @@
 With tau = M(q) a + bias(q, v) solved for a, a direction d obeys M da = dtau - (dM a + dbias): the inverse
 dynamics at fixed a, differentiated by hand, then one solve with the factors already at hand. The same
 Runge-Kutta steps are taken for the motion and its derivatives, so these are the exact derivatives of what
-``rollout`` returns.
+``rollout`` returns. A direction costs time only from where it begins to change the motion: that of a knot of
+the drive from the knot before on.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.mechanism.branches import solve_all
+from monodyn.mechanism.drive import KNOTS, NONE, SLACK, torque
 from monodyn.mechanism.dynamics import (
     AW,
     AX,
@@ -36,6 +39,7 @@ from monodyn.mechanism.dynamics import (
     S,
     forward,
     place,
+    plain,
 )  # fmt: skip
 from monodyn.mechanism.tree import (
     ANCHOR_X,
@@ -57,6 +61,91 @@ from monodyn.mechanism.tree import (
 
 DPHI, DOX, DOY, DSX, DSY, DVW, DVX, DVY, DAW, DAX, DAY, DFN, DFX, DFY = range(14)
 TANGENT = 14
+
+
+def rollout_tangents(
+    parent: np.ndarray,
+    kind: np.ndarray,
+    links: np.ndarray,
+    dpar: np.ndarray,
+    gravity: np.ndarray,
+    dgpar: np.ndarray,
+    times: np.ndarray,
+    substeps: int,
+    q0: np.ndarray,
+    v0: np.ndarray,
+    mode: int = NONE,
+    stamps: np.ndarray | None = None,
+    table: np.ndarray | None = None,
+    way: np.ndarray | None = None,
+    grow: np.ndarray | None = None,
+    drift: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Integrate motion and derivatives as ``dynamics.sensitivities`` does, on plain arrays without a check.
+
+    Args:
+        parent: Row of each link's parent, -1 for the world, int64 (dof,).
+        kind: ``HINGE`` or ``SLIDE``, int64 (dof,).
+        links: Columns of ``Tree.links``, (dof, 14).
+        dpar: Its derivatives, (dof, 14, param).
+        gravity: Acceleration of free fall [m/s^2], (2,).
+        dgpar: Its derivatives, (2, param).
+        times: Time stamps [s], (frame,), the clock of the drive too.
+        substeps: Equal steps between two stamps.
+        q0: Joint positions at ``times[0]`` [rad or m], (dof,).
+        v0: Joint rates there [rad/s or m/s], (dof,).
+        mode: Of the drive.
+        stamps: Period or knots of the drive [s].
+        table: Coefficients of the drive [N m or N], (dof, column).
+        way: Parameter that an entry of the table is, -1 where none, int64 (dof, column).
+        grow: Derivative of the logarithm of all torques by parameter, (param,).
+        drift: Derivative of the logarithm of the drive's clock by parameter, (param,).
+
+    Returns:
+        Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
+        the parameters, then by ``q0``, then by ``v0``.
+    """
+    dofs, params, f8 = len(parent), dpar.shape[2], np.float64
+    table = np.zeros((dofs, 0)) if table is None else table
+    stamps = plain(np.zeros(0) if stamps is None else stamps, f8)
+    grow = plain(np.zeros(params) if grow is None else grow, f8)
+    drift = plain(np.zeros(params) if drift is None else drift, f8)
+    way = np.full(table.shape, -1) if way is None else way
+    begin = np.zeros(params + 2 * dofs, dtype=np.int64)
+    if mode == KNOTS:
+        always = dpar.any(axis=(0, 1)) | dgpar.any(axis=0) | (grow != 0) | (drift != 0)
+        begin[:params] = np.where(always, 0, _begins(stamps, times, way, params))
+    order = np.argsort(begin, kind="stable")
+    live = np.searchsorted(begin[order], np.arange(len(times)), side="right")
+    return _rollout_tangents(
+        parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, plain(table, f8),
+        plain(way, np.int64), grow, drift, plain(order, np.int64), plain(live, np.int64),
+    )  # fmt: skip
+
+
+def _begins(stamps: np.ndarray, times: np.ndarray, way: np.ndarray, params: int) -> np.ndarray:
+    """Return the interval of ``times`` (1 ends at frame 1) in which each parameter first acts by its knots.
+
+    Args:
+        stamps: Knots [s], (knot,).
+        times: Time stamps [s], (frame,).
+        way: Parameter of each joint's value at each knot, -1 where none, (dof, knot).
+        params: Number of parameters.
+
+    Returns:
+        int64 (param,); 0 for a parameter that is at no knot, the number of frames for one that never acts.
+    """
+    slack = 2 * SLACK * (stamps[-1] - stamps[0])
+    early = np.concatenate((stamps[:1], stamps[:-1])) - slack
+    late = np.concatenate((stamps[1:], stamps[-1:])) + slack
+    low, high = np.minimum(times[:-1], times[1:]), np.maximum(times[:-1], times[1:])
+    acts = (high[:, None] >= early) & (low[:, None] <= late)
+    first = np.where(acts.any(axis=0), 1 + np.argmax(acts, axis=0), len(times)) if len(acts) else stamps * 0
+    begins = np.full(params, len(times))
+    joints, knots = np.nonzero(way >= 0)
+    np.minimum.at(begins, way[joints, knots], first[knots].astype(np.int64))
+    begins[np.setdiff1d(np.arange(params), way)] = 0
+    return begins
 
 
 @njit(cache=True, error_model="numpy")
@@ -90,12 +179,12 @@ def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
 
 
 @njit(cache=True, error_model="numpy")
-def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t):  # pragma: no cover - compiled
+def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no cover - compiled
     """Differentiate ``place``: origins, motion subspaces and velocities of every link, outward."""
     for i in range(parent.size):
         p = parent[i]
         ax, ay = links[i, ANCHOR_X], links[i, ANCHOR_Y]
-        for k in range(dq.shape[1]):
+        for k in range(live):
             dphi = dlinks[i, ANGLE, k]
             if p < 0:
                 dox = dlinks[i, ANCHOR_X, k] - dlinks[0, ANCHOR_X, k]
@@ -133,7 +222,7 @@ def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t):  # pragma: no cover 
 
 
 @njit(cache=True, error_model="numpy")
-def _push(parent, links, dlinks, dgravity, v, a, dv, w, t):  # pragma: no cover - compiled
+def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no cover - compiled
     """Differentiate each link's acceleration and force, outward; ``w`` holds single-link inertias."""
     for i in range(parent.size):
         p = parent[i]
@@ -144,7 +233,7 @@ def _push(parent, links, dlinks, dgravity, v, a, dv, w, t):  # pragma: no cover 
         vw, vx, vy = w[i, VW], w[i, VX], w[i, VY]
         aw, ax, ay = w[i, AW], w[i, AX], w[i, AY]
         px, py = m * vx - vw * w[i, MY], m * vy + vw * w[i, MX]
-        for k in range(dv.shape[1]):
+        for k in range(live):
             daw = 0.0
             dax = t[i, DSX, k] * a[i]
             day = t[i, DSY, k] * a[i]
@@ -175,7 +264,7 @@ def _push(parent, links, dlinks, dgravity, v, a, dv, w, t):  # pragma: no cover 
 
 
 @njit(cache=True, error_model="numpy")
-def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da):  # pragma: no cover - compiled
+def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: no cover - compiled
     """Sum the force derivatives inward and write the joint-space right-hand side into ``da``."""
     for i in range(parent.size - 1, -1, -1):
         p = parent[i]
@@ -189,7 +278,7 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da):  # pragma: no cov
         else:
             grip = np.tanh(x)
             slope = links[i, FRICTION] * (1.0 - grip * grip) / CREEP
-        for k in range(dq.shape[1]):
+        for k in range(live):
             da[i, k] = -(
                 w[i, SW] * t[i, DFN, k]
                 + t[i, DSX, k] * w[i, FX]
@@ -210,77 +299,88 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da):  # pragma: no cov
 
 
 @njit(cache=True, error_model="numpy")
-def _solve_all(parent, h, x):  # pragma: no cover - compiled
-    """Solve for every column of ``x`` (dof, direction) in place with the factors ``h``."""
-    for i in range(parent.size - 1, -1, -1):
-        j = parent[i]
-        while j >= 0:
-            for k in range(x.shape[1]):
-                x[j, k] -= h[i, j] * x[i, k]
-            j = parent[j]
-    for i in range(parent.size):
-        for k in range(x.shape[1]):
-            x[i, k] /= h[i, i]
-        j = parent[i]
-        while j >= 0:
-            for k in range(x.shape[1]):
-                x[i, k] -= h[i, j] * x[j, k]
-            j = parent[j]
+def _add_torque(tau, slope, time, value, span, slot, grow, drift, da):  # pragma: no cover - compiled
+    """Add the derivative of the torque to ``da``; ``slot`` holds the column of ``da`` by table entry."""
+    for i in range(tau.size):
+        for c in range(span[0], span[1]):
+            if slot[i, c] >= 0:
+                da[i, slot[i, c]] += value[c]
+        for k in range(grow.size):
+            da[i, k] += grow[k] * tau[i] + drift[k] * time * slope[i]
 
 
 @njit(cache=True, error_model="numpy")
-def rollout_tangents(
-    parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0
-):  # pragma: no cover - compiled
-    """Integrate motion and tangents; ``dpar`` is (dof, 14, param), ``dgpar`` (2, param)."""
-    n = parent.size
-    params = dpar.shape[2]
-    ways = params + 2 * n
-    dlinks = np.zeros((n, dpar.shape[1], ways))
-    dlinks[:, :, :params] = dpar
-    dgravity = np.zeros((2, ways))
-    dgravity[:, :params] = dgpar
-    w, h, tau = np.empty((n, WORK)), np.empty((n, n)), np.zeros(n)
-    t = np.empty((n, TANGENT, ways))
+def _rollout_tangents(
+    parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, table, way, grow, drift,
+    order, live,
+):  # pragma: no cover - compiled  # fmt: skip
+    """Integrate motion and tangents; column k in here is column ``order[k]`` of what is returned, and at
+    frame f only the first ``live[f]`` of them differ from zero."""
+    n, params = parent.size, dpar.shape[2]
+    ways = live[-1] if times.size > 0 else 0
+    dlinks, dgravity = np.zeros((n, dpar.shape[1], ways)), np.zeros((2, ways))
+    grows, drifts = np.zeros(ways), np.zeros(ways)
+    slot = np.full(way.shape, -1)
     x, u, a = np.empty((4, n)), np.empty((4, n)), np.empty((4, n))
     dx, du, da = np.zeros((4, n, ways)), np.zeros((4, n, ways)), np.empty((4, n, ways))
+    for k in range(ways):
+        p = order[k]
+        if p >= params + n:
+            du[0, p - params - n, k] = 1.0
+        elif p >= params:
+            dx[0, p - params, k] = 1.0
+        else:
+            dlinks[:, :, k], dgravity[:, k] = dpar[:, :, p], dgpar[:, p]
+            grows[k], drifts[k] = grow[p], drift[p]
+            for i in range(n):
+                for c in range(way.shape[1]):
+                    if way[i, c] == p:
+                        slot[i, c] = k
+    w, h, tau, slope = np.empty((n, WORK)), np.empty((n, n)), np.zeros(n), np.zeros(n)
+    value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
+    t = np.empty((n, TANGENT, ways))
     q, v = np.empty((times.size, n)), np.empty((times.size, n))
-    dq, dv = np.empty((times.size, n, ways)), np.empty((times.size, n, ways))
+    dq, dv = np.zeros((times.size, n, order.size)), np.zeros((times.size, n, order.size))
     if times.size == 0:
         return q, v, dq, dv
     x[0], u[0] = q0, v0
-    for i in range(n):
-        dx[0, i, params + i] = 1.0
-        du[0, i, params + n + i] = 1.0
-    q[0], v[0], dq[0], dv[0] = x[0], u[0], dx[0], du[0]
-    for f in range(1, times.size):
-        step = (times[f] - times[f - 1]) / substeps
-        for _ in range(substeps):
+    for f in range(times.size):
+        many = live[f]
+        step = (times[f] - times[f - 1]) / substeps if f > 0 else 0.0
+        for s in range(substeps if f > 0 else 0):
             for r in range(4):
+                part = 0.0 if r == 0 else step if r == 3 else 0.5 * step
                 if r > 0:
-                    part = step if r == 3 else 0.5 * step
                     for i in range(n):
                         x[r, i] = x[0, i] + part * u[r - 1, i]
                         u[r, i] = u[0, i] + part * a[r - 1, i]
-                        for k in range(ways):
+                        for k in range(many):
                             dx[r, i, k] = dx[0, i, k] + part * du[r - 1, i, k]
                             du[r, i, k] = du[0, i, k] + part * da[r - 1, i, k]
+                time, span = times[f - 1] + s * step + part, (0, 0)
+                if mode != NONE:
+                    span = torque(mode, stamps, table, time, value, rate, tau, slope)
                 forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
                 place(parent, kind, links, x[r], u[r], w)
                 _needed_forces(parent, gravity, u[r], a[r], w)
-                _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t)
-                _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t)
-                _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r])
-                _solve_all(parent, h, da[r])
+                _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
+                _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
+                _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
+                if mode != NONE:
+                    _add_torque(tau, slope, time, value, span, slot, grows[:many], drifts[:many], da[r])
+                solve_all(parent, h, da[r], many)
             for i in range(n):
                 x[0, i] += step / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
                 u[0, i] += step / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
-                for k in range(ways):
+                for k in range(many):
                     dx[0, i, k] += (
                         step / 6.0 * (du[0, i, k] + 2.0 * (du[1, i, k] + du[2, i, k]) + du[3, i, k])
                     )
                     du[0, i, k] += (
                         step / 6.0 * (da[0, i, k] + 2.0 * (da[1, i, k] + da[2, i, k]) + da[3, i, k])
                     )
-        q[f], v[f], dq[f], dv[f] = x[0], u[0], dx[0], du[0]
+        for i in range(n):
+            q[f, i], v[f, i] = x[0, i], u[0, i]
+            for k in range(many):
+                dq[f, i, order[k]], dv[f, i, order[k]] = dx[0, i, k], du[0, i, k]
     return q, v, dq, dv

@@ -1,0 +1,60 @@
+"""Kernels that factor and solve the joint-space inertia matrix along the branches of the tree.
+
+Rows of joints on different branches do not meet, so nothing is done where the matrix is zero.
+
+Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), table 6.3 (LTDL factorization).
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+
+@njit(cache=True, error_model="numpy")
+def factor(parent, h):  # pragma: no cover - compiled
+    """Factor the inertia matrix in place as L^T D L, along the branches; L is below the diagonal."""
+    for k in range(parent.size - 1, -1, -1):
+        i = parent[k]
+        while i >= 0:
+            ratio = h[k, i] / h[k, k]
+            j = i
+            while j >= 0:
+                h[i, j] -= h[k, j] * ratio
+                j = parent[j]
+            h[k, i] = ratio
+            i = parent[i]
+
+
+@njit(cache=True, error_model="numpy")
+def solve(parent, h, x):  # pragma: no cover - compiled
+    """Solve L^T D L x = b in place, ``x`` holding b, with ``h`` from ``factor``."""
+    for i in range(parent.size - 1, -1, -1):
+        j = parent[i]
+        while j >= 0:
+            x[j] -= h[i, j] * x[i]
+            j = parent[j]
+    for i in range(parent.size):
+        x[i] /= h[i, i]
+        j = parent[i]
+        while j >= 0:
+            x[i] -= h[i, j] * x[j]
+            j = parent[j]
+
+
+@njit(cache=True, error_model="numpy")
+def solve_all(parent, h, x, count):  # pragma: no cover - compiled
+    """Solve as ``solve`` does for the first ``count`` columns of ``x`` (dof, column)."""
+    for i in range(parent.size - 1, -1, -1):
+        j = parent[i]
+        while j >= 0:
+            for k in range(count):
+                x[j, k] -= h[i, j] * x[i, k]
+            j = parent[j]
+    for i in range(parent.size):
+        for k in range(count):
+            x[i, k] /= h[i, i]
+        j = parent[i]
+        while j >= 0:
+            for k in range(count):
+                x[i, k] -= h[i, j] * x[j, k]
+            j = parent[j]
