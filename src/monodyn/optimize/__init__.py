@@ -1,16 +1,32 @@
 """Searches that know nothing of pendulums."""
 
+from monodyn.optimize.bfgs import bounded_bfgs
+from monodyn.optimize.bracket import Bracket, Found, golden_section, line_search, swann
+from monodyn.optimize.evolution import evolve
+from monodyn.optimize.lagrangian import augmented_lagrangian
 from monodyn.optimize.least_squares import Solution, minimize
 from monodyn.optimize.levenberg import Arrow, ArrowSolution, SearchSettings, minimize_arrow
+from monodyn.optimize.minimum import Minimum
 from monodyn.optimize.multistart import first_good, scatter
+from monodyn.optimize.powell import powell
 
 __all__ = [
     "Arrow",
     "ArrowSolution",
+    "Bracket",
+    "Found",
+    "Minimum",
     "SearchSettings",
     "Solution",
+    "augmented_lagrangian",
+    "bounded_bfgs",
+    "evolve",
     "first_good",
+    "golden_section",
+    "line_search",
     "minimize",
     "minimize_arrow",
+    "powell",
     "scatter",
+    "swann",
 ]

@@ -1,0 +1,154 @@
+"""Powell's conjugate directions: a least value without derivatives, by searches along lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from monodyn.optimize.bracket import line_search
+from monodyn.optimize.minimum import (
+    EXHAUSTED,
+    NOT_EVALUABLE,
+    REACHED,
+    Minimum,
+    Tally,
+    as_history,
+    checked_sizes,
+)
+
+LEAST_DETERMINANT = 1e-3  # of unit directions; below it the set counts as collapsed
+LEAST_REACH = 4.0  # first step along a line, in tolerances, at the least
+SHRINK = 0.1  # share of its last first step that a line keeps when it did not move
+LOOSE = 0.05  # a line is searched to this share of its first step, as long as that is above the tolerance
+
+
+def powell(
+    function: Callable[[np.ndarray], float],
+    start: np.ndarray,
+    step: np.ndarray | float,
+    *,
+    tolerance: float = 1e-3,
+    most: int = 2000,
+    decrease: float = 0.0,
+) -> Minimum:
+    """Minimize a function by line searches along directions that become conjugate.
+
+    A round searches each direction in turn and then, where Powell's test promises it, the direction from the
+    round's start to its end, which replaces the direction of the largest decrease. Directions
+    that are nearly dependent give way to the axes, and so do changed ones before the search is taken as done:
+    on a function with kinks they may point past the descent. NaN counts as infinite.
+
+    Args:
+        function: Gives the value at x (param,).
+        start: First x, (param,).
+        step: First step of each unknown, (param,) or one for all; above 0.
+        tolerance: Done when a round moves no unknown further than this share of its step; lines are searched
+            to the same share.
+        most: Evaluations at the most, exceeded by none.
+        decrease: Done also when a round lowers the value by no more than this.
+
+    Returns:
+        The best point evaluated, with the value after each line search.
+
+    Raises:
+        SettingsError: A step is not above 0.
+
+    Source:
+        Powell, An efficient method for finding the minimum of a function of several variables without
+        calculating derivatives, 1964; the paper's inner search.
+
+    Example:
+        >>> found = powell(lambda x: (x[0] - 1.0) ** 2 + (x[0] + x[1]) ** 2, np.zeros(2), 0.5, tolerance=1e-5)
+        >>> [round(float(x), 4) for x in found.x]
+        [1.0, -1.0]
+    """
+    x = np.array(start, dtype=float)
+    step = checked_sizes(step, len(x), "step")
+    lines = _Lines(Tally(function), x, step, tolerance, most)
+    if not np.isfinite(lines.value):
+        return lines.end(False, NOT_EVALUABLE)
+    while lines.tally.evaluations < most:
+        before, x_before = lines.value, lines.x
+        tight = lines.round()
+        moved = float(np.max(np.abs(lines.x - x_before) / step, initial=0.0))
+        small = moved <= tolerance or before - lines.value <= decrease
+        if not small:
+            lines.conjugate(x_before, before)
+        elif lines.tally.evaluations < most:
+            if tight and lines.along_axes:
+                return lines.end(True, REACHED)
+            lines.reset()
+    return lines.end(False, EXHAUSTED)
+
+
+class _Lines:
+    """The best point, the directions, and how far each is expected to reach.
+
+    Directions have unit length in steps; a place along one is in steps as well.
+    """
+
+    def __init__(self, tally: Tally, x: np.ndarray, step: np.ndarray, tolerance: float, most: int) -> None:
+        self.tally, self.step, self.tolerance, self.most = tally, step, tolerance, most
+        self.x, self.value = x, tally(x)
+        self.history = [(tally.evaluations, self.value)]
+        self.directions = np.eye(len(x))
+        self.reach = [1.0] * len(x)
+        self.falls = [0.0] * len(x)
+        self.along_axes = True
+
+    def round(self) -> bool:
+        """Search every direction once; True when each was searched to the tolerance."""
+        least = LEAST_REACH * self.tolerance
+        tight = True
+        for i, direction in enumerate(self.directions):
+            loose = LOOSE * self.reach[i] if len(self.x) > 1 else 0.0
+            tight = tight and loose <= self.tolerance
+            self.falls[i], moved = self.along(direction, self.reach[i], max(self.tolerance, loose))
+            self.reach[i] = max(abs(moved), SHRINK * self.reach[i], least)
+        return tight
+
+    def along(self, direction: np.ndarray, reach: float, tolerance: float) -> tuple[float, float]:
+        """Move to the least value along a direction; how far the value fell, and how far it is there."""
+        left = self.most - self.tally.evaluations
+        if left <= 0:
+            return 0.0, 0.0
+        before, origin, way = self.value, self.x, direction * self.step
+        found = line_search(
+            lambda t: self.tally(origin + t * way), 0.0, reach, tolerance=tolerance, value=before, most=left
+        )
+        if found.value < before:
+            self.x, self.value = origin + found.x * way, found.value
+        self.history.append((self.tally.evaluations, self.value))
+        return before - self.value, found.x
+
+    def conjugate(self, x_before: np.ndarray, before: float) -> None:
+        """Replace the direction of the largest fall by the round's own where Powell's test asks for it."""
+        if len(self.x) < 2 or self.tally.evaluations >= self.most:
+            return
+        move = (self.x - x_before) / self.step
+        length = float(np.linalg.norm(move))
+        beyond = self.tally(2.0 * self.x - x_before)
+        largest = int(np.argmax(self.falls))
+        fall = self.falls[largest]
+        bend = (before - 2.0 * self.value + beyond) * (before - self.value - fall) ** 2
+        if not (beyond < before and 2.0 * bend < fall * (before - beyond) ** 2):
+            return
+        _, moved = self.along(move / length, length, max(self.tolerance, LOOSE * length))
+        kept = [i for i in range(len(self.x)) if i != largest]
+        self.directions = np.vstack((self.directions[kept], move / length))
+        self.reach = [self.reach[i] for i in kept] + [max(abs(moved), LEAST_REACH * self.tolerance)]
+        self.along_axes = False
+        if abs(np.linalg.det(self.directions)) < LEAST_DETERMINANT:
+            self.reset(max(self.reach))
+
+    def reset(self, reach: float = 0.0) -> None:
+        """Go back to the axes."""
+        self.directions, self.along_axes = np.eye(len(self.x)), True
+        self.reach = [max(reach, LEAST_REACH * self.tolerance)] * len(self.x)
+
+    def end(self, converged: bool, status: str) -> Minimum:
+        """Give the best point evaluated."""
+        x = self.x if self.tally.x is None else self.tally.x
+        value = min(self.value, self.tally.value)
+        return Minimum(x, value, self.tally.evaluations, converged, as_history(self.history), status)
