@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from monodyn.errors import MechanismError, SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify
 from monodyn.estimation.records import read_poses, write_poses
-from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.settings import USUAL_TERMS, IdentifySettings
 from monodyn.results.checks import check_camera, check_tracked, fitted_range, prediction_times
 from monodyn.results.export import Trace
 from monodyn.results.folder import RunFolder
@@ -26,7 +26,7 @@ from monodyn.results.page import Page
 from monodyn.results.predict import predict
 from monodyn.results.report import result_document, trace_of, view_of, write_results
 from monodyn.types import Poses, Progress
-from monodyn.vision.locate import LocateSettings, Scene, locate
+from monodyn.vision.locate import CameraSettings, LocateSettings, Scene, locate
 from monodyn.vision.segment import SegmentSettings, segment
 from monodyn.vision.track import TrackSettings, track
 from monodyn.vision.video import RATES, Video, read
@@ -48,7 +48,9 @@ class RunSettings:
         background: Picture of the scene without the mechanism.
         rate: Frames a second [Hz] in place of the clip's time stamps.
         seed: Seed of every random start; it takes the place of ``identify.seed``.
+        method: ``fast``, or ``paper`` for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
+        camera: How the camera is found.
         locate: How camera, sizes and initial pose are found.
         track: How the mechanism is followed.
         identify: How the dynamics are identified.
@@ -62,7 +64,9 @@ class RunSettings:
     background: Path | None = None
     rate: float | None = None
     seed: int = 0
+    method: Literal["fast", "paper"] = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
+    camera: CameraSettings = field(default_factory=CameraSettings)
     locate: LocateSettings = field(default_factory=LocateSettings)
     track: TrackSettings = field(default_factory=TrackSettings)
     identify: IdentifySettings = field(default_factory=IdentifySettings)
@@ -71,12 +75,18 @@ class RunSettings:
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
         object.__setattr__(self, "identify", replace(self.identify, seed=self.seed))
+        if self.method not in ("fast", "paper"):
+            raise SettingsError(f"method: expected 'fast' or 'paper', got '{self.method}'.")
+        for name in ("camera", "locate", "track", "identify"):
+            stage = getattr(self, name)
+            if stage.method is None:
+                object.__setattr__(self, name, replace(stage, method=self.method))
         if self.rate is not None and not RATES[0] <= self.rate <= RATES[1]:
             raise SettingsError(
                 f"rate: expected {RATES[0]:g} to {RATES[1]:g} Hz, got {self.rate:g}; "
                 "give the true frames a second."
             )
-        for stage in ("segment", "locate", "track", "identify"):
+        for stage in ("segment", "camera", "locate", "track", "identify"):
             for name, value in asdict(getattr(self, stage)).items():
                 if isinstance(value, float) and not math.isfinite(value):
                     raise SettingsError(
@@ -300,7 +310,11 @@ def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> 
             "camera, leave it out."
         )
     check_camera(fix, free)
-    return load(model).with_choices(
+    torque = settings.identify.torque
+    mechanism = load(model)
+    if torque == "fourier":  # its parameters are there to be chosen; those of free torques are the record's
+        mechanism = mechanism.with_torque(torque, terms=settings.identify.terms or USUAL_TERMS)
+    return mechanism.with_choices(
         fix={name: value for name, value in fix.items() if not name.startswith("camera.")},
         free=[name for name in free if not name.startswith("camera.")],
         bounds=settings.bounds,
@@ -333,7 +347,9 @@ def see(
     with log.stage("segment"):
         masks = segment(video, settings.segment, background=settings.background, progress=progress)
     with log.stage("locate"):
-        scene = locate(masks, mechanism, settings.locate, fix=fix, free=free, progress=progress)
+        scene = locate(
+            masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, progress=progress
+        )
     with log.stage("track"):
         poses = track(scene.masks, scene, settings.track, progress=progress)
     log.notes += [*scene.advice, *video.notes, *_untracked(poses)]

@@ -9,13 +9,13 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from tyro import conf
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.vision.locate import LocateSettings
+from monodyn.vision.locate import CameraSettings, LocateSettings
 from monodyn.vision.segment import SegmentSettings
 from monodyn.vision.track import TrackSettings
 
@@ -58,7 +58,9 @@ class RunOptions:
         background: Picture of the scene without the mechanism.
         rate: Frames a second [Hz] in place of the time stamps of the clip.
         seed: Seed of every random start.
+        method: fast, or paper for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
+        camera: How the camera is found.
         locate: How camera, sizes and initial pose are found.
         track: How the mechanism is followed.
         identify: How the dynamics are identified.
@@ -78,7 +80,9 @@ class RunOptions:
     background: Picture = None
     rate: Rate = None
     seed: int = 0
+    method: Literal["fast", "paper"] = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
+    camera: CameraSettings = field(default_factory=CameraSettings)
     locate: LocateSettings = field(default_factory=LocateSettings)
     track: TrackSettings = field(default_factory=TrackSettings)
     identify: IdentifyChoices = field(default_factory=IdentifyChoices)
@@ -92,7 +96,7 @@ class RunOptions:
 
         settings = RunSettings(
             frames, self.until, fix, free, limits, self.background, self.rate, self.seed,
-            self.segment, self.locate, self.track, self.identify,
+            self.method, self.segment, self.camera, self.locate, self.track, self.identify,
         )  # fmt: skip
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             outcome = run(self.clip, self.model, self.out, settings, force=self.force, progress=progress)
@@ -115,7 +119,9 @@ class TrackOptions:
         background: Picture of the scene without the mechanism.
         rate: Frames a second [Hz] in place of the time stamps of the clip.
         seed: Seed of every random start.
+        method: fast, or paper for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
+        camera: How the camera is found.
         locate: How camera, sizes and initial pose are found.
         track: How the mechanism is followed.
     """
@@ -131,7 +137,9 @@ class TrackOptions:
     background: Picture = None
     rate: Rate = None
     seed: int = 0
+    method: Literal["fast", "paper"] = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
+    camera: CameraSettings = field(default_factory=CameraSettings)
     locate: LocateSettings = field(default_factory=LocateSettings)
     track: TrackSettings = field(default_factory=TrackSettings)
 
@@ -143,7 +151,7 @@ class TrackOptions:
 
         settings = RunSettings(
             None, None, fix, free, {}, self.background, self.rate, self.seed,
-            self.segment, self.locate, self.track,
+            self.method, self.segment, self.camera, self.locate, self.track,
         )  # fmt: skip
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             outcome = track_clip(
@@ -167,6 +175,7 @@ class IdentifyOptions:
         quiet: No progress, no table.
         json: The result as JSON on the standard output.
         seed: Seed of every random start.
+        method: fast, or paper for the method of 2012 as published.
         identify: How the dynamics are identified.
     """
 
@@ -180,6 +189,7 @@ class IdentifyOptions:
     quiet: bool = False
     json: bool = False
     seed: int = 0
+    method: Literal["fast", "paper"] = "fast"
     identify: IdentifyChoices = field(default_factory=IdentifyChoices)
 
     def go(self) -> int:
@@ -192,7 +202,9 @@ class IdentifyOptions:
         from monodyn.cli.show import progress_on, show
         from monodyn.pipeline import RunSettings, identify_tables
 
-        settings = RunSettings(fix=fix, free=free, bounds=limits, seed=self.seed, identify=self.identify)
+        settings = RunSettings(
+            fix=fix, free=free, bounds=limits, seed=self.seed, method=self.method, identify=self.identify
+        )
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             outcome = identify_tables(
                 self.poses, self.model, self.out, settings, force=self.force, progress=progress

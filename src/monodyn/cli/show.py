@@ -147,9 +147,12 @@ def _show_tracking(outcome: Outcome) -> None:
 
 
 def _show_fit(outcome: Outcome) -> None:
+    from monodyn.results.page import is_knot
+
     console = _console()
-    document = outcome.document
-    console.print(_parameters(document["parameters"]))
+    document, fit = outcome.document, outcome.fit
+    shown = [row for row in document["parameters"] if fit is None or not is_knot(fit, row["name"])]
+    console.print(_parameters(shown))
     if document["combinations"]:
         console.print(_combinations(document["combinations"]))
     console.print(_errors(outcome))

@@ -150,6 +150,21 @@ def beginning(mechanism: Mechanism, frames: Sequence[int], rms: Mapping[str, flo
     )
 
 
+def free_torques(mechanism: Mechanism) -> list[str]:
+    """Say what free torques rest on, and that they end with the record."""
+    kinds = ("length", "thickness", "mass", "inertia")
+    held = [p.name for p in mechanism.parameters if p.free and not p.follows and kind_of(p.name) in kinds]
+    advice = []
+    if held:
+        advice.append(
+            "Any sizes and masses explain a motion together with free torques: they were held at values that "
+            f"explain most of it without ({listed(held, 8)}), and the torques are in proportion to them; "
+            "give measured values with --fix."
+        )
+    advice.append("No torque is known after the fitted frames: the prediction goes on without any.")
+    return advice
+
+
 def integration(substeps: int, error: float, bound: float) -> list[str]:
     """Say that the integration error of the fitted motion, ``error``, stays above its bound [rad or m]."""
     if error <= bound:

@@ -91,8 +91,9 @@ def refuse(problem: Problem, status: str, records: tuple[Poses, ...], seconds: f
     return Fit(
         status=status, ok=False, advice=(), mechanism=problem.mechanism, parameters=parameters,
         combinations=(), starts=(), names=(), tied=(), covariance=np.zeros((0, 0)), residual=residual,
-        rms={joint.name: float("nan") for joint in problem.mechanism.joints}, scale=1.0, torque="friction",
-        time=tuple(record.time for record in records), evaluations=0, seconds=seconds,
+        rms={joint.name: float("nan") for joint in problem.mechanism.joints}, scale=1.0,
+        torque=problem.mechanism.torque, time=tuple(record.time for record in records), evaluations=0,
+        seconds=seconds,
     )  # fmt: skip
 
 
@@ -202,7 +203,7 @@ def _fit(
         residual=_by_record(problem.data, difference, records),
         rms=rms,
         scale=problem.size(grown.x),
-        torque="friction",
+        torque=mechanism.torque,
         time=tuple(record.time for record in records),
         evaluations=evaluations,
         seconds=time.perf_counter() - began,
@@ -238,6 +239,8 @@ def _advice(
         found += say.open_parameters(parameters, known.without_effect(problem.unknowns.names))
         found += say.bounds(parameters)
         found += say.proportions(problem.unknowns.tied if _uniform(problem) else ())
+    if problem.mechanism.torque == "free":
+        found += say.free_torques(problem.mechanism)
     found += say.clock(parameters)
     total = int(problem.data.measured.any(axis=1).sum()) + int(rejected.sum())
     found += say.outliers(total, int(rejected.sum()), left_out)

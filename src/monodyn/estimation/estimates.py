@@ -35,8 +35,8 @@ def estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float)
 
     Returns:
         One estimate by parameter of the mechanism, in its order. What keeps its proportion to a length has
-        no interval, because nothing tells it; nor have offsets, on which the motion does not
-        depend.
+        no interval, because nothing tells it; nor have offsets, on which the motion does not depend, and what
+        is held beside free torques.
     """
     unknowns, x = problem.unknowns, grown.x
     where = {name: i for i, name in enumerate(unknowns.names)}
@@ -48,6 +48,7 @@ def estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float)
         for i, rows in enumerate(mechanism.plan.owned)
         for row, column in zip(rows or (), OWNED, strict=False)
     }
+    held = mechanism.torque == "free"
     found = []
     for p in mechanism.parameters:
         if p.name in where:
@@ -55,7 +56,7 @@ def estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float)
             log = bool(unknowns.log[i])
             spread = Spread(float(known.std[i]) * (p.value if log else 1.0), log)
             found.append(_estimate(p, spread, quantile, free=True, at_bound=bool(grown.at_bound[i])))
-        elif p.name in tied or (p.free and kind_of(p.name) in PICTURE_ONLY):
+        elif p.name in tied or (p.free and (held or kind_of(p.name) in PICTURE_ONLY)):
             found.append(_estimate(p, Spread(np.inf, False), quantile))
         elif p.follows:
             found.append(_estimate(p, _along(columns[p.name], p.value, known), quantile))

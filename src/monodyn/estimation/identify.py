@@ -14,19 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.advice import beginning, listed
+from monodyn.estimation.advice import beginning
 from monodyn.estimation.conclude import conclude, refuse
-from monodyn.estimation.data import Data, prepare
+from monodyn.estimation.data import prepare
+from monodyn.estimation.explain import EXPLAIN, Task
 from monodyn.estimation.fit import Fit
-from monodyn.estimation.grow import Grown, Route, grow
-from monodyn.estimation.problem import Problem, smooth_motion
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.smooth import Smoothed, smooth
-from monodyn.estimation.starts import starts
-from monodyn.estimation.unknowns import choose_unknowns, size_prior
-from monodyn.estimation.verdict import motion_sizes, typical_differences
+from monodyn.estimation.smooth import smooth
 from monodyn.mechanism import Mechanism
-from monodyn.optimize import SearchSettings, first_good
 from monodyn.types import Poses, Progress
 
 USUAL = IdentifySettings()
@@ -80,13 +75,38 @@ def identify(
         0.2
     """
     began = time.perf_counter()
-    _check(settings)
+    if settings.method != "paper" and (settings.rates or settings.states == "filtered"):
+        raise SettingsError(
+            "identify.rates, identify.states: rates and filtered states belong to --identify.method paper; "
+            "the fast method weighs the measured positions with their covariance."
+        )
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
     mechanism = mechanism.with_bodies(settings.bodies)
-    fit = _identified(records, mechanism, settings, progress)
-    if not fit.ok and fit.starts:
-        fit = replace(fit, advice=(*_beginning(records, mechanism, settings), *fit.advice))
+    fit = METHODS[settings.method or "fast"](records, mechanism, settings, progress)
     return replace(fit, seconds=time.perf_counter() - began)
+
+
+def _fast(
+    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
+) -> Fit:
+    """Identify parameters and start states together; where that fails say which beginning fits."""
+    fit = _identified(records, mechanism, settings, progress)
+    if not fit.ok and fit.starts and settings.torque == "friction":
+        fit = replace(fit, advice=(*_beginning(records, mechanism, settings), *fit.advice))
+    return fit
+
+
+def _paper(
+    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
+) -> Fit:
+    """Identify as published."""
+    from monodyn.estimation.published import identify_published
+
+    return identify_published(records, mechanism, settings, progress)
+
+
+METHODS = {"fast": _fast, "paper": _paper}
+"""How a mechanism is identified."""
 
 
 def _identified(
@@ -94,15 +114,12 @@ def _identified(
 ) -> Fit:
     """Identify from whole records, bodies chosen."""
     began = time.perf_counter()
-    data = prepare(records, mechanism)
-    unknowns = choose_unknowns(mechanism)
-    problem = Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
     smoothed = tuple(smooth(_ordered(record, mechanism)) for record in records)
-    reason = _hopeless(problem, smoothed)
-    if reason is not None:
-        return refuse(problem, reason, records, time.perf_counter() - began)
-    grown, tried = _search(problem, smoothed, settings, progress)
-    return conclude(problem, grown, records, settings, tried=tried, began=began)
+    data = prepare(records, mechanism)
+    found = EXPLAIN[settings.torque](mechanism, Task(data, smoothed, settings, progress))
+    if found.grown is None:
+        return refuse(found.problem, found.reason, records, time.perf_counter() - began)
+    return conclude(found.problem, found.grown, records, settings, tried=found.tried, began=began)
 
 
 def _beginning(
@@ -123,19 +140,6 @@ def _beginning(
     return ()
 
 
-def _check(settings: IdentifySettings) -> None:
-    ranges = (
-        ("identify.starts", settings.starts, 1, 1000), ("identify.piece", settings.piece, 5, 10000),
-        ("identify.error-bound", settings.error_bound, 1e-10, 1e-2),
-        ("identify.evaluations", settings.evaluations, 5, 10000),
-    )  # fmt: skip
-    for name, value, low, high in ranges:
-        if not low <= value <= high:
-            raise SettingsError(f"{name}: expected {low:g} to {high:g}, got {value:g}.")
-    if settings.outlier != 0 and not settings.outlier >= 3:
-        raise SettingsError(f"identify.outlier: expected 0 or at least 3, got {settings.outlier:g}.")
-
-
 def _ordered(record: Poses, mechanism: Mechanism) -> Poses:
     """Bring the joints of a record into the mechanism's order."""
     names = tuple(joint.name for joint in mechanism.joints)
@@ -146,85 +150,3 @@ def _ordered(record: Poses, mechanism: Mechanism) -> Poses:
     return Poses(
         names, record.frame, record.time, record.position[:, order], covariance, record.seen, record.metric
     )
-
-
-def _hopeless(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
-    """Say why there is no point in a search, or None."""
-    data, unusable = problem.data, problem.prior.unusable
-    records, dofs = data.slide.shape
-    if unusable:
-        verb = "is" if len(unusable) == 1 else "are"
-        return (
-            f"What the picture knows of {listed(unusable, 12)} {verb} not a finite number; locate the "
-            "mechanism in a clearer part of the clip, or give measured values with --fix."
-        )
-    # what the picture knows of the sizes counts as data
-    known = int(np.linalg.matrix_rank(problem.prior.information)) if len(problem.unknowns) else 0
-    unknowns = len(problem.unknowns) - known + 2 * dofs * records
-    if data.samples <= unknowns:
-        return (
-            f"{data.samples} measured joint positions cannot determine {unknowns} unknowns (parameters and "
-            "start states); give more frames or fix parameters."
-        )
-    names = [joint.name for joint in problem.mechanism.joints]
-    for i, found in enumerate(smoothed):
-        for dof in range(dofs):
-            if not np.isfinite(found.noise[dof]):
-                return f"Joint {names[dof]!r} was measured under 5 times in record {i}; give more frames."
-    if all(_still(data, dof) for dof in range(dofs)):
-        return "Nothing moves in the record: no joint leaves its noise; give frames with motion."
-    return None
-
-
-def _still(data: Data, dof: int) -> bool:
-    """True when a joint stays within four standard deviations of its noise in every record."""
-    for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
-        use = data.measured[first:stop, dof]
-        if use.any():
-            values = data.position[first:stop, dof][use]
-            if np.std(values) > 4.0 * np.median(data.std[first:stop, dof][use]):
-                return False
-    return True
-
-
-def _search(
-    problem: Problem, smoothed: tuple[Smoothed, ...], settings: IdentifySettings, progress: Progress | None
-) -> tuple[Grown, int]:
-    """Grow from one start after the other until the motion is explained."""
-    fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-4, relative=1e-7)
-    route = Route(settings.piece, settings.error_bound, fine)
-    motion = smooth_motion(problem, smoothed)
-    motion_size = np.maximum(motion_sizes(problem.data), 1e-12)
-    done = 0
-
-    def report(_: Grown) -> None:
-        nonlocal done
-        done += 1
-        if progress is not None:
-            progress("identify", done, None)
-
-    def unexplained(grown: Grown) -> float:
-        return float((typical_differences(problem, grown) / motion_size).max())
-
-    def hopeless(grown: Grown) -> bool:
-        return not np.isfinite(grown.cost) or (grown.sigma > 10.0 and unexplained(grown) > 0.01)
-
-    def good(grown: Grown) -> bool:
-        return grown.complete and (grown.sigma < 3.0 or unexplained(grown) < 0.005)
-
-    tried = starts(problem, motion, smoothed, route, settings.starts, settings.seed)
-    best, count = first_good(
-        lambda start: grow(problem, start[0], smoothed, start[1], report, hopeless),
-        tried,
-        cost=_price,
-        good=good,
-    )
-    if not best.complete:
-        best = grow(problem, best.x, smoothed, route, report)
-    return best, count
-
-
-def _price(grown: Grown) -> float:
-    """Rank results: mean size of the whitened residuals, so that gross errors do not rule; abandoned last."""
-    size = float(np.mean(np.abs(grown.residuals)))
-    return size if grown.complete else 1e12 + size

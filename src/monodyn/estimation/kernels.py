@@ -103,11 +103,11 @@ def normal_blocks(residual, jacobian, first, params, limit):
 
 
 @njit(cache=True)
-def accelerations_along(parent, kind, links, gravity, q, v):
-    """Joint accelerations at each row of q and v without outer torques, all (row, dof)."""
+def accelerations_along(parent, kind, links, gravity, q, v, torque):
+    """Joint accelerations at each row of q and v under outer torques, all (row, dof)."""
     dofs = len(parent)
-    a, none = np.zeros(q.shape), np.zeros(dofs)
+    a = np.zeros(q.shape)
     work, factors = np.zeros((dofs, WORK)), np.zeros((dofs, dofs))
     for f in range(len(q)):
-        forward(parent, kind, links, gravity, q[f], v[f], none, work, factors, a[f])
+        forward(parent, kind, links, gravity, q[f], v[f], torque[f], work, factors, a[f])
     return a

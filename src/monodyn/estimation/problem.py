@@ -2,8 +2,8 @@
 
 The least-squares problem of eq. (14) of the 2012 paper, with the covariance of every sample as weight and the
 start state of every piece of a record among the unknowns. The torque at a joint is that of its friction and
-spring, which the tree carries; another torque model enters in `Problem.at`, as further directions of the
-tree.
+spring, which the tree carries, and that of the mechanism's drive, whose table's entries are unknowns like any
+other.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import numpy as np
 
 from monodyn.estimation.data import Data, Pieces
 from monodyn.estimation.smooth import Smoothed
-from monodyn.estimation.unknowns import MASS_KINDS, Prior, Unknowns, kind_of
+from monodyn.estimation.unknowns import MASS_KINDS, Prior, Unknowns, choose_unknowns, kind_of, size_prior
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.tree import DAMPING, FRICTION, STIFFNESS
 from monodyn.optimize import Arrow
 
@@ -32,10 +33,16 @@ class Point:
             dgravity (2, param); derivatives are by coordinate.
         scale: Metric scale of slides and its logarithm's derivative (param,); seconds per stamped second and
             its logarithm's derivative (param,).
+        drive: Torque over time.
+        ways: Which unknown each entry of the drive's table is, -1 for none, (dof, column); and the
+            derivatives of the torque in shares of itself and of t times its rate (param,), see
+            `rollout_tangents`.
     """
 
     tree: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     scale: tuple[float, np.ndarray, float, np.ndarray]
+    drive: Drive
+    ways: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +102,7 @@ class Problem:
         power: dict[str, int] = dict.fromkeys(
             ("length", "width", "tail", "tip", "com_x", "com_y", "gravity"), 1
         )
-        power |= dict.fromkeys(("damping", "friction", "stiffness", "inertia"), 2 if free else 4)
+        power |= dict.fromkeys(("damping", "friction", "stiffness", "inertia", "torque"), 2 if free else 4)
         powers = np.array([power.get(kind_of(name), 0) for name in names])
         moved = np.where(self.unknowns.log, x + powers * np.log(k), x * k**powers)
         return np.clip(moved, self.unknowns.lower, self.unknowns.upper)
@@ -114,13 +121,15 @@ class Problem:
         k = float(np.exp(2.0 * (self.unknowns.x0[at] - x[at])))
         mass = 0.0 if any(kind_of(name) == "inertia" for name in names) else 2.0
         power: dict[str, float] = dict.fromkeys(("length", "width", "tail", "tip", "com_x", "com_y"), 1.0)
-        power |= {"time_scale": 0.5, "mass": mass, "inertia": mass + 2.0}
+        power |= {"time_scale": 0.5, "torque.period": 0.5, "mass": mass, "inertia": mass + 2.0}
         for joint in self.mechanism.joints:
             hinge = joint.kind == "hinge"
             moves = mass + 2.0 if hinge else mass
             power |= {f"{joint.name}.armature": moves, f"{joint.name}.damping": moves - 0.5}
             power |= {f"{joint.name}.stiffness": moves - 1.0}
-            power |= {f"{joint.name}.friction": moves - 1.0 if hinge else moves}
+            force = moves - 1.0 if hinge else moves
+            power |= {f"{joint.name}.friction": force}
+            power |= {name: force for name in names if name.startswith(f"{joint.name}.torque.")}
         powers = np.array([power.get(name, power.get(kind_of(name), 0.0)) for name in names])
         moved = np.where(self.unknowns.log, x + powers * np.log(k), x * k**powers)
         return np.clip(moved, self.unknowns.lower, self.unknowns.upper)
@@ -139,7 +148,14 @@ class Problem:
             tree.gravity,
             unknowns.by_coordinate(x, dgravity),
         )
-        return Point(arrays, (self.size(x), self.prior.weights, mechanism.values["time_scale"], clock))
+        # the period is searched as a logarithm: a longer one is a slower clock of the torque
+        drift = clock - np.array([name == "torque.period" for name in unknowns.names], dtype=float)
+        return Point(
+            arrays,
+            (self.size(x), self.prior.weights, mechanism.values["time_scale"], clock),
+            mechanism.drive,
+            (mechanism.drive_ways(unknowns.names), 2.0 * clock, drift),
+        )
 
     def model(
         self, x: np.ndarray, rows: tuple[np.ndarray, np.ndarray], pieces: Pieces, limit: float
@@ -174,21 +190,20 @@ class Problem:
         from monodyn.mechanism.tangents import rollout_tangents
 
         point, data = self.at(x), self.data
+        drive = point.drive
         size, dsize, stretch, dstretch = point.scale
-        elapsed = plain(
-            (data.times - np.repeat(data.times[pieces.first[:-1]], np.diff(pieces.first))) * stretch
-        )
-        starts = plain(states)
+        clock, starts = plain(data.times * stretch), plain(states)
         parent, kind, links, dlinks, gravity, dgravity = (plain(array) for array in point.tree)
+        way, grow, drift = (plain(array) for array in point.ways)
         dlinks, dgravity = _slowed(links, dlinks, gravity, dgravity, dstretch)
         dofs, params = data.position.shape[1], len(x)
         parts = []
         for first, stop, state in zip(pieces.first[:-1], pieces.first[1:], starts, strict=True):
             q0, v0 = state[:dofs], state[dofs:]
-            span = elapsed[first:stop]
             q, _, dq, _ = rollout_tangents(
-                parent, kind, links, dlinks, gravity, dgravity, span, substeps, q0, v0
-            )
+                parent, kind, links, dlinks, gravity, dgravity, clock[first:stop], substeps, q0, v0,
+                drive.mode, plain(drive.times), plain(drive.table), way, grow, drift,
+            )  # fmt: skip
             dq[:, :, :params] += (dq[:, :, params + dofs :] @ v0)[:, :, None] * dstretch
             parts.append((q, dq))
         q, dq = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -216,14 +231,12 @@ class Problem:
         """Simulate runs of rows (first, stop, start state), positions [rad or m] end to end (row, dof)."""
         from monodyn.mechanism.dynamics import rollout
 
-        tree, stretch = self.mechanism_at(x).tree, self.stretch(x)
-        parts = []
+        mechanism, stretch = self.mechanism_at(x), self.stretch(x)
+        tree, parts = mechanism.tree, []
         for first, stop, state in runs:
-            times = (self.data.times[first:stop] - self.data.times[first]) * stretch
-            q0, v0 = np.split(state, 2)
-            parts.append(
-                rollout(tree.parent, tree.kind, tree.links, tree.gravity, times, substeps, q0, v0)[0]
-            )
+            times, (q0, v0) = self.data.times[first:stop] * stretch, np.split(state, 2)
+            arrays = (tree.parent, tree.kind, tree.links, tree.gravity, times, substeps, q0, v0)
+            parts.append(rollout(*arrays, mechanism.drive)[0])
         return np.concatenate(parts)
 
     def stretch(self, x: np.ndarray) -> float:
@@ -245,21 +258,49 @@ class Problem:
         """Return weighted acceleration mismatches (row,) and their Jacobian (row, param), prior included."""
         point, root, weight = self.at(x), motion.prior_root, motion.weight
         jacobian = np.zeros((weight.size, len(x)))
+        torque, slopes = self._torques(point, motion)
         for p in range(len(x)):
-            ahead, behind = (self._accelerations(point, motion, p, step) for step in (STEP, -STEP))
+            ahead, behind = (
+                self._accelerations(point, motion, p, step, torque + step * slopes[:, :, p])
+                for step in (STEP, -STEP)
+            )
             jacobian[:, p] = ((ahead - behind) * weight).ravel() / (2.0 * STEP)
-        return self._mismatch(point, x, motion), np.concatenate((jacobian, root))
+        return self._mismatch(x, motion), np.concatenate((jacobian, root))
 
     def acceleration_cost(self, x: np.ndarray, motion: Motion) -> float:
         """Return the sum of squares of the weighted acceleration mismatches, prior included."""
-        rows = self._mismatch(self.at(x), x, motion)
+        rows = self._mismatch(x, motion)
         return float(rows @ rows)
 
-    def _mismatch(self, point: Point, x: np.ndarray, motion: Motion) -> np.ndarray:
-        rows = (self._accelerations(point, motion, 0, 0.0) - motion.acceleration) * motion.weight
+    def _mismatch(self, x: np.ndarray, motion: Motion) -> np.ndarray:
+        rows = (self.accelerations(x, motion) - motion.acceleration) * motion.weight
         return np.concatenate((rows.ravel(), motion.prior_root @ (x - self.unknowns.x0)))
 
-    def _accelerations(self, point: Point, motion: Motion, param: int, step: float) -> np.ndarray:
+    def accelerations(self, x: np.ndarray, motion: Motion) -> np.ndarray:
+        """Return the accelerations by time stamp along smooth motion, (frame, dof)."""
+        point = self.at(x)
+        return self._accelerations(point, motion, 0, 0.0, point.drive.at(motion.time * point.scale[2]))
+
+    def torque_response(self, x: np.ndarray, motion: Motion) -> np.ndarray:
+        """Return the accelerations by time stamp that a unit torque at each joint adds, (frame, dof, dof)."""
+        point, none = self.at(x), np.zeros(motion.position.shape)
+        still = self._accelerations(point, motion, 0, 0.0, none)
+        columns = []
+        for i in range(none.shape[1]):
+            torque = none.copy()
+            torque[:, i] = 1.0
+            columns.append(self._accelerations(point, motion, 0, 0.0, torque) - still)
+        return np.stack(columns, axis=2)
+
+    def _torques(self, point: Point, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        """Torque of the drive along the motion, (frame, dof), and its derivatives, (frame, dof, param)."""
+        from monodyn.estimation.driven import torque_slopes
+
+        return torque_slopes(point.drive, point.ways, motion.time * point.scale[2])
+
+    def _accelerations(
+        self, point: Point, motion: Motion, param: int, step: float, torque: np.ndarray
+    ) -> np.ndarray:
         """Accelerations by time stamp along smooth motion, one coordinate moved by ``step``, (frame, dof)."""
         from monodyn.estimation.kernels import accelerations_along
 
@@ -276,8 +317,21 @@ class Problem:
             plain(gravity),
             motion.position * unit,
             motion.velocity * unit / stretch,
+            torque,
         )
         return found * stretch**2 / unit
+
+
+def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False) -> Problem:
+    """Return the identification of a mechanism from data: its unknowns and what the picture knows of them.
+
+    Args:
+        mechanism: The start.
+        data: The measurements.
+        torques_only: Hold all but the torques of the drive.
+    """
+    unknowns = choose_unknowns(mechanism, torques_only=torques_only)
+    return Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
 
 
 def _slowed(
@@ -320,6 +374,7 @@ class Motion:
     """Smooth motion at the measured rows, for comparing accelerations without integrating.
 
     Attributes:
+        time: Time stamps [s], (frame,).
         position: Positions [rad or m], (frame, dof).
         velocity: Rates by time stamp [rad/s or m/s], (frame, dof).
         acceleration: Accelerations by time stamp [rad/s^2 or m/s^2], (frame, dof).
@@ -328,6 +383,7 @@ class Motion:
         prior_root: Square root of the picture's information, (row, param).
     """
 
+    time: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
@@ -344,14 +400,14 @@ def smooth_motion(problem: Problem, smoothed: tuple[Smoothed, ...], most: int = 
         rows = problem.data.source[a:b][problem.data.measured[a:b].all(axis=1)]
         rows = rows[2:-2] if len(rows) > 12 else rows
         slide = np.repeat(problem.data.slide[record][None], len(rows), axis=0)
-        kept = (found.position, found.velocity, found.acceleration, found.acceleration_std)
+        kept = (found.time, found.position, found.velocity, found.acceleration, found.acceleration_std)
         parts.append((*(values[rows] for values in kept), slide))
-    q, v, a, std, slide = (np.concatenate(part) for part in zip(*parts, strict=True))
+    t, q, v, a, std, slide = (np.concatenate(part) for part in zip(*parts, strict=True))
     if len(q) > most:
         pick = np.linspace(0, len(q) - 1, most).astype(int)
-        q, v, a, std, slide = q[pick], v[pick], a[pick], std[pick], slide[pick]
+        t, q, v, a, std, slide = (values[pick] for values in (t, q, v, a, std, slide))
     usual = np.sqrt(np.mean(a**2, axis=0)) + 1e-9 if len(a) else np.ones(q.shape[1])
     weight = 1.0 / np.sqrt(std**2 + (0.05 * usual) ** 2)
     values, vectors = np.linalg.eigh(problem.prior.information)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    return Motion(q, v, a, weight, slide, root)
+    return Motion(t, q, v, a, weight, slide, root)

@@ -10,6 +10,8 @@ from monodyn.errors import SettingsError
 
 MOST_TERMS = 50
 """Harmonics of the longest Fourier series."""
+USUAL_TERMS = 7
+"""Harmonics that the paper takes; where their number is open at most so many are tried."""
 CHOICES = {
     "method": ("fast", "paper", None),
     "torque": ("friction", "fourier", "free"),
@@ -25,8 +27,8 @@ class IdentifySettings:
     """How a mechanism is identified.
 
     Attributes:
-        method: ``fast``: all states and the start state in one weighted least squares; ``paper``: eq. (14) of the
-            2012 paper, start state from the filtered poses; None is as the whole run.
+        method: ``fast``: parameters and start state in one weighted least squares; ``paper``: eq. (14) of
+            the 2012 paper, start state from the filtered poses; None is as the whole run.
         torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
             Fourier series, and friction) or ``free`` (one torque a joint and time stamp).
         terms: Harmonics of the Fourier series; 0 takes as many as the record asks for, 7 with ``paper``.

@@ -58,16 +58,17 @@ def starts(
     spread = np.array([reach.get(kind_of(name), 0.0) for name in unknowns.names])
     for i, x in enumerate(scatter(rolled, spread, count - 1, seed=seed)[1:]):
         x = np.clip(x, unknowns.lower, unknowns.upper)
-        yield (x, short) if i % 2 == 0 else (_match(problem, motion, x), route)
+        yield (x, short) if i % 2 == 0 else (match(problem, motion, x), route)
 
 
 def matched(problem: Problem, motion: Motion) -> np.ndarray:
     """Match accelerations: first the common scale, then all unknowns, (param,)."""
     nearest = min(_scaled(problem), key=lambda x: problem.acceleration_cost(x, motion))
-    return _match(problem, motion, nearest)
+    return match(problem, motion, nearest)
 
 
-def _match(problem: Problem, motion: Motion, x: np.ndarray) -> np.ndarray:
+def match(problem: Problem, motion: Motion, x: np.ndarray) -> np.ndarray:
+    """Match accelerations from a start, (param,)."""
     unknowns = problem.unknowns
     found = minimize(
         lambda at: problem.acceleration_rows(at, motion), x, unknowns.lower, unknowns.upper, settings=MATCH,

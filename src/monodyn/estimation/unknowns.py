@@ -31,6 +31,7 @@ POSITIVE = (
     "inertia",
     "gravity",
     "time_scale",
+    "period",
 )
 """Kinds that are searched as logarithms."""
 
@@ -39,13 +40,24 @@ SEEN = 16.0
 LONGEST = 1.5
 """A logarithm moves by at most this much in one step of a search: a factor of 4.5."""
 
-MASS_KINDS = ("thickness", "density", "mass", "inertia", "damping", "friction", "stiffness", "armature")
+MASS_KINDS = (
+    "thickness",
+    "density",
+    "mass",
+    "inertia",
+    "damping",
+    "friction",
+    "stiffness",
+    "armature",
+    "torque",
+)
 """Kinds that are proportional to the scale of masses, which motion without a measured torque leaves open."""
 
 
 def kind_of(name: str) -> str:
-    """Return the last part of a parameter's name: ``length`` of ``link1.length``."""
-    return name.rsplit(".", 1)[-1]
+    """Return the last part of a parameter's name, ``length`` of ``link1.length``; ``torque`` of torques."""
+    parts = name.split(".")
+    return "torque" if len(parts) > 2 and parts[-2] == "torque" else parts[-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,17 +133,29 @@ class Unknowns:
         chain[count + np.arange(len(self.tied)), self.tied_to] = follow * values[self.tied_to]
         return np.ascontiguousarray(np.tensordot(directions, chain, axes=(0, 0)))
 
+    def carried(self, x: np.ndarray, other: Unknowns) -> np.ndarray:
+        """Return coordinates with those of other unknowns by name, this start for the rest, (param,).
+
+        Args:
+            x: Coordinates of the others, (other param,).
+            other: The others.
+        """
+        known = other.named(x)
+        values = [known.get(name, value) for name, value in zip(self.names, self.start, strict=True)]
+        return np.clip(self.coordinates(np.array(values)), self.lower, self.upper)
+
     def index(self, names: tuple[str, ...]) -> np.ndarray:
         """Return the position of each of ``names`` among the unknowns, -1 where it is none."""
         where = {name: i for i, name in enumerate(self.names)}
         return np.array([where.get(name, -1) for name in names], dtype=int)
 
 
-def choose_unknowns(mechanism: Mechanism) -> Unknowns:
+def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unknowns:
     """Pick the free parameters that the motion, or the picture's knowledge of sizes, can say something about.
 
     Args:
         mechanism: The mechanism with its free and fixed parameters.
+        torques_only: Leave out all but the torques of the drive.
 
     Returns:
         The unknowns; bounds of logarithms stay finite.
@@ -142,6 +166,8 @@ def choose_unknowns(mechanism: Mechanism) -> Unknowns:
         # what is not a number stays in, for `size_prior` to complain about
         measured = {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < SEEN}
     chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p.name, measured)]
+    if torques_only:
+        chosen = [p for p in chosen if kind_of(p.name) == "torque"]
     log = np.array([kind_of(p.name) in POSITIVE and p.value > 0 for p in chosen], dtype=bool)
     start = np.array([p.value for p in chosen], dtype=float)
     lower = np.array([p.lower for p in chosen], dtype=float)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from monodyn.estimation.identify import Fit
     from monodyn.results.fill import States
     from monodyn.results.predict import Prediction
+    from monodyn.results.torques import Torques
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,7 @@ class Trace:
         rows: First fitted row of ``poses`` and the one after the last.
         future: Prediction from the end of the fitted rows, or None.
         future_frame: Frame numbers of the prediction, int (frame,).
+        torques: Torques at ``poses.time`` besides friction, or None where there are none.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Trace:
     rows: tuple[int, int]
     future: Prediction | None = None
     future_frame: np.ndarray | None = None
+    torques: Torques | None = None
 
     def errors(self) -> np.ndarray:
         """Measured minus simulated positions [rad or m], (frame, dof); NaN where not seen."""
@@ -108,6 +111,20 @@ def prediction_table(joints: Sequence[str], trace: Trace | None) -> str:
         return text
     future = trace.future
     return text + rows_text(trace.future_frame, [future.time, future.position, future.std])
+
+
+def torque_table(joints: Sequence[str], trace: Trace) -> str:
+    """Return ``torques.csv``: ``frame,time,<joint>,...,<joint>_std,...`` [N m or N].
+
+    Args:
+        joints: Joint names.
+        trace: A record with torques.
+    """
+    text = ",".join(["frame", "time", *joints, *(f"{j}_std" for j in joints)]) + "\n"
+    found = trace.torques
+    if found is None:
+        return text
+    return text + rows_text(trace.poses.frame, [found.time, found.torque, found.std])
 
 
 def rows_text(frames: Iterable[int], columns: Sequence[np.ndarray], end: str = "") -> str:

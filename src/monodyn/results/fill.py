@@ -8,6 +8,7 @@ import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import SettingsError
+from monodyn.estimation.driven import clocks
 from monodyn.estimation.fit import Fit, Start
 
 ERROR_BOUND = 1e-6
@@ -79,21 +80,25 @@ def _one_way(
     from monodyn.mechanism.dynamics import rollout, sensitivities
     from monodyn.mechanism.simulate import least_substeps
 
-    tree, stretch = fit.mechanism.tree, fit.mechanism.values["time_scale"]
+    mechanism = fit.mechanism
+    tree, drive, stretch = mechanism.tree, mechanism.drive, mechanism.values["time_scale"]
     stamps, rows = _stamps(start.time, times, usual)
-    clock = (stamps - start.time) * stretch
+    clock = stamps * stretch
     arrays = (tree.parent, tree.kind, tree.links)
     state = (start.position, start.velocity)
 
     def positions(substeps: int) -> np.ndarray:
-        return rollout(*arrays, tree.gravity, clock, substeps, *state)[0]
+        return rollout(*arrays, tree.gravity, clock, substeps, *state, drive)[0]
 
     substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_SUBSTEPS)
     dofs = len(start.position)
     count = len(fit.names) - 2 * dofs * len(fit.starts)
     names = fit.names[:count]
     dlinks, dgravity = _directions(fit, names)
-    q, v, dq, _ = sensitivities(*arrays, dlinks, tree.gravity, dgravity, clock, substeps, *state)
+    ways = (mechanism.drive_ways(names), *clocks(mechanism, names))
+    q, v, dq, _ = sensitivities(
+        *arrays, dlinks, tree.gravity, dgravity, clock, substeps, *state, drive, *ways
+    )
     if "time_scale" in names:
         dq[:, :, names.index("time_scale")] += v * ((stamps - start.time)[:, None])
     chosen = np.concatenate((np.arange(count), count + record * 2 * dofs + np.arange(2 * dofs)))

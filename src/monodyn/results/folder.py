@@ -19,6 +19,7 @@ from monodyn.errors import SettingsError
 FILES = (
     "poses.csv",
     "states.csv",
+    "torques.csv",
     "prediction.csv",
     "fit.json",
     "model.xml",

@@ -53,7 +53,9 @@ def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    plots = [plot for trace in traces for plot in _plots(fit, trace, several=len(traces) > 1)]
+    several = len(traces) > 1
+    plots = [plot for trace in traces for plot in _plots(fit, trace, several=several)]
+    torques = [plot for trace in traces for plot in _torque_plots(fit, trace, several=several)]
     environment = Environment(
         loader=PackageLoader("monodyn.results", "."),
         autoescape=True,
@@ -68,11 +70,12 @@ def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
         advice=[*fit.advice, *page.notes],
         facts=_facts(fit, traces, page),
         plots=plots,
+        torques=torques,
         pictures=[
             {"data": base64.b64encode(data).decode("ascii"), "caption": caption}
             for data, caption in page.pictures
         ],
-        parameters=[_parameter(row) for row in fit.parameters if row.free],
+        parameters=[_parameter(row) for row in fit.parameters if row.free and not is_knot(fit, row.name)],
         others=[_parameter(row) for row in fit.parameters if not row.free],
         combinations=[
             {"name": c.name, "value": number(c.value, c.std), "std": short(c.std)} for c in fit.combinations
@@ -208,6 +211,43 @@ def _plots(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, Any]]:
             }
         )
     return plots
+
+
+def _torque_plots(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, Any]]:
+    """Return the data of one figure per joint for the torques besides friction; none without a drive."""
+    found = trace.torques
+    if found is None:
+        return []
+    first, stop = trace.rows
+    nothing = np.zeros(0)
+    until = stop if fit.torque == "free" else len(found.time)
+    rows = slice(first if fit.torque == "free" else 0, until)
+    plots = []
+    for dof, joint in enumerate(fit.mechanism.joints):
+        curve = _band(found.time[rows], found.torque[rows, dof], found.std[rows, dof], nothing, nothing)
+        plots.append(
+            {
+                "title": f"{trace.name}: torque at {joint.name}" if several else f"torque at {joint.name}",
+                "unit": "N m" if joint.kind == "hinge" else "N",
+                "time": [],
+                "observed": [],
+                "window": [float(found.time[first]), float(found.time[stop - 1])],
+                "fitted": curve,
+                "predicted": None,
+                "alone": True,
+            }
+        )
+    return plots
+
+
+def is_knot(fit: Fit, name: str) -> bool:
+    """True for a torque at one time stamp, of which there are hundreds: figures and tables show them.
+
+    Args:
+        fit: The fit.
+        name: Name of a parameter.
+    """
+    return fit.torque == "free" and name.rpartition(".")[0].endswith(".torque")
 
 
 def _predicted(trace: Trace, dof: int, scale: float, late: dict[str, np.ndarray]) -> dict[str, Any] | None:

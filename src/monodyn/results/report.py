@@ -11,7 +11,14 @@ import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.estimation.records import write_poses
-from monodyn.results.export import Trace, fit_document, json_text, prediction_table, states_table
+from monodyn.results.export import (
+    Trace,
+    fit_document,
+    json_text,
+    prediction_table,
+    states_table,
+    torque_table,
+)
 from monodyn.results.folder import RunFolder
 from monodyn.results.overlay import Motion, write_overlay
 from monodyn.results.page import Page, page_text
@@ -124,6 +131,8 @@ def write_results(
     joints = [joint.name for joint in fit.mechanism.joints]
     folder.write_text("states.csv", states_table(joints, traces))
     folder.write_text("prediction.csv", prediction_table(joints, traces[0] if traces else None))
+    if traces and traces[0].torques is not None:
+        folder.write_text("torques.csv", torque_table(joints, traces[0]))
     if view is not None:
         pictures = _film(folder, fit, traces, view, document["fit_frames"], progress)
         page = replace(page, camera=view.camera, pictures=pictures)
@@ -235,6 +244,7 @@ def trace_of(
         VideoError: the record is not the one that was fitted.
     """
     from monodyn.results.fill import fill
+    from monodyn.results.torques import torques
 
     fitted = fit.time[record]
     first = int(np.searchsorted(poses.time, fitted[0] - 1e-9))
@@ -247,7 +257,9 @@ def trace_of(
     numbers = None
     if future is not None:
         numbers = frame_numbers(future.time, poses.time, poses.frame)
-    return Trace(name, record_poses, fill(fit, poses.time, record=record), (first, stop), future, numbers)
+    acting = torques(fit, poses.time) if fit.torque != "friction" else None
+    states = fill(fit, poses.time, record=record)
+    return Trace(name, record_poses, states, (first, stop), future, numbers, acting)
 
 
 def fitted_trace(fit: Fit, future: Prediction | None = None, video: Video | None = None) -> Trace:

@@ -1,0 +1,170 @@
+"""One way to explain a motion for each torque model: friction, a periodic torque, or any torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.estimation.data import Data
+from monodyn.estimation.extend import dry_friction, more_terms
+from monodyn.estimation.grow import Grown
+from monodyn.estimation.periodic import Guess, guess_periods
+from monodyn.estimation.problem import Problem, posed, smooth_motion
+from monodyn.estimation.search import Search, hopeless, price
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.smooth import Smoothed
+from monodyn.estimation.starts import match, matched
+from monodyn.estimation.stepwise import MOST_TORQUES, fit_torques
+from monodyn.mechanism import Mechanism
+from monodyn.types import Progress
+
+NO_PERIOD = (
+    "The period of the torque cannot be estimated: no period that the record shows more than once explains "
+    "the motion better than friction alone. Give more frames, or the period with --fix torque.period=SECONDS, "
+    "or leave out --identify.torque fourier."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is to be explained, and how the search goes.
+
+    Attributes:
+        data: The samples of all records.
+        smoothed: Smooth motion of each record.
+        settings: How to search.
+        progress: Called with the stages done.
+    """
+
+    data: Data
+    smoothed: tuple[Smoothed, ...]
+    settings: IdentifySettings
+    progress: Progress | None
+
+    def search(self, problem: Problem) -> Search:
+        """Return the search of one problem."""
+        return Search(problem, self.smoothed, self.settings, self.progress)
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """A problem with its optimum, or the reason why there is none.
+
+    Attributes:
+        problem: The problem that was solved last.
+        grown: Its optimum, or None.
+        tried: Number of starts.
+        reason: Why there is no optimum, a sentence for the user.
+    """
+
+    problem: Problem
+    grown: Grown | None
+    tried: int = 1
+    reason: str = ""
+
+
+def by_friction(mechanism: Mechanism, task: Task) -> Explained:
+    """Viscous friction (Case I), and dry friction where the motion shows it.
+
+    Args:
+        mechanism: The start.
+        task: What is to be explained.
+    """
+    problem = posed(mechanism.with_torque("friction"), task.data)
+    reason = hopeless(problem, task.smoothed)
+    if reason is not None:
+        return Explained(problem, None, reason=reason)
+    search = task.search(problem)
+    grown, tried = search.from_starts()
+    return Explained(*dry_friction(problem, grown, search.route), tried)
+
+
+def by_series(mechanism: Mechanism, task: Task) -> Explained:
+    """A periodic torque as a Fourier series (Case II), beside viscous friction or alone.
+
+    Args:
+        mechanism: The start; a period that is not free in it counts as known.
+        task: What is to be explained.
+    """
+    settings = task.settings
+    if settings.series == "alone":
+        mechanism = frictionless(mechanism)
+    known = None
+    if mechanism.torque == "fourier" and not mechanism.parameter("torque.period").free:
+        known = mechanism.values["torque.period"]
+    plain = posed(mechanism.with_torque("friction"), task.data)
+    least = posed(mechanism.with_torque("fourier", terms=settings.terms or 1, period=known or 1.0), task.data)
+    reason = hopeless(least, task.smoothed)
+    if reason is not None:
+        return Explained(least, None, reason=reason)
+    motion = smooth_motion(plain, task.smoothed)
+    x = matched(plain, motion)
+    guesses = guess_periods(plain, x, motion, settings.terms, known)
+    if not guesses:
+        return Explained(least, None, reason=NO_PERIOD)
+    best: Explained | None = None
+    for guess in guesses:
+        problem, search, grown = _from_guess(mechanism, task, plain, x, guess)
+        if best is None or best.grown is None or price(grown) < price(best.grown):
+            best, route = Explained(problem, grown, len(guesses)), search.route
+    if settings.terms == 0 and best.grown is not None:
+        return Explained(*more_terms(best.problem, best.grown, route), best.tried)
+    return best
+
+
+def _from_guess(
+    mechanism: Mechanism, task: Task, plain: Problem, x: np.ndarray, guess: Guess
+) -> tuple[Problem, Search, Grown]:
+    """Grow a fit from one guess of the period."""
+    driven = mechanism.with_torque("fourier", terms=guess.terms, period=guess.period)
+    problem = posed(driven, task.data)
+    unknowns = problem.unknowns
+    change = np.clip(guess.change, -plain.unknowns.reach, plain.unknowns.reach)
+    near = np.clip(x + change, plain.unknowns.lower, plain.unknowns.upper)
+    start = unknowns.carried(near, plain.unknowns)
+    way = problem.mechanism.drive_ways(unknowns.names)
+    start[way[way >= 0]] = guess.table[way >= 0]
+    search = task.search(problem)
+    return problem, search, search.grown(match(problem, search.motion, start), search.route)
+
+
+def by_torques(mechanism: Mechanism, task: Task) -> Explained:
+    """One torque a joint and time stamp (Case III); sizes and masses are held.
+
+    Args:
+        mechanism: The start.
+        task: What is to be explained.
+    """
+    plain = posed(mechanism.with_torque("friction"), task.data)
+    joints, stamps = len(mechanism.joints), task.data.times[task.data.measured.any(axis=1)]
+    reason = hopeless(plain, task.smoothed)
+    if len(task.data.first) > 2:
+        reason = "Free torques belong to one record each; identify one record at a time."
+    elif len(stamps) * joints > MOST_TORQUES:
+        reason = (
+            f"{len(stamps) * joints} torques, one a joint and time stamp, are too many at once; fit at most "
+            f"{MOST_TORQUES // joints} frames."
+        )
+    if reason is not None:
+        return Explained(plain, None, reason=reason)
+    search = replace(task, settings=replace(task.settings, starts=1)).search(plain)
+    grown, _ = search.from_starts()
+    x = grown.x if search.explained(grown) else matched(plain, search.motion)
+    driven = frictionless(plain.mechanism_at(x)).with_torque("free", knots=stamps * plain.stretch(x))
+    problem = posed(driven, task.data, torques_only=True)
+    return Explained(*fit_torques(problem, task.smoothed, search.route, search.report))
+
+
+def frictionless(mechanism: Mechanism) -> Mechanism:
+    """Return a copy without friction, but for what the user chose.
+
+    Args:
+        mechanism: The mechanism.
+    """
+    names = [f"{joint.name}.{what}" for joint in mechanism.joints for what in ("damping", "friction")]
+    return mechanism.with_choices(fix={name: 0.0 for name in names if name not in mechanism.chosen})
+
+
+EXPLAIN = {"friction": by_friction, "fourier": by_series, "free": by_torques}
+"""How a motion is explained, by torque model."""

@@ -1,0 +1,123 @@
+"""A periodic torque: its period and number of harmonics from accelerations, before anything is integrated.
+
+Along smooth motion the accelerations are linear in the torque, and nearly so in the other unknowns. So for
+every period and number of harmonics the best series is one linear least squares, in which the other unknowns
+may move as well; what is left over ranks the periods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.estimation.problem import Motion, Problem
+from monodyn.estimation.torque import fourier_basis
+
+FEWEST_PERIODS = 1.25
+"""A record this many periods long shows that something repeats."""
+PER_HARMONIC = 2.5
+"""Samples in the shortest harmonic."""
+CORRELATED = 4.0
+"""Accelerations of smoothed motion share their neighbours' samples: so many count as one."""
+SCANNED_TERMS = (1, 2, 3)
+"""Harmonics that the scan tries when their number is open."""
+APART = 0.04
+"""Periods nearer to each other than this share are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """A period that explains the accelerations.
+
+    Attributes:
+        period: Period [s].
+        terms: Number of harmonics.
+        criterion: Schwarz's criterion: n log(left over) + unknowns log n; lower is better.
+        table: Coefficients, (dof, 1 + 2 terms).
+        change: Change of the other unknowns' coordinates, (param,).
+    """
+
+    period: float
+    terms: int
+    criterion: float
+    table: np.ndarray
+    change: np.ndarray
+
+
+def guess_periods(
+    problem: Problem, x: np.ndarray, motion: Motion, terms: int, period: float | None = None, most: int = 3
+) -> list[Guess]:
+    """Rank periods by how well a torque of that period explains the accelerations.
+
+    Args:
+        problem: The problem without the periodic torque.
+        x: Coordinates at which its accelerations are nearest, (param,).
+        motion: Smooth motion.
+        terms: Number of harmonics; 0 lets the criterion choose.
+        period: The period where it is known [s].
+        most: How many to return at most.
+
+    Returns:
+        Guesses, the best first, only those that are better than no torque at all; empty where there is none.
+        A known period always gives one.
+
+    Source:
+        Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+        variables separate, 1973; Schwarz, Estimating the dimension of a model, 1978.
+    """
+    scan = _Scan(problem, x, motion)
+    counts = SCANNED_TERMS if terms == 0 else (terms,)
+    if period is not None:
+        return sorted((scan.fit(period, count) for count in counts), key=lambda guess: guess.criterion)[:1]
+    found: list[Guess] = []
+    for count in counts:
+        tried = [scan.fit(p, count) for p in scan.periods(count)]
+        values = np.array([guess.criterion for guess in tried])
+        ends = np.concatenate(([np.inf], values, [np.inf]))
+        low = np.flatnonzero((values <= ends[:-2]) & (values < ends[2:]))
+        found += [tried[i] for i in low if values[i] < scan.nothing]
+    kept: list[Guess] = []
+    for guess in sorted(found, key=lambda guess: guess.criterion):
+        if all(abs(np.log(guess.period / other.period)) > APART for other in kept):
+            kept.append(guess)
+    return kept[:most]
+
+
+class _Scan:
+    """Linear least squares at one period after the other, the other unknowns projected out."""
+
+    def __init__(self, problem: Problem, x: np.ndarray, motion: Motion) -> None:
+        rows, jacobian = problem.acceleration_rows(x, motion)
+        response = problem.torque_response(x, motion) * motion.weight[:, :, None]
+        self.frames, self.dofs, _ = response.shape
+        self.clock = motion.time * problem.stretch(x)
+        self.response, self.count, self.prior = response, len(x), len(rows) - motion.weight.size
+        q, self.triangle = np.linalg.qr(jacobian)
+        self.q, self.rows = q, rows
+        self.left = rows - q @ (q.T @ rows)
+        self.samples = max(motion.weight.size / CORRELATED, 4.0)
+        self.nothing = self._criterion(float(self.left @ self.left), 0)
+
+    def periods(self, terms: int) -> np.ndarray:
+        """Return the periods that the record can tell [s], evenly spaced in frequency."""
+        span, step = float(np.ptp(self.clock)), float(np.median(np.diff(np.unique(self.clock))))
+        low, high = FEWEST_PERIODS / span, 1.0 / (terms * PER_HARMONIC * step)
+        return 1.0 / np.arange(low, max(high, low), 0.1 / span / terms)
+
+    def fit(self, period: float, terms: int) -> Guess:
+        """Fit a series of one period, the other unknowns free to move."""
+        shapes = fourier_basis(self.clock, period, terms)
+        columns = np.zeros((len(self.rows), self.dofs * shapes.shape[1]))
+        columns[: len(self.rows) - self.prior] = np.einsum("fij,fc->fijc", self.response, shapes).reshape(
+            -1, columns.shape[1]
+        )
+        free = columns - self.q @ (self.q.T @ columns)
+        best, *_ = np.linalg.lstsq(free, -self.left, rcond=1e-9)
+        left = self.left + free @ best
+        change = -np.linalg.lstsq(self.triangle, self.q.T @ (self.rows + columns @ best), rcond=1e-9)[0]
+        criterion = self._criterion(float(left @ left), columns.shape[1] + 1)
+        return Guess(period, terms, criterion, best.reshape(self.dofs, -1), change)
+
+    def _criterion(self, left_over: float, unknowns: int) -> float:
+        return self.samples * np.log(max(left_over, 1e-300)) + unknowns * np.log(self.samples)

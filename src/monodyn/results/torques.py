@@ -1,0 +1,45 @@
+"""The torques that a fit found to act at the joints besides friction, over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.estimation.driven import clocks, torque_slopes
+from monodyn.estimation.fit import Fit
+
+
+@dataclass(frozen=True, eq=False)
+class Torques:
+    """Torques over time.
+
+    Attributes:
+        time: Time stamps [s], (frame,).
+        torque: Torque [N m] at a hinge, force [N] at a slide, (frame, dof).
+        std: Standard deviation from that of the fit, the mass scale as it was assumed, (frame, dof).
+    """
+
+    time: np.ndarray
+    torque: np.ndarray
+    std: np.ndarray
+
+
+def torques(fit: Fit, times: np.ndarray) -> Torques:
+    """Return the torque of the fitted drive; friction and springs are not part of it.
+
+    Args:
+        fit: A fit with ``torque`` ``fourier`` or ``free``.
+        times: Time stamps [s], (frame,).
+
+    Returns:
+        The torques at ``times``; zero without a drive, and outside of the knots of free torques.
+    """
+    mechanism = fit.mechanism
+    count = len(fit.names) - 2 * len(mechanism.joints) * len(fit.starts)
+    names = fit.names[:count]
+    ways = (mechanism.drive_ways(names), *clocks(mechanism, names))
+    found, slopes = torque_slopes(mechanism.drive, ways, times * mechanism.values["time_scale"])
+    covariance = fit.covariance[:count, :count]
+    variance = np.einsum("fip,pr,fir->fi", slopes, covariance, slopes, optimize=True)
+    return Torques(times, found, np.sqrt(np.maximum(variance, 0.0)))
