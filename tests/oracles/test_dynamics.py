@@ -8,6 +8,7 @@ import pytest
 from zoo import FRICTION, ZOO
 
 from monodyn.mechanism import Mechanism, load
+from monodyn.mechanism.drive import FOURIER, KNOTS, Drive
 from monodyn.mechanism.dynamics import accelerations, energy, rollout, sensitivities
 from monodyn.mechanism.simulate import choose_substeps, simulate
 
@@ -225,3 +226,133 @@ def test_substeps_keep_the_stated_error() -> None:
         if steps > 1:
             fewer, _ = rollout(*_arrays(mechanism), times, steps // 2, q0, v0)
             assert np.abs(fewer - exact).max() > 0.5 * tolerance
+
+
+def _drive(mode: int, dofs: int, rng: np.random.Generator) -> Drive:
+    """Return a drive that starts and ends within 0.1 s, at no stamp of the tests."""
+    if mode == FOURIER:
+        return Drive(FOURIER, np.array([0.0713]), rng.uniform(-0.1, 0.1, (dofs, 7)))
+    return Drive(KNOTS, 0.0031 + 0.0137 * np.arange(7), rng.uniform(-0.1, 0.1, (dofs, 7)))
+
+
+@pytest.mark.parametrize("mode", [FOURIER, KNOTS])
+@pytest.mark.parametrize("name", ZOO)
+def test_driven_rollout_takes_the_steps_of_mujoco(name: str, mode: int, tmp_path: Path) -> None:
+    mechanism, model, data = _both(ZOO[name], tmp_path)
+    rng = np.random.default_rng(SEED)
+    drive = _drive(mode, model.nv, rng)
+    q0, v0 = rng.uniform(-1, 1, model.nq), rng.uniform(-3, 3, model.nv)
+    data.qpos[:], data.qvel[:] = q0, v0
+    model.opt.timestep = 0.0004
+
+    def push(_: mujoco.MjModel, now: mujoco.MjData) -> None:
+        now.qfrc_applied[:] = drive.at(np.array([now.time]))[0]
+
+    mujoco.set_mjcb_control(push)
+    try:
+        theirs = [q0]
+        for _ in range(50):
+            for _ in range(5):
+                mujoco.mj_step(model, data)
+            theirs.append(data.qpos.copy())
+    finally:
+        mujoco.set_mjcb_control(None)
+    times = np.arange(51) * 0.002
+    q, v = rollout(*_arrays(mechanism), times, 5, q0, v0, drive)
+    # Same method and step, the torque at every stage's time: rounding, grown by 250 steps.
+    assert np.allclose(q, theirs, rtol=0, atol=1e-9)
+    assert np.allclose(v[-1], data.qvel, rtol=0, atol=1e-7)
+    assert np.abs(q - rollout(*_arrays(mechanism), times, 5, q0, v0)[0]).max() > 1e-4
+
+
+DRIVEN = [("double", FOURIER), ("double", KNOTS), ("tree", KNOTS), ("cart_branches", FOURIER),
+          ("cart_branches", KNOTS)]  # fmt: skip
+
+
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize(("name", "mode"), DRIVEN)
+def test_driven_sensitivities_are_exact(name: str, mode: int, back: bool, tmp_path: Path) -> None:
+    """Sizes, masses, start state and every entry of the table against the complex step."""
+    mechanism, *_ = _both(ZOO[name], tmp_path)
+    names = [p.name for p in mechanism.parameters if not p.follows]
+    dlinks, dgravity = mechanism.directions(names)
+    parent, kind, links, gravity = _arrays(mechanism)
+    n, rng = len(parent), np.random.default_rng(SEED)
+    drive = _drive(mode, n, rng)
+    # One entry is nobody's; the parameters are in no order of time.
+    count = drive.table.size - 1
+    way = np.append(rng.permutation(count), -1).reshape(drive.table.shape) + len(names)
+    way[way < len(names)] = -1
+    way[-1, -1] = -1
+    dlinks = np.concatenate((dlinks, np.zeros((count, *links.shape))))
+    dgravity = np.concatenate((dgravity, np.zeros((count, 2))))
+    times = np.array([0.02, 0.03, 0.05, 0.055, 0.06])[:: -1 if back else 1]
+    q0, v0 = rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
+    arrays = (parent, kind, links, dlinks, gravity, dgravity, times, 3, q0, v0)
+    q, v, dq, dv = sensitivities(*arrays, drive, way)
+    plain = rollout(parent, kind, links, gravity, times, 3, q0, v0, drive)
+    assert np.array_equal(q, plain[0])
+    assert np.array_equal(v, plain[1])
+    step = 1e-30
+    for k in range(dq.shape[2]):
+        in_links, in_gravity, in_q, in_v = _complex_step(k, len(dlinks), dlinks, dgravity, n, step)
+        stepped = Drive(drive.mode, drive.times, drive.table + 1j * step * (way == k))
+        qc, vc = rollout(
+            parent, kind, links + in_links, gravity + in_gravity, times, 3, q0 + in_q, v0 + in_v, stepped
+        )
+        # Both are exact derivatives: rounding, relative to the largest entry.
+        for ours, theirs in ((dq[:, :, k], qc.imag / step), (dv[:, :, k], vc.imag / step)):
+            assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-11 * (1 + np.abs(theirs).max()))
+
+
+@pytest.mark.parametrize("name", ["double", "cart_branches"])
+def test_derivative_by_the_period_is_that_of_finite_differences(name: str, tmp_path: Path) -> None:
+    mechanism, *_ = _both(ZOO[name], tmp_path)
+    n, rng = len(mechanism.joints), np.random.default_rng(SEED)
+    period, table = 0.31, rng.uniform(-0.01, 0.01, (n, 7))
+    times, q0, v0 = np.linspace(0.2, 0.4, 7), rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
+    parent, kind, links, gravity = _arrays(mechanism)
+    _, _, dq, dv = sensitivities(
+        parent, kind, links, np.zeros((1, *links.shape)), gravity, np.zeros((1, 2)), times, 4, q0, v0,
+        Drive(FOURIER, np.array([period]), table), drift=np.array([-1 / period]),
+    )  # fmt: skip
+    step = 1e-6
+    high, low = (
+        rollout(parent, kind, links, gravity, times, 4, q0, v0, Drive(FOURIER, np.array([period + s]), table))
+        for s in (step, -step)
+    )
+    for ours, up, down in zip((dq, dv), high, low, strict=True):
+        theirs = (up - down) / (2 * step)
+        # Central differences: 1e-9 of truncation and 1e-10 of rounding, relative to the largest entry.
+        assert np.abs(theirs).max() > 1e-2
+        assert np.allclose(ours[:, :, 0], theirs, rtol=1e-6, atol=1e-7 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("mode", [FOURIER, KNOTS])
+@pytest.mark.parametrize("name", ["double", "cart_branches"])
+def test_derivative_by_the_time_scale_is_that_of_finite_differences(
+    name: str, mode: int, tmp_path: Path
+) -> None:
+    """q(s t; s^2 gravity, s damping, s^2 torque, ..., s v0) is q at the stretched stamps, so that one has
+    grow = 2 and drift = 1 by log s."""
+    mechanism, *_ = _both(ZOO[name], tmp_path)
+    n, rng = len(mechanism.joints), np.random.default_rng(SEED)
+    drive = _drive(mode, n, rng)
+    stamps, q0, v0 = np.linspace(0.02, 0.07, 8), rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
+    parent, kind, links, gravity = _arrays(mechanism)
+    power = np.zeros(links.shape[1])
+    power[[9, 11]] = 1.0, 2.0
+    _, _, dq, _ = sensitivities(
+        parent, kind, links, (power * links)[None], gravity, 2 * gravity[None], stamps, 4, q0, v0, drive,
+        grow=np.array([2.0]), drift=np.array([1.0]),
+    )  # fmt: skip
+    ours = dq[:, :, 0] + dq[:, :, 1 + n :] @ v0
+    step = 1e-7
+    high, low = (
+        rollout(parent, kind, links, gravity, stamps * np.exp(s), 4, q0, v0, drive)[0] for s in (step, -step)
+    )
+    theirs = (high - low) / (2 * step)
+    # Central differences: rounding of 1e-16 / 1e-7; the stretch is small enough that no stage passes a knot.
+    assert np.allclose(ours, theirs, rtol=1e-5, atol=1e-7 * (1 + np.abs(theirs).max()))
+    undriven = rollout(parent, kind, links, gravity, stamps * np.exp(step), 4, q0, v0)[0]
+    assert np.abs(undriven - high).max() > 1e-5

@@ -299,13 +299,13 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: 
 
 
 @njit(cache=True, error_model="numpy")
-def _add_torque(tau, slope, time, value, span, slot, grow, drift, da):  # pragma: no cover - compiled
+def _add_torque(tau, slope, time, value, span, slot, grow, drift, da, live):  # pragma: no cover - compiled
     """Add the derivative of the torque to ``da``; ``slot`` holds the column of ``da`` by table entry."""
     for i in range(tau.size):
         for c in range(span[0], span[1]):
             if slot[i, c] >= 0:
                 da[i, slot[i, c]] += value[c]
-        for k in range(grow.size):
+        for k in range(live):
             da[i, k] += grow[k] * tau[i] + drift[k] * time * slope[i]
 
 
@@ -367,7 +367,7 @@ def _rollout_tangents(
                 _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
                 _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
                 if mode != NONE:
-                    _add_torque(tau, slope, time, value, span, slot, grows[:many], drifts[:many], da[r])
+                    _add_torque(tau, slope, time, value, span, slot, grows, drifts, da[r], many)
                 solve_all(parent, h, da[r], many)
             for i in range(n):
                 x[0, i] += step / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])

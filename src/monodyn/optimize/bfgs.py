@@ -38,11 +38,11 @@ def bounded_bfgs(
     """Minimize 1/2 r(x).r(x), or its root |r|, subject to lower <= x <= upper.
 
     scipy's SLSQP (Kraft 1988) does it: sequential quadratic programming with Powell's damped BFGS update of
-    the Hessian and an active set in the quadratic subproblem, which is the paper's active-set method with BFGS.
-    It works on unknowns in units of their scale and on the value in units of that at the start. Where the
+    the Hessian and an active set in the quadratic subproblem: the paper's active-set method with BFGS. It
+    works on unknowns in units of their scale and on the value in units of that at the start. Where the
     residuals do not exist (not finite, or the function raises ArithmeticError, ValueError or LinAlgError)
-    the value is a large finite penalty, so that the line search turns back. The search begins again at
-    its best point, with a fresh Hessian, as long as that lowers the value.
+    the value is a large finite penalty, so that the line search turns back. The search begins again at its
+    best point, with a fresh Hessian, as long as that lowers the value.
 
     Args:
         residuals: Gives r (row,) at x (param,); never called outside of the bounds.

@@ -72,9 +72,17 @@ def evolve(
         first[0] = middle
     crowd = _Crowd(function, many)
     found = differential_evolution(
-        crowd, np.column_stack((lower, upper)), maxiter=generations, init=first, tol=tolerance, seed=rng,
-        polish=False, vectorized=many, updating="deferred" if many else "immediate", callback=crowd.note,
-    )  # fmt: skip
+        crowd,
+        np.column_stack((lower, upper)),
+        maxiter=generations,
+        init=first,
+        tol=tolerance,
+        seed=rng,  # pyright: ignore[reportCallIssue]  (scipy before 1.15 knows no rng)
+        polish=False,
+        vectorized=many,
+        updating="deferred" if many else "immediate",
+        callback=crowd.note,
+    )
     crowd.note(None)
     if crowd.x is None:
         return Minimum(middle, np.inf, crowd.evaluations, False, as_history(crowd.history), NOWHERE)

@@ -41,8 +41,8 @@ def augmented_lagrangian(
 
     Each round minimizes f(x) + r/2 sum_j (max(0, g_j(x) + m_j / r)^2 - (m_j / r)^2) without constraints, and
     then takes m_j = max(0, m_j + r g_j(x)). The bounds are constraints too, in steps. The penalty r is taken
-    from the change of f over one step at the start, so that f may have any size. Where no constraint is active
-    the first round is the last.
+    from the change of f over one step at the start, so that f may have any size. Where no constraint is
+    active the first round is the last.
 
     The function is evaluated outside of its bounds too, mostly by a small part of a step; where it does not
     exist it gives NaN or infinity. An unknown with equal bounds stays there.
