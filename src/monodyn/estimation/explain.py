@@ -11,10 +11,10 @@ from monodyn.estimation.extend import dry_friction, more_terms
 from monodyn.estimation.grow import Grown
 from monodyn.estimation.periodic import Guess, guess_periods
 from monodyn.estimation.problem import Problem, posed, smooth_motion
-from monodyn.estimation.search import Search, hopeless, price
+from monodyn.estimation.search import Search, hopeless
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.smooth import Smoothed
-from monodyn.estimation.starts import match, matched
+from monodyn.estimation.starts import match, matched, sized
 from monodyn.estimation.stepwise import MOST_TORQUES, fit_torques
 from monodyn.mechanism import Mechanism
 from monodyn.types import Progress
@@ -106,7 +106,7 @@ def by_series(mechanism: Mechanism, task: Task) -> Explained:
     best: Explained | None = None
     for guess in guesses:
         problem, search, grown = _from_guess(mechanism, task, plain, x, guess)
-        if best is None or best.grown is None or price(grown) < price(best.grown):
+        if best is None or best.grown is None or _evidence(problem, grown) < _evidence(best.problem, best.grown):
             best, route = Explained(problem, grown, len(guesses)), search.route
     if settings.terms == 0 and best.grown is not None:
         return Explained(*more_terms(best.problem, best.grown, route), best.tried)
@@ -127,6 +127,14 @@ def _from_guess(
     start[way[way >= 0]] = guess.table[way >= 0]
     search = task.search(problem)
     return problem, search, search.grown(match(problem, search.motion, start), search.route)
+
+
+def _evidence(problem: Problem, grown: Grown) -> float:
+    """Schwarz's criterion: a longer series, of a multiple of the period, must earn its harmonics."""
+    if not grown.complete:
+        return float("inf")
+    cost = 2.0 * grown.cost / max(grown.sigma, 1.0) ** 2
+    return cost + len(problem.unknowns) * float(np.log(problem.data.samples))
 
 
 def by_torques(mechanism: Mechanism, task: Task) -> Explained:
@@ -150,7 +158,7 @@ def by_torques(mechanism: Mechanism, task: Task) -> Explained:
         return Explained(plain, None, reason=reason)
     search = replace(task, settings=replace(task.settings, starts=1)).search(plain)
     grown, _ = search.from_starts()
-    x = grown.x if search.explained(grown) else matched(plain, search.motion)
+    x = grown.x if search.explained(grown) else sized(plain, search.motion)
     driven = frictionless(plain.mechanism_at(x)).with_torque("free", knots=stamps * plain.stretch(x))
     problem = posed(driven, task.data, torques_only=True)
     return Explained(*fit_torques(problem, task.smoothed, search.route, search.report))

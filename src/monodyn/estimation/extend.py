@@ -6,9 +6,12 @@ from monodyn.estimation.grow import Grown, Route, fit_pieces
 from monodyn.estimation.problem import Problem, posed
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.mechanism import Mechanism
+from monodyn.optimize import SearchSettings
 
 EVIDENCE = 15.0
 """Twice the log likelihood that an unknown must gain; pure chance gives one on average."""
+GLANCE = SearchSettings(evaluations=2)
+"""One step: where it gains next to nothing, more of them will not gain much."""
 
 
 def dry_friction(problem: Problem, grown: Grown, route: Route) -> tuple[Problem, Grown]:
@@ -45,11 +48,11 @@ def more_terms(problem: Problem, grown: Grown, route: Route) -> tuple[Problem, G
     Returns:
         The problem with as many harmonics as pay, and its optimum.
     """
-    dofs = len(problem.mechanism.joints)
+    dofs, period = len(problem.mechanism.joints), problem.mechanism.values["torque.period"]
     terms = (problem.mechanism.drive.table.shape[1] - 1) // 2
     further = terms + 1
     while further <= min(terms + 2, USUAL_TERMS) and grown.complete:
-        driven = problem.mechanism.with_torque("fourier", terms=further)
+        driven = problem.mechanism.with_torque("fourier", terms=further, period=period)
         trial, found = _extended(problem, grown, driven, route)
         if _pays(grown, found, 2 * dofs * (further - terms)):
             problem, grown, terms = trial, found, further
@@ -61,7 +64,10 @@ def _extended(problem: Problem, grown: Grown, mechanism: Mechanism, route: Route
     """Go on from an optimum with more unknowns, which begin at their values in ``mechanism``."""
     trial = posed(mechanism, problem.data)
     start = trial.unknowns.carried(grown.x, problem.unknowns)
-    return trial, fit_pieces(trial, start, grown.states, grown.pieces, route, route.fine)
+    found = fit_pieces(trial, start, grown.states, grown.pieces, route, GLANCE)
+    if _pays(grown, found, 1):
+        found = fit_pieces(trial, found.x, found.states, grown.pieces, route, route.fine)
+    return trial, found
 
 
 def _pays(before: Grown, after: Grown, added: int) -> bool:

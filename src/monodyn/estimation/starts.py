@@ -20,6 +20,7 @@ from monodyn.optimize import SearchSettings, minimize, scatter
 
 FACTORS = 2.0 ** np.arange(-4.0, 11.0)
 """Common scales that are tried: 1/16 to 1024, slow motion makes lengths look large."""
+FINE_FACTORS = 2.0 ** np.arange(-4.0, 10.01, 0.125)
 MATCH = SearchSettings(evaluations=30, relative=1e-4)
 """For matching accelerations, which are only as good as the smoothing."""
 GLANCE = SearchSettings(evaluations=4, relative=1e-2)
@@ -89,10 +90,27 @@ def _rolled(problem: Problem, smoothed: tuple[Smoothed, ...], route: Route) -> n
     return min(_scaled(problem), key=cost)
 
 
-def _scaled(problem: Problem) -> list[np.ndarray]:
+def sized(problem: Problem, motion: Motion) -> np.ndarray:
+    """Find the common scale at which the motion asks for the least torque beside that of gravity, (param,).
+
+    Both are taken along the measured motion and joint by joint; all else stays as the picture or the file says.
+    """
+    still = replace(motion, velocity=np.zeros_like(motion.velocity))
+
+    def least(x: np.ndarray) -> float:
+        per_torque = problem.torque_response(x, motion)
+        lacking = motion.acceleration - problem.accelerations(x, motion)
+        falling = problem.accelerations(x, still)
+        asked, weight = (np.linalg.solve(per_torque, a[:, :, None])[:, :, 0] for a in (lacking, falling))
+        return float(np.sum(np.mean(asked**2, axis=0) / np.maximum(np.mean(weight**2, axis=0), 1e-30)))
+
+    return min(_scaled(problem, FINE_FACTORS), key=least)
+
+
+def _scaled(problem: Problem, factors: np.ndarray = FACTORS) -> list[np.ndarray]:
     """The start at each of the common scales, or as it is where nothing can be scaled."""
     unknowns, found = problem.unknowns, []
-    for factor in FACTORS:
+    for factor in factors:
         values = scaled_start(unknowns, factor, problem.mechanism)
         if not values:
             return [unknowns.x0]
