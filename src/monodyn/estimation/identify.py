@@ -114,8 +114,8 @@ def _identified(
 ) -> Fit:
     """Identify from whole records, bodies chosen."""
     began = time.perf_counter()
-    smoothed = tuple(smooth(_ordered(record, mechanism)) for record in records)
     data = prepare(records, mechanism)
+    smoothed = tuple(smooth(_ordered(record, mechanism)) for record in records)
     found = EXPLAIN[settings.torque](mechanism, Task(data, smoothed, settings, progress))
     if found.grown is None:
         return refuse(found.problem, found.reason, records, time.perf_counter() - began)
