@@ -486,8 +486,9 @@ def test_differences_stay_inside_and_agree_with_the_jacobian():
     assert given.evaluations < by_differences.evaluations
     assert (np.array(counted.places) <= [0.5, 2.0]).all()
 
+
+def only_where(edge):
     """Give residuals that exist for x0 >= 0.2 and x1 <= edge; they vanish at (e + 0.2, 3 / (e + 0.2))."""
-    """Give residuals that exist for x0 >= 0.2 and x1 <= edge, 0 at (e + 0.2, 3 / (e + 0.2)) = (2.92, 1.03)."""
 
     def residuals(x):
         if x[0] < 0.2:
