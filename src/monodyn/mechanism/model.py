@@ -6,14 +6,18 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import derivatives, links_of, shapes_of, tree_of
 from monodyn.mechanism.parts import NOT_NEGATIVE, POSITIVE, Joint, Link, Parameter
-from monodyn.mechanism.plan import OWNED, Plan, make_plan
+from monodyn.mechanism.plan import OWNED, Plan, Torques, make_plan, make_torques
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS, Measured, Shapes, Tree
+
+if TYPE_CHECKING:
+    from monodyn.mechanism.drive import Drive
 
 COLUMNS_OWNED = (MASS, COM_X, COM_Y, INERTIA)
 
@@ -29,7 +33,8 @@ class Mechanism:
         joints: Joints in the file's order, which is the order of the dof axis.
         bodies: Names of the bodies that move.
         plan: How parameters make links and shapes; shared by all copies.
-        numbers: Values by row of the plan, (param,).
+        torques: The parameters of torques over time, and the table of all parameters.
+        numbers: Values by row of the table, (param,); those of the plan come first.
         lower: Lower bounds, (param,).
         upper: Upper bounds, (param,).
         free: True where an identification may change the value, bool (param,).
@@ -43,6 +48,7 @@ class Mechanism:
     joints: tuple[Joint, ...]
     bodies: tuple[str, ...]
     plan: Plan
+    torques: Torques
     numbers: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
@@ -54,12 +60,32 @@ class Mechanism:
     @cached_property
     def tree(self) -> Tree:
         """The joint tree for the dynamics."""
-        return tree_of(self.plan, self.numbers, self.own)
+        return tree_of(self.plan, self.plan_numbers, self.own)
 
     @cached_property
     def shapes(self) -> Shapes:
         """What the camera sees."""
-        return shapes_of(self.plan, self.numbers)
+        return shapes_of(self.plan, self.plan_numbers)
+
+    @property
+    def plan_numbers(self) -> np.ndarray:
+        """Values by row of the plan, without those of the torques, (param,)."""
+        return self.numbers[: len(self.plan.table.names)]
+
+    @property
+    def torque(self) -> str:
+        """What acts at the joints besides springs: ``"friction"``, ``"fourier"`` or ``"free"``."""
+        return self.torques.model
+
+    @cached_property
+    def drive(self) -> Drive:
+        """Torques over true time."""
+        from monodyn.mechanism.drive import FOURIER, KNOTS, UNDRIVEN, Drive
+
+        table = self.numbers[self.torques.rows]
+        if self.torque == "fourier":
+            return Drive(FOURIER, self.numbers[[self.row("torque.period")]], table)
+        return Drive(KNOTS, self.torques.knots, table) if self.torque == "free" else UNDRIVEN(len(table))
 
     @cached_property
     def _current(self) -> np.ndarray:
@@ -73,7 +99,9 @@ class Mechanism:
     @cached_property
     def _follows(self) -> np.ndarray:
         """True where the value follows from others, bool (param,)."""
-        return self.plan.follows & ~self.own
+        follows = np.zeros(len(self.numbers), dtype=bool)
+        follows[: len(self.plan.follows)] = self.plan.follows
+        return follows & ~self.own
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -83,7 +111,7 @@ class Mechanism:
     @property
     def values(self) -> dict[str, float]:
         """Value by parameter name, those that follow included."""
-        return dict(zip(self.plan.table.names, self._current.tolist(), strict=True))
+        return dict(zip(self.torques.table.names, self._current.tolist(), strict=True))
 
     def parameter(self, name: str) -> Parameter:
         """Return one parameter.
@@ -102,7 +130,7 @@ class Mechanism:
         return self._parameter(self.row(name))
 
     def row(self, name: str) -> int:
-        """Return the row of a parameter in the plan.
+        """Return the row of a parameter in the table.
 
         Args:
             name: Its name.
@@ -110,9 +138,9 @@ class Mechanism:
         Raises:
             MechanismError: There is no parameter of that name.
         """
-        row = self.plan.index.get(name)
+        row = self.torques.index.get(name)
         if row is None:
-            names = ", ".join(f"'{n}'" for n in self.plan.table.names)
+            names = ", ".join(f"'{n}'" for n in self.torques.table.names)
             raise MechanismError(f"parameter '{name}' is not in the mechanism; parameters: {names}.")
         return row
 
@@ -128,7 +156,7 @@ class Mechanism:
                 others.
         """
         numbers = self.numbers.copy()
-        table = self.plan.table
+        table = self.torques.table
         for name, value in values.items():
             row = self.row(name)
             value = float(value)
@@ -179,7 +207,7 @@ class Mechanism:
             row = self.row(name)
             if name in fix and name in free:
                 raise MechanismError(f"parameter '{name}': is both fixed and freed; choose one of them.")
-            if self.plan.table.follows[row] and not own[row]:
+            if self.torques.table.follows[row] and not own[row]:
                 own[row], numbers[row] = True, self._current[row]
             frees[row] = name in free
         chosen = self.chosen | {*fix, *free}
@@ -203,7 +231,7 @@ class Mechanism:
         """
         if bodies not in ("uniform", "free"):
             raise MechanismError(f"bodies: expected 'uniform' or 'free', got '{bodies}'; choose one of them.")
-        table = self.plan.table
+        table = self.torques.table
         numbers, free, own = self.numbers.copy(), self.free.copy(), self.own.copy()
         owned = {row for rows in self.plan.owned if rows is not None for row in rows}
         for row, name in enumerate(table.names):
@@ -219,6 +247,56 @@ class Mechanism:
             elif what in ("density", "thickness", "mass"):
                 free[row] = False
         return replace(self, numbers=numbers, free=free, own=own)
+
+    def with_torque(
+        self,
+        model: str,
+        *,
+        terms: int = 0,
+        knots: np.ndarray | None = None,
+        period: float | None = None,
+    ) -> Mechanism:
+        """Return a copy with torques over time at its joints, besides friction and springs.
+
+        A parameter that the mechanism has already keeps its value, bounds and freedom, torques at knots only
+        if the knots are the same; new coefficients start at 0.
+
+        Args:
+            model: ``"friction"``: none. ``"fourier"``: a Fourier series with the parameters ``torque.period``
+                and, for each joint, ``<joint>.torque.mean``, ``.torque.cos1``, ``.torque.sin1``, ...
+                ``"free"``: values at knots, linear in between, ``<joint>.torque.0``, ``.torque.1``, ...
+            terms: Harmonics of the Fourier series.
+            knots: Times of the knots [s], (knot,), in true time.
+            period: Start value of the period [s].
+
+        Raises:
+            MechanismError: The model is unknown, has no term, no period above 0 or fewer than two knots, or
+                the knots do not increase.
+
+        Example:
+            >>> import monodyn.mechanism
+            >>> single = monodyn.mechanism.load("single").with_torque("fourier", terms=1, period=0.5)
+            >>> [name for name in single.values if "torque" in name]
+            ['torque.period', 'joint1.torque.mean', 'joint1.torque.cos1', 'joint1.torque.sin1']
+        """
+        torques = make_torques(self.plan, model, terms=terms, knots=knots, period=period)
+        table, count, old = torques.table, len(self.plan_numbers), self.torques
+        same = model == "fourier" or np.array_equal(torques.knots, old.knots)
+        kept = [name for name in table.names[count:] if same and name in old.index]
+        to, since = [torques.index[name] for name in kept], [old.index[name] for name in kept]
+        columns = []
+        for start, now in (
+            (table.start, self.numbers), (table.lower, self.lower), (table.upper, self.upper),
+            (table.free, self.free), ([False] * len(table.names), self.own),
+        ):  # fmt: skip
+            column = np.array(start, dtype=now.dtype)
+            column[:count], column[to] = now[:count], now[since]
+            columns.append(column)
+        numbers, lower, upper, free, own = columns
+        return replace(
+            self, torques=torques, numbers=numbers, lower=lower, upper=upper, free=free, own=own,
+            chosen=frozenset(n for n in self.chosen if n in self.plan.index or n in kept),
+        )  # fmt: skip
 
     def with_measured(self, measured: Measured) -> Mechanism:
         """Return a copy that carries what the picture knows about its sizes.
@@ -237,7 +315,7 @@ class Mechanism:
         """Differentiate the tree's arrays by parameters, exactly.
 
         Args:
-            names: Names of the parameters; ``time_scale`` and sizes that no link depends on give zeros.
+            names: Names of the parameters; ``time_scale``, torques and sizes of no link give zeros.
 
         Returns:
             Derivatives of ``tree.links``, (param, dof, 14), and of ``tree.gravity``, (param, 2).
@@ -251,11 +329,31 @@ class Mechanism:
             raise MechanismError(
                 f"parameter '{following[0]}': follows from the sizes of its body; fix or free it first."
             )
-        return derivatives(self.plan, self.numbers, self.own, rows)
+        links, gravity = np.zeros((len(rows), *self.plan.template.shape)), np.zeros((len(rows), 2))
+        inner = rows < len(self.plan_numbers)
+        if inner.any():
+            links[inner], gravity[inner] = derivatives(self.plan, self.plan_numbers, self.own, rows[inner])
+        return links, gravity
+
+    def drive_ways(self, names: Sequence[str]) -> np.ndarray:
+        """Return which parameter each entry of the drive's table is.
+
+        Args:
+            names: Names of the parameters.
+
+        Returns:
+            Place in ``names``, -1 where none of them, int64 (dof, column).
+
+        Raises:
+            MechanismError: A name is unknown.
+        """
+        place = np.full(len(self.numbers), -1, dtype=np.int64)
+        place[[self.row(name) for name in names]] = np.arange(len(names))
+        return place[self.torques.rows]
 
     def _parameter(self, row: int) -> Parameter:
         """Return the parameter of a row."""
-        table = self.plan.table
+        table = self.torques.table
         return Parameter(
             table.names[row], float(self._current[row]), float(self.lower[row]), float(self.upper[row]),
             table.unit[row], bool(self.free[row]), bool(self._follows[row]),
@@ -297,4 +395,6 @@ def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
                     lower[row], upper[row] = _around(numbers[row])
     bodies = tuple(dict.fromkeys(link.joint.body for link in links))
     joints = tuple(link.joint for link in links)
-    return Mechanism(name, joints, bodies, plan, numbers, lower, upper, np.array(table.free, dtype=bool), own)
+    free = np.array(table.free, dtype=bool)
+    torques = make_torques(plan, "friction")
+    return Mechanism(name, joints, bodies, plan, torques, numbers, lower, upper, free, own)

@@ -5,7 +5,7 @@ These are start values: ``plan`` turns them into maps from parameter values to t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -194,3 +194,7 @@ class Table:
         self.follows.append(follows)
         self.sign.append(sign)
         return name
+
+    def copy(self) -> Table:
+        """Return a table with the same entries that can take further ones."""
+        return Table(**{column.name: [*getattr(self, column.name)] for column in fields(self)})

@@ -39,11 +39,11 @@ class States:
 def simulate(
     mechanism: Mechanism, times: np.ndarray, q0: np.ndarray, v0: np.ndarray, *, tolerance: float = 1e-6
 ) -> States:
-    """Integrate the motion of a mechanism under gravity and its own friction and springs.
+    """Integrate the motion of a mechanism under gravity, its own friction and springs, and its torques.
 
     Args:
         mechanism: The mechanism.
-        times: Increasing time stamps [s], (frame,).
+        times: Increasing time stamps [s], (frame,); torques over time go by them.
         q0: Joint positions at ``times[0]`` [rad or m], (dof,).
         v0: Joint rates there [rad/s or m/s], (dof,).
         tolerance: Largest error of any position from the integration [rad or m].
@@ -71,7 +71,8 @@ def simulate(
     v0 = frozen("simulate.v0", v0, (dofs,), error=MechanismError)
     steps = choose_substeps(mechanism, times, q0, v0, tolerance=tolerance)
     tree = mechanism.tree
-    return States(times, *rollout(tree.parent, tree.kind, tree.links, tree.gravity, times, steps, q0, v0))
+    arrays = (tree.parent, tree.kind, tree.links, tree.gravity, times)
+    return States(times, *rollout(*arrays, steps, q0, v0, mechanism.drive))
 
 
 def choose_substeps(
@@ -100,7 +101,9 @@ def choose_substeps(
 
     tree = mechanism.tree
     arrays = (tree.parent, tree.kind, tree.links, tree.gravity, times)
-    return least_substeps(lambda steps: rollout(*arrays, steps, q0, v0)[0], tolerance, most)[0]
+    return least_substeps(lambda steps: rollout(*arrays, steps, q0, v0, mechanism.drive)[0], tolerance, most)[
+        0
+    ]
 
 
 def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, most: int) -> tuple[int, float]:

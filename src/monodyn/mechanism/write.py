@@ -59,7 +59,8 @@ def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as an MJCF file.
 
     The motion in MuJoCo is that of ``dynamics`` except where friction loss holds a joint: MuJoCo keeps it
-    still, ``dynamics`` lets it creep.
+    still, ``dynamics`` lets it creep. Torques over time are not in the file: each joint of a driven
+    mechanism has a motor, whose control is the torque [N m or N].
 
     Args:
         mechanism: The mechanism.
@@ -84,6 +85,10 @@ def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     if len(asset):
         root.append(asset)
     root.append(world)
+    if mechanism.torque != "friction":
+        actuator = ET.SubElement(root, "actuator")
+        for joint in mechanism.joints:
+            ET.SubElement(actuator, "motor", name=f"{joint.name}_torque", joint=joint.name, gear="1")
     _save(root, path)
 
 
@@ -101,7 +106,7 @@ def _groups(mechanism: Mechanism) -> list[list[int]]:
 
 def _depth(mechanism: Mechanism, link: int) -> float:
     """Return the z of a link's body [m]."""
-    return float(mechanism.plan.depths[link] @ np.append(mechanism.numbers, 1.0)) if link >= 0 else 0.0
+    return float(mechanism.plan.depths[link] @ np.append(mechanism.plan_numbers, 1.0)) if link >= 0 else 0.0
 
 
 def _mjcf_body(mechanism: Mechanism, group: list[int], parent: ET.Element) -> ET.Element:
