@@ -1,4 +1,4 @@
-"""The commands: ``run``, ``track``, ``identify``, ``models``. The only place that prints.
+"""The commands: ``run``, ``track``, ``identify``, ``models``, ``reproduce``. The only place that prints.
 
 Each command is a frozen dataclass whose fields are its options. What a command is asked for is checked by the
 stages themselves; here their errors become one line on the error stream and an exit code: 0 done, 1 the fit
@@ -20,6 +20,7 @@ commands:
   track     track a clip and write poses.csv
   identify  identify a mechanism from tables of joint positions
   models    list the bundled mechanisms
+  reproduce repeat the experiment of the 2012 paper and write a page about it
 
 examples:
   monodyn run clip.mp4 --model double.xml --out run

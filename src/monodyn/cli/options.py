@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from tyro import conf
 
+from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.vision.locate import CameraSettings, LocateSettings
@@ -234,6 +235,7 @@ COMMANDS: dict[str, tuple[type[Any], str]] = {
     "track": (TrackOptions, "monodyn track clip.mp4 --model double.xml --out run"),
     "identify": (IdentifyOptions, "monodyn identify run/poses.csv --model run/model.xml --out fit"),
     "models": (ModelsOptions, "monodyn models"),
+    "reproduce": (ReproduceOptions, "monodyn reproduce --out experiment"),
 }
 """Options and an example of each command."""
 

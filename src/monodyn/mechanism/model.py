@@ -258,8 +258,8 @@ class Mechanism:
     ) -> Mechanism:
         """Return a copy with torques over time at its joints, besides friction and springs.
 
-        A parameter that the mechanism has already keeps its value, bounds and freedom (values at knots only if
-        the knots are the same); new coefficients start at 0.
+        A parameter that the mechanism has already keeps its value, bounds and freedom, torques at knots only
+        if the knots are the same; new coefficients start at 0.
 
         Args:
             model: ``"friction"``: none. ``"fourier"``: a Fourier series with the parameters ``torque.period``
@@ -295,7 +295,7 @@ class Mechanism:
         numbers, lower, upper, free, own = columns
         return replace(
             self, torques=torques, numbers=numbers, lower=lower, upper=upper, free=free, own=own,
-            chosen=frozenset(name for name in self.chosen if name in torques.index),
+            chosen=frozenset(n for n in self.chosen if n in self.plan.index or n in kept),
         )  # fmt: skip
 
     def with_measured(self, measured: Measured) -> Mechanism:
@@ -315,7 +315,7 @@ class Mechanism:
         """Differentiate the tree's arrays by parameters, exactly.
 
         Args:
-            names: Names of the parameters; ``time_scale``, torques and sizes that no link depends on give zeros.
+            names: Names of the parameters; ``time_scale``, torques and sizes of no link give zeros.
 
         Returns:
             Derivatives of ``tree.links``, (param, dof, 14), and of ``tree.gravity``, (param, 2).

@@ -1,8 +1,8 @@
 """From a mechanism's parts to its plan: the parameters and the linear maps from them to links and shapes.
 
 Every length, centre and outline point is linear in the parameters, so the plan is one matrix; masses and
-inertias are closed formulas of its rows (``assemble``). Parameters of torques over time come after those of the
-plan, which know nothing of them.
+inertias are closed formulas of its rows (``assemble``). Parameters of torques over time come after those of
+the plan.
 """
 
 from __future__ import annotations

@@ -59,8 +59,8 @@ def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as an MJCF file.
 
     The motion in MuJoCo is that of ``dynamics`` except where friction loss holds a joint: MuJoCo keeps it
-    still, ``dynamics`` lets it creep. Torques over time are not in the file: each joint of a driven mechanism has a
-    motor, whose control is the torque [N m or N].
+    still, ``dynamics`` lets it creep. Torques over time are not in the file: each joint of a driven
+    mechanism has a motor, whose control is the torque [N m or N].
 
     Args:
         mechanism: The mechanism.

@@ -18,6 +18,7 @@ from monodyn.optimize.minimum import (
 
 FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 STALLED = "No smaller value was found along the search direction."
+EDGE = "The search ended at the edge of where the residuals exist; choose another start."
 
 
 def bounded_bfgs(
@@ -59,7 +60,8 @@ def bounded_bfgs(
         restarts: Searches from the best point at the most, after the first.
 
     Returns:
-        The best point where the residuals exist; the value is 1/2 r.r or |r|.
+        The best point where the residuals exist; the value is 1/2 r.r or |r|. A search whose last steps met
+            points without residuals is not converged: it may have stopped at their edge.
 
     Raises:
         SettingsError: The bounds are reversed, the start lies outside them, or a scale is not above 0.
@@ -85,9 +87,11 @@ def bounded_bfgs(
     fit.unit = fit.best[1] or 1.0
     try:
         for _ in range(restarts + 1):
-            before = fit.best[1]
-            converged = fit.search(tolerance)
-            status = REACHED if converged else STALLED
+            before, failures = fit.best[1], fit.failures
+            done = fit.search(tolerance)
+            edge = fit.failures > failures and fit.best[1] > tolerance * fit.unit
+            converged = done and not edge
+            status = REACHED if converged else EDGE if edge else STALLED
             if before - fit.best[1] <= tolerance * fit.unit:
                 break
     except _Exhausted:
@@ -107,7 +111,7 @@ class _Fit:
         self.residuals, self.jacobian = residuals, jacobian
         self.lower, self.upper = bounds
         self.scale, self.norm, self.penalty, self.difference = scale, norm, penalty, difference
-        self.most, self.evaluations, self.unit = most, 0, 1.0
+        self.most, self.evaluations, self.failures, self.unit = most, 0, 0, 1.0
         self.best: tuple[np.ndarray, float] = (np.zeros(0), np.inf)
         self.history: list[tuple[int, float]] = []
         self.last: tuple[np.ndarray, np.ndarray | None] | None = None
@@ -120,9 +124,10 @@ class _Fit:
         try:
             found = np.asarray(self.residuals(x.copy()), dtype=float)
         except FAILURES:
-            return None
+            found = np.full(1, np.nan)
         value = self.value(found)
         if not value < np.inf:
+            self.failures += 1
             return None
         if value < self.best[1]:
             self.best = x.copy(), value

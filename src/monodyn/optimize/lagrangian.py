@@ -33,6 +33,7 @@ def augmented_lagrangian(
     inequalities: Callable[[np.ndarray], Sequence[float] | np.ndarray] | None = None,
     step: np.ndarray | float,
     tolerance: float = 1e-3,
+    outside: float = 1.0,
     most: int = 2000,
     rounds: int = 30,
     decrease: float = 0.0,
@@ -44,8 +45,9 @@ def augmented_lagrangian(
     from the change of f over one step at the start, so that f may have any size. Where no constraint is
     active the first round is the last.
 
-    The function is evaluated outside of its bounds too, mostly by a small part of a step; where it does not
-    exist it gives NaN or infinity. An unknown with equal bounds stays there.
+    The function is evaluated outside of its bounds too, mostly by a small part of a step and never by more
+    than ``outside``; where it does not exist it gives NaN or infinity. An unknown with equal bounds stays
+    there.
 
     Args:
         function: Gives f at x (param,).
@@ -55,6 +57,8 @@ def augmented_lagrangian(
         inequalities: Gives g at x, (inequality,), each of a size near 1 for a violation as large as one step.
         step: First step of each unknown, (param,) or one for all; above 0.
         tolerance: Accuracy of x and largest violation of g, in steps.
+        outside: f is taken as infinite, and not called, where a constraint is violated by more steps than
+            this (or than at the start).
         most: Evaluations of f at the most.
         rounds: Rounds of multipliers at the most.
         decrease: An inner search is done also when it lowers its function by no more than this.
@@ -80,6 +84,7 @@ def augmented_lagrangian(
     start, lower, upper = checked_bounds(start, lower, upper)
     step = checked_sizes(step, len(start), "step")
     problem = _Problem(function, start, lower, upper, inequalities, step, tolerance)
+    problem.limit(outside)
     x, inner_step = start[problem.free], step[problem.free]
     value = problem(x)
     if not value < np.inf:
@@ -117,7 +122,7 @@ class _Problem:
         sides += [(i, 1.0, float(upper[k]), 1.0 / float(step[k])) for i, k in enumerate(self.free)]
         self.sides = [side for side in sides if np.isfinite(side[2])]
         others = len(np.atleast_1d(inequalities(start))) if inequalities else 0
-        self.penalty = 0.0
+        self.penalty, self.outside = 0.0, np.inf
         self.shifts = [0.0] * (len(self.sides) + others)  # multipliers / penalty
         self.evaluations = 0
         self.x, self.value = start, np.inf
@@ -126,11 +131,13 @@ class _Problem:
     def __call__(self, z: np.ndarray) -> float:
         """Evaluate f and its penalty at the free unknowns."""
         x = self.embed(z)
+        excess, allowed = self.constraints(z, x)
+        if not allowed and max(excess) > self.outside:
+            return np.inf
         self.evaluations += 1
         value = float(self.function(x))
         if not abs(value) < np.inf:
             return np.inf
-        excess, allowed = self.constraints(z, x)
         if allowed and value < self.value:
             self.x, self.value = np.array(x), value
             self.history.append((self.evaluations, value))
@@ -140,6 +147,11 @@ class _Problem:
                 total += (g + shift) ** 2
             total -= shift * shift
         return value + 0.5 * self.penalty * total
+
+    def limit(self, outside: float) -> None:
+        """Never evaluate f where a constraint is violated by more than this and more than at the start."""
+        excess, _ = self.constraints(self.start[self.free], self.start)
+        self.outside = max(outside, max(excess, default=0.0))
 
     def embed(self, z: np.ndarray) -> np.ndarray:
         """Give all unknowns from the free ones."""

@@ -20,7 +20,7 @@ from monodyn.optimize.minimum import (
 LEAST_DETERMINANT = 1e-3  # of unit directions; below it the set counts as collapsed
 LEAST_REACH = 4.0  # first step along a line, in tolerances, at the least
 SHRINK = 0.1  # share of its last first step that a line keeps when it did not move
-LOOSE = 0.05  # a line is searched to this share of its first step, as long as that is above the tolerance
+LOOSE = 0.2  # a line is searched to this share of its first step, as long as that is above the tolerance
 
 
 def powell(
@@ -35,9 +35,10 @@ def powell(
     """Minimize a function by line searches along directions that become conjugate.
 
     A round searches each direction in turn and then, where Powell's test promises it, the direction from the
-    round's start to its end, which replaces the direction of the largest decrease. Directions
-    that are nearly dependent give way to the axes, and so do changed ones before the search is taken as done:
-    on a function with kinks they may point past the descent. NaN counts as infinite.
+    round's start to its end, which replaces the direction of the largest decrease. Nearly dependent
+    directions give way to the axes. Where a round does not move, another set is tried before the search is
+    taken as done (the axes, or the ones between them): along a kink no axis may go down. NaN counts as
+    infinite. A single unknown takes one line.
 
     Args:
         function: Gives the value at x (param,).
@@ -68,17 +69,22 @@ def powell(
     lines = _Lines(Tally(function), x, step, tolerance, most)
     if not np.isfinite(lines.value):
         return lines.end(False, NOT_EVALUABLE)
+    if len(x) == 1:
+        lines.round()
+        done = lines.tally.evaluations < most
+        return lines.end(done, REACHED if done else EXHAUSTED)
     while lines.tally.evaluations < most:
         before, x_before = lines.value, lines.x
         tight = lines.round()
         moved = float(np.max(np.abs(lines.x - x_before) / step, initial=0.0))
         small = moved <= tolerance or before - lines.value <= decrease
         if not small:
+            lines.stalled = False
             lines.conjugate(x_before, before)
         elif lines.tally.evaluations < most:
-            if tight and lines.along_axes:
+            if tight and lines.stalled:
                 return lines.end(True, REACHED)
-            lines.reset()
+            lines.turn()
     return lines.end(False, EXHAUSTED)
 
 
@@ -96,6 +102,7 @@ class _Lines:
         self.reach = [1.0] * len(x)
         self.falls = [0.0] * len(x)
         self.along_axes = True
+        self.stalled = False
 
     def round(self) -> bool:
         """Search every direction once; True when each was searched to the tolerance."""
@@ -124,15 +131,16 @@ class _Lines:
 
     def conjugate(self, x_before: np.ndarray, before: float) -> None:
         """Replace the direction of the largest fall by the round's own where Powell's test asks for it."""
-        if len(self.x) < 2 or self.tally.evaluations >= self.most:
+        if self.tally.evaluations >= self.most:
             return
         move = (self.x - x_before) / self.step
         length = float(np.linalg.norm(move))
         beyond = self.tally(2.0 * self.x - x_before)
         largest = int(np.argmax(self.falls))
         fall = self.falls[largest]
-        bend = (before - 2.0 * self.value + beyond) * (before - self.value - fall) ** 2
-        if not (beyond < before and 2.0 * bend < fall * (before - beyond) ** 2):
+        others, farther = before - self.value - fall, before - beyond
+        bend = (before - 2.0 * self.value + beyond) * others * others
+        if not (beyond < before and 2.0 * bend < fall * farther * farther):
             return
         _, moved = self.along(move / length, length, max(self.tolerance, LOOSE * length))
         kept = [i for i in range(len(self.x)) if i != largest]
@@ -140,15 +148,26 @@ class _Lines:
         self.reach = [self.reach[i] for i in kept] + [max(abs(moved), LEAST_REACH * self.tolerance)]
         self.along_axes = False
         if abs(np.linalg.det(self.directions)) < LEAST_DETERMINANT:
-            self.reset(max(self.reach))
+            self.directions, self.along_axes = np.eye(len(self.x)), True
+            self.reach = [max(self.reach)] * len(self.x)
 
-    def reset(self, reach: float = 0.0) -> None:
-        """Go back to the axes."""
-        self.directions, self.along_axes = np.eye(len(self.x)), True
-        self.reach = [max(reach, LEAST_REACH * self.tolerance)] * len(self.x)
+    def turn(self) -> None:
+        """Take other directions after a round that did not move: the axes, or between them."""
+        size = len(self.x)
+        self.directions = _between_axes(size) if self.along_axes else np.eye(size)
+        self.along_axes = not self.along_axes
+        self.reach = [LEAST_REACH * self.tolerance] * size
+        self.stalled = True
 
     def end(self, converged: bool, status: str) -> Minimum:
         """Give the best point evaluated."""
         x = self.x if self.tally.x is None else self.tally.x
         value = min(self.value, self.tally.value)
         return Minimum(x, value, self.tally.evaluations, converged, as_history(self.history), status)
+
+
+def _between_axes(size: int) -> np.ndarray:
+    """Give orthogonal unit directions that mix the axes (cosine transform), (size, size)."""
+    k = np.arange(size)
+    mixed = np.cos(np.pi * np.outer(k, k + 0.5) / size)
+    return mixed / np.linalg.norm(mixed, axis=1, keepdims=True)

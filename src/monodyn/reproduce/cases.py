@@ -1,0 +1,295 @@
+"""The fits of the experiment: cases, filtered states, numbers of frames and start values; both methods."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.identify import identify
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.mechanism import Mechanism
+from monodyn.reproduce.clip import Pendulum, Truth
+from monodyn.reproduce.vision import FAILURES, METHODS, Seen, aligned
+from monodyn.results.fill import States, fill
+from monodyn.types import Poses, Progress
+
+TORQUES = {"I": "friction", "II": "fourier", "III": "free"}
+"""Torque model of each case of the paper."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """What is fitted.
+
+    Attributes:
+        frames: Frames of a fit.
+        ahead: Frames after them that are predicted.
+        lengths: Numbers of frames that are compared.
+        starts: Start values in Case I that are compared, the usual one among them.
+        seed: Seed of the start values.
+        gains: Gains alpha, beta, gamma of the filter.
+    """
+
+    frames: int = 40
+    ahead: int = 40
+    lengths: tuple[int, ...] = (20, 30, 40, 60, 80)
+    starts: int = 5
+    seed: int = 0
+    gains: tuple[float, float, float] = (0.4, 0.1, 0.05)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One fit to make.
+
+    Attributes:
+        method: ``paper`` or ``fast``.
+        case: ``I``, ``II`` or ``III``.
+        states: ``measured`` or ``filtered``.
+        frames: Frames to fit, from the first one.
+        start: Number of the start values; 0 are those of the model as it was seen.
+    """
+
+    method: str
+    case: str
+    states: str
+    frames: int
+    start: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One fit and how far its motion is from what was seen and from the truth.
+
+    Errors are root mean squares by joint [rad or m], (dof,), or None where they are not known.
+
+    Attributes:
+        plan: What was to be fitted.
+        status: The fit's own status, or why there is none.
+        fit: The fit, or None.
+        motion: Its motion from the first frame to the last predicted one, or None.
+        residual: Of the simulated motion against the poses over the fitted frames.
+        error: Of the simulated motion against the truth over the fitted frames.
+        ahead: Of the prediction over the frames after, against the truth, or the poses where that is unknown.
+        late: Likewise over the frames that no fit has used.
+        parameters: Relative errors against the truth by name.
+        seconds: Wall time [s].
+    """
+
+    plan: Plan
+    status: str
+    fit: Fit | None = None
+    motion: States | None = None
+    residual: np.ndarray | None = None
+    error: np.ndarray | None = None
+    ahead: np.ndarray | None = None
+    late: np.ndarray | None = None
+    parameters: dict[str, float] | None = None
+    seconds: float = 0.0
+
+    @property
+    def unknowns(self) -> int | None:
+        """Number of estimated parameters, the start state not counted."""
+        return None if self.fit is None else len(self.fit.names) - 2 * len(self.fit.mechanism.joints)
+
+
+def plans(design: Design, count: int) -> list[Plan]:
+    """List the fits of the experiment, each once.
+
+    Args:
+        design: What is fitted.
+        count: Frames of the clip.
+    """
+    found: list[Plan] = []
+    for method in METHODS:
+        usual = [Plan(method, case, "measured", design.frames) for case in TORQUES]
+        usual.append(Plan(method, "I", "filtered", design.frames))
+        frames = [Plan(method, "I", "measured", n) for n in design.lengths if n + design.ahead <= count]
+        starts = [Plan(method, "I", "measured", design.frames, i) for i in range(1, design.starts)]
+        found += dict.fromkeys([*usual, *frames, *starts])
+    return found
+
+
+def run_cases(
+    seen: dict[str, Seen], truth: Truth | None, design: Design, progress: Progress | None = None
+) -> list[Case]:
+    """Make every fit of the experiment.
+
+    Args:
+        seen: What each method saw, by method.
+        truth: The true motion, or None.
+        design: What is fitted.
+        progress: Called as ``progress("fits", done, total)``.
+
+    Returns:
+        The fits in the order of ``plans``; a failed one has a status and nothing else.
+    """
+    count = max((len(found.poses) for found in seen.values() if found.poses is not None), default=0)
+    todo, found = plans(design, count), []
+    for method in METHODS:
+        # compiles what every fit needs, so that the seconds of the first one are those of the others
+        run_case(Plan(method, "I", "measured", min(design.lengths)), seen[method], None, design)
+    for done, plan in enumerate(todo):
+        if progress is not None:
+            progress("fits", done, len(todo))
+        found.append(run_case(plan, seen[plan.method], truth, design))
+    if progress is not None:
+        progress("fits", len(todo), len(todo))
+    return found
+
+
+def run_case(plan: Plan, seen: Seen, truth: Truth | None, design: Design) -> Case:
+    """Make one fit and measure it.
+
+    Args:
+        plan: What to fit.
+        seen: What the method saw.
+        truth: The true motion, or None.
+        design: Frames, gains and seeds.
+    """
+    if seen.poses is None or seen.scene is None:
+        return Case(plan, f"no poses: {seen.status}")
+    began = time.perf_counter()
+    try:
+        mechanism = started(seen.scene.mechanism, plan.start, design.seed)
+        poses = _observed(plan, seen).part(0, plan.frames)
+        fit = identify(poses, mechanism, identify_settings(plan, design))
+        seconds = time.perf_counter() - began
+        if not fit.starts:
+            return Case(plan, fit.status, fit, seconds=seconds)
+        last = min(len(seen.poses), max(design.lengths) + design.ahead)
+        motion = fill(fit, seen.poses.time[:last])
+    except FAILURES as error:
+        return Case(plan, f"failed: {error}", seconds=time.perf_counter() - began)
+    return _measured(Case(plan, fit.status, fit, motion, seconds=seconds), seen.poses, truth, design)
+
+
+def identify_settings(plan: Plan, design: Design) -> IdentifySettings:
+    """Return the settings of one fit.
+
+    Args:
+        plan: What to fit.
+        design: Gains and seed.
+    """
+    settings = IdentifySettings(torque=TORQUES[plan.case], seed=design.seed)  # pyright: ignore[reportArgumentType]
+    if plan.method == "fast":
+        return settings
+    states = "filtered" if plan.states == "filtered" else "measured"
+    return replace(settings, method="paper", gains=design.gains, states=states)
+
+
+def _observed(plan: Plan, seen: Seen) -> Poses:
+    """Return the poses to fit; the published method filters them by itself."""
+    assert seen.poses is not None
+    if plan.states == "measured" or plan.method == "paper" or seen.states is None:
+        return seen.poses
+    dofs = len(seen.poses.joints)
+    covariance = seen.states.covariance
+    assert covariance is not None
+    return replace(seen.poses, position=seen.states.position, covariance=covariance[:, :dofs, :dofs])
+
+
+def started(mechanism: Mechanism, number: int, seed: int) -> Mechanism:
+    """Return the mechanism with other start values.
+
+    All sizes change by one factor, each thickness and each damping by its own; they are spread evenly on a
+    logarithmic scale from 0.4 to 2.5.
+
+    Args:
+        mechanism: With the start values of the file.
+        number: Which start; 0 leaves the values as they are.
+        seed: Seed of the factors.
+    """
+    if number == 0:
+        return mechanism
+    rng = np.random.default_rng([seed, number])
+    scale = _factor(rng)
+    values = {}
+    for parameter in mechanism.parameters:
+        kind = parameter.name.rsplit(".", 1)[-1]
+        if kind in ("length", "width", "tail", "tip", "offset"):
+            values[parameter.name] = parameter.value * scale
+        elif kind in ("thickness", "damping") and parameter.free:
+            values[parameter.name] = parameter.value * _factor(rng)
+    return mechanism.with_values(values)
+
+
+def _factor(rng: np.random.Generator) -> float:
+    return float(np.exp(rng.uniform(np.log(0.4), np.log(2.5))))
+
+
+def _measured(case: Case, poses: Poses, truth: Truth | None, design: Design) -> Case:
+    """Add the errors of a fit's motion."""
+    assert case.motion is not None
+    position, frames = case.motion.position, case.plan.frames
+    measured = poses.position[: len(position)]
+    true = None if truth is None else aligned(truth.position[: len(position)], measured)
+    target = measured if true is None else true
+    late = slice(max(design.lengths), max(design.lengths) + design.ahead)
+    return replace(
+        case,
+        residual=rms(position[:frames] - measured[:frames]),
+        error=None if true is None else rms(position[:frames] - true[:frames]),
+        ahead=rms((position - target)[frames : frames + design.ahead]),
+        late=rms((position - target)[late]),
+        parameters=None if truth is None else parameter_errors(case, truth.pendulum),
+    )
+
+
+def rms(error: np.ndarray) -> np.ndarray | None:
+    """Return the root mean square by joint, (dof,); None where nothing was measured.
+
+    Args:
+        error: Errors, NaN where not measured, (frame, dof).
+    """
+    measured = error[np.isfinite(error).all(axis=1)]
+    return np.sqrt(np.mean(measured**2, axis=0)) if len(measured) else None
+
+
+def identifiable(mechanism: Mechanism) -> dict[str, float]:
+    """Return what the motion of a double pendulum can tell: lengths and ratios, the mass scale left out.
+
+    Args:
+        mechanism: With bodies ``link1``, ``link2`` and hinges ``joint1``, ``joint2``.
+    """
+    values = mechanism.values
+    mass = values["link1.mass"]
+    return {
+        "l1": values["link1.length"],
+        "l2": values["link2.length"],
+        "m2/m1": values["link2.mass"] / mass,
+        "b1/m1": values["joint1.damping"] / mass,
+        "b2/m1": values["joint2.damping"] / mass,
+    }
+
+
+def true_values(rods: Pendulum) -> dict[str, float]:
+    """Return the same of the true pendulum.
+
+    Args:
+        rods: What moved.
+    """
+    mass = rods.density * np.prod([rods.length, rods.width, rods.thickness], axis=0)
+    return {
+        "l1": rods.length[0],
+        "l2": rods.length[1],
+        "m2/m1": float(mass[1] / mass[0]),
+        "b1/m1": float(rods.damping[0] / mass[0]),
+        "b2/m1": float(rods.damping[1] / mass[0]),
+    }
+
+
+def parameter_errors(case: Case, rods: Pendulum) -> dict[str, float]:
+    """Return the relative errors of what the motion can tell; damping only in Case I, which has it alone.
+
+    Args:
+        case: A fit.
+        rods: What moved.
+    """
+    assert case.fit is not None
+    found, true = identifiable(case.fit.mechanism), true_values(rods)
+    names = [name for name in true if case.plan.case == "I" or not name.startswith("b")]
+    return {name: found[name] / true[name] - 1.0 for name in names}

@@ -1,0 +1,282 @@
+"""The whole experiment: a clip in, or made; poses and fits with both methods; a page, a table, a document."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from monodyn.errors import MechanismError, SettingsError, VideoError
+from monodyn.estimation.filtering import Gains
+from monodyn.mechanism import Mechanism, load
+from monodyn.reproduce.cases import Case, Design, run_cases
+from monodyn.reproduce.claims import Claim, Evidence, claims
+from monodyn.reproduce.clip import ClipSettings, Truth, make_clip, truth_document
+from monodyn.reproduce.figures import (
+    Figure,
+    case_figure,
+    frames_figure,
+    history_figure,
+    poses_figure,
+    states_figure,
+)
+from monodyn.reproduce.page import Content, page_text, picture_rows
+from monodyn.reproduce.place import Place
+from monodyn.reproduce.tables import csv_text, document
+from monodyn.reproduce.vision import METHODS, Seen, aligned, see
+from monodyn.results.export import json_text
+from monodyn.results.log import versions
+from monodyn.types import Frame, Progress
+from monodyn.vision.segment import segment
+from monodyn.vision.video import Video, read
+
+START = """<mujoco model="double">
+  <!-- The topology of the clip. Every size is wrong on purpose: the methods find the true ones. -->
+  <option gravity="0 0 -9.81"/>
+  <worldbody>
+    <body name="link1">
+      <joint name="joint1" type="hinge" axis="0 -1 0" damping="0.001"/>
+      <geom type="box" size="0.05 0.002 0.01" pos="0.05 0 0" density="2700"/>
+      <body name="link2" pos="0.1 -0.006 0">
+        <joint name="joint2" type="hinge" axis="0 -1 0" damping="0.001"/>
+        <geom type="box" size="0.05 0.002 0.01" pos="0.05 0 0" density="2700"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+"""The mechanism file that both methods are given."""
+SHOWN = 4
+"""Frames whose pictures are shown."""
+CAPTIONS = {
+    "I": "The structure of the friction torque is known. The frames after the shaded ones are predicted.",
+    "filtered": "As Figure 7, but fitted to the filtered states.",
+    "II": "The torque of each joint is a Fourier series with a period estimated from the poses.",
+    "III": "One torque a joint and time stamp. None acts after the fitted frames: nothing says what it is.",
+}
+
+
+@dataclass(frozen=True)
+class ReproduceSettings:
+    """What the experiment does.
+
+    Attributes:
+        clip: What the clip shows, when it is made.
+        design: What is fitted.
+    """
+
+    clip: ClipSettings = field(default_factory=ClipSettings)
+    design: Design = field(default_factory=Design)
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What came out.
+
+    Attributes:
+        folder: Where the files are.
+        seen: What each method saw.
+        cases: The fits.
+        claims: The claims with their verdicts.
+        joints: Joint names.
+        seconds: Wall time [s].
+    """
+
+    folder: Path
+    seen: Mapping[str, Seen]
+    cases: Sequence[Case]
+    claims: Sequence[Claim]
+    joints: tuple[str, ...]
+    seconds: float
+
+
+def reproduce(
+    out: str | Path,
+    settings: ReproduceSettings | None = None,
+    *,
+    clip: str | Path | None = None,
+    model: str | Path | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Experiment:
+    """Repeat the experiment of the 2012 paper with the published and with the default method.
+
+    Writes ``reproduce.html``, ``reproduce.json`` and ``table.csv``; where the clip is made also ``clip.mp4``,
+    ``truth.json`` and ``start.xml``, the mechanism file that the methods are given.
+
+    Args:
+        out: The folder.
+        settings: What to do.
+        clip: A clip of one's own; its truth is not known. None makes one.
+        model: The mechanism in that clip.
+        force: Replace an experiment that is already in ``out``.
+        progress: Called with the steps done.
+
+    Returns:
+        What came out; what failed stands in the table with its status.
+
+    Raises:
+        SettingsError: only one of clip and model is given, or the folder cannot be used.
+        MechanismError: the model cannot be used, or has joints other than hinges.
+        VideoError: the clip cannot be used, or has too few frames.
+
+    Example:
+        >>> reproduce("experiment")  # doctest: +SKIP
+    """
+    settings, began = settings or ReproduceSettings(), time.perf_counter()
+    if (clip is None) != (model is None):
+        given, other = ("clip", "model") if model is None else ("model", "clip")
+        raise SettingsError(
+            f"reproduce: expected --clip and --model together, got --{given} alone; add --{other}."
+        )
+    place = Place(out, force=force, inputs=(clip, model))
+    with place.filling():
+        truth = None
+        if clip is None or model is None:
+            clip, model, truth = _made(place, settings.clip, progress)
+        video, mechanism = opened(clip, model, settings.design)
+        masks = segment(video, progress=progress)
+        gains = Gains.of(settings.design.gains)
+        seen = {method: see(method, masks, mechanism, truth, gains, progress) for method in METHODS}
+        cases = run_cases(seen, truth, settings.design, progress)
+        found = claims(seen, cases, settings.design)
+        joints = tuple(joint.name for joint in mechanism.joints)
+        seconds = time.perf_counter() - began
+        made = Experiment(place.path, seen, cases, found, joints, seconds)
+        _write(place, made, video, truth, settings)
+    return made
+
+
+def _made(place: Place, settings: ClipSettings, progress: Progress | None) -> tuple[Path, Path, Truth]:
+    """Make the clip, its truth and the mechanism file."""
+    path = place.at("clip.mp4")
+    truth = make_clip(path, settings, progress=progress)
+    place.write_text("truth.json", json_text(truth_document(truth, settings)))
+    place.write_text("start.xml", START)
+    return path, place.at("start.xml"), truth
+
+
+def opened(clip: str | Path, model: str | Path, design: Design) -> tuple[Video, Mechanism]:
+    """Open the clip and load the mechanism.
+
+    Args:
+        clip: Video file or folder of pictures.
+        model: Mechanism file or bundled name.
+        design: Frames that are needed.
+
+    Raises:
+        MechanismError: the model cannot be used, or has joints other than hinges.
+        VideoError: the clip cannot be used, or has too few frames.
+    """
+    mechanism, video = load(model), read(clip)
+    other = [joint.name for joint in mechanism.joints if joint.kind != "hinge"]
+    if other:
+        raise MechanismError(
+            f"mechanism '{mechanism.name}': expected hinges alone, got the slide '{other[0]}'; "
+            "use monodyn run --method paper."
+        )
+    if video.count < design.frames + 1:
+        raise VideoError(
+            f"clip '{clip}': expected more than {design.frames} frames, got {video.count}; "
+            "give a longer clip."
+        )
+    return video, mechanism
+
+
+def _write(
+    place: Place, made: Experiment, video: Video, truth: Truth | None, settings: ReproduceSettings
+) -> None:
+    """Write the table, the document and the page."""
+    place.write_text("table.csv", csv_text(made.cases, made.joints))
+    found = document(made.seen, made.cases, made.claims, made.joints)
+    head = {
+        "clip": video.path.name,
+        "truth": truth is not None,
+        "seconds": round(made.seconds, 2),
+        "settings": asdict(settings),
+        "versions": versions(),
+    }
+    place.write_text("reproduce.json", json_text({**head, **found}))
+    place.write_text("reproduce.html", page_text(_content(made, video, truth, settings)))
+
+
+def _content(made: Experiment, video: Video, truth: Truth | None, settings: ReproduceSettings) -> Content:
+    design, length = settings.design, float(video.times[-1] - video.times[0])
+    what = (
+        "an aluminium double pendulum of known truth, made by MuJoCo"
+        if truth
+        else f"the clip {video.path.name}"
+    )
+    subtitle = (
+        f"{video.count} frames of {video.width} × {video.height} px over {length:.2f} s: {what}. Frames 0 to "
+        f"{design.frames - 1} are fitted, the next {design.ahead} predicted, by the published and by the "
+        "default method."
+    )
+    stated = {
+        "time": f"{made.seconds:.1f} s for everything",
+        "clip": video.path.name,
+        **versions(),
+    }
+    if truth is not None:
+        stated["truth"] = ", ".join(f"{name} {value}" for name, value in asdict(truth.pendulum).items())
+    shown = _frames(video, design.frames)
+    return Content(
+        subtitle,
+        made.seen,
+        made.cases,
+        made.claims,
+        figures(made.seen, made.cases, truth, design),
+        picture_rows(shown, made.seen),
+        made.joints,
+        stated,
+    )
+
+
+def _frames(video: Video, stop: int) -> list[Frame]:
+    """Return a few frames spread over the fitted ones."""
+    wanted = {round(i * (stop - 1) / (SHOWN - 1)) for i in range(SHOWN)}
+    found = []
+    for frame in video.frames():
+        if frame.index in wanted:
+            found.append(frame)
+        if frame.index >= stop:
+            break
+    return found
+
+
+def figures(
+    seen: Mapping[str, Seen], cases: Sequence[Case], truth: Truth | None, design: Design
+) -> list[Figure]:
+    """Return the counterparts of the paper's figures.
+
+    Args:
+        seen: What each method saw.
+        cases: The fits.
+        truth: The true motion, or None.
+        design: What was fitted.
+    """
+    evidence = {
+        method: Evidence(seen[method], [c for c in cases if c.plan.method == method], design)
+        for method in METHODS
+    }
+    found: list[Figure | None] = [history_figure(seen["paper"])]
+    filtering = next((seen[m] for m in METHODS if seen[m].states is not None), None)
+    if filtering is not None and filtering.poses is not None:
+        true = None if truth is None else aligned(truth.position, filtering.poses.position)
+        rates = None if truth is None else truth.velocity
+        found.append(states_figure(filtering, true, rates, design))
+    shown = (
+        ("Figure 6: Case I with filtered states", "filtered", "I", "filtered"),
+        ("Figure 7: Case I, friction", "I", "I", "measured"),
+        ("Figure 8: Case II, Fourier series", "II", "II", "measured"),
+        ("Figure 9: Case III, free torque", "III", "III", "measured"),
+    )
+    for title, caption, name, states in shown:
+        fits: dict[str, Any] = {method: evidence[method].case(name, states) for method in METHODS}
+        found.append(case_figure(title, CAPTIONS[caption], fits, seen, design))
+    found.append(frames_figure(evidence))
+    if truth is not None:
+        found.append(poses_figure(seen))
+    return [figure for figure in found if figure is not None]

@@ -1,0 +1,124 @@
+"""What each method sees in the clip: camera, sizes and the pose in every frame."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.errors import MonodynError
+from monodyn.estimation.filtering import Filtered, Gains, filtered
+from monodyn.mechanism import Mechanism
+from monodyn.reproduce.clip import Truth
+from monodyn.types import Poses, Progress
+from monodyn.vision.locate import LocateSettings, Scene, locate
+from monodyn.vision.segment import Masks
+from monodyn.vision.track import TrackSettings, track
+
+METHODS = ("paper", "fast")
+"""The published method and the default one."""
+TITLES = {"paper": "published", "fast": "default"}
+"""What they are called on the page."""
+FAILURES = (MonodynError, ArithmeticError, ValueError, np.linalg.LinAlgError)
+"""What a case may fail with and still stand in the table."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What one method saw.
+
+    Attributes:
+        method: One of ``METHODS``.
+        status: ``done``, or why there are no poses.
+        scene: Camera, sizes and first pose, or None.
+        poses: Joint positions in every frame, or None.
+        seconds_locate: Wall time for camera, sizes and first pose [s].
+        seconds_track: Wall time for the poses [s].
+        states: The filtered poses, or None.
+        errors: Measured less true joint positions [rad], (frame, dof), or None where the truth is not known.
+    """
+
+    method: str
+    status: str
+    scene: Scene | None = None
+    poses: Poses | None = None
+    seconds_locate: float = 0.0
+    seconds_track: float = 0.0
+    states: Filtered | None = None
+    errors: np.ndarray | None = None
+
+    @property
+    def silhouettes(self) -> float | None:
+        """Silhouettes drawn for a frame while tracking (median); None where they are not counted."""
+        drawn = getattr(self.poses, "evaluations", None)
+        return None if drawn is None else float(np.median(drawn))
+
+
+def see(
+    method: str,
+    masks: Masks,
+    mechanism: Mechanism,
+    truth: Truth | None,
+    gains: Gains,
+    progress: Progress | None = None,
+) -> Seen:
+    """Locate and track the mechanism with one method and filter its poses.
+
+    Args:
+        method: One of ``METHODS``.
+        masks: The foreground of the clip.
+        mechanism: Topology with wrong sizes.
+        truth: The true motion, or None where it is not known.
+        gains: Gains of the filter.
+        progress: Called with the frames done.
+
+    Returns:
+        What was seen; a failure stands in its ``status``.
+    """
+    began = time.perf_counter()
+    scene = None
+    try:
+        scene = _located(method, masks, mechanism, progress)
+        located = time.perf_counter()
+        poses = track(scene.masks, scene, _track_settings(method), progress=progress)
+        tracked = time.perf_counter()
+        states = filtered(poses.time, poses.position, gains, poses.covariance)
+    except FAILURES as error:
+        return Seen(method, f"failed: {error}", scene)
+    errors = None
+    if truth is not None:
+        errors = poses.position - aligned(truth.position, poses.position)
+    return Seen(method, "done", scene, poses, located - began, tracked - located, states, errors)
+
+
+def _located(method: str, masks: Masks, mechanism: Mechanism, progress: Progress | None) -> Scene:
+    if method == "fast":
+        return locate(masks, mechanism, progress=progress)
+    from monodyn.vision.locate import CameraSettings
+
+    return locate(
+        masks,
+        mechanism,
+        LocateSettings(method="paper"),
+        camera=CameraSettings(method="paper"),
+        progress=progress,
+    )
+
+
+def _track_settings(method: str) -> TrackSettings:
+    return TrackSettings() if method == "fast" else TrackSettings(method="paper")
+
+
+def aligned(truth: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Turn true hinge angles by whole turns to where the measured ones are.
+
+    Args:
+        truth: True joint positions [rad], (frame, dof).
+        position: Measured ones, NaN where not seen, (frame, dof).
+
+    Returns:
+        The true positions, (frame, dof).
+    """
+    turns = np.round(np.nanmedian(position - truth, axis=0) / (2.0 * np.pi))
+    return truth + 2.0 * np.pi * turns
