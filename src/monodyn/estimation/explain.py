@@ -106,7 +106,11 @@ def by_series(mechanism: Mechanism, task: Task) -> Explained:
     best: Explained | None = None
     for guess in guesses:
         problem, search, grown = _from_guess(mechanism, task, plain, x, guess)
-        if best is None or best.grown is None or _evidence(problem, grown) < _evidence(best.problem, best.grown):
+        if (
+            best is None
+            or best.grown is None
+            or _evidence(problem, grown) < _evidence(best.problem, best.grown)
+        ):
             best, route = Explained(problem, grown, len(guesses)), search.route
     if settings.terms == 0 and best.grown is not None:
         return Explained(*more_terms(best.problem, best.grown, route), best.tried)
