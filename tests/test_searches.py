@@ -294,7 +294,8 @@ def test_inequalities_of_hock_and_schittkowski(name, unit):
     assert abs(found.value / unit - value) < 1e-3
     np.testing.assert_allclose(found.x, truth, atol=2e-2)
     assert (found.x >= lower).all()
-    assert max(inequalities(found.x)) <= 1e-4 == pytest.approx(max(found.violation, 1e-4))
+    assert found.violation == max(0.0, *inequalities(found.x))
+    assert found.violation <= 1e-4
     assert found.evaluations == counted.calls
 
 
@@ -409,6 +410,28 @@ def test_inequalities_that_contradict_are_said_to():
     assert not found.converged
     assert found.status == "No point within the inequalities was found; begin from one."
     assert found.violation >= 1.0
+
+
+def test_multipliers_end_with_their_rounds_and_evaluations():
+    def function(x):
+        return float((x[0] - 2.0) ** 2 + x[1] ** 2)
+
+    short = augmented_lagrangian(function, np.zeros(2), -1.0, 1.0, step=0.3, tolerance=1e-6, rounds=1)
+    assert (short.converged, short.x[0]) == (False, 1.0)  # put inside of the bounds all the same
+    assert (
+        short.status
+        == "The rounds of multipliers were over before the constraints were met to the tolerance."
+    )
+    counted = Counted(function)
+    cut = augmented_lagrangian(counted, np.zeros(2), -1.0, 1.0, step=0.3, most=20)
+    assert cut.evaluations == counted.calls <= 20
+    assert cut.status == "The evaluations ran out before the minimum was reached."
+    assert cut.value <= function(np.zeros(2))
+
+
+def test_a_step_longer_than_the_box_will_do():
+    found = augmented_lagrangian(lambda x: float(np.sum((x - 0.3) ** 2)), np.zeros(2), -1.0, 1.0, step=7.0)
+    np.testing.assert_allclose(found.x, 0.3, atol=7e-3)
 
 
 def test_multipliers_refuse_bad_bounds():

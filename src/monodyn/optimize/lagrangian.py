@@ -21,6 +21,7 @@ STIFFNESS = 20.0  # first penalty of one step's violation, in changes of the fun
 LEAST_REACH = 4.0  # first step of a later round, in tolerances, at the least
 GROWTH = 5.0  # of the penalty where a round of multipliers did not lower the violation enough
 ENOUGH = 0.25  # share to which a round of multipliers should lower the violation
+UNMET = "The rounds of multipliers were over before the constraints were met to the tolerance."
 VIOLATED = "No point within the inequalities was found; begin from one."
 
 
@@ -92,22 +93,25 @@ def augmented_lagrangian(
     if not len(x):
         return problem.end(True, REACHED)
     problem.penalty = STIFFNESS * problem.change_over_a_step(x, value)
-    worst, converged = np.inf, False
+    worst, converged, status = np.inf, False, UNMET
     for _ in range(rounds):
         left = most - problem.evaluations - 1  # one is kept for the point put inside the bounds
         if left < 1:
+            status = EXHAUSTED
             break
-        x = powell(problem, x, inner_step, tolerance=tolerance, most=left, decrease=decrease).x
+        inner = powell(problem, x, inner_step, tolerance=tolerance, most=left, decrease=decrease)
+        x = inner.x
         violation = problem.update(x)
-        converged = violation <= 0.5 * tolerance
+        converged = inner.converged and violation <= 0.5 * tolerance
         if converged:
+            status = REACHED
             break
         if violation > ENOUGH * worst:
             problem.stiffen()
         worst = min(worst, violation)
         inner_step = step[problem.free] * min(max(2.0 * violation, LEAST_REACH * tolerance), 1.0)
     problem.inside(x)
-    return problem.end(converged, REACHED if converged else EXHAUSTED)
+    return problem.end(converged, status)
 
 
 class _Problem:

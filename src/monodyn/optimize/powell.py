@@ -84,7 +84,9 @@ def powell(
         elif lines.tally.evaluations < most:
             if tight and lines.stalled:
                 return lines.end(True, REACHED)
-            lines.turn()
+            lines.shorten()
+            if tight:
+                lines.turn()
     return lines.end(False, EXHAUSTED)
 
 
@@ -151,12 +153,15 @@ class _Lines:
             self.directions, self.along_axes = np.eye(len(self.x)), True
             self.reach = [max(self.reach)] * len(self.x)
 
+    def shorten(self) -> None:
+        """Begin the next lines with the shortest steps, so that they are searched to the tolerance."""
+        self.reach = [LEAST_REACH * self.tolerance] * len(self.x)
+
     def turn(self) -> None:
         """Take other directions after a round that did not move: the axes, or between them."""
         size = len(self.x)
         self.directions = _between_axes(size) if self.along_axes else np.eye(size)
         self.along_axes = not self.along_axes
-        self.reach = [LEAST_REACH * self.tolerance] * size
         self.stalled = True
 
     def end(self, converged: bool, status: str) -> Minimum:
