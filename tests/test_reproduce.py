@@ -1,14 +1,26 @@
-"""The repeated experiment: the painted clip against exact geometry, the page, the table, the folder."""
+"""The repeated experiment: the clip against exact geometry, fits, verdicts, the page, the folder."""
 
 from __future__ import annotations
 
+import csv
+import json
+import re
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+from monodyn.cli import main
+from monodyn.errors import MechanismError, SettingsError, VideoError
+from monodyn.estimation.filtering import Gains, filtered
+from monodyn.mechanism import load
+from monodyn.reproduce.cases import Case, Design, Plan, parameter_errors, plans, rms, run_case, started
+from monodyn.reproduce.claims import claims, overall
 from monodyn.reproduce.clip import (
     ClipSettings,
     Pendulum,
@@ -21,6 +33,13 @@ from monodyn.reproduce.clip import (
     truth_document,
     wall,
 )
+from monodyn.reproduce.experiment import START, figures, opened, reproduce
+from monodyn.reproduce.page import Content, page_text, picture_rows
+from monodyn.reproduce.place import Place
+from monodyn.reproduce.tables import case_row, csv_text, document, main_cases, plain_rows
+from monodyn.reproduce.vision import Seen, aligned
+from monodyn.results.fill import States
+from monodyn.types import Frame, Poses
 
 TILTED = np.array([[20.3, 11.7], [61.9, 24.2], [55.1, 46.6], [13.5, 34.1]])
 
@@ -147,3 +166,242 @@ def test_the_clip_is_that_of_its_truth_and_its_seed(tmp_path: Path) -> None:
     assert document["pendulum"]["length"] == settings.pendulum.length
     assert document["q"][0] == [-0.3, -0.3]
     assert document["times"][1] == pytest.approx(1 / 30, abs=1e-9)
+
+
+NOISE = np.radians(0.2)
+DESIGN = Design(lengths=(20, 30, 40), starts=2)
+
+
+@lru_cache
+def seen() -> Seen:
+    """Return what a method would have seen: the truth with noise, and turned by a whole turn."""
+    settings = ClipSettings(frames=90)
+    truth = simulated(settings)
+    noise = NOISE * np.random.default_rng(2).standard_normal(truth.position.shape)
+    position = truth.position + noise + [0.0, 2.0 * np.pi]
+    count = len(truth.time)
+    covariance = np.tile(NOISE**2 * np.eye(2), (count, 1, 1))
+    names = ("joint1", "joint2")
+    poses = Poses(names, np.arange(count), truth.time, position, covariance, np.ones(count, bool))
+    scene: Any = SimpleNamespace(mechanism=mechanism(), camera=settings.camera)
+    states = filtered(poses.time, poses.position, Gains(), poses.covariance)
+    return Seen("fast", "done", scene, poses, 1.0, 0.5, states, noise)
+
+
+@lru_cache
+def mechanism():
+    """Load the mechanism file that the methods are given."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "start.xml"
+        path.write_text(START)
+        return load(path)
+
+
+def moved(case: str, error: float, states: str = "measured", frames: int = 40, noise: float = 0.0) -> Case:
+    """Return a fit whose motion is off by ``error`` [rad] and by a share of the noise."""
+    found = seen()
+    assert found.poses is not None
+    assert found.errors is not None
+    true = found.poses.position - found.errors
+    position = true + error + noise * found.errors
+    motion = States(found.poses.time, position, 0.0 * position, 0.0 * position)
+    fit: Any = SimpleNamespace(
+        names=(*"abcdef", *("",) * 4), mechanism=mechanism(), evaluations=7, ok=True, parameters=(), advice=()
+    )
+    return Case(
+        Plan("fast", case, states, frames),
+        "made",
+        fit,
+        motion,
+        rms((position - found.poses.position)[:frames]),
+        rms((position - true)[:frames]),
+        rms((position - true)[frames:]),
+        rms((position - true)[frames:]),
+    )
+
+
+def verdicts(*cases: Case) -> dict[str, Any]:
+    """Judge made fits of the default method."""
+    found = claims({"fast": seen(), "paper": Seen("paper", "failed: x")}, cases, DESIGN)
+    assert all(claim.verdicts["paper"].held is None for claim in found)
+    return {claim.text.split()[0] + " " + claim.text.split()[1]: claim.verdicts["fast"] for claim in found}
+
+
+def test_true_angles_are_turned_to_the_measured_ones() -> None:
+    found = seen()
+    truth = simulated(ClipSettings(frames=90)).position
+    assert aligned(truth, found.poses.position) == pytest.approx(truth + np.array([0.0, 2.0 * np.pi]))
+
+
+def test_every_fit_is_planned_once() -> None:
+    found = plans(Design(), 140)
+    assert len(found) == len(set(found)) == 2 * (3 + 1 + 4 + 4)
+    assert Plan("fast", "I", "measured", 60) in found
+    assert Plan("fast", "I", "measured", 60) not in plans(Design(), 99)
+
+
+def test_a_fit_is_measured_against_the_truth() -> None:
+    rods = Pendulum()
+    truth = simulated(ClipSettings(frames=90))
+    case = run_case(Plan("fast", "I", "measured", 40), seen(), truth, DESIGN)
+    assert case.fit is not None
+    assert case.fit.ok
+    # the noise of the poses stays in the residual; the fitted motion is well below it
+    assert overall(case.residual) == pytest.approx(NOISE, rel=0.25)
+    # 12 unknowns from 80 angles carry sqrt(12 / 80) of the noise into the motion; twice that at most
+    assert overall(case.error) < 2.0 * np.sqrt(12 / 80) * NOISE
+    assert overall(case.ahead) < 2.0 * NOISE
+    assert case.parameters is not None
+    assert abs(case.parameters["l1"]) < 0.01
+    assert abs(case.parameters["l2"]) < 0.01
+    values = case.fit.mechanism.values
+    share = values["link2.mass"] / values["link1.mass"] / (0.19 * 0.026 * 0.005 / (0.24 * 0.030 * 0.006))
+    assert case.parameters["m2/m1"] == pytest.approx(share - 1.0, abs=1e-9)
+    assert set(parameter_errors(replace(case, plan=replace(case.plan, case="III")), rods)) == {
+        "l1", "l2", "m2/m1"
+    }  # fmt: skip
+
+
+def test_a_fit_that_fails_has_a_status() -> None:
+    case = run_case(Plan("paper", "I", "measured", 40), Seen("paper", "failed: lost"), None, DESIGN)
+    assert case.status == "no poses: failed: lost"
+    assert case.fit is None
+    row = case_row(case, ("joint1", "joint2"))
+    assert row["unknowns"] is None
+    assert row["residual_joint1_deg"] is None
+
+
+def test_other_starts_have_other_values_within_the_factors() -> None:
+    first = mechanism().values
+    for number in (1, 2):
+        other = started(mechanism(), number, 0).values
+        scale = other["link1.length"] / first["link1.length"]
+        assert other["link2.width"] == pytest.approx(scale * first["link2.width"])
+        factors = [
+            other[name] / first[name] for name in ("link1.thickness", "joint1.damping", "link2.length")
+        ]
+        assert all(0.4 <= factor <= 2.5 for factor in factors)
+        assert len({round(factor, 6) for factor in factors}) == 3
+    assert started(mechanism(), 0, 0).values == first
+
+
+def test_filtered_states_are_judged_by_the_prediction() -> None:
+    worse = verdicts(moved("I", 1e-3), moved("I", 2e-3, "filtered"))["Filtered states"]
+    assert worse.held is True
+    assert worse.numbers == "prediction error 0.115° from filtered states, 0.0573° from unfiltered"
+    assert verdicts(moved("I", 2e-3), moved("I", 1e-3, "filtered"))["Filtered states"].held is False
+    assert verdicts(moved("I", 1e-3))["Filtered states"].held is None
+
+
+@pytest.mark.parametrize(
+    ("errors", "held"), [((4e-3, 2e-3, 1e-3), True), ((1e-3, 2e-3, 4e-3), False), ((1e-3, 1e-3, 1e-3), False)]
+)
+def test_the_number_of_frames_is_judged_on_the_same_late_frames(errors: tuple, held: bool) -> None:
+    cases = [moved("I", error, frames=n) for n, error in zip(DESIGN.lengths, errors, strict=True)]
+    assert verdicts(*cases)["Accuracy grows"].held is held
+
+
+def test_cases_two_and_three_are_judged() -> None:
+    good = verdicts(moved("I", 1e-3), moved("II", 5e-3), moved("III", 0.0, noise=1.0))
+    assert good["Case II"].held is True
+    assert good["Case III"].held is True
+    assert "correlation 1.00" in good["Case III"].numbers
+    bad = verdicts(moved("I", 5e-3), moved("II", 1e-3), moved("III", 0.0))
+    assert bad["Case II"].held is False
+    assert bad["Case III"].held is False
+
+
+def test_unknowns_are_compared_with_the_printed_ones() -> None:
+    found = verdicts(moved("I", 0.0), moved("II", 0.0), moved("III", 0.0))["There are"]
+    assert found.held is False
+    assert found.numbers == "Case I 6, Case II 6, Case III 6"
+
+
+def test_the_page_shows_tables_figures_and_pictures_without_a_network() -> None:
+    truth = simulated(ClipSettings(frames=90))
+    both = {"fast": seen(), "paper": Seen("paper", "failed: <lost>")}
+    failed = Case(Plan("paper", "II", "measured", 40), "failed: no period")
+    cases = [moved("I", 1e-3), moved("I", 2e-3, "filtered"), moved("II", 5e-3), failed, moved("III", 0.0)]
+    cases += [moved("I", 1e-3, frames=n) for n in (20, 30)]
+    joints = ("joint1", "joint2")
+    shown = figures(both, cases, truth, DESIGN)
+    frame = Frame(0, 0.0, np.full((480, 720), 90, np.uint8))
+    content = Content(
+        "About.", both, cases, claims(both, cases, DESIGN), shown, picture_rows([frame], both), joints
+    )
+    text = page_text(content)
+    own = re.sub(r"<script>.*?</script>", "", text, flags=re.S)
+    assert not re.search(r"(src|href)=.?(http|//)", own)
+    assert "failed: &lt;lost&gt;" in own
+    assert "failed: no period" in own
+    for number in (3, 5, 6, 7, 8, 9):
+        assert f"<h2>Figure {number}:" in own
+    assert own.count("data:image/jpeg;base64,") == 2
+    data = json.loads(re.search(r"const FIGURES = (.*?);\n", text)[1])
+    assert [len(figure["panels"]) for figure in data] == [4, 3, 3, 3, 3, 2, 1]
+    simulated_ = data[2]["panels"][0]["series"][-1]
+    assert simulated_["y"][0] == pytest.approx(np.degrees(-0.3 + 1e-3), abs=1e-3)
+
+
+def test_the_table_holds_every_fit() -> None:
+    cases = [moved("III", 0.0), moved("I", 1e-3), moved("I", 2e-3, "filtered"), moved("II", 5e-3)]
+    rows = list(csv.DictReader(csv_text(cases, ("joint1", "joint2")).splitlines()))
+    assert [row["case"] for row in rows] == ["III", "I", "I", "II"]
+    assert float(rows[1]["error_joint1_deg"]) == pytest.approx(np.degrees(1e-3), rel=1e-5)
+    assert [case.plan.case for case in main_cases(cases)] == ["I", "I", "II", "III"]
+    columns, plain = plain_rows(cases, ("joint1", "joint2"))
+    assert len(columns) == len(plain[0])
+    assert plain[0][:4] == ["I", "measured", "default", "6"]
+    made = document({"fast": seen(), "paper": Seen("paper", "failed: x")}, cases, [], ("joint1", "joint2"))
+    assert made["poses"][1]["error_joint1_deg"] == pytest.approx(np.degrees(NOISE), rel=0.2)
+    assert made["poses"][0]["status"] == "failed: x"
+
+
+def test_a_folder_is_filled_whole_or_not_at_all(tmp_path: Path) -> None:
+    out = tmp_path / "new" / "out"
+    with pytest.raises(RuntimeError), Place(out).filling():
+        raise RuntimeError
+    assert not (tmp_path / "new").exists()
+    place = Place(out)
+    with place.filling():
+        place.write_text("table.csv", "first")
+        place.write_text("truth.json", "{}")
+    (out / "mine.txt").write_text("kept")
+    with pytest.raises(SettingsError, match=r"it holds truth.json; give another folder, or --force"):
+        Place(out)
+    again = Place(out, force=True)
+    with pytest.raises(ZeroDivisionError), again.filling():
+        again.write_text("table.csv", f"second {1 / 0}")
+    assert (out / "table.csv").read_text() == "first"
+    with again.filling():
+        again.write_text("table.csv", "second")
+    assert sorted(path.name for path in out.iterdir()) == ["mine.txt", "table.csv"]
+    assert (out / "table.csv").read_text() == "second"
+    with pytest.raises(SettingsError, match="which the experiment would replace"):
+        Place(out, force=True, inputs=(out / "table.csv",))
+    with pytest.raises(SettingsError, match="expected a folder, got a file"):
+        Place(out / "mine.txt")
+
+
+def test_input_that_cannot_be_used_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=r"got --clip alone; add --model\."):
+        reproduce(tmp_path / "out", clip="a.mp4")
+    with pytest.raises(SettingsError, match=r"got --model alone; add --clip\."):
+        reproduce(tmp_path / "out", model="double")
+    make_clip(tmp_path / "short.mp4", ClipSettings(frames=20))
+    with pytest.raises(VideoError, match="expected more than 40 frames, got 20"):
+        opened(tmp_path / "short.mp4", "double", Design())
+    with pytest.raises(MechanismError, match="expected hinges alone, got the slide"):
+        opened(tmp_path / "short.mp4", "cartpole", Design())
+    with pytest.raises(VideoError):
+        reproduce(tmp_path / "out", clip=tmp_path / "none.mp4", model="double")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce", "--out", str(tmp_path), "--seed", "-1"]) == 2
+    assert capsys.readouterr().err == "monodyn: seed: expected 0 or more, got -1; give a whole number.\n"
+    assert main(["reproduce", "--out", str(tmp_path), "--clip", "a.mp4"]) == 2
+    assert "got --clip alone; add --model." in capsys.readouterr().err
