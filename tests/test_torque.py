@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.period import estimate_period
+from monodyn.estimation.period import estimate_period, periodic_scale
 from monodyn.estimation.torque import (
     fourier_basis,
     fourier_coefficients,
@@ -136,6 +136,9 @@ def test_period_of_a_driven_double_pendulum(period, scale):
     assert found.found, found.status
     assert found.seconds == pytest.approx(period, rel=5e-3)
     assert abs(found.seconds - period) < 5 * found.std + 1e-3 * period
+    assert found.scale == pytest.approx(1 / scale, rel=0.05)
+    shrunk = mechanism.with_values(lengths)
+    assert periodic_scale(TIMES, noisy(position), period, 5, shrunk) == pytest.approx(1 / scale, rel=0.05)
 
 
 def test_period_of_periodic_poses():

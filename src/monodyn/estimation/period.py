@@ -64,6 +64,8 @@ class Period:
         std: Its standard deviation from the scatter about the series [s].
         explained: Share of the variance that it explains.
         candidates: What was looked at more closely, best first.
+        scale: Common scale of the sizes against the mechanism's at which its torque has this period: what the
+            balance of inertia and weight says; NaN without a mechanism or gravity.
     """
 
     status: str
@@ -71,6 +73,7 @@ class Period:
     std: float
     explained: float
     candidates: tuple[Candidate, ...]
+    scale: float = float("nan")
 
     @property
     def found(self) -> bool:
@@ -129,6 +132,29 @@ def estimate_period(
     return _judged(series, _ranked(series, terms), least)
 
 
+def periodic_scale(
+    time: np.ndarray, position: np.ndarray, period: float, terms: int, mechanism: Mechanism
+) -> float:
+    """Return the common scale of sizes at which the torque that the poses ask for has a known period best.
+
+    Args:
+        time: Increasing time stamps [s], (frame,).
+        position: Joint positions [rad or m], NaN where not seen, (frame, dof).
+        period: The period [s].
+        terms: Harmonics.
+        mechanism: The mechanism, with the right proportions.
+
+    Returns:
+        Ratio of the sizes to those of the mechanism; NaN where the frames are under four times the
+        coefficients, or there is no gravity.
+    """
+    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
+    if len(rows) < max(LEAST_FRAMES, 4 * (2 * terms + 1)):
+        return float("nan")
+    series = _series(time, position, rows, mechanism, smooth(_poses(time, position)))
+    return series.scale(period, terms)
+
+
 def _none(status: str, candidates: tuple[Candidate, ...] = ()) -> Period:
     best = candidates[0].explained if candidates else 0.0
     return Period(status, float("nan"), float("nan"), best, candidates)
@@ -148,13 +174,27 @@ class _Series:
     Attributes:
         time: Times [s], (row,).
         columns: Scaled columns, (row, dof, column).
+        ratio: What a mix of the first two columns, inertia over weight, is multiplied with to be the common
+            scale of sizes; NaN where there is none.
     """
 
     time: np.ndarray
     columns: np.ndarray
+    ratio: float = np.nan
+
+    def scale(self, period: float, terms: int) -> float:
+        """Common scale of sizes at which most is explained, NaN where there is none."""
+        mix = self.split(period, terms)[2]
+        scale = self.ratio * mix[0] / mix[1] if np.isfinite(self.ratio) and mix[1] != 0 else np.nan
+        return float(scale) if scale > 0 else float("nan")
 
     def unexplained(self, period: float, terms: int) -> tuple[float, np.ndarray]:
         """Least share of the variance that is left, and what is left of that combination (row, dof)."""
+        share, left, _ = self.split(period, terms)
+        return share, left
+
+    def split(self, period: float, terms: int) -> tuple[float, np.ndarray, np.ndarray]:
+        """Least share that is left, what is left of that combination (row, dof), and the mix (column,)."""
         rows, dofs, count = self.columns.shape
         basis, _ = np.linalg.qr(fourier_basis(self.time - self.time[0], period, terms))
         flat = self.columns.reshape(rows, -1)
@@ -164,7 +204,8 @@ class _Series:
         keep = values > 1e-9 * values[-1]
         white = vectors[:, keep] / np.sqrt(values[keep])
         shares, mixes = np.linalg.eigh(white.T @ (left.T @ left) @ white)
-        return float(max(shares[0], 1e-12)), (left @ white @ mixes[:, 0]).reshape(rows, dofs)
+        mix = white @ mixes[:, 0]
+        return float(max(shares[0], 1e-12)), (left @ mix).reshape(rows, dofs), mix
 
 
 def _series(
@@ -188,7 +229,8 @@ def _series(
     by_joint = np.maximum(np.sqrt((columns[:, :, :2] ** 2).sum(axis=2).mean(axis=0)), 1e-300)
     columns = columns / by_joint[:, None]
     size = np.sqrt((columns**2).mean(axis=(0, 1)))
-    return _Series(time, columns[:, :, size > 1e-12] / size[size > 1e-12])
+    ratio = size[1] / size[0] if min(size[0], size[1]) > 1e-12 else np.nan
+    return _Series(time, columns[:, :, size > 1e-12] / size[size > 1e-12], float(ratio))
 
 
 def _calmed(times: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -275,7 +317,8 @@ def _judged(series: _Series, ranked: list[tuple[float, Candidate]], least: float
     best = candidates[0]
     std = _std(series, best)
     status = f"Period {best.seconds:.4g} s +- {std:.2g} s, which explains {100 * best.explained:.3g} %."
-    return Period(status, best.seconds, std, best.explained, candidates)
+    scale = series.scale(best.seconds, best.terms)
+    return Period(status, best.seconds, std, best.explained, candidates, scale)
 
 
 def _std(series: _Series, best: Candidate) -> float:
