@@ -16,8 +16,8 @@ from monodyn.errors import MechanismError
 
 NONE, FOURIER, KNOTS = range(3)
 
-SLACK = 1e-9
-"""A time this fraction of the knots' span outside of them still counts as the nearest end: rounding."""
+SIDE = 1e-7
+"""Share of the way into its own step by which a time is moved to tell on which side of a knot it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +98,11 @@ def UNDRIVEN(dofs: int) -> Drive:
 
 
 @njit(cache=True, error_model="numpy")
-def basis(mode, stamps, time, value, rate):  # pragma: no cover - compiled
+def basis(mode, stamps, time, side, value, rate):  # pragma: no cover - compiled
     """Write basis and time derivative by column at ``time``; return the range of columns that are not zero.
 
-    Columns outside of the range are left as they are. At a knot the derivative is that of the interval after.
+    Columns outside of the range are left as they are. At a knot the limit from the time ``side`` counts, so
+    that a step which ends at a knot and one which begins there each see a smooth torque.
     """
     if mode == FOURIER:
         turn = 2.0 * np.pi / stamps[0]
@@ -115,10 +116,10 @@ def basis(mode, stamps, time, value, rate):  # pragma: no cover - compiled
         return 0, value.size
     if mode == KNOTS:
         last = stamps.size - 1
-        slack = SLACK * (stamps[last] - stamps[0])
-        if time < stamps[0] - slack or time > stamps[last] + slack:
+        within = time + SIDE * (side - time)
+        if within < stamps[0] or within > stamps[last]:
             return 0, 0
-        j = min(max(np.searchsorted(stamps, time, side="right") - 1, 0), last - 1)
+        j = min(np.searchsorted(stamps, within, side="right") - 1, last - 1)
         width = stamps[j + 1] - stamps[j]
         part = min(max((time - stamps[j]) / width, 0.0), 1.0)
         value[j], rate[j] = 1.0 - part, -1.0 / width
@@ -128,9 +129,9 @@ def basis(mode, stamps, time, value, rate):  # pragma: no cover - compiled
 
 
 @njit(cache=True, error_model="numpy")
-def torque(mode, stamps, table, time, value, rate, tau, slope):  # pragma: no cover - compiled
+def torque(mode, stamps, table, time, side, value, rate, tau, slope):  # pragma: no cover - compiled
     """Write torques and their derivative by time; return the range of columns as ``basis`` does."""
-    low, high = basis(mode, stamps, time, value, rate)
+    low, high = basis(mode, stamps, time, side, value, rate)
     for i in range(table.shape[0]):
         tau[i] = 0.0
         slope[i] = 0.0
@@ -145,6 +146,7 @@ def _torques(mode, stamps, table, times):  # pragma: no cover - compiled
     value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
     tau = np.empty((times.size, table.shape[0]), table.dtype)
     slope = np.empty(table.shape[0], table.dtype)
+    middle = np.mean(stamps)
     for f in range(times.size):
-        torque(mode, stamps, table, times[f], value, rate, tau[f], slope)
+        torque(mode, stamps, table, times[f], middle, value, rate, tau[f], slope)
     return tau

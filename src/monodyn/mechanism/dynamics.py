@@ -388,6 +388,7 @@ def _rollout(
     for f in range(1, times.size):
         step = (times[f] - times[f - 1]) / substeps
         for s in range(substeps):
+            begin = times[f - 1] + s * step
             for k in range(4):
                 part = 0.0 if k == 0 else step if k == 3 else 0.5 * step
                 if k > 0:
@@ -395,7 +396,7 @@ def _rollout(
                         x[k, i] = x[0, i] + part * u[k - 1, i]
                         u[k, i] = u[0, i] + part * a[k - 1, i]
                 if mode != NONE:
-                    torque(mode, stamps, table, times[f - 1] + s * step + part, value, rate, tau, slope)
+                    torque(mode, stamps, table, begin + part, begin + 0.5 * step, value, rate, tau, slope)
                 forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
             for i in range(n):
                 x[0, i] += step / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])

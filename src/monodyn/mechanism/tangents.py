@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.mechanism.branches import solve_all
-from monodyn.mechanism.drive import KNOTS, NONE, SLACK, torque
+from monodyn.mechanism.drive import KNOTS, NONE, torque
 from monodyn.mechanism.dynamics import (
     AW,
     AX,
@@ -135,9 +135,8 @@ def _begins(stamps: np.ndarray, times: np.ndarray, way: np.ndarray, params: int)
     Returns:
         int64 (param,); 0 for a parameter that is at no knot, the number of frames for one that never acts.
     """
-    slack = 2 * SLACK * (stamps[-1] - stamps[0])
-    early = np.concatenate((stamps[:1], stamps[:-1])) - slack
-    late = np.concatenate((stamps[1:], stamps[-1:])) + slack
+    early = np.concatenate((stamps[:1], stamps[:-1]))
+    late = np.concatenate((stamps[1:], stamps[-1:]))
     low, high = np.minimum(times[:-1], times[1:]), np.maximum(times[:-1], times[1:])
     acts = (high[:, None] >= early) & (low[:, None] <= late)
     first = np.where(acts.any(axis=0), 1 + np.argmax(acts, axis=0), len(times)) if len(acts) else stamps * 0
@@ -348,6 +347,7 @@ def _rollout_tangents(
         many = live[f]
         step = (times[f] - times[f - 1]) / substeps if f > 0 else 0.0
         for s in range(substeps if f > 0 else 0):
+            begin = times[f - 1] + s * step
             for r in range(4):
                 part = 0.0 if r == 0 else step if r == 3 else 0.5 * step
                 if r > 0:
@@ -357,9 +357,9 @@ def _rollout_tangents(
                         for k in range(many):
                             dx[r, i, k] = dx[0, i, k] + part * du[r - 1, i, k]
                             du[r, i, k] = du[0, i, k] + part * da[r - 1, i, k]
-                time, span = times[f - 1] + s * step + part, (0, 0)
+                time, span = begin + part, (0, 0)
                 if mode != NONE:
-                    span = torque(mode, stamps, table, time, value, rate, tau, slope)
+                    span = torque(mode, stamps, table, time, begin + 0.5 * step, value, rate, tau, slope)
                 forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
                 place(parent, kind, links, x[r], u[r], w)
                 _needed_forces(parent, gravity, u[r], a[r], w)
