@@ -100,7 +100,9 @@ def _number(value: float | None, digits: int = 3) -> str:
 
 
 def _percent(value: float | None) -> str:
-    return "–" if value is None else f"{value:+.2g}".replace("-", "−")
+    if value is None:
+        return "–"
+    return (f"{value:+.0f}" if abs(value) >= 10 else f"{value:+.2g}").replace("-", "−")
 
 
 def _joints(row: Mapping[str, Any], name: str, joints: Sequence[str]) -> str:
@@ -111,7 +113,7 @@ def _joints(row: Mapping[str, Any], name: str, joints: Sequence[str]) -> str:
 def _fit_cells(case: Case, joints: Sequence[str]) -> dict[str, Any]:
     """Return the cells of one fit in the main table."""
     row = case_row(case, joints)
-    name = f"Case {row['case']}" + (", filtered states" if row["states"] == "filtered" else "")
+    name = f"Case {row['case']}" + (", filtered" if row["states"] == "filtered" else "")
     return {
         "case": name,
         "method": row["method"],
