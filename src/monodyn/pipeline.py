@@ -311,7 +311,7 @@ def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> 
     torque = settings.identify.torque
     mechanism = load(model)
     if torque == "fourier":  # its parameters are there to be chosen; those of free torques are the record's
-        mechanism = mechanism.with_torque(torque, terms=settings.identify.terms or USUAL_TERMS)
+        mechanism = mechanism.with_torque(torque, terms=settings.identify.terms or USUAL_TERMS, period=1.0)
     return mechanism.with_choices(
         fix={name: value for name, value in fix.items() if not name.startswith("camera.")},
         free=[name for name in free if not name.startswith("camera.")],

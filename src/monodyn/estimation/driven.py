@@ -43,8 +43,9 @@ def basis(drive: Drive, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         Values and rates [1/s], each (row, column).
     """
     values, rates = np.zeros((2, len(times), drive.table.shape[1]))
+    middle = float(np.mean(drive.times)) if len(drive.times) else 0.0
     for row, time in enumerate(times):
-        basis_at(drive.mode, drive.times, time, values[row], rates[row])
+        basis_at(drive.mode, drive.times, time, middle, values[row], rates[row])
     return values, rates
 
 

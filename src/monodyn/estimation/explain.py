@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation.data import Data
-from monodyn.estimation.extend import dry_friction, more_terms
+from monodyn.estimation.extend import dry_friction, evidence, more_terms, periodic, series, simpler_series
 from monodyn.estimation.grow import Grown
 from monodyn.estimation.periodic import Guess, guess_periods
 from monodyn.estimation.problem import Problem, posed, smooth_motion
@@ -90,30 +90,28 @@ def by_series(mechanism: Mechanism, task: Task) -> Explained:
     settings = task.settings
     if settings.series == "alone":
         mechanism = frictionless(mechanism)
-    known = None
-    if mechanism.torque == "fourier" and not mechanism.parameter("torque.period").free:
-        known = mechanism.values["torque.period"]
+    least = posed(mechanism.with_torque("fourier", terms=settings.terms or 1, period=1.0), task.data)
+    clock = least.mechanism.parameter("torque.period")
     plain = posed(mechanism.with_torque("friction"), task.data)
-    least = posed(mechanism.with_torque("fourier", terms=settings.terms or 1, period=known or 1.0), task.data)
     reason = hopeless(least, task.smoothed)
     if reason is not None:
         return Explained(least, None, reason=reason)
     motion = smooth_motion(plain, task.smoothed)
-    x = matched(plain, motion)
-    guesses = guess_periods(plain, x, motion, settings.terms, known)
+    x = sized(plain, motion)
+    bounds = (clock.lower, clock.upper) if clock.free else (clock.value, clock.value)
+    guesses = guess_periods(plain, x, motion, settings.terms, bounds)
     if not guesses:
         return Explained(least, None, reason=NO_PERIOD)
     best: Explained | None = None
     for guess in guesses:
         problem, search, grown = _from_guess(mechanism, task, plain, x, guess)
-        if (
-            best is None
-            or best.grown is None
-            or _evidence(problem, grown) < _evidence(best.problem, best.grown)
-        ):
+        if best is None or evidence(problem, grown) < evidence(best.problem, best.grown):
             best, route = Explained(problem, grown, len(guesses)), search.route
-    if settings.terms == 0 and best.grown is not None:
-        return Explained(*more_terms(best.problem, best.grown, route), best.tried)
+    if settings.terms == 0:
+        problem, grown = more_terms(*simpler_series(best.problem, best.grown, route, divide=clock.free), route)
+        best = Explained(problem, grown, len(guesses))
+    if clock.free and not periodic(best.problem, best.grown, route):
+        return Explained(best.problem, None, reason=NO_PERIOD)
     return best
 
 
@@ -121,8 +119,7 @@ def _from_guess(
     mechanism: Mechanism, task: Task, plain: Problem, x: np.ndarray, guess: Guess
 ) -> tuple[Problem, Search, Grown]:
     """Grow a fit from one guess of the period."""
-    driven = mechanism.with_torque("fourier", terms=guess.terms, period=guess.period)
-    problem = posed(driven, task.data)
+    problem = posed(series(mechanism, guess.terms, guess.period), task.data)
     unknowns = problem.unknowns
     change = np.clip(guess.change, -plain.unknowns.reach, plain.unknowns.reach)
     near = np.clip(x + change, plain.unknowns.lower, plain.unknowns.upper)
@@ -131,14 +128,6 @@ def _from_guess(
     start[way[way >= 0]] = guess.table[way >= 0]
     search = task.search(problem)
     return problem, search, search.grown(match(problem, search.motion, start), search.route)
-
-
-def _evidence(problem: Problem, grown: Grown) -> float:
-    """Schwarz's criterion: a longer series, of a multiple of the period, must earn its harmonics."""
-    if not grown.complete:
-        return float("inf")
-    cost = 2.0 * grown.cost / max(grown.sigma, 1.0) ** 2
-    return cost + len(problem.unknowns) * float(np.log(problem.data.samples))
 
 
 def by_torques(mechanism: Mechanism, task: Task) -> Explained:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from monodyn.estimation.grow import Grown, Route, fit_pieces
 from monodyn.estimation.problem import Problem, posed
 from monodyn.estimation.settings import USUAL_TERMS
@@ -52,12 +54,97 @@ def more_terms(problem: Problem, grown: Grown, route: Route) -> tuple[Problem, G
     terms = (problem.mechanism.drive.table.shape[1] - 1) // 2
     further = terms + 1
     while further <= min(terms + 2, USUAL_TERMS) and grown.complete:
-        driven = problem.mechanism.with_torque("fourier", terms=further, period=period)
+        driven = series(problem.mechanism, further, period)
         trial, found = _extended(problem, grown, driven, route)
         if _pays(grown, found, 2 * dofs * (further - terms)):
             problem, grown, terms = trial, found, further
         further += 1
     return problem, grown
+
+
+def simpler_series(
+    problem: Problem, grown: Grown, route: Route, divide: bool
+) -> tuple[Problem, Grown]:
+    """Take harmonics off a periodic torque, or divide its period, as long as the rest explains as much.
+
+    Args:
+        problem: The problem with a periodic torque.
+        grown: Its optimum.
+        route: How exact the search is.
+        divide: Whether the period may be divided.
+
+    Returns:
+        The problem with the series that Schwarz's criterion likes best, and its optimum.
+    """
+    while True:
+        terms, period = series_of(problem, grown)
+        shorter = [(terms - 1, period)] if terms > 1 else []
+        if divide:
+            shorter += [(terms // d, period / d) for d in range(2, terms + 1)]
+        tried = [(problem, grown)]
+        tried += [_cut(problem, grown, count, time, route) for count, time in shorter]
+        best = min(tried, key=lambda pair: evidence(*pair))
+        if best[1] is grown:
+            return problem, grown
+        problem, grown = best
+
+
+def series(mechanism: Mechanism, terms: int, period: float) -> Mechanism:
+    """Return the mechanism under a periodic torque; a period that is not free stays.
+
+    Args:
+        mechanism: The mechanism.
+        terms: Number of harmonics.
+        period: Start of the period [s].
+    """
+    driven = mechanism.with_torque("fourier", terms=terms, period=period)
+    return driven.with_values({"torque.period": period} if driven.parameter("torque.period").free else {})
+
+
+def series_of(problem: Problem, grown: Grown) -> tuple[int, float]:
+    """Return the number of harmonics and the period [s] at an optimum."""
+    mechanism = problem.mechanism_at(grown.x)
+    return (mechanism.drive.table.shape[1] - 1) // 2, mechanism.values["torque.period"]
+
+
+def _cut(
+    problem: Problem, grown: Grown, terms: int, period: float, route: Route
+) -> tuple[Problem, Grown]:
+    """Fit a shorter series from an optimum; harmonics of a divided period take over their coefficients."""
+    _, before = series_of(problem, grown)
+    times = round(before / period)
+    values = problem.unknowns.named(grown.x)
+    trial = posed(series(problem.mechanism, terms, period), problem.data)
+    start = trial.unknowns.carried(grown.x, problem.unknowns)
+    if "torque.period" in trial.unknowns.names:
+        start[trial.unknowns.names.index("torque.period")] = np.log(period)
+    for i, name in enumerate(trial.unknowns.names):
+        stem, _, harmonic = name.rpartition(".")
+        if stem.endswith(".torque") and harmonic != "mean":
+            start[i] = values[f"{stem}.{harmonic[:3]}{times * int(harmonic[3:])}"]
+    return trial, fit_pieces(trial, start, grown.states, grown.pieces, route, route.fine)
+
+
+def periodic(problem: Problem, grown: Grown, route: Route) -> bool:
+    """True when a periodic torque explains the motion better than friction alone.
+
+    Args:
+        problem: The problem with a periodic torque.
+        grown: Its optimum.
+        route: How exact the search is.
+    """
+    trial = posed(problem.mechanism.with_torque("friction"), problem.data)
+    start = trial.unknowns.carried(grown.x, problem.unknowns)
+    passive = fit_pieces(trial, start, grown.states, grown.pieces, route, route.fine)
+    return evidence(problem, grown) < evidence(trial, passive)
+
+
+def evidence(problem: Problem, grown: Grown) -> float:
+    """Return Schwarz's criterion of an optimum, lower is better: a longer series must earn its harmonics."""
+    if not grown.complete:
+        return float("inf")
+    cost = 2.0 * grown.cost / max(grown.sigma, 1.0) ** 2
+    return cost + len(problem.unknowns) * float(np.log(problem.data.samples))
 
 
 def _extended(problem: Problem, grown: Grown, mechanism: Mechanism, route: Route) -> tuple[Problem, Grown]:

@@ -46,7 +46,12 @@ class Guess:
 
 
 def guess_periods(
-    problem: Problem, x: np.ndarray, motion: Motion, terms: int, period: float | None = None, most: int = 3
+    problem: Problem,
+    x: np.ndarray,
+    motion: Motion,
+    terms: int,
+    bounds: tuple[float, float] = (0.0, np.inf),
+    most: int = 3,
 ) -> list[Guess]:
     """Rank periods by how well a torque of that period explains the accelerations.
 
@@ -55,7 +60,7 @@ def guess_periods(
         x: Coordinates at which its accelerations are nearest, (param,).
         motion: Smooth motion.
         terms: Number of harmonics; 0 lets the criterion choose.
-        period: The period where it is known [s].
+        bounds: Least and greatest period [s]; equal where it is known.
         most: How many to return at most.
 
     Returns:
@@ -68,11 +73,11 @@ def guess_periods(
     """
     scan = _Scan(problem, x, motion)
     counts = SCANNED_TERMS if terms == 0 else (terms,)
-    if period is not None:
-        return sorted((scan.fit(period, count) for count in counts), key=lambda guess: guess.criterion)[:1]
+    if bounds[0] == bounds[1]:
+        return sorted((scan.fit(bounds[0], count) for count in counts), key=lambda guess: guess.criterion)[:1]
     found: list[Guess] = []
     for count in counts:
-        tried = [scan.fit(p, count) for p in scan.periods(count)]
+        tried = [scan.fit(p, count) for p in scan.periods(count) if bounds[0] <= p <= bounds[1]]
         values = np.array([guess.criterion for guess in tried])
         ends = np.concatenate(([np.inf], values, [np.inf]))
         low = np.flatnonzero((values <= ends[:-2]) & (values < ends[2:]))
