@@ -287,6 +287,8 @@ def test_driven_sensitivities_are_exact(name: str, torque: str, back: bool, tmp_
     way = len(names) + np.append(rng.permutation(count), 0).reshape(drive.table.shape)
     way[-1, -1] = -1
     dlinks = np.concatenate((dlinks, np.zeros((count, *links.shape))))
+    # Every third is a joint's damping as well, and acts from the start.
+    dlinks[-1::-3, 0, 9] = 1.0
     dgravity = np.concatenate((dgravity, np.zeros((count, 2))))
     times = times[:: -1 if back else 1]
     q0, v0 = rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
