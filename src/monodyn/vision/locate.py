@@ -7,8 +7,9 @@ and the refinement repeated on the better masks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from monodyn.vision.keyframes import KeyFrames, key_frames
 from monodyn.vision.outline import covered_pixels
 from monodyn.vision.parts import measured_parts
 from monodyn.vision.rig import rig_of
+from monodyn.vision.scene import Scene
 from monodyn.vision.search import Guess, place, search
 from monodyn.vision.segment import Masks
 from monodyn.vision.silhouette import pose_mismatch
@@ -41,17 +43,31 @@ class LocateSettings:
     """How camera, sizes and first pose are found.
 
     Attributes:
+        method: ``fast``: a global search, then a refinement on sub-pixel edges over key frames; ``paper``:
+            pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; None is fast.
+        start: Where the search of ``paper`` starts: poses ``spread`` over the joint ranges, or the ends of an
+            ``evolution``.
+        level: Threshold of the silhouettes of ``paper`` [grey levels]; 0 takes Otsu's.
         focal: Focal length [px]; 0 takes the picture's longer side, which a common lens has within a third.
             A camera square to the plane does not show it.
         search_frames: Key frames of the global search.
         refine_frames: Key frames of the joint refinement.
     """
 
+    method: Literal["fast", "paper"] | None = None
+    start: Literal["spread", "evolution"] = "spread"
+    level: float = 0.0
     focal: float = 0.0
     search_frames: int = 7
     refine_frames: int = 32
 
     def __post_init__(self) -> None:
+        _check_choice("locate.method", self.method, METHODS)
+        _check_choice("locate.start", self.start, ("spread", "evolution"))
+        if self.method == "fast":
+            _check_start(self)
+        if not 0.0 <= self.level < 255.0:
+            raise SettingsError(f"locate.level: expected 0 to 255 grey levels, got {self.level:g}.")
         if not 0.0 <= self.focal <= 1e6:
             raise SettingsError(f"locate.focal: expected 0 to 1e6 px, got {self.focal}.")
         for name in ("search_frames", "refine_frames"):
@@ -61,33 +77,19 @@ class LocateSettings:
                 )
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """A mechanism before a camera, as a clip shows it.
+@dataclass(frozen=True)
+class CameraSettings:
+    """How the camera is found.
 
     Attributes:
-        mechanism: With sizes in the start scale and what the picture knows of them (``measured``).
-        camera: The camera, in the start scale.
-        masks: The clip's masks over the background without the mechanism.
-        frame: Number of the frame of the first pose.
-        position: Joint positions there [rad; m in the start scale], (dof,).
-        key_frames: Numbers of the frames that were refined jointly.
-        key_positions: Joint positions there, (key frame, dof).
-        spread: Standard deviations of the refined camera parameters by name, the common scale held.
-        rms_px: Root mean square distance between outline and mask edges [px].
-        advice: Sentences for the user.
+        method: ``fast``: refined on the edges together with sizes and poses; ``paper``: depth from the
+            silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; None is fast.
     """
 
-    mechanism: Mechanism
-    camera: Camera
-    masks: Masks = field(repr=False)
-    frame: int
-    position: np.ndarray
-    key_frames: tuple[int, ...]
-    key_positions: np.ndarray
-    spread: Mapping[str, float]
-    rms_px: float
-    advice: tuple[str, ...]
+    method: Literal["fast", "paper"] | None = None
+
+    def __post_init__(self) -> None:
+        _check_choice("camera.method", self.method, METHODS)
 
 
 def locate(
@@ -95,6 +97,7 @@ def locate(
     mechanism: Mechanism,
     settings: LocateSettings | None = None,
     *,
+    camera: CameraSettings | None = None,
     fix: Mapping[str, float] | None = None,
     free: Sequence[str] = (),
     progress: Progress | None = None,
@@ -105,6 +108,7 @@ def locate(
         masks: The soft foreground of the clip.
         mechanism: Topology, shape kinds and start sizes; its fixed parameters stay as they are.
         settings: How the search goes.
+        camera: How the camera is found.
         fix: Values of ``camera.*`` parameters that must stay.
         free: ``camera.*`` parameters to estimate besides x, y and depth.
         progress: Called as the steps go.
@@ -115,8 +119,96 @@ def locate(
     Raises:
         SettingsError: a name in ``fix`` or ``free`` is not a camera parameter, or cannot be estimated.
     """
-    settings = settings or LocateSettings()
-    fix = dict(fix or {})
+    settings, fix = settings or LocateSettings(), dict(fix or {})
+    methods = (camera or CameraSettings()).method or "fast", settings.method or "fast"
+    _check_names(mechanism, methods[0], fix, free)
+    if methods[1] == "fast":
+        _check_start(settings)
+    report = progress or (lambda step, done, total: None)
+    return METHODS[methods[1]](masks, mechanism, settings, methods[0], fix, free, report)
+
+
+def _fast(
+    masks: Masks,
+    mechanism: Mechanism,
+    settings: LocateSettings,
+    camera: str,
+    fix: Mapping[str, float],
+    free: Sequence[str],
+    report: Progress,
+) -> Scene:
+    """Search on reduced key frames, refine on sub-pixel edges; then the paper's camera if wanted."""
+    start_camera = _start_camera(masks, settings, fix)
+    names = _refined_names(mechanism, fix, free)
+    pinned = frozenset([*fix, *(p.name for p in mechanism.parameters if not p.free)])
+
+    geoms = len(mechanism.shapes.radius)
+    report("locate", 0, 4)
+    frames = key_frames(masks, geoms)
+    guesses = search(frames, mechanism, start_camera, pinned, settings.search_frames)
+    report("locate", 1, 4)
+    start = mechanism.values
+    guess = min(
+        (_settle(g, frames, names, start, settings.search_frames) for g in guesses[:4]), key=lambda g: g.score
+    )
+    report("locate", 2, 4)
+    masks, frames, guess = _coloured(masks, frames, guess)
+    bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, FINE_REACHES)
+    report("locate", 3, 4)
+    masks, frames, guess = _uncovered(masks, frames, bundle)
+    bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, LAST_REACHES)
+    report("locate", 4, 4)
+    scene = _scene(masks, frames, bundle, picks, settings)
+    if camera == "paper":
+        from monodyn.vision.published import camera_behind
+
+        scene = camera_behind(scene, fix, level=settings.level)
+    return scene
+
+
+def _paper(
+    masks: Masks,
+    mechanism: Mechanism,
+    settings: LocateSettings,
+    camera: str,
+    fix: Mapping[str, float],
+    free: Sequence[str],
+    report: Progress,
+) -> Scene:
+    """Solve the problems of the 2012 paper on one silhouette; the camera may be the fast method's."""
+    from monodyn.vision.published import locate_published, pose_before
+
+    if camera == "fast":
+        return pose_before(_fast(masks, mechanism, settings, camera, fix, free, report), level=settings.level)
+    report("locate", 0, 1)
+    start_camera = _start_camera(masks, settings, fix)
+    scene = locate_published(masks, mechanism, start_camera, fix, start=settings.start, level=settings.level)
+    report("locate", 1, 1)
+    return scene
+
+
+METHODS = {"fast": _fast, "paper": _paper}
+"""The ways to the scene, of one signature."""
+
+
+def _check_choice(name: str, value: str | None, choices: Collection[str]) -> None:
+    """Refuse a word that is no choice of a setting."""
+    if value is not None and value not in choices:
+        known = ", ".join(f"'{choice}'" for choice in choices)
+        raise SettingsError(f"{name}: expected one of {known}, got '{value}'.")
+
+
+def _check_start(settings: LocateSettings) -> None:
+    """Refuse a start that the fast method does not have."""
+    if settings.start != "spread":
+        raise SettingsError(
+            f"locate.start: expected 'spread' with the fast method, got '{settings.start}'; it belongs to "
+            "locate.method paper."
+        )
+
+
+def _check_names(mechanism: Mechanism, method: str, fix: Mapping[str, float], free: Sequence[str]) -> None:
+    """Refuse camera parameters that do not exist, cannot have their value, or cannot be estimated."""
     for name in (*fix, *free):
         if name not in PARAMETERS:
             raise SettingsError(
@@ -132,30 +224,20 @@ def locate(
             "parameter 'camera.roll': a picture does not tell it from the first hinge's angle; level the "
             "camera, or give the roll with --fix camera.roll=VALUE [rad]."
         )
+    estimated = ("camera.x", "camera.y", "camera.depth")
+    for name in free:
+        if method == "paper" and name not in estimated:
+            raise SettingsError(
+                f"parameter '{name}': camera.method paper estimates {', '.join(estimated)} alone; leave it "
+                "out of --free, give the value with --fix, or use camera.method fast."
+            )
+
+
+def _start_camera(masks: Masks, settings: LocateSettings, fix: Mapping[str, float]) -> Camera:
+    """Return the camera that the search starts from."""
     video = masks.video
     focal = settings.focal or float(max(video.width, video.height))
-    camera = with_values(Camera(video.width, video.height, focal), fix)
-    names = _refined_names(mechanism, fix, free)
-    pinned = frozenset([*fix, *(p.name for p in mechanism.parameters if not p.free)])
-    report = progress or (lambda step, done, total: None)
-
-    geoms = len(mechanism.shapes.radius)
-    report("locate", 0, 4)
-    frames = key_frames(masks, geoms)
-    guesses = search(frames, mechanism, camera, pinned, settings.search_frames)
-    report("locate", 1, 4)
-    start = mechanism.values
-    guess = min(
-        (_settle(g, frames, names, start, settings.search_frames) for g in guesses[:4]), key=lambda g: g.score
-    )
-    report("locate", 2, 4)
-    masks, frames, guess = _coloured(masks, frames, guess)
-    bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, FINE_REACHES)
-    report("locate", 3, 4)
-    masks, frames, guess = _uncovered(masks, frames, bundle)
-    bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, LAST_REACHES)
-    report("locate", 4, 4)
-    return _scene(masks, frames, bundle, picks, settings)
+    return with_values(Camera(video.width, video.height, focal), dict(fix))
 
 
 def _refined_names(mechanism: Mechanism, fix: Mapping[str, float], free: Sequence[str]) -> list[str]:

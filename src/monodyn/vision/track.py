@@ -8,6 +8,7 @@ not seen.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -15,8 +16,8 @@ from monodyn.errors import SettingsError, VideoError
 from monodyn.types import Mask, Poses, Progress
 from monodyn.vision.follow import follow
 from monodyn.vision.keyframes import key_frame
-from monodyn.vision.locate import Scene
 from monodyn.vision.rig import Rig, rig_of
+from monodyn.vision.scene import Scene
 from monodyn.vision.search import limits, place
 from monodyn.vision.segment import Masks
 
@@ -26,6 +27,7 @@ LIMITS = (
     ("first_reach", 1.0, 200.0),
     ("move", 1e-3, 10.0),
     ("patience", 1, 10_000),
+    ("move_share", 1e-3, 0.5),
 )
 """Name, least and greatest value of the settings that are numbers."""
 
@@ -35,6 +37,8 @@ class TrackSettings:
     """How the mechanism is followed.
 
     Attributes:
+        method: ``fast``: Gauss-Newton on sub-pixel edges; ``paper``: least mismatch of the silhouettes within
+            move limits, eq. (5) of the 2012 paper; None is fast.
         spacing: Distance between outline samples [px].
         reach: Search length along the normals once the pose is near [px].
         first_reach: Search length from the prediction [px].
@@ -43,8 +47,12 @@ class TrackSettings:
         matched: Least share of outline samples on an edge in a frame that counts as seen.
         inside: Least coverage just inside of the outline in a frame that counts as seen.
         patience: Frames between two searches of the whole picture while the mechanism is lost.
+        move_share: Move limits of ``paper`` as a fraction of each joint's range, to either side; a hinge
+            without limits has a range of one turn.
+        adaptive: The move limits of ``paper`` follow the joints' current velocity.
     """
 
+    method: Literal["fast", "paper"] | None = None
     spacing: float = 3.0
     reach: float = 4.0
     first_reach: float = 7.0
@@ -52,8 +60,13 @@ class TrackSettings:
     matched: float = 0.5
     inside: float = 0.6
     patience: int = 3
+    move_share: float = 0.1
+    adaptive: bool = True
 
     def __post_init__(self) -> None:
+        if self.method is not None and self.method not in METHODS:
+            known = ", ".join(f"'{name}'" for name in METHODS)
+            raise SettingsError(f"track.method: expected one of {known}, got '{self.method}'.")
         for name, low, high in LIMITS:
             if not low <= getattr(self, name) <= high:
                 raise SettingsError(f"track.{name}: expected {low:g} to {high:g}, got {getattr(self, name)}.")
@@ -111,7 +124,14 @@ def track(
             f"{video.path}: expected pictures of {scene.camera.width}x{scene.camera.height} like the scene, "
             f"got {video.width}x{video.height}; locate the mechanism in this clip."
         )
-    follower = Follower(scene, settings or TrackSettings())
+    settings = settings or TrackSettings()
+    return METHODS[settings.method or "fast"](masks, scene, settings, progress)
+
+
+def _fast(masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None) -> Poses:
+    """Move the outline onto the masks' edges from prediction to prediction."""
+    video = masks.video
+    follower = Follower(scene, settings)
     blank = np.full(len(scene.mechanism.joints), np.nan)
     rows = []
     for mask in replace(scene.masks, video=video):
@@ -132,6 +152,17 @@ def track(
         np.array(seen),
         metric=False,
     )
+
+
+def _paper(masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None) -> Poses:
+    """Minimize the mismatch of the silhouettes within move limits."""
+    from monodyn.vision.moves import track_published
+
+    return track_published(masks, scene, settings, progress)
+
+
+METHODS = {"fast": _fast, "paper": _paper}
+"""The ways to follow the mechanism, of one signature."""
 
 
 class Follower:

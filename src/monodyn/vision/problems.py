@@ -1,0 +1,428 @@
+"""The published sub-problems: depth (1), place (2), pose (3, 5) and aspect ratios (4) from a silhouette.
+
+Each is one pure function. The area tells the depth, the centroid the place, and the mismatch of the drawn
+and the seen silhouette pose and ratios.
+
+Solved strictly one after the other they stop far from the least mismatch, because a pose is only as good as
+the camera that it was found with. So the camera follows each trial of (3) and (4) by (1) and (2) in closed
+form: the area falls with the square of the depth, the centroid moves with the camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.mechanism import Mechanism
+from monodyn.optimize.bracket import line_search
+from monodyn.optimize.lagrangian import augmented_lagrangian
+from monodyn.types import FULL, Camera
+from monodyn.vision.drawn import NOWHERE, drawn, moment_sums, placed_mismatch
+from monodyn.vision.rig import Rig, rig_of
+from monodyn.vision.silhouette import row_sums
+
+SIZES = (".length", ".width", ".tail", ".tip")
+"""Sizes that a silhouette shows."""
+X, Y, DEPTH = 9, 10, 11
+"""Columns of the packed camera."""
+LEAST_WIDTH_PX = 1.5
+"""No size gets below this: what has no inside has no mismatch to come back by [px]."""
+FOLLOWING = 3
+"""Silhouettes drawn for one trial before a camera that follows."""
+RATIO_RANGE = 30.0
+"""An aspect ratio may become so many times larger or smaller than in the file."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A binary silhouette as the problems need it.
+
+    Attributes:
+        sums: Row prefix sums of the silhouette, (height, width + 1).
+        moments: Row prefix sums of 1, x and y, (3, height, width + 1).
+        area: Its area A_o [px^2].
+        x: Its centroid x_co [px].
+        y: Its centroid y_co [px].
+    """
+
+    sums: np.ndarray
+    moments: np.ndarray
+    area: float
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """How the objective of one sub-problem fell.
+
+    Attributes:
+        problem: ``depth`` (1), ``place`` (2), ``pose`` (3, or 5 in video) or ``ratios`` (4).
+        evaluations: Silhouettes drawn so far in this search, (entry,).
+        values: Least objective so far [px^4, px^2, px^2, px^2], (entry,).
+    """
+
+    problem: str
+    evaluations: np.ndarray
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A mechanism of changeable sizes before a camera, in a pose.
+
+    The arrays that are drawn are affine in the sizes.
+
+    Attributes:
+        names: Sizes that the aspect ratios consist of.
+        reference: The free size that stays, to which they are ratios; empty where none has to.
+        sizes: Their values [m], (param,).
+        lower: Lower bounds [m], (param,).
+        upper: Upper bounds [m], (param,).
+        base: The rig at sizes of zero, with the camera as it is now.
+        slopes: Derivatives of links, points and radius by size, each (param, ...).
+        position: Joint positions, (dof,).
+        limits: Lower and upper joint limits, (2, dof).
+        moves: Which of the camera's x, y and depth are estimated, (3,).
+    """
+
+    names: tuple[str, ...]
+    reference: str
+    sizes: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    base: Rig
+    slopes: tuple[np.ndarray, ...]
+    position: np.ndarray
+    limits: np.ndarray
+    moves: tuple[bool, bool, bool]
+
+    @property
+    def rig(self) -> Rig:
+        """The arrays that are drawn."""
+        return self.rig_with(self.sizes)
+
+    def rig_with(self, sizes: np.ndarray) -> Rig:
+        """Return the arrays that are drawn at other sizes.
+
+        Args:
+            sizes: Sizes [m], (param,).
+        """
+        links, points, radius = (
+            array + np.tensordot(sizes, slope, 1)
+            for array, slope in zip(
+                (self.base.links, self.base.points, self.base.radius), self.slopes, strict=True
+            )
+        )
+        return self.base._replace(links=links, points=points, radius=radius)
+
+    def before(self, camera: np.ndarray) -> View:
+        """Return the same before another packed camera.
+
+        Args:
+            camera: From ``camera_array``, (15,).
+        """
+        return replace(self, base=self.base.before(camera))
+
+
+def seen(silhouette: np.ndarray) -> Seen:
+    """Take area, centroid and row sums of a binary silhouette.
+
+    Args:
+        silhouette: uint8 (height, width), ``FULL`` on the mechanism.
+
+    Raises:
+        VideoError: the silhouette is empty.
+    """
+    import cv2
+
+    moments = cv2.moments(silhouette)
+    area = moments["m00"] / FULL
+    if not area > 0.0:
+        raise VideoError(
+            "silhouette: expected some of the mechanism, got an empty picture; give --background a picture "
+            "without the mechanism, or use another method."
+        )
+    x, y = moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
+    return Seen(row_sums(silhouette), _moments_of(*silhouette.shape), area, x, y)
+
+
+@lru_cache(maxsize=4)
+def _moments_of(height: int, width: int) -> np.ndarray:
+    return moment_sums(height, width)
+
+
+def view_of(
+    mechanism: Mechanism, camera: Camera, position: np.ndarray, moves: tuple[bool, bool, bool]
+) -> View:
+    """Prepare a mechanism before a camera for the problems.
+
+    Of the free sizes the first length stays when the depth is estimated: a picture does not tell the common
+    scale, so the others are ratios to it.
+
+    Args:
+        mechanism: Its parameters that are not free stay.
+        camera: The camera.
+        position: Joint positions [rad; m in the start scale], (dof,).
+        moves: Which of the camera's x, y and depth are estimated.
+    """
+    sized = [p for p in mechanism.parameters if p.name.endswith(SIZES)]
+    free = [p for p in sized if p.free]
+    held = ""
+    if moves[2] and len(free) == len(sized) and free:
+        reference = next((p for p in free if p.name.endswith(".length")), free[0])
+        free = [p for p in free if p is not reference]
+        held = reference.name
+    names = tuple(p.name for p in free)
+    sizes = np.array([p.value for p in free])
+    rig = rig_of(mechanism, camera)
+    slopes: list[list[np.ndarray]] = []
+    for name, size in zip(names, sizes.tolist(), strict=True):
+        other = rig_of(mechanism.with_values({name: 2.0 * size + 1.0}), camera)
+        step = size + 1.0
+        slopes.append([(getattr(other, a) - getattr(rig, a)) / step for a in ("links", "points", "radius")])
+    arrays = (rig.links, rig.points, rig.radius)
+    stacked = tuple(
+        np.array([slope[i] for slope in slopes]).reshape(len(names), *array.shape)
+        for i, array in enumerate(arrays)
+    )
+    links, points, radius = (
+        array - np.tensordot(sizes, slope, 1) for array, slope in zip(arrays, stacked, strict=True)
+    )
+    base = rig._replace(links=links, points=points, radius=radius)
+    scale = float(np.mean([p.value for p in sized])) if sized else 1.0
+    least = np.array([0.0 if p.name.endswith((".tail", ".tip")) else p.value / RATIO_RANGE for p in free])
+    lower = np.maximum([p.lower for p in free], least)
+    upper = np.minimum([p.upper for p in free], RATIO_RANGE * np.maximum(sizes, 0.1 * scale))
+    limits = np.array([[j.lower for j in mechanism.joints], [j.upper for j in mechanism.joints]], dtype=float)
+    at = np.array(position, dtype=float)
+    return View(names, held, sizes, lower, upper, base, stacked, at, limits, moves)
+
+
+def mismatch(image: Seen, rig: Rig, position: np.ndarray) -> float:
+    """Return the sum of ``|I_a - I_m|`` over the picture [px^2].
+
+    Args:
+        image: The seen silhouette I_a.
+        rig: What is drawn, I_m.
+        position: Joint positions, (dof,).
+
+    Source:
+        The 2012 paper, eq. (3), (4) and (5).
+    """
+    area, common = drawn(image.sums[np.newaxis], *rig, position)
+    return image.area + area - 2.0 * common if area >= 0.0 else NOWHERE
+
+
+def area_gap(image: Seen, rig: Rig, position: np.ndarray) -> float:
+    """Return ``(A_o - A_m)^2`` [px^4], the areas inside of the picture.
+
+    Args:
+        image: The seen silhouette.
+        rig: What is drawn.
+        position: Joint positions, (dof,).
+
+    Source:
+        The 2012 paper, eq. (1).
+    """
+    area = drawn(image.moments[:1], *rig, position)[1]
+    return (image.area - area) ** 2 if area >= 0.0 else NOWHERE
+
+
+def centroid_gap(image: Seen, rig: Rig, position: np.ndarray) -> float:
+    """Return the squared distance between the centroids of the seen and the drawn silhouette [px^2].
+
+    Args:
+        image: The seen silhouette.
+        rig: What is drawn.
+        position: Joint positions, (dof,).
+
+    Source:
+        The 2012 paper, eq. (2).
+    """
+    _, area, x, y = drawn(image.moments, *rig, position)
+    return (image.x - x / area) ** 2 + (image.y - y / area) ** 2 if area > 0.0 else NOWHERE
+
+
+def fit_depth(
+    image: Seen, view: View, *, step: float = 0.05, tolerance: float = 1e-5
+) -> tuple[View, History]:
+    """Find the camera's depth by the silhouette's area: golden section with Swann's bounding.
+
+    The depth is bounded so that the drawn mechanism is neither a hundred times smaller nor larger than seen.
+
+    Args:
+        image: The seen silhouette.
+        view: The mechanism as it is so far.
+        step: First step as a share of the depth.
+        tolerance: Done at this share of the depth.
+
+    Source:
+        The 2012 paper, eq. (1).
+    """
+    rig, camera = view.rig, view.base.camera
+    depth = float(camera[DEPTH])
+    area = max(float(drawn(image.moments[:1], *rig, view.position)[0]), 1.0)
+    likely = depth * float(np.sqrt(area / image.area))
+    lower, upper = min(0.1 * likely, depth), max(10.0 * likely, depth)
+    calls: list[float] = []
+
+    def gap(value: float) -> float:
+        calls.append(area_gap(image, rig.before(_with(camera, {DEPTH: value})), view.position))
+        return calls[-1]
+
+    found = line_search(gap, depth, step * depth, lower, upper, tolerance * depth)
+    falling = np.minimum.accumulate(calls)
+    history = History("depth", np.arange(1, len(calls) + 1), falling)
+    return view.before(_with(camera, {DEPTH: found.x})), history
+
+
+def fit_place(
+    image: Seen, view: View, *, step_px: float = 4.0, tolerance_px: float = 0.005
+) -> tuple[View, History]:
+    """Find the camera's x and y by the silhouette's centroid: augmented Lagrangian, Powell inside.
+
+    They are bounded so that the drawn silhouette's centroid stays inside of the picture.
+
+    Args:
+        image: The seen silhouette.
+        view: The mechanism as it is so far.
+        step_px: First step in the picture [px].
+        tolerance_px: Done at this step in the picture [px].
+
+    Source:
+        The 2012 paper, eq. (2).
+    """
+    rig, camera = view.rig, view.base.camera
+    columns = [column for column, moves in zip((X, Y), view.moves, strict=False) if moves]
+    scale = float(camera[DEPTH] / camera[12])
+    height, width = image.sums.shape[0], image.sums.shape[1] - 1
+    _, area, sum_x, sum_y = drawn(image.moments, *rig, view.position)
+    middle = [sum_x / area, sum_y / area] if area > 0.0 else [0.5 * width, 0.5 * height]
+    reach = {X: (middle[0] - width, middle[0]), Y: (-middle[1], height - middle[1])}
+    start = camera[columns]
+    lower = np.minimum(start + scale * np.array([reach[c][0] for c in columns]), start)
+    upper = np.maximum(start + scale * np.array([reach[c][1] for c in columns]), start)
+
+    def gap(place: np.ndarray) -> float:
+        return centroid_gap(
+            image, rig.before(_with(camera, dict(zip(columns, place, strict=True)))), view.position
+        )
+
+    found = augmented_lagrangian(
+        gap, start, lower, upper, step=step_px * scale, tolerance=tolerance_px / step_px, most=300
+    )
+    moved = _with(camera, dict(zip(columns, found.x, strict=True)))
+    return view.before(moved), _history("place", found.history, found.evaluations)
+
+
+def fit_pose(
+    image: Seen,
+    view: View,
+    *,
+    step: np.ndarray,
+    tolerance: float = 0.02,
+    lower: np.ndarray | None = None,
+    upper: np.ndarray | None = None,
+    most: int = 1000,
+) -> tuple[View, History]:
+    """Find the pose by the mismatch of the silhouettes within limits: augmented Lagrangian, Powell inside.
+
+    Args:
+        image: The seen silhouette.
+        view: The mechanism; its position is the start.
+        step: First step of each joint [rad or m], (dof,).
+        tolerance: Done at this share of the step.
+        lower: Lower limits (of eq. 5), (dof,); default the joints' own (eq. 3).
+        upper: Upper limits, (dof,).
+        most: Silhouettes drawn at the most.
+
+    Source:
+        The 2012 paper, eq. (3) and (5).
+    """
+    rig = view.rig
+    low = view.limits[0] if lower is None else lower
+    high = view.limits[1] if upper is None else upper
+    start = np.clip(view.position, low, high)
+
+    def gap(q: np.ndarray) -> float:
+        return _following(image, view, rig, q)[0] if any(view.moves) else mismatch(image, rig, q)
+
+    found = augmented_lagrangian(gap, start, low, high, step=step, tolerance=tolerance, most=most)
+    found_view = replace(view, position=found.x)
+    return followed(image, found_view), _history("pose", found.history, found.evaluations, view)
+
+
+def fit_ratios(
+    image: Seen, view: View, *, step: float = 0.1, tolerance: float = 0.02, most: int = 3000
+) -> tuple[View, History]:
+    """Find the aspect ratios by the mismatch of the silhouettes: augmented Lagrangian, Powell inside.
+
+    With the reference length held, the unknowns are each body's width and every other length.
+
+    Args:
+        image: The seen silhouette.
+        view: The mechanism as it is so far.
+        step: First step as a share of each size.
+        tolerance: Done at this share of the step.
+        most: Trials at the most.
+
+    Source:
+        The 2012 paper, eq. (4).
+    """
+    least = LEAST_WIDTH_PX * float(view.base.camera[DEPTH] / view.base.camera[12])
+    overhang = np.array([name.endswith((".tail", ".tip")) for name in view.names])
+    lower = np.minimum(np.maximum(view.lower, np.where(overhang, 0.0, least)), view.upper)
+    start = np.clip(view.sizes, lower, view.upper)
+    typical = np.maximum(start, 0.05 * float(start.max(initial=0.0)))
+
+    def gap(sizes: np.ndarray) -> float:
+        rig = view.rig_with(sizes)
+        if any(view.moves):
+            return _following(image, view, rig, view.position)[0]
+        return mismatch(image, rig, view.position)
+
+    found = augmented_lagrangian(
+        gap, start, lower, view.upper, step=step * typical, tolerance=tolerance, most=most
+    )
+    found_view = replace(view, sizes=found.x)
+    return followed(image, found_view), _history("ratios", found.history, found.evaluations, view)
+
+
+def followed(image: Seen, view: View) -> View:
+    """Return the view before the camera that follows by (1) and (2) in closed form.
+
+    Args:
+        image: The seen silhouette.
+        view: The mechanism as it is so far.
+    """
+    return view.before(
+        _with(view.base.camera, dict(enumerate(_following(image, view, view.rig, view.position)[1], X)))
+    )
+
+
+def _following(image: Seen, view: View, rig: Rig, position: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the mismatch before the camera that follows, and its x, y and depth."""
+    facts = np.array([image.area, image.x, image.y])
+    costs, places = placed_mismatch(
+        image.sums, image.moments, *rig, position[np.newaxis], facts, np.array(view.moves)
+    )
+    return image.area + float(costs[0]), places[0]
+
+
+def _with(camera: np.ndarray, values: dict[int, float]) -> np.ndarray:
+    """Return a packed camera with some columns replaced."""
+    out = camera.copy()
+    for column, value in values.items():
+        out[column] = value
+    return out
+
+
+def _history(problem: str, entries: np.ndarray, total: int, view: View | None = None) -> History:
+    """Return the history of a search; a camera that follows draws two more silhouettes a trial."""
+    each = FOLLOWING if view is not None and any(view.moves) else 1
+    drawings = each * np.append(entries[:, 0], total).astype(np.int64)
+    return History(problem, drawings, np.append(entries[:, 1], entries[-1, 1]))
