@@ -120,7 +120,7 @@ def test_what_is_known_of_torques_is_kept() -> None:
     assert not more.parameter("joint1.torque.mean").free
     assert (more.parameter("joint2.torque.cos1").lower, more.parameter("torque.period").upper) == (-1.0, 1.0)
     assert more.chosen == {"joint1.torque.mean", "gravity"}
-    less = more.with_torque("fourier", terms=2, period=2.0)
+    less = more.with_torque("fourier", terms=2)
     assert less.parameters == mechanism.parameters
     off = less.with_torque("friction")
     assert off.parameters == load("double").with_choices(free=["gravity"]).parameters

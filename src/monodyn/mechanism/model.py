@@ -267,7 +267,7 @@ class Mechanism:
                 ``"free"``: values at knots, linear in between, ``<joint>.torque.0``, ``.torque.1``, ...
             terms: Harmonics of the Fourier series.
             knots: Times of the knots [s], (knot,), in true time.
-            period: Start value of the period [s].
+            period: Start value of the period [s], where the mechanism has none yet.
 
         Raises:
             MechanismError: The model is unknown, has no term, no period above 0 or fewer than two knots, or
@@ -279,6 +279,8 @@ class Mechanism:
             >>> [name for name in single.values if "torque" in name]
             ['torque.period', 'joint1.torque.mean', 'joint1.torque.cos1', 'joint1.torque.sin1']
         """
+        if period is None and self.torque == "fourier":
+            period = self.values["torque.period"]
         torques = make_torques(self.plan, model, terms=terms, knots=knots, period=period)
         table, count, old = torques.table, len(self.plan_numbers), self.torques
         same = model == "fourier" or np.array_equal(torques.knots, old.knots)
