@@ -6,7 +6,7 @@ import csv
 import json
 import re
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +19,17 @@ from monodyn.cli import main
 from monodyn.errors import MechanismError, SettingsError, VideoError
 from monodyn.estimation.filtering import Gains, filtered
 from monodyn.mechanism import load
-from monodyn.reproduce.cases import Case, Design, Plan, parameter_errors, plans, rms, run_case, started
+from monodyn.reproduce.cases import (
+    TORQUES,
+    Case,
+    Design,
+    Plan,
+    parameter_errors,
+    plans,
+    rms,
+    run_case,
+    started,
+)
 from monodyn.reproduce.claims import claims, overall
 from monodyn.reproduce.clip import (
     ClipSettings,
@@ -208,7 +218,13 @@ def moved(case: str, error: float, states: str = "measured", frames: int = 40, n
     position = true + error + noise * found.errors
     motion = States(found.poses.time, position, 0.0 * position, 0.0 * position)
     fit: Any = SimpleNamespace(
-        names=(*"abcdef", *("",) * 4), mechanism=mechanism(), evaluations=7, ok=True, parameters=(), advice=()
+        names=(*"abcdef", *("",) * 4),
+        starts=(None,),
+        mechanism=mechanism(),
+        evaluations=7,
+        ok=True,
+        parameters=(),
+        advice=(),
     )
     return Case(
         Plan("fast", case, states, frames),
@@ -315,8 +331,12 @@ def test_cases_two_and_three_are_judged() -> None:
 
 def test_unknowns_are_compared_with_the_printed_ones() -> None:
     found = verdicts(moved("I", 0.0), moved("II", 0.0), moved("III", 0.0))["There are"]
-    assert found.held is False
-    assert found.numbers == "Case I 6, Case II 6, Case III 6"
+    assert found.held is None
+    assert found.numbers.startswith("Case I 6, Case II 6, Case III 6: ")
+    fits = [replace(c, plan=replace(c.plan, method="paper")) for c in map(partial(moved, error=0.0), TORQUES)]
+    claim = claims({"fast": seen(), "paper": replace(seen(), method="paper")}, fits, DESIGN)[-1]
+    assert claim.verdicts["paper"].held is False
+    assert claim.verdicts["paper"].numbers == "Case I 6, Case II 6, Case III 6"
 
 
 def test_the_page_shows_tables_figures_and_pictures_without_a_network() -> None:

@@ -69,7 +69,7 @@ def _print(made: Experiment) -> None:
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         print("  ".join(cells).rstrip())
-    words = {True: "held", False: "did not hold", None: "not decided"}
+    words = {True: "held", False: "did not hold", None: "no verdict"}
     print()
     for claim in made.claims:
         said = ", ".join(

@@ -9,6 +9,7 @@ import numpy as np
 
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify
+from monodyn.estimation.period import estimate_period
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Mechanism
 from monodyn.reproduce.clip import Pendulum, Truth
@@ -18,6 +19,8 @@ from monodyn.types import Poses, Progress
 
 TORQUES = {"I": "friction", "II": "fourier", "III": "free"}
 """Torque model of each case of the paper."""
+TERMS = 7
+"""Harmonics of the paper's series."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,9 @@ class Case:
     @property
     def unknowns(self) -> int | None:
         """Number of estimated parameters, the start state not counted."""
-        return None if self.fit is None else len(self.fit.names) - 2 * len(self.fit.mechanism.joints)
+        if self.fit is None or not self.fit.starts:
+            return None
+        return len(self.fit.names) - 2 * len(self.fit.mechanism.joints)
 
 
 def plans(design: Design, count: int) -> list[Plan]:
@@ -156,7 +161,7 @@ def run_case(plan: Plan, seen: Seen, truth: Truth | None, design: Design) -> Cas
     try:
         mechanism = started(seen.scene.mechanism, plan.start, design.seed)
         poses = _observed(plan, seen).part(0, plan.frames)
-        fit = identify(poses, mechanism, identify_settings(plan, design))
+        fit, note = _fitted(plan, poses, mechanism, seen.poses, design)
         seconds = time.perf_counter() - began
         if not fit.starts:
             return Case(plan, fit.status, fit, seconds=seconds)
@@ -164,7 +169,25 @@ def run_case(plan: Plan, seen: Seen, truth: Truth | None, design: Design) -> Cas
         motion = fill(fit, seen.poses.time[:last])
     except FAILURES as error:
         return Case(plan, f"failed: {error}", seconds=time.perf_counter() - began)
-    return _measured(Case(plan, fit.status, fit, motion, seconds=seconds), seen.poses, truth, design)
+    found = Case(plan, f"{fit.status}{note}", fit, motion, seconds=seconds)
+    return _measured(found, seen.poses, truth, design)
+
+
+def _fitted(plan: Plan, poses: Poses, mechanism: Mechanism, clip: Poses, design: Design) -> tuple[Fit, str]:
+    """Identify; frames too few to tell the period of Case II take that of the poses of the whole clip."""
+    settings = identify_settings(plan, design)
+    fit = identify(poses, mechanism, settings)
+    if fit.starts or plan.case != "II":
+        return fit, ""
+    position = np.where(clip.seen[:, None], clip.position, np.nan)
+    period = estimate_period(clip.time, position, TERMS)
+    if not period.found:
+        return fit, ""
+    driven = mechanism.with_torque("fourier", terms=TERMS, period=period.seconds)
+    known = identify(poses, driven.with_choices(fix={"torque.period": period.seconds}), settings)
+    if not known.starts:
+        return known, ""
+    return known, f" The period, {period.seconds:.4g} s, is that of the poses of the whole clip."
 
 
 def identify_settings(plan: Plan, design: Design) -> IdentifySettings:
