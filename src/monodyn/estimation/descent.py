@@ -1,0 +1,227 @@
+"""Starts and bounds of the published least squares in, the best end of its search out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.estimation.grow import Route, choose_substeps
+from monodyn.estimation.held import Held
+from monodyn.estimation.problem import Problem, smooth_motion
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.smooth import Smoothed, smooth
+from monodyn.estimation.starts import starts
+from monodyn.estimation.torque import fourier_coefficients, inverse_dynamics
+from monodyn.estimation.unknowns import choose_unknowns, kind_of, scaled_start, size_prior
+from monodyn.estimation.verdict import motion_sizes
+from monodyn.mechanism.tree import DAMPING, FRICTION, STIFFNESS
+from monodyn.optimize import SearchSettings
+from monodyn.types import Poses, Progress
+
+REACH = float(np.log(10.0))
+"""Positive parameters are looked for within a factor of ten of their start."""
+TYPICAL = 0.1
+"""Typical change of a logarithm, by which the search scales it."""
+FINE = 1e-3
+"""The search ends when the cost falls by less than this share of what the stated noise alone costs."""
+CLOSE = 0.02
+"""A start is good, and no other is tried, when the rms residual is below this share of the motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where the search ended.
+
+    Attributes:
+        held: The problem, with the scales and integration steps of the search.
+        x: Coordinates, (param,).
+        bounds: Lower and upper bounds of the coordinates, (2, param).
+        evaluations: Rollouts from all starts.
+        converged: True when the search reached its minimum.
+        tried: Starts that were tried.
+        error: Integration error [rad or m].
+    """
+
+    held: Held
+    x: np.ndarray
+    bounds: np.ndarray
+    evaluations: int
+    converged: bool
+    tried: int
+    error: float
+
+    @property
+    def size(self) -> float:
+        """Sum of the squares of the residuals."""
+        return float(np.sum(self.held.residuals_at(self.x) ** 2))
+
+
+def descend(
+    held: Held,
+    records: tuple[Poses, ...],
+    scale: float,
+    settings: IdentifySettings,
+    progress: Progress | None = None,
+) -> Descent | None:
+    """Search from one start after the other until the motion is explained.
+
+    Args:
+        held: The problem; its scales and integration steps are chosen here.
+        records: The records, joints in the mechanism's order.
+        scale: Common scale of sizes at which the torque is periodic, NaN where that is not known.
+        settings: Starts, seed, evaluations (each as many rollouts as a gradient takes), error bound.
+        progress: Called as ``progress("identify", done, None)`` after each start.
+
+    Returns:
+        The best end, or None where no start can be simulated.
+    """
+    smoothed = tuple(smooth(record) for record in records)
+    motion = motion_sizes(held.data)
+    best: Descent | None = None
+    evaluations, tried = 0, 0
+    for x in _starts(held, smoothed, scale, settings):
+        found = _search(held, x, smoothed, settings)
+        tried += 1
+        if found is not None:
+            evaluations += found.evaluations
+            best = found if best is None or found.size < best.size else best
+        if progress is not None:
+            progress("identify", tried, None)
+        if found is not None and (_rms(found) < CLOSE * motion).all():
+            break
+    return None if best is None else replace(best, evaluations=evaluations, tried=tried)
+
+
+def _rms(found: Descent) -> np.ndarray:
+    """Root mean square of simulated less measured positions in the record's units, (dof,)."""
+    held = found.held
+    difference = held.differences(found.x, held.states(found.x), held.pieces, held.substeps)
+    return np.sqrt(np.nanmean(difference**2, axis=0))
+
+
+def _starts(
+    held: Held, smoothed: tuple[Smoothed, ...], scale: float, settings: IdentifySettings
+) -> Iterator[np.ndarray]:
+    """Yield starts: at the scale of a periodic torque, then those of the default search without a torque.
+
+    A Fourier series starts as that of the torque that the smoothed poses ask for there, eq. (12) and (13);
+    free torques start at zero.
+    """
+    count = settings.starts
+    if np.isfinite(scale):
+        values = scaled_start(held.unknowns, scale, held.mechanism)
+        named = [values.get(n, v) for n, v in zip(held.unknowns.names, held.unknowns.start, strict=True)]
+        yield _driven(held, held.unknowns.coordinates(np.array(named)), smoothed)
+        count -= 1
+    if count < 1:
+        return
+    mechanism = held.mechanism.with_torque("friction")
+    unknowns = choose_unknowns(mechanism)
+    undriven = Problem(mechanism, unknowns, size_prior(mechanism, unknowns), held.data)
+    place = held.unknowns.index(unknowns.names)
+    route = Route(settings.piece, settings.error_bound, SearchSettings(evaluations=settings.evaluations))
+    for x, _ in starts(undriven, smooth_motion(undriven, smoothed), smoothed, route, count, settings.seed):
+        whole = held.unknowns.x0.copy()
+        whole[place] = x
+        yield _driven(held, whole, smoothed)
+
+
+def _driven(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> np.ndarray:
+    """Put the coefficients of the torque that smoothed poses ask for into ``x`` (param,)."""
+    if held.mechanism.torque != "fourier":
+        return x
+    mechanism, parts = held.mechanism_at(x), []
+    for k, found in enumerate(smoothed):
+        q, v, a = _true_motion(held, x, k, found)
+        parts.append((found.time[2:-2] * held.stretch(x), inverse_dynamics(mechanism, q, v, a)[2:-2]))
+    time, torque = (np.concatenate(part) for part in zip(*parts, strict=True))
+    ways = mechanism.drive_ways(held.unknowns.names)
+    period = mechanism.values["torque.period"]
+    coefficients = fourier_coefficients(time, torque, period, ways.shape[1] // 2)
+    x = x.copy()
+    x[ways[ways >= 0]] = coefficients.T[ways >= 0]
+    return x
+
+
+def _true_motion(
+    held: Held, x: np.ndarray, record: int, found: Smoothed
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Smoothed positions, rates and accelerations in metres and true time, each (frame, dof)."""
+    unit, stretch = np.where(held.data.slide[record], held.size(x), 1.0), held.stretch(x)
+    return found.position * unit, found.velocity * unit / stretch, found.acceleration * unit / stretch**2
+
+
+def _search(
+    held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...], settings: IdentifySettings
+) -> Descent | None:
+    """Search from one start; again where the end needs more integration steps than the start did."""
+    from monodyn.optimize import bounded_bfgs
+
+    held, bounds = _ranged(held, x, smoothed)
+    x = np.clip(x, *bounds)
+    evaluations, converged = 0, False
+    error = np.inf
+    for _ in range(3):
+        substeps, error = choose_substeps(held, x, held.states(x), held.pieces, settings.error_bound)
+        if evaluations and substeps <= held.substeps:
+            break
+        stepped = held = replace(held, substeps=max(substeps, held.substeps))
+        most = settings.evaluations * (len(x) + 1)
+        cost = 0.5 * float(np.sum(held.residuals_at(x) ** 2))
+        tolerance = float(np.clip(FINE * _noise_cost(held) / max(cost, 1e-300), 1e-10, 1e-4))
+        end = bounded_bfgs(
+            lambda at, on=stepped: on.residuals_at(at).ravel(), x, *bounds, scale=held.scale, most=most,
+            tolerance=tolerance,
+        )  # fmt: skip
+        evaluations += end.evaluations
+        if not np.isfinite(end.value):
+            return None
+        x, converged = end.x, end.converged
+    return Descent(held, x, bounds, evaluations, converged, 1, error)
+
+
+def _noise_cost(held: Held) -> float:
+    """Cost that the stated noise of the poses alone would make."""
+    if held.white is not None:
+        return 0.5 * float(np.isfinite(held.target).sum())
+    return 0.5 * float(np.nansum(held.data.std**2))
+
+
+def _ranged(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> tuple[Held, np.ndarray]:
+    """Choose scales and bounds of the unknowns about a start; bounds are (2, param)."""
+    load, rate = _loads(held, x, smoothed)
+    unknowns = held.unknowns
+    scale, low, high = np.full(len(x), TYPICAL), x - REACH, x + REACH
+    for p, name in enumerate(unknowns.names):
+        if unknowns.log[p]:
+            continue
+        joint = next((i for i, j in enumerate(held.mechanism.joints) if name.startswith(f"{j.name}.")), None)
+        kind = kind_of(name)
+        if joint is not None and ".torque." in name:
+            scale[p], low[p], high[p] = 0.1 * load[joint], -10.0 * load[joint], 10.0 * load[joint]
+        elif joint is not None and kind in ("damping", "friction"):
+            most = load[joint] / (rate[joint] if kind == "damping" else 1.0)
+            scale[p], low[p], high[p] = 0.01 * most, 0.0, max(most, 10.0 * x[p])
+        else:
+            scale[p], low[p], high[p] = max(abs(x[p]), 1e-2), -np.inf, np.inf
+    low, high = np.maximum(low, unknowns.lower), np.minimum(high, unknowns.upper)
+    return replace(held, scale=scale), np.stack((np.minimum(low, high), high))
+
+
+def _loads(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Typical torque of weight and inertia [N m or N] and rate [rad/s or m/s] of each joint, (dof,)."""
+    mechanism = held.mechanism_at(x)
+    bare = mechanism.tree.links.copy()
+    bare[:, [DAMPING, FRICTION, STIFFNESS]] = 0.0
+    squares, rates, rows = np.zeros(len(bare)), np.zeros(len(bare)), 0
+    for k, found in enumerate(smoothed):
+        q, v, a = _true_motion(held, x, k, found)
+        still = np.zeros_like(v)
+        weight = inverse_dynamics(mechanism, q, still, still, links=bare)
+        inertia = inverse_dynamics(mechanism, q, v, a, links=bare, gravity=np.zeros(2))
+        squares += (weight**2 + inertia**2).sum(axis=0)
+        rates += (v**2).sum(axis=0)
+        rows += len(q)
+    return np.maximum(np.sqrt(squares / rows), 1e-12), np.maximum(np.sqrt(rates / rows), 1e-6)

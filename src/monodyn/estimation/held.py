@@ -1,0 +1,182 @@
+"""The least-squares problem of the 2012 paper: start states held at the filtered ones, poses unweighted.
+
+The default problem has the start states among its unknowns; here they are given, and all that is left is one
+rollout a record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from monodyn.estimation.data import Data, Pieces
+from monodyn.estimation.filtering import Filtered
+from monodyn.estimation.problem import Problem
+
+STEP = 1e-6
+"""Step of the differences that the covariance rests on, in scales of the unknowns."""
+
+
+@dataclass(frozen=True, eq=False)
+class Held(Problem):
+    """One identification with held start states.
+
+    Attributes:
+        held: Filtered state at the first row of each record, in its units by stamped time, (record, 2 dof).
+        target: Positions, or positions and rates, that are compared, NaN where there are none,
+            (row, dof or 2 dof).
+        white: Whitening matrices of the target, (row, column, column), or None for a plain difference.
+        scale: Typical size of each unknown's coordinate, (param,).
+        substeps: Integration steps between stamps.
+        noise: Standard deviation of a residual, by which those of ``rows`` are divided.
+    """
+
+    held: np.ndarray
+    target: np.ndarray
+    white: np.ndarray | None
+    scale: np.ndarray
+    substeps: int
+    noise: float = 1.0
+
+    @property
+    def pieces(self) -> Pieces:
+        """One piece a record."""
+        return Pieces(self.data.first, np.arange(len(self.data.first) - 1))
+
+    def stretch(self, x: np.ndarray) -> float:
+        """Return the true seconds per stamped second."""
+        return self._clock if "time_scale" not in self.unknowns.names else super().stretch(x)
+
+    @cached_property
+    def _clock(self) -> float:
+        return self.mechanism.values["time_scale"]
+
+    def states(self, x: np.ndarray) -> np.ndarray:
+        """Return the start states at coordinates ``x`` [rad or m], by true time, (record, 2 dof)."""
+        unit = np.where(self.data.slide, self.size(x), 1.0)
+        return self.held * np.concatenate((unit, unit / self.stretch(x)), axis=1)
+
+    def motion(self, x: np.ndarray) -> np.ndarray:
+        """Return simulated positions, then rates, in the records' units and time, (row, 2 dof)."""
+        ends = zip(self.data.first[:-1], self.data.first[1:], self.states(x), strict=True)
+        q, v = self._rolled(x, list(ends), self.substeps)
+        unit = np.repeat(np.where(self.data.slide, self.size(x), 1.0), np.diff(self.data.first), axis=0)
+        return np.concatenate((q / unit, v * self.stretch(x) / unit), axis=1)
+
+    def residuals_at(self, x: np.ndarray) -> np.ndarray:
+        """Return X_s - X_e, whitened with rates, 0 where nothing was measured, (row, column)."""
+        columns = self.target.shape[1]
+        difference = self.motion(x)[:, :columns] - self.target
+        difference = np.where(np.isfinite(self.target), difference, 0.0)
+        return difference if self.white is None else np.einsum("fij,fj->fi", self.white, difference)
+
+    def rows(
+        self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the residuals in standard deviations and their Jacobian by the unknowns alone.
+
+        Central differences: (row, column) and (row, column, param).
+        """
+        base = self.residuals_at(x)
+        jacobian = np.zeros((*base.shape, len(x)))
+        for p, step in enumerate(STEP * self.scale):
+            low, high = x.copy(), x.copy()
+            low[p], high[p] = x[p] - step, x[p] + step
+            low, high = (np.clip(end, self.unknowns.lower, self.unknowns.upper) for end in (low, high))
+            if high[p] > low[p]:
+                ahead, behind = self.residuals_at(high), self.residuals_at(low)
+                jacobian[:, :, p] = (ahead - behind) / (high[p] - low[p])
+        return base / self.noise, jacobian / self.noise
+
+    def rollouts(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
+        """Simulate runs of rows (first, stop, start state), positions [rad or m] end to end (row, dof)."""
+        return self._rolled(x, runs, substeps)[0]
+
+    def _rolled(
+        self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        from monodyn.mechanism.dynamics import rollout
+
+        mechanism, stretch = self.mechanism_at(x), self.stretch(x)
+        tree = mechanism.tree
+        arrays, parts = (tree.parent, tree.kind, tree.links, tree.gravity), []
+        for first, stop, state in runs:
+            times = self.data.times[first:stop] * stretch
+            parts.append(rollout(*arrays, times, substeps, *np.split(state, 2), drive=mechanism.drive))
+        q, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return q, v
+
+
+def held_states(data: Data, filtered: tuple[Filtered, ...]) -> np.ndarray:
+    """Return the filtered state at the first row of each record, (record, 2 dof).
+
+    A joint that is seen later than the first row goes back to it with constant acceleration.
+
+    Args:
+        data: The measurements.
+        filtered: Filtered motion of each record, on the record's own rows.
+    """
+    found = []
+    for k, states in enumerate(filtered):
+        row = int(data.source[data.first[k]])
+        position, velocity = states.position[row].copy(), states.velocity[row].copy()
+        for dof in np.flatnonzero(~np.isfinite(position)):
+            begun = int(np.argmax(np.isfinite(states.position[:, dof])))
+            back = states.time[row] - states.time[begun]
+            q, v, a = (part[begun, dof] for part in (states.position, states.velocity, states.acceleration))
+            position[dof], velocity[dof] = q + back * v + 0.5 * back**2 * a, v + back * a
+        found.append(np.concatenate((position, velocity)))
+    return np.array(found)
+
+
+def targets(
+    data: Data, filtered: tuple[Filtered, ...], states: str, rates: bool
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return what the simulated states are compared with, and its whitening.
+
+    Angles alone are compared as they are, as in the paper. With rates the difference is weighted with the
+    inverse covariance: that of the filter, or with measured angles that of the measurement beside the
+    filter's of the rates.
+
+    Args:
+        data: The measurements.
+        filtered: Filtered motion of each record with its covariance, on the record's own rows.
+        states: ``measured`` or ``filtered``.
+        rates: True to compare rates as well.
+
+    Returns:
+        Target, NaN where there is none, (row, dof or 2 dof); whitening (row, column, column) or None.
+    """
+    source, record = data.source, np.repeat(np.arange(len(data.first) - 1), np.diff(data.first))
+    rows, dofs = data.position.shape
+    target, covariance = np.full((rows, 2 * dofs), np.nan), np.full((rows, 2 * dofs, 2 * dofs), np.nan)
+    for k, found in enumerate(filtered):
+        of = (record == k) & (source >= 0)
+        target[of] = np.concatenate((found.position, found.velocity), axis=1)[source[of]]
+        if found.covariance is not None:
+            covariance[of] = found.covariance[source[of]]
+    measured = np.tile(data.measured, 2)
+    if states == "measured":
+        target[:, :dofs] = data.position
+        covariance[:, :dofs, dofs:] = covariance[:, dofs:, :dofs] = 0.0
+        for i in range(rows):
+            use = np.flatnonzero(data.measured[i])
+            information = data.white[i].T @ data.white[i]
+            covariance[i][np.ix_(use, use)] = np.linalg.inv(information[np.ix_(use, use)])
+    target = np.where(measured, target, np.nan)
+    if not rates:
+        return target[:, :dofs], None
+    return target, _whitened(covariance, measured)
+
+
+def _whitened(covariance: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Roots of the inverse covariances of what is measured, (row, column, column)."""
+    both = measured[:, :, None] & measured[:, None, :]
+    filled = np.where(both, covariance, np.eye(covariance.shape[1]))
+    values, vectors = np.linalg.eigh(filled)
+    # a state that two samples determine exactly has a singular covariance to rounding
+    values = np.maximum(values, 1e-10 * values[:, -1:])
+    white = np.swapaxes(vectors, 1, 2) / np.sqrt(values)[:, :, None]
+    return white * measured[:, None, :]
