@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation.data import Data
-from monodyn.estimation.extend import dry_friction, evidence, more_terms, periodic, series, simpler_series
+from monodyn.estimation.extend import dry_friction, likeliest, more_terms, periodic, series, simpler_series
 from monodyn.estimation.grow import Grown
 from monodyn.estimation.periodic import Guess, guess_periods
 from monodyn.estimation.problem import Problem, posed, smooth_motion
 from monodyn.estimation.search import Search, hopeless
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.smooth import Smoothed
-from monodyn.estimation.starts import match, matched, sized
+from monodyn.estimation.starts import sized
 from monodyn.estimation.stepwise import MOST_TORQUES, fit_torques
 from monodyn.mechanism import Mechanism
 from monodyn.types import Progress
@@ -102,22 +102,19 @@ def by_series(mechanism: Mechanism, task: Task) -> Explained:
     guesses = guess_periods(plain, x, motion, settings.terms, bounds)
     if not guesses:
         return Explained(least, None, reason=NO_PERIOD)
-    best: Explained | None = None
-    for guess in guesses:
-        problem, search, grown = _from_guess(mechanism, task, plain, x, guess)
-        if best is None or evidence(problem, grown) < evidence(best.problem, best.grown):
-            best, route = Explained(problem, grown, len(guesses)), search.route
+    route = task.search(plain).route
+    tried = [_from_guess(mechanism, task, plain, x, guess) for guess in guesses]
+    problem, grown = tried[likeliest(tried)]
     if settings.terms == 0:
-        problem, grown = more_terms(*simpler_series(best.problem, best.grown, route, divide=clock.free), route)
-        best = Explained(problem, grown, len(guesses))
-    if clock.free and not periodic(best.problem, best.grown, route):
-        return Explained(best.problem, None, reason=NO_PERIOD)
-    return best
+        problem, grown = more_terms(*simpler_series(problem, grown, route, divide=clock.free), route)
+    if clock.free and not periodic(problem, grown, route):
+        return Explained(problem, None, reason=NO_PERIOD)
+    return Explained(problem, grown, len(guesses))
 
 
 def _from_guess(
     mechanism: Mechanism, task: Task, plain: Problem, x: np.ndarray, guess: Guess
-) -> tuple[Problem, Search, Grown]:
+) -> tuple[Problem, Grown]:
     """Grow a fit from one guess of the period."""
     problem = posed(series(mechanism, guess.terms, guess.period), task.data)
     unknowns = problem.unknowns
@@ -127,7 +124,7 @@ def _from_guess(
     way = problem.mechanism.drive_ways(unknowns.names)
     start[way[way >= 0]] = guess.table[way >= 0]
     search = task.search(problem)
-    return problem, search, search.grown(match(problem, search.motion, start), search.route)
+    return problem, search.grown(start, search.route)
 
 
 def by_torques(mechanism: Mechanism, task: Task) -> Explained:

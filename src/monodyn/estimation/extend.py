@@ -83,10 +83,10 @@ def simpler_series(
             shorter += [(terms // d, period / d) for d in range(2, terms + 1)]
         tried = [(problem, grown)]
         tried += [_cut(problem, grown, count, time, route) for count, time in shorter]
-        best = min(tried, key=lambda pair: evidence(*pair))
-        if best[1] is grown:
+        best = likeliest(tried)
+        problem, grown = tried[best]
+        if best == 0:
             return problem, grown
-        problem, grown = best
 
 
 def series(mechanism: Mechanism, terms: int, period: float) -> Mechanism:
@@ -126,7 +126,9 @@ def _cut(
 
 
 def periodic(problem: Problem, grown: Grown, route: Route) -> bool:
-    """True when a periodic torque explains the motion better than friction alone.
+    """True when a periodic torque explains the motion by far better than friction alone.
+
+    By far, because the best of many periods was taken.
 
     Args:
         problem: The problem with a periodic torque.
@@ -136,15 +138,26 @@ def periodic(problem: Problem, grown: Grown, route: Route) -> bool:
     trial = posed(problem.mechanism.with_torque("friction"), problem.data)
     start = trial.unknowns.carried(grown.x, problem.unknowns)
     passive = fit_pieces(trial, start, grown.states, grown.pieces, route, route.fine)
-    return evidence(problem, grown) < evidence(trial, passive)
+    added = len(problem.unknowns) - len(trial.unknowns)
+    return not passive.complete or _pays(passive, grown, added)
 
 
-def evidence(problem: Problem, grown: Grown) -> float:
-    """Return Schwarz's criterion of an optimum, lower is better: a longer series must earn its harmonics."""
-    if not grown.complete:
-        return float("inf")
-    cost = 2.0 * grown.cost / max(grown.sigma, 1.0) ** 2
-    return cost + len(problem.unknowns) * float(np.log(problem.data.samples))
+def likeliest(tried: list[tuple[Problem, Grown]]) -> int:
+    """Return which optimum Schwarz's criterion likes best: a longer series must earn its harmonics.
+
+    Residuals of the one that follows best tell the noise.
+
+    Args:
+        tried: Problems on the same data with their optima.
+    """
+    noise = max(min(grown.sigma for _, grown in tried), 1.0)
+    criteria = [
+        2.0 * grown.cost / noise**2 + len(problem.unknowns) * np.log(problem.data.samples)
+        if grown.complete
+        else np.inf
+        for problem, grown in tried
+    ]
+    return int(np.argmin(criteria))
 
 
 def _extended(problem: Problem, grown: Grown, mechanism: Mechanism, route: Route) -> tuple[Problem, Grown]:

@@ -81,7 +81,7 @@ def guess_periods(
         values = np.array([guess.criterion for guess in tried])
         ends = np.concatenate(([np.inf], values, [np.inf]))
         low = np.flatnonzero((values <= ends[:-2]) & (values < ends[2:]))
-        found += [tried[i] for i in low if values[i] < scan.nothing]
+        found += [scan.refined(tried[i]) for i in low if values[i] < scan.nothing]
     kept: list[Guess] = []
     for guess in sorted(found, key=lambda guess: guess.criterion):
         if all(abs(np.log(guess.period / other.period)) > APART for other in kept):
@@ -108,7 +108,25 @@ class _Scan:
         """Return the periods that the record can tell [s], evenly spaced in frequency."""
         span, step = float(np.ptp(self.clock)), float(np.median(np.diff(np.unique(self.clock))))
         low, high = FEWEST_PERIODS / span, 1.0 / (terms * PER_HARMONIC * step)
-        return 1.0 / np.arange(low, max(high, low), 0.1 / span / terms)
+        return 1.0 / np.arange(low, max(high, low), self.step(terms))
+
+    def step(self, terms: int) -> float:
+        """Return the spacing of the scanned frequencies [Hz]: a tenth of a turn of the last harmonic."""
+        return 0.1 / float(np.ptp(self.clock)) / terms
+
+    def refined(self, guess: Guess) -> Guess:
+        """Move a period between its neighbours in the scan to where the criterion is least."""
+        from scipy.optimize import minimize_scalar
+
+        step = self.step(guess.terms)
+        ends = (1.0 / guess.period - step, 1.0 / guess.period + step)
+        best = minimize_scalar(
+            lambda frequency: self.fit(1.0 / frequency, guess.terms).criterion,
+            bounds=ends,
+            method="bounded",
+            options={"xatol": 0.01 * step},
+        )
+        return self.fit(1.0 / float(best.x), guess.terms)
 
     def fit(self, period: float, terms: int) -> Guess:
         """Fit a series of one period, the other unknowns free to move."""

@@ -59,17 +59,16 @@ def starts(
     spread = np.array([reach.get(kind_of(name), 0.0) for name in unknowns.names])
     for i, x in enumerate(scatter(rolled, spread, count - 1, seed=seed)[1:]):
         x = np.clip(x, unknowns.lower, unknowns.upper)
-        yield (x, short) if i % 2 == 0 else (match(problem, motion, x), route)
+        yield (x, short) if i % 2 == 0 else (_match(problem, motion, x), route)
 
 
 def matched(problem: Problem, motion: Motion) -> np.ndarray:
     """Match accelerations: first the common scale, then all unknowns, (param,)."""
     nearest = min(_scaled(problem), key=lambda x: problem.acceleration_cost(x, motion))
-    return match(problem, motion, nearest)
+    return _match(problem, motion, nearest)
 
 
-def match(problem: Problem, motion: Motion, x: np.ndarray) -> np.ndarray:
-    """Match accelerations from a start, (param,)."""
+def _match(problem: Problem, motion: Motion, x: np.ndarray) -> np.ndarray:
     unknowns = problem.unknowns
     found = minimize(
         lambda at: problem.acceleration_rows(at, motion), x, unknowns.lower, unknowns.upper, settings=MATCH,
@@ -93,16 +92,18 @@ def _rolled(problem: Problem, smoothed: tuple[Smoothed, ...], route: Route) -> n
 def sized(problem: Problem, motion: Motion) -> np.ndarray:
     """Find the common scale at which the motion asks for the least torque beside that of gravity, (param,).
 
-    Both are taken along the measured motion and joint by joint; all else stays as the picture or the file says.
+    Both are taken along the measured motion and hinge by hinge; all else stays as the picture or the file says.
     """
     still = replace(motion, velocity=np.zeros_like(motion.velocity))
+    hangs = np.array([joint.kind == "hinge" for joint in problem.mechanism.joints])
 
     def least(x: np.ndarray) -> float:
         per_torque = problem.torque_response(x, motion)
         lacking = motion.acceleration - problem.accelerations(x, motion)
         falling = problem.accelerations(x, still)
         asked, weight = (np.linalg.solve(per_torque, a[:, :, None])[:, :, 0] for a in (lacking, falling))
-        return float(np.sum(np.mean(asked**2, axis=0) / np.maximum(np.mean(weight**2, axis=0), 1e-30)))
+        asked, weight = (np.mean(torque**2, axis=0)[hangs] for torque in (asked, weight))
+        return float(np.sum(asked / np.maximum(weight, 1e-30)))
 
     return min(_scaled(problem, FINE_FACTORS), key=least)
 
