@@ -26,7 +26,7 @@ from monodyn.results.page import Page
 from monodyn.results.predict import predict
 from monodyn.results.report import result_document, trace_of, view_of, write_results
 from monodyn.types import Poses, Progress
-from monodyn.vision.locate import LocateSettings, Scene, locate
+from monodyn.vision.locate import CameraSettings, LocateSettings, Scene, locate
 from monodyn.vision.segment import SegmentSettings, segment
 from monodyn.vision.track import TrackSettings, track
 from monodyn.vision.video import RATES, Video, read
@@ -50,6 +50,7 @@ class RunSettings:
         seed: Seed of every random start; it takes the place of ``identify.seed``.
         method: ``fast``, or ``paper`` for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
+        camera: How the camera is found.
         locate: How camera, sizes and initial pose are found.
         track: How the mechanism is followed.
         identify: How the dynamics are identified.
@@ -65,6 +66,7 @@ class RunSettings:
     seed: int = 0
     method: Literal["fast", "paper"] = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
+    camera: CameraSettings = field(default_factory=CameraSettings)
     locate: LocateSettings = field(default_factory=LocateSettings)
     track: TrackSettings = field(default_factory=TrackSettings)
     identify: IdentifySettings = field(default_factory=IdentifySettings)
@@ -75,7 +77,7 @@ class RunSettings:
         object.__setattr__(self, "identify", replace(self.identify, seed=self.seed))
         if self.method not in ("fast", "paper"):
             raise SettingsError(f"method: expected 'fast' or 'paper', got '{self.method}'.")
-        for name in ("identify",):
+        for name in ("camera", "locate", "track", "identify"):
             stage = getattr(self, name)
             if stage.method is None:
                 object.__setattr__(self, name, replace(stage, method=self.method))
@@ -84,7 +86,7 @@ class RunSettings:
                 f"rate: expected {RATES[0]:g} to {RATES[1]:g} Hz, got {self.rate:g}; "
                 "give the true frames a second."
             )
-        for stage in ("segment", "locate", "track", "identify"):
+        for stage in ("segment", "camera", "locate", "track", "identify"):
             for name, value in asdict(getattr(self, stage)).items():
                 if isinstance(value, float) and not math.isfinite(value):
                     raise SettingsError(
@@ -345,7 +347,9 @@ def see(
     with log.stage("segment"):
         masks = segment(video, settings.segment, background=settings.background, progress=progress)
     with log.stage("locate"):
-        scene = locate(masks, mechanism, settings.locate, fix=fix, free=free, progress=progress)
+        scene = locate(
+            masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, progress=progress
+        )
     with log.stage("track"):
         poses = track(scene.masks, scene, settings.track, progress=progress)
     log.notes += [*scene.advice, *video.notes, *_untracked(poses)]

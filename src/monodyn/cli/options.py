@@ -16,7 +16,7 @@ from tyro import conf
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.vision.locate import LocateSettings
+from monodyn.vision.locate import CameraSettings, LocateSettings
 from monodyn.vision.segment import SegmentSettings
 from monodyn.vision.track import TrackSettings
 
@@ -61,6 +61,7 @@ class RunOptions:
         seed: Seed of every random start.
         method: fast, or paper for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
+        camera: How the camera is found.
         locate: How camera, sizes and initial pose are found.
         track: How the mechanism is followed.
         identify: How the dynamics are identified.
@@ -82,6 +83,7 @@ class RunOptions:
     seed: int = 0
     method: Literal["fast", "paper"] = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
+    camera: CameraSettings = field(default_factory=CameraSettings)
     locate: LocateSettings = field(default_factory=LocateSettings)
     track: TrackSettings = field(default_factory=TrackSettings)
     identify: IdentifyChoices = field(default_factory=IdentifyChoices)
@@ -95,7 +97,7 @@ class RunOptions:
 
         settings = RunSettings(
             frames, self.until, fix, free, limits, self.background, self.rate, self.seed,
-            self.method, self.segment, self.locate, self.track, self.identify,
+            self.method, self.segment, self.camera, self.locate, self.track, self.identify,
         )  # fmt: skip
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             outcome = run(self.clip, self.model, self.out, settings, force=self.force, progress=progress)
@@ -120,6 +122,7 @@ class TrackOptions:
         seed: Seed of every random start.
         method: fast, or paper for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
+        camera: How the camera is found.
         locate: How camera, sizes and initial pose are found.
         track: How the mechanism is followed.
     """
@@ -137,6 +140,7 @@ class TrackOptions:
     seed: int = 0
     method: Literal["fast", "paper"] = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
+    camera: CameraSettings = field(default_factory=CameraSettings)
     locate: LocateSettings = field(default_factory=LocateSettings)
     track: TrackSettings = field(default_factory=TrackSettings)
 
@@ -148,7 +152,7 @@ class TrackOptions:
 
         settings = RunSettings(
             None, None, fix, free, {}, self.background, self.rate, self.seed,
-            self.method, self.segment, self.locate, self.track,
+            self.method, self.segment, self.camera, self.locate, self.track,
         )  # fmt: skip
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             outcome = track_clip(
