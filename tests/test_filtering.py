@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter, ss2tf
 
 from monodyn.errors import SettingsError, VideoError
-from monodyn.estimation.filtering import Gains, filtered
+from monodyn.estimation.filtering import Gains, filter_response, filtered
 
 GAINS = Gains(0.4, 0.1, 0.05)
 UNEVEN = np.cumsum(np.random.default_rng(4).uniform(0.02, 0.06, 40))
@@ -81,6 +81,18 @@ def test_covariance_is_the_response_to_every_sample():
     np.testing.assert_allclose(found.covariance[begun], expected[begun], rtol=1e-8, atol=1e-8)
     assert np.isnan(found.covariance[0, 1]).all()
     assert np.isfinite(found.covariance[0, 0, 0])
+
+
+def test_the_filter_as_a_matrix():
+    samples = np.random.default_rng(6).normal(size=(40, 2))
+    samples[:3, 1] = samples[9:12] = np.nan
+    seen = np.isfinite(samples)
+    found = filtered(UNEVEN, samples, GAINS)
+    response = filter_response(UNEVEN, seen, GAINS)
+    states = np.einsum("fsde,ed->fsd", response, np.where(seen, samples, 0.0))
+    np.testing.assert_allclose(states[:, 0, 0], found.position[:, 0], atol=1e-11)
+    np.testing.assert_allclose(states[3:, 1, 1], found.velocity[3:, 1], atol=1e-9)
+    assert not response[:3, :, 1].any()
 
 
 def test_covariance_against_scattered_samples():

@@ -132,7 +132,8 @@ def filtered(
     times = increasing("filter: time", np.asarray(time, dtype=float), error=SettingsError)
     times = frozen("filter: time", times, (frames,), error=SettingsError)
     seen = np.isfinite(observed)
-    start, heads = _starts(times, observed, seen)
+    heads = _heads(seen)
+    start = [_parabola(times[head]) @ observed[head, dof] for dof, head in enumerate(heads)]
     steps = _steps(times, seen, heads, gains)
     states = np.full((frames, 3, dofs), np.nan)
     for dof in range(dofs):
@@ -142,6 +143,33 @@ def filtered(
         covariance = frozen("filter: covariance", covariance, (frames, dofs, dofs), error=SettingsError)
         spread = _covariance(steps, times, covariance, seen, heads)
     return Filtered(times, states[:, 0], states[:, 1], states[:, 2], spread)
+
+
+def filter_response(time: np.ndarray, seen: np.ndarray, gains: Gains) -> np.ndarray:
+    """Return the filter as a matrix: what a one in each sample adds to the states of its joint.
+
+    Args:
+        time: Increasing time stamps [s], (frame,).
+        seen: True where a joint was seen, bool (frame, dof).
+        gains: The gains.
+
+    Returns:
+        Responses of position and rate, (frame, 2, dof, sample); 0 before a joint's first sample.
+
+    Raises:
+        VideoError: A joint was seen in under three frames.
+    """
+    heads = _heads(seen)
+    frames, dofs = seen.shape
+    found = np.zeros((frames, 2, dofs, frames))
+    for dof, (steps, head) in enumerate(zip(_steps(time, seen, heads, gains), heads, strict=True)):
+        state = np.zeros((3, frames))
+        state[:, head] = _parabola(time[head])
+        for k in range(head[0], frames):
+            state = steps.transition[k] @ state
+            state[:, k] += steps.gain[k]
+            found[k, :, dof] = state[:2]
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,21 +185,16 @@ class _Steps:
     gain: np.ndarray
 
 
-def _starts(
-    times: np.ndarray, observed: np.ndarray, seen: np.ndarray
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """First state (3,) and the frames of the first three seen samples (3,), by joint."""
-    starts, heads = [], []
-    for dof, use in enumerate(seen.T):
-        head = np.flatnonzero(use)[:FIRST]
+def _heads(seen: np.ndarray) -> list[np.ndarray]:
+    """Frames of the first three seen samples (3,), by joint."""
+    heads = [np.flatnonzero(use)[:FIRST] for use in seen.T]
+    for dof, head in enumerate(heads):
         if len(head) < FIRST:
             raise VideoError(
                 f"filter: joint {dof} was measured in {len(head)} frames, expected at least {FIRST}; give "
                 "more frames."
             )
-        starts.append(_parabola(times[head]) @ observed[head, dof])
-        heads.append(head)
-    return starts, heads
+    return heads
 
 
 def _parabola(times: np.ndarray) -> np.ndarray:

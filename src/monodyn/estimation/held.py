@@ -30,6 +30,9 @@ class Held(Problem):
         white: Whitening matrices of the target, (row, column, column), or None for a plain difference.
         scale: Typical size of each unknown's coordinate, (param,).
         substeps: Integration steps between stamps.
+        response: The filter of each record, through which the simulated positions go as the measured ones
+            did before states are compared, each (frame, 2, dof, frame); none to compare angles alone.
+        filtered: True to compare filtered angles beside the rates, False for measured ones.
         noise: Standard deviation of a residual, by which those of ``rows`` are divided.
     """
 
@@ -38,6 +41,8 @@ class Held(Problem):
     white: np.ndarray | None
     scale: np.ndarray
     substeps: int
+    response: tuple[np.ndarray, ...] = ()
+    filtered: bool = False
     noise: float = 1.0
 
     @property
@@ -59,18 +64,35 @@ class Held(Problem):
         return self.held * np.concatenate((unit, unit / self.stretch(x)), axis=1)
 
     def motion(self, x: np.ndarray) -> np.ndarray:
-        """Return simulated positions, then rates, in the records' units and time, (row, 2 dof)."""
+        """Return the simulated positions in the records' units, (row, dof)."""
         ends = zip(self.data.first[:-1], self.data.first[1:], self.states(x), strict=True)
-        q, v = self._rolled(x, list(ends), self.substeps)
-        unit = np.repeat(np.where(self.data.slide, self.size(x), 1.0), np.diff(self.data.first), axis=0)
-        return np.concatenate((q / unit, v * self.stretch(x) / unit), axis=1)
+        q = self.rollouts(x, list(ends), self.substeps)
+        if not self.data.slide.any():
+            return q
+        return q / np.repeat(np.where(self.data.slide, self.size(x), 1.0), np.diff(self.data.first), axis=0)
 
     def residuals_at(self, x: np.ndarray) -> np.ndarray:
         """Return X_s - X_e, whitened with rates, 0 where nothing was measured, (row, column)."""
-        columns = self.target.shape[1]
-        difference = self.motion(x)[:, :columns] - self.target
-        difference = np.where(np.isfinite(self.target), difference, 0.0)
+        simulated = self.motion(x)
+        if self.response:
+            simulated = self._through_filter(simulated)
+        difference = np.where(np.isfinite(self.target), simulated - self.target, 0.0)
         return difference if self.white is None else np.einsum("fij,fj->fi", self.white, difference)
+
+    def _through_filter(self, position: np.ndarray) -> np.ndarray:
+        """Angles and rates as the filter makes them of positions (row, dof), (row, 2 dof)."""
+        rows, dofs = position.shape
+        found = np.full((rows, 2 * dofs), np.nan)
+        for first, stop, response in zip(
+            self.data.first[:-1], self.data.first[1:], self.response, strict=True
+        ):
+            of = first + np.flatnonzero(self.data.source[first:stop] >= 0)
+            at = self.data.source[of]
+            part = response[np.ix_(at, np.arange(2), np.arange(dofs), at)]
+            found[of] = np.einsum("fsde,ed->fsd", part, position[of]).reshape(len(of), 2 * dofs)
+        if not self.filtered:
+            found[:, :dofs] = position
+        return found
 
     def rows(
         self, x: np.ndarray, states: np.ndarray, pieces: Pieces, substeps: int
@@ -92,21 +114,15 @@ class Held(Problem):
 
     def rollouts(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
         """Simulate runs of rows (first, stop, start state), positions [rad or m] end to end (row, dof)."""
-        return self._rolled(x, runs, substeps)[0]
-
-    def _rolled(
-        self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int
-    ) -> tuple[np.ndarray, np.ndarray]:
         from monodyn.mechanism.dynamics import rollout
 
         mechanism, stretch = self.mechanism_at(x), self.stretch(x)
-        tree = mechanism.tree
+        tree, drive = mechanism.tree, mechanism.drive
         arrays, parts = (tree.parent, tree.kind, tree.links, tree.gravity), []
         for first, stop, state in runs:
             times = self.data.times[first:stop] * stretch
-            parts.append(rollout(*arrays, times, substeps, *np.split(state, 2), drive=mechanism.drive))
-        q, v = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return q, v
+            parts.append(rollout(*arrays, times, substeps, *np.split(state, 2), drive=drive)[0])
+        return np.concatenate(parts)
 
 
 def held_states(data: Data, filtered: tuple[Filtered, ...]) -> np.ndarray:
@@ -138,7 +154,8 @@ def targets(
 
     Angles alone are compared as they are, as in the paper. With rates the difference is weighted with the
     inverse covariance: that of the filter, or with measured angles that of the measurement beside the
-    filter's of the rates.
+    filter's of the rates. That covariance knows nothing of the filter's lag, which is why the simulated
+    positions then pass the same filter (``Held.response``).
 
     Args:
         data: The measurements.

@@ -18,7 +18,7 @@ from monodyn.estimation.conclude import refuse
 from monodyn.estimation.data import Data, prepare
 from monodyn.estimation.descent import Descent, descend
 from monodyn.estimation.estimates import estimates
-from monodyn.estimation.filtering import FIRST, Gains, filtered
+from monodyn.estimation.filtering import FIRST, Gains, filter_response, filtered
 from monodyn.estimation.fit import Estimate, Fit, Start
 from monodyn.estimation.grow import Grown, typical
 from monodyn.estimation.held import Held, held_states, targets
@@ -97,7 +97,9 @@ def identify_published(
     motion = tuple(filtered(r.time, _seen(r), gains, r.covariance) for r in records)
     target, white = targets(data, motion, settings.states, settings.rates)
     common = (problem.mechanism, problem.unknowns, problem.prior, data, held_states(data, motion))
-    blank = Held(*common, target, white, np.ones(len(problem.unknowns)), 1)
+    response = tuple(filter_response(r.time, np.isfinite(_seen(r)), gains) for r in records if settings.rates)
+    scale, compared = np.ones(len(problem.unknowns)), settings.states == "filtered"
+    blank = Held(*common, target, white, scale, 1, response, compared)
     found = descend(blank, records, posed.scale, settings, progress)
     if found is None:
         refused = refuse(problem, UNSTARTED, records, time.perf_counter() - began)
@@ -298,10 +300,12 @@ def _verdict(
     j = int(np.argmax(share))
     name = list(rms)[j]
     if not share[j] < LOST:
+        lag = settings.states == "filtered"
+        instead = "compare with --identify.states measured, which do not lag" if lag else "fit fewer frames"
         return (
             f"The simulated motion does not follow the record: rms residual of {name} "
-            f"{say.amount(held.mechanism, name, rms[name])}, {100 * share[j]:.2g} % of its motion; fit fewer "
-            "frames or try --identify.method fast.",
+            f"{say.amount(held.mechanism, name, rms[name])}, {100 * share[j]:.2g} % of its motion; {instead}, or "
+            "try --identify.method fast.",
             False,
         )
     frames = int(held.data.measured.any(axis=1).sum())
