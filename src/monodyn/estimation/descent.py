@@ -26,6 +26,8 @@ TYPICAL = 0.1
 """Typical change of a logarithm, by which the search scales it."""
 FINE = 1e-3
 """The search ends when the cost falls by less than this share of what the stated noise alone costs."""
+MOST_DRIVEN = 2
+"""Starts at the most with a torque over time, whose many unknowns make up for a start that is off."""
 CLOSE = 0.02
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
 
@@ -109,7 +111,8 @@ def _starts(
     A Fourier series starts as that of the torque that the smoothed poses ask for there, eq. (12) and (13);
     free torques start at zero.
     """
-    count = settings.starts
+    driven = held.mechanism.torque != "friction"
+    count = min(settings.starts, MOST_DRIVEN) if driven else settings.starts
     if np.isfinite(scale):
         values = scaled_start(held.unknowns, scale, held.mechanism)
         named = [values.get(n, v) for n, v in zip(held.unknowns.names, held.unknowns.start, strict=True)]

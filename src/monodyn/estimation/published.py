@@ -304,8 +304,8 @@ def _verdict(
         instead = "compare with --identify.states measured, which do not lag" if lag else "fit fewer frames"
         return (
             f"The simulated motion does not follow the record: rms residual of {name} "
-            f"{say.amount(held.mechanism, name, rms[name])}, {100 * share[j]:.2g} % of its motion; {instead}, or "
-            "try --identify.method fast.",
+            f"{say.amount(held.mechanism, name, rms[name])}, {100 * share[j]:.2g} % of its motion; "
+            f"{instead}, or try --identify.method fast.",
             False,
         )
     frames = int(held.data.measured.any(axis=1).sum())
@@ -328,6 +328,7 @@ def _advice(
 ) -> tuple[str, ...]:
     """All that the reader should know, the gravest first."""
     held, unknowns = found.held, len(found.x)
+    bodies = tuple(p for p in parameters if ".torque." not in p.name)
     advice = say.integration(held.substeps, found.error, settings.error_bound)
     if posed.period is not None:
         advice.append(posed.period.status)
@@ -337,9 +338,9 @@ def _advice(
             "follow the noise of the poses; they and the sizes beside them are one of many solutions."
         )
     else:
-        advice += say.open_parameters(parameters, without_effect)
+        advice += say.open_parameters(bodies, without_effect)
         advice += say.few(compared, unknowns)
-    advice += say.bounds(tuple(p for p in parameters if ".torque." not in p.name))
+    advice += say.bounds(bodies)
     advice += say.limits(
         held.mechanism, held.simulated(found.x, held.states(found.x), held.pieces, held.substeps)
     )
