@@ -24,20 +24,20 @@ from monodyn.vision.threshold import silhouette
 if TYPE_CHECKING:
     from monodyn.vision.track import TrackSettings
 
-AGILE = 0.5
-"""Share of its velocity by which a joint may change it from frame to frame, for the adaptive limits."""
-SLOWEST = 0.15
+AGILE = 0.8
+"""Share of the fastest joint's move by which any joint may depart from its prediction."""
+SLOWEST = 0.2
 """Least width of the adaptive limits as a share of the fixed ones."""
 UNUSUAL, SLACK = 2.0, 0.08
 """A frame is seen while its share of mismatch is below so many usual ones plus a slack."""
+GROWTHS = (1.0, 2.0, 4.0)
+"""Factors on the move limits, one after the other while a limit holds the pose back."""
 WIDENING = 1.6
 """Growth of the move limits for each frame that was not seen."""
 COASTING = 3
 """Frames out of sight over which the last velocity counts."""
-STEP, LEAST_STEP = 0.15, 0.01
-"""First step of a hinge as a share of its move limit, and at least [rad]."""
-TOLERANCE = 3e-4
-"""Accuracy of a hinge [rad]."""
+STEP_PX = 5.0
+"""First step of the pose [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +134,16 @@ def step(
     """
     if motion is None:
         return _first(image, view, time, settings, known)
-    start, lower, upper = move_limits(view, motion, time, settings)
-    found, share, drawings = _within(image, replace(view, position=start), lower, upper)
     limit = UNUSUAL * motion.usual + SLACK
+    found, share, drawings = view, np.inf, 0
+    for growth in GROWTHS:
+        start, lower, upper = move_limits(view, motion, time, settings, growth=growth)
+        found, share, more = _within(image, replace(view, position=start), lower, upper)
+        drawings += more
+        if not _held_back(found, lower, upper):
+            break
     if share > limit:
+        _, lower, upper = move_limits(view, motion, time, replace(settings, adaptive=False))
         wide, left, more = spread_pose(image, view, lower=lower, upper=upper)
         drawings += more
         if left / image.area < share:
@@ -151,12 +157,12 @@ def step(
 
 
 def move_limits(
-    view: View, motion: Motion, time: float, settings: TrackSettings
+    view: View, motion: Motion, time: float, settings: TrackSettings, *, growth: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return start, lower and upper move limits of eq. (5), (dof,) each.
 
     Fixed: the last pose, and ``move_share`` of the range about it. Adaptive: the pose that the current
-    velocity leads to, and about it half of that move, between a seventh of the fixed limits and all of them.
+    velocity leads to, and about it the share of those limits that the fastest joint moves, a fifth at least.
     Each frame out of sight widens the limits.
 
     Args:
@@ -164,21 +170,31 @@ def move_limits(
         motion: What is known of the motion.
         time: Time stamp of the frame [s].
         settings: ``move_share`` and ``adaptive``.
+        growth: Factor on the limits.
 
     Source:
         The 2012 paper, eq. (5) and the paragraph after it.
     """
-    move = settings.move_share * joint_ranges(view) * WIDENING**motion.lost
-    start = motion.position
-    if settings.adaptive and motion.frames > 1:
+    widest = settings.move_share * joint_ranges(view) * WIDENING**motion.lost
+    start, move = motion.position, widest
+    if settings.adaptive and motion.frames > 1 and motion.lost <= COASTING:
         ahead = motion.velocity * (time - motion.time)
-        if motion.lost > COASTING:
-            ahead = np.zeros_like(ahead)
         start = start + ahead
-        move = np.clip(AGILE * np.abs(ahead) * WIDENING**motion.lost, SLOWEST * move, move)
+        if motion.lost == 0:
+            fastest = float(np.max(np.abs(ahead) / widest))
+            move = widest * np.clip(AGILE * fastest, SLOWEST, 1.0)
+    move = move * growth
     lower, upper = np.maximum(start - move, view.limits[0]), np.minimum(start + move, view.limits[1])
     lower, upper = np.minimum(lower, view.limits[1]), np.maximum(upper, view.limits[0])
     return np.clip(start, lower, upper), lower, upper
+
+
+def _held_back(view: View, lower: np.ndarray, upper: np.ndarray) -> bool:
+    """Return whether a move limit, other than a joint's own, holds the pose back."""
+    slack = 0.02 * (upper - lower)
+    low = (view.position < lower + slack) & (lower > view.limits[0])
+    high = (view.position > upper - slack) & (upper < view.limits[1])
+    return bool(np.any(low | high))
 
 
 def joint_ranges(view: View) -> np.ndarray:
@@ -242,8 +258,5 @@ def _first(
 
 def _within(image: Seen, view: View, lower: np.ndarray, upper: np.ndarray) -> tuple[View, float, int]:
     """Solve eq. (5); return the mechanism in the pose, its share of mismatch and the silhouettes drawn."""
-    reach = np.where(view.base.kind == 0, 1.0, reach_of(view.rig))
-    first = np.clip(STEP * (upper - lower), LEAST_STEP * reach, None)
-    tolerance = float(np.max(TOLERANCE * reach / first))
-    found, history = fit_pose(image, view, step=first, tolerance=tolerance, lower=lower, upper=upper)
+    found, history = fit_pose(image, view, step_px=STEP_PX, lower=lower, upper=upper)
     return found, float(history.values[-1]) / image.area, int(history.evaluations[-1])

@@ -22,7 +22,7 @@ from monodyn.optimize.lagrangian import augmented_lagrangian
 from monodyn.types import FULL, Camera
 from monodyn.vision.drawn import NOWHERE, drawn, moment_sums, placed_mismatch
 from monodyn.vision.rig import Rig, rig_of
-from monodyn.vision.silhouette import row_sums
+from monodyn.vision.silhouette import link_frames, outline_counts, project, row_sums
 
 SIZES = (".length", ".width", ".tail", ".tip")
 """Sizes that a silhouette shows."""
@@ -323,22 +323,24 @@ def fit_pose(
     image: Seen,
     view: View,
     *,
-    step: np.ndarray,
-    tolerance: float = 0.02,
+    step_px: float = 5.0,
+    tolerance_px: float = 0.02,
     lower: np.ndarray | None = None,
     upper: np.ndarray | None = None,
     most: int = 1000,
 ) -> tuple[View, History]:
     """Find the pose by the mismatch of the silhouettes within limits: augmented Lagrangian, Powell inside.
 
+    The unknowns are the joint positions along ``pose_directions``.
+
     Args:
         image: The seen silhouette.
         view: The mechanism; its position is the start.
-        step: First step of each joint [rad or m], (dof,).
-        tolerance: Done at this share of the step.
+        step_px: First step along each direction [px].
+        tolerance_px: Done at this step [px].
         lower: Lower limits (of eq. 5), (dof,); default the joints' own (eq. 3).
         upper: Upper limits, (dof,).
-        most: Silhouettes drawn at the most.
+        most: Trials at the most.
 
     Source:
         The 2012 paper, eq. (3) and (5).
@@ -347,13 +349,73 @@ def fit_pose(
     low = view.limits[0] if lower is None else lower
     high = view.limits[1] if upper is None else upper
     start = np.clip(view.position, low, high)
+    free = np.flatnonzero(high > low)
+    if not len(free):
+        value = mismatch(image, rig, start)
+        return replace(view, position=start), History("pose", np.array([1]), np.array([value]))
+    directions = np.zeros((len(start), len(free)))
+    directions[free] = pose_directions(rig, start, free)
+    size = np.abs(directions).sum(axis=1) * step_px
 
-    def gap(q: np.ndarray) -> float:
+    def gap(along: np.ndarray) -> float:
+        q = start + directions @ along
         return _following(image, view, rig, q)[0] if any(view.moves) else mismatch(image, rig, q)
 
-    found = augmented_lagrangian(gap, start, low, high, step=step, tolerance=tolerance, most=most)
-    found_view = replace(view, position=found.x)
-    return followed(image, found_view), _history("pose", found.history, found.evaluations, view)
+    limited = [(i, -1.0, low[i]) for i in free if np.isfinite(low[i])]
+    limited += [(i, 1.0, high[i]) for i in free if np.isfinite(high[i])]
+    rows = np.array([i for i, _, _ in limited], dtype=np.int64)
+    signs = np.array([sign for _, sign, _ in limited]) / size[rows] if limited else np.zeros(0)
+    bounds = np.array([bound for _, _, bound in limited])
+
+    def beyond(along: np.ndarray) -> np.ndarray:
+        return signs * (start[rows] + directions[rows] @ along - bounds)
+
+    found = augmented_lagrangian(
+        gap, np.zeros(len(free)), inequalities=beyond if limited else None, step=step_px,
+        tolerance=tolerance_px / step_px, most=most,
+    )  # fmt: skip
+    pose = np.clip(start + directions @ found.x, low, high)
+    history = _history("pose", found.history, found.evaluations, view)
+    return followed(image, replace(view, position=pose)), history
+
+
+def pose_directions(rig: Rig, position: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return directions of the pose that move the picture independently, by one pixel each.
+
+    They are the principal axes of the mean square displacement of the outline's points, ``d^T M d`` with
+    ``M = mean J^T J``. Along the joints themselves the mismatch has narrow valleys with a kinked floor, in
+    which line searches stop: turning a link moves all that hang on it.
+
+    Args:
+        rig: The mechanism.
+        position: Joint positions, (dof,).
+        free: Joints that move, (free,).
+
+    Returns:
+        Directions as columns [rad or m by px], (free, free).
+    """
+    here = outline_points(rig, position)
+    slopes = np.empty((len(free), here.size))
+    for k, i in enumerate(free):
+        there = position.copy()
+        there[i] += 1e-4
+        slopes[k] = (outline_points(rig, there) - here).ravel() / 1e-4
+    metric = 2.0 * slopes @ slopes.T / here.size
+    values, vectors = np.linalg.eigh(np.nan_to_num(metric))
+    return vectors / np.sqrt(np.maximum(values, 1e-4 * max(float(values[-1]), 1e-9)))
+
+
+def outline_points(rig: Rig, position: np.ndarray) -> np.ndarray:
+    """Return the projected points of all geoms [px], (point, 2); NaN where they are behind the camera.
+
+    Args:
+        rig: The mechanism.
+        position: Joint positions, (dof,).
+    """
+    px = np.empty((int(outline_counts(rig.first, rig.radius)[-1]), 2))
+    frames = link_frames(rig.parent, rig.kind, rig.links, position)
+    seen_whole = project(frames, rig.link, rig.first, rig.points, rig.radius, rig.camera, px)
+    return px if seen_whole else np.full_like(px, np.nan)
 
 
 def fit_ratios(

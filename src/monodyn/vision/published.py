@@ -40,7 +40,7 @@ UNEXPLAINED = 0.25
 """Share of mismatch from which the user is told."""
 ROUGH = Effort(rounds=10, least=0.2, gain=2e-3)
 """For starts in the reduced picture."""
-SETTLING = Effort(hinge=0.03, sizes=0.03, least=0.2)
+SETTLING = Effort(pose_px=3.0, sizes=0.03, least=0.2)
 """From a state that is known but for a pixel."""
 
 

@@ -26,7 +26,7 @@ class Effort:
 
     Attributes:
         rounds: Rounds of all problems at the most.
-        hinge: First step of a hinge in the first round [rad].
+        pose_px: First step of the pose in the first round [px].
         sizes: First step of a size in the first round, as a share.
         shrink: The first steps of a round as a share of those of the round before.
         least: Least first steps as a share of the first round's.
@@ -34,7 +34,7 @@ class Effort:
     """
 
     rounds: int = 30
-    hinge: float = 0.1
+    pose_px: float = 10.0
     sizes: float = 0.1
     shrink: float = 0.7
     least: float = 0.05
@@ -63,14 +63,12 @@ def sequential(
     histories: list[History] = []
     view = followed(image, followed(image, view))
     best, least, near = view, mismatch(image, view.rig, view.position), 1.0
-    reach = reach_of(view.rig)
     ratios = ratios and len(view.names) > 0
     for _ in range(effort.rounds):
         view, fell = camera_round(image, view)
         histories += fell
         if pose:
-            step = effort.hinge * near * np.where(view.base.kind == 0, 1.0, reach)
-            view, history = fit_pose(image, view, step=step)
+            view, history = fit_pose(image, view, step_px=effort.pose_px * near)
             histories.append(history)
         if ratios:
             view, history = fit_ratios(image, view, step=effort.sizes * near)

@@ -13,7 +13,6 @@ import numpy as np
 
 from monodyn.vision.drawn import drawn, placed_mismatch
 from monodyn.vision.problems import FOLLOWING, Seen, View, X, fit_pose, seen
-from monodyn.vision.sequential import reach_of
 from monodyn.vision.silhouette import pose_mismatch
 
 BUDGET = 24_000
@@ -151,9 +150,8 @@ def spread_pose(
         poses = grid[np.argsort(costs, kind="stable")]
         poses = _unlike(poses, i, (high[i] - low[i]) / ANGLES)[:BEAM]
     found: list[tuple[View, float]] = []
-    step = np.where(rig.kind == 0, 0.06, 0.06 * reach_of(rig))
     for pose in poses[:3]:
-        fitted, history = fit_pose(image, replace(view, position=pose), step=step, lower=low, upper=high)
+        fitted, history = fit_pose(image, replace(view, position=pose), lower=low, upper=high)
         found.append((fitted, float(history.values[-1])))
         evaluations += int(history.evaluations[-1])
     best, least = min(found, key=lambda pair: pair[1])
