@@ -333,7 +333,8 @@ class _Film:
     def __init__(self, path: Path, settings: ClipSettings) -> None:
         import av
 
-        options = {"preset": "medium", "crf": str(settings.quality)}
+        # with the tree of macroblocks x264 does not write the same file twice
+        options = {"preset": "medium", "crf": str(settings.quality), "x264-params": "mbtree=0"}
         self.container = av.open(str(path), "w", format="mp4", options={"movflags": "faststart"})
         self.stream: Any = self.container.add_stream("libx264", rate=settings.rate, options=options)
         self.stream.width, self.stream.height = settings.camera.width, settings.camera.height
@@ -345,8 +346,10 @@ class _Film:
     def add(self, picture: np.ndarray) -> None:
         """Encode one picture, uint8 (height, width, 3)."""
         import av
+        import cv2
 
-        self.container.mux(self.stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        planes: Any = cv2.cvtColor(picture, cv2.COLOR_RGB2YUV_I420)
+        self.container.mux(self.stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")))
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
         if error is None:

@@ -13,8 +13,15 @@ from monodyn.reproduce.claims import Evidence, overall
 from monodyn.reproduce.vision import METHODS, TITLES, Seen
 from monodyn.types import Poses
 
-NAMES = {1: "camera depth", 2: "camera x, y", 3: "initial pose", 4: "aspect ratios"}
-"""Sub-problems of the sequential framework by their equation."""
+PROBLEMS = {
+    "depth": ("(1) camera depth from the area", "px⁴"),
+    "place": ("(2) camera place from the centroid", "px²"),
+    "pose": ("(3) initial pose", "px"),
+    "ratios": ("(4) aspect ratios", "px"),
+}
+"""Title and unit of the sub-problems of the sequential framework."""
+LEAST_SHOWN = 1e-4
+"""Objectives below are drawn here: their axis is logarithmic."""
 
 
 @dataclass(frozen=True)
@@ -206,14 +213,15 @@ def history_figure(seen: Seen) -> Figure | None:
     Args:
         seen: What the published method saw.
     """
-    histories = getattr(seen.scene, "history", ())
+    if seen.scene is None:
+        return None
     panels, done = {}, 0
-    for history in histories:
-        values = np.asarray(history.values, dtype=float)
-        steps = done + np.linspace(0.0, max(history.evaluations, 1), len(values), endpoint=False)
-        done += history.evaluations
-        best = np.minimum.accumulate(values)
-        panels.setdefault(history.problem, []).append(series("line", "paper", steps, np.maximum(best, 1e-9)))
+    for history in seen.scene.history:
+        if not len(history.values):
+            continue
+        steps, values = done + history.evaluations, np.maximum(history.values, LEAST_SHOWN)
+        done += int(history.evaluations[-1])
+        panels.setdefault(history.problem, []).append(series("steps", "paper", steps, values))
     if not panels:
         return None
     return Figure(
@@ -221,7 +229,7 @@ def history_figure(seen: Seen) -> Figure | None:
         "Best value so far of each sub-problem, each time it is solved, over the silhouettes drawn so far.",
         min(len(panels), 2),
         [
-            panel(str(problem), "", content, log=True, across="silhouettes drawn")
+            panel(PROBLEMS[problem][0], PROBLEMS[problem][1], content, log=True, across="silhouettes drawn")
             for problem, content in panels.items()
         ],
     )
