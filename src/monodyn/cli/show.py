@@ -152,7 +152,8 @@ def _show_fit(outcome: Outcome) -> None:
     console = _console()
     document, fit = outcome.document, outcome.fit
     shown = [row for row in document["parameters"] if fit is None or not is_knot(fit, row["name"])]
-    console.print(_parameters(shown))
+    if any(row["free"] for row in shown):
+        console.print(_parameters(shown))
     if document["combinations"]:
         console.print(_combinations(document["combinations"]))
     console.print(_errors(outcome))

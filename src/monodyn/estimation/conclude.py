@@ -140,7 +140,7 @@ def _differences(problem: Problem, grown: Grown) -> np.ndarray:
 
 def _fitted(problem: Problem, grown: Grown) -> int:
     """Number of unknowns that take a degree of freedom from the motion."""
-    from_picture = int(np.linalg.matrix_rank(problem.prior.information)) if len(problem.unknowns) else 0
+    from_picture = problem.prior.rank
     return max(len(problem.unknowns) - from_picture, 0) + grown.states.size
 
 

@@ -54,12 +54,14 @@ class Problem:
         unknowns: What is searched.
         prior: What the picture knows of the sizes.
         data: The measurements.
+        scale: Common scale of the sizes of ``mechanism`` against those that the record was measured in.
     """
 
     mechanism: Mechanism
     unknowns: Unknowns
     prior: Prior
     data: Data
+    scale: float = 1.0
 
     def with_data(self, data: Data) -> Problem:
         """Return the same problem on other data."""
@@ -70,8 +72,8 @@ class Problem:
         return self.mechanism.with_values(self.unknowns.named(x))
 
     def size(self, x: np.ndarray) -> float:
-        """Return the common scale of the sizes against the start."""
-        return float(np.exp(self.prior.weights @ (x - self.unknowns.x0)))
+        """Return the common scale of the sizes against those that the record was measured in."""
+        return self.scale * float(np.exp(self.prior.weights @ (x - self.unknowns.x0)))
 
     def mass_scaled(self, x: np.ndarray) -> np.ndarray:
         """Return ``x`` with all masses, dampings, ... changed by one factor, to be near the start on average.

@@ -84,7 +84,7 @@ def hopeless(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
             "mechanism in a clearer part of the clip, or give measured values with --fix."
         )
     # what the picture knows of the sizes counts as data
-    known = int(np.linalg.matrix_rank(problem.prior.information)) if len(problem.unknowns) else 0
+    known = problem.prior.rank
     unknowns = len(problem.unknowns) - known + 2 * dofs * records
     if data.samples <= unknowns:
         return (

@@ -216,6 +216,11 @@ class Prior:
     unusable: tuple[str, ...] = ()
     negative: float = 0.0
 
+    @cached_property
+    def rank(self) -> int:
+        """Number of directions that the picture, or what is assumed, says something about."""
+        return int(np.linalg.matrix_rank(self.information)) if self.information.size else 0
+
 
 def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
     """Bring the picture's knowledge of log sizes to the unknowns, and define the common scale.

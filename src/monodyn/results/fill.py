@@ -43,7 +43,7 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
-    covariance.
+    covariance; infinite before and after free torques, where nothing is known of them.
 
     Args:
         fit: The identified mechanism.
@@ -105,7 +105,11 @@ def _one_way(
     covariance = fit.covariance[np.ix_(chosen, chosen)]
     dq = dq[rows]
     variance = np.einsum("fip,pr,fir->fi", dq, covariance, dq, optimize=True)
-    return q[rows], v[rows], np.sqrt(np.maximum(variance, 0.0))
+    unknown = np.zeros(len(rows), dtype=bool)
+    if fit.torque == "free":  # no torque is known outside of its knots
+        unknown = (clock[rows] < drive.times[0] - 1e-9) | (clock[rows] > drive.times[-1] + 1e-9)
+    std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
+    return q[rows], v[rows], std
 
 
 def _directions(fit: Fit, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
