@@ -150,7 +150,7 @@ def by_torques(mechanism: Mechanism, task: Task) -> Explained:
     grown, _ = search.from_starts()
     x = grown.x if search.explained(grown) else sized(plain, search.motion)
     driven = frictionless(plain.mechanism_at(x)).with_torque("free", knots=stamps * plain.stretch(x))
-    problem = replace(posed(driven, task.data, torques_only=True), scale=plain.size(x))
+    problem = replace(posed(driven, task.data, torques_only=True), base=plain.size(x))
     return Explained(*fit_torques(problem, task.smoothed, search.route, search.report))
 
 

@@ -8,7 +8,7 @@ other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -54,14 +54,14 @@ class Problem:
         unknowns: What is searched.
         prior: What the picture knows of the sizes.
         data: The measurements.
-        scale: Common scale of the sizes of ``mechanism`` against those that the record was measured in.
+        base: Common scale of the sizes of ``mechanism`` against those that the record was measured in.
     """
 
     mechanism: Mechanism
     unknowns: Unknowns
     prior: Prior
     data: Data
-    scale: float = 1.0
+    base: float = field(default=1.0, kw_only=True)
 
     def with_data(self, data: Data) -> Problem:
         """Return the same problem on other data."""
@@ -73,7 +73,7 @@ class Problem:
 
     def size(self, x: np.ndarray) -> float:
         """Return the common scale of the sizes against those that the record was measured in."""
-        return self.scale * float(np.exp(self.prior.weights @ (x - self.unknowns.x0)))
+        return self.base * float(np.exp(self.prior.weights @ (x - self.unknowns.x0)))
 
     def mass_scaled(self, x: np.ndarray) -> np.ndarray:
         """Return ``x`` with all masses, dampings, ... changed by one factor, to be near the start on average.

@@ -1,0 +1,266 @@
+"""Print the published method beside the default one, and the torque models, on clips with known truth.
+
+Run: ``MONODYN_DATA=<folder> python benchmarks/published.py [--only NAME ...] [--json FILE] [--gate]``.
+Frames 0:40 of the passive clips are fitted and the next 40 predicted; 0:200 of the driven one are fitted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import monodyn
+from accuracy import FITTED, PREDICTED, differences, rms
+from figures import Figure, finish, say, table
+from monodyn.results.torques import torques
+from monodyn.vision.locate import CameraSettings
+
+DRIVEN = 200
+"""Fitted frames of the clip with torques."""
+POSE, RESIDUAL = 1.0, 3.0
+"""Most that the published method may miss poses and filtered start states by [deg]."""
+SERIES, FREE, TORQUE, PERIOD = 0.2, 0.05, 8.0, 1.0
+"""Most residual of Cases II and III [deg], error of the torque [%] and of its period [%]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one method makes of a clip.
+
+    Attributes:
+        poses: What was tracked.
+        fit: The fit of the first frames.
+        drawn: Silhouettes drawn to locate the mechanism, and by frame to follow it.
+        seconds: To locate, by frame to follow, to fit.
+    """
+
+    poses: monodyn.Poses
+    fit: monodyn.Fit
+    drawn: tuple[float, float]
+    seconds: tuple[float, float, float]
+
+
+def main() -> int:
+    """Run what was asked for and print the table; 2 when the data are missing."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", choices=CLIPS, metavar="NAME", help=f"of {', '.join(CLIPS)}")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
+    parser.add_argument("--gate", action="store_true", help="exit code 1 when a target is missed")
+    options = parser.parse_args()
+    data = Path(os.environ.get("MONODYN_DATA") or "missing")
+    if not (data / "rendered").is_dir():
+        print("MONODYN_DATA: expected the folder that holds rendered/; set the variable.", file=sys.stderr)
+        return 2
+    figures: list[Figure] = []
+    for name in options.only or CLIPS:
+        began = time.perf_counter()
+        figures += CLIPS[name](data / "rendered" / name)
+        say(f"{name}: {time.perf_counter() - began:.1f} s")
+    print(table(figures))
+    return finish(figures, to=options.json, gate=options.gate)
+
+
+def passive(clip: Path) -> list[Figure]:
+    """Run both methods on a passive double pendulum, with friction alone (Case I).
+
+    Args:
+        clip: The clip without its ending.
+    """
+    truth = np.array(json.loads(clip.with_suffix(".json").read_text(encoding="utf-8"))["q"])
+    methods = {name: run(clip, name) for name in ("paper", "fast")}
+    figures = []
+    for name, found in methods.items():
+        figures += against_truth(f"{clip.name}, {name}", found, truth, asked=name == "paper")
+    return figures + compared(clip.name, methods["paper"], methods["fast"], truth)
+
+
+def run(clip: Path, method: str) -> Outcome:
+    """Locate, track and fit with one method.
+
+    Args:
+        clip: The clip without its ending.
+        method: ``paper`` or ``fast``.
+    """
+    mechanism = monodyn.load(clip.with_suffix(".xml"))
+    masks = monodyn.segment(monodyn.read(clip.with_suffix(".mp4")))
+    locate, track, fit = (
+        settings(method=method)
+        for settings in (monodyn.LocateSettings, monodyn.TrackSettings, monodyn.IdentifySettings)
+    )
+    clock = [time.perf_counter()]
+    scene = monodyn.locate(masks, mechanism, locate, camera=CameraSettings(method=method))
+    clock.append(time.perf_counter())
+    poses = monodyn.track(scene.masks, scene, track)
+    clock.append(time.perf_counter())
+    found = monodyn.identify(poses.part(0, FITTED), scene.mechanism, fit)
+    each = 0.0 if poses.evaluations is None else float(np.mean(poses.evaluations))
+    seconds = np.diff(clock)
+    return Outcome(
+        poses,
+        found,
+        (float(scene.evaluations), each),
+        (seconds[0], seconds[1] / len(poses), found.seconds),
+    )
+
+
+def against_truth(case: str, found: Outcome, truth: np.ndarray, *, asked: bool) -> list[Figure]:
+    """Compare poses and prediction with the truth.
+
+    Args:
+        case: What was run.
+        found: What came of it.
+        truth: True positions [rad], (frame, dof).
+        asked: True where the targets hold.
+    """
+    names = [joint.name for joint in found.fit.mechanism.joints]
+    poses, future = pose_errors(found, truth), ahead_errors(found, truth)
+    figures = [Figure(case, "frames seen, 0:40", 100.0 * float(found.poses.seen[:FITTED].mean()), "%")]
+    for dof, name in enumerate(names):
+        figures.append(Figure(case, f"{name}, 0:40", poses[dof], "deg", POSE if asked else None))
+    for dof, name in enumerate(names):
+        residual = float(np.degrees(found.fit.rms[name]))
+        figures.append(Figure(case, f"{name} residual", residual, "deg", RESIDUAL if asked else None))
+        figures.append(Figure(case, f"{name} predicted, 40:80", future[dof], "deg"))
+    unknowns = sum(p.free for p in found.fit.parameters)
+    figures.append(Figure(case, "unknowns besides the start state", unknowns, ""))
+    figures.append(Figure(case, "rollouts of the fit", found.fit.evaluations, ""))
+    figures.append(Figure(case, "silhouettes to locate", found.drawn[0], ""))
+    figures.append(Figure(case, "silhouettes a frame", found.drawn[1], ""))
+    for what, value in zip(("locate", "track a frame", "fit"), found.seconds, strict=True):
+        figures.append(Figure(case, what, 1e3 * value, "ms"))
+    return figures
+
+
+def compared(name: str, paper: Outcome, fast: Outcome, truth: np.ndarray) -> list[Figure]:
+    """Say by how much the default method is better, as ratios that must exceed one.
+
+    Args:
+        name: Name of the clip.
+        paper: The published method.
+        fast: The default method.
+        truth: True positions [rad], (frame, dof).
+    """
+    joints = [joint.name for joint in fast.fit.mechanism.joints]
+    pairs = []
+    for dof, joint in enumerate(joints):
+        pairs.append((f"{joint}, 0:40", *(pose_errors(one, truth)[dof] for one in (paper, fast))))
+        pairs.append((f"{joint} residual", *(one.fit.rms[joint] for one in (paper, fast))))
+        pairs.append((f"{joint} predicted", *(ahead_errors(one, truth)[dof] for one in (paper, fast))))
+    for k, what in enumerate(("locate", "track a frame", "fit")):
+        pairs.append((f"time to {what}", paper.seconds[k], fast.seconds[k]))
+    return [
+        Figure(f"{name}, paper / fast", what, a / b if b else float("inf"), "", 1.0, least=True)
+        for what, a, b in pairs
+    ]
+
+
+def pose_errors(found: Outcome, truth: np.ndarray) -> np.ndarray:
+    """Return the rms error of each joint over frames 0:40 that were seen [deg], (dof,)."""
+    rows = np.flatnonzero(found.poses.seen[:FITTED])
+    at = found.poses.frame[rows]
+    errors = [
+        differences(found.poses.position[rows, dof], truth[at, dof], turns=True)
+        for dof in range(truth.shape[1])
+    ]
+    return np.degrees([rms(error) for error in errors])
+
+
+def ahead_errors(found: Outcome, truth: np.ndarray) -> np.ndarray:
+    """Return the rms error of each joint over the 40 frames after the fit [deg], (dof,)."""
+    if not found.fit.starts:
+        return np.full(truth.shape[1], np.nan)
+    future = monodyn.predict(found.fit, times=found.poses.time[FITTED:PREDICTED])
+    errors = [
+        differences(future.position[:, dof], truth[FITTED:PREDICTED, dof], turns=True)
+        for dof in range(truth.shape[1])
+    ]
+    return np.degrees([rms(error) for error in errors])
+
+
+def driven(clip: Path) -> list[Figure]:
+    """Fit a periodic and a free torque with the default solver (Cases II and III).
+
+    Args:
+        clip: The clip without its ending.
+    """
+    document = json.loads(clip.with_suffix(".json").read_text(encoding="utf-8"))
+    applied = np.array(document["u"])[:DRIVEN]
+    scene = monodyn.locate(
+        monodyn.segment(monodyn.read(clip.with_suffix(".mp4"))), monodyn.load(clip.with_suffix(".xml"))
+    )
+    poses = monodyn.track(scene.masks, scene).part(0, DRIVEN)
+    thick = {f"link{i}.thickness": link[2] for i, link in enumerate(document["truth"]["links"], start=1)}
+    known = scene.mechanism.with_choices(fix=thick)
+    true_period = period_of(applied[:, 0], poses.time)
+    figures = []
+    for model, most in (("fourier", SERIES), ("free", FREE)):
+        case = f"{clip.name}, {model}"
+        settings = monodyn.IdentifySettings(torque=model)
+        fit = monodyn.identify(poses, scene.mechanism, settings)
+        for name, value in fit.rms.items():
+            figures.append(Figure(case, f"{name} residual", float(np.degrees(value)), "deg", most))
+        unknowns = sum(p.free for p in fit.parameters)
+        figures.append(Figure(case, "unknowns besides the start state", unknowns, ""))
+        figures.append(Figure(case, "fit", 1e3 * fit.seconds, "ms"))
+        if model == "fourier":
+            fit = monodyn.identify(poses, known, settings)
+            figures += torque_figures(f"{case}, thickness known", fit, poses.time, applied, true_period)
+    return figures
+
+
+def torque_figures(
+    case: str, fit: monodyn.Fit, times: np.ndarray, applied: np.ndarray, period: float
+) -> list[Figure]:
+    """Compare a torque with the one that was applied.
+
+    Args:
+        case: What was run.
+        fit: The fit.
+        times: Time stamps [s], (frame,).
+        applied: True torques [N m], (frame, dof).
+        period: True period [s].
+    """
+    error = torques(fit, times).torque - applied
+    share = 100.0 * np.sqrt(np.mean(error**2, axis=0) / np.mean(applied**2, axis=0))
+    off = 100.0 * abs(fit.parameter("torque.period").value / period - 1.0)
+    asked = (TORQUE, None)
+    return [
+        *(Figure(case, f"torque at joint{i + 1}", s, "%", asked[min(i, 1)]) for i, s in enumerate(share)),
+        Figure(case, "period", off, "%", PERIOD),
+    ]
+
+
+def period_of(torque: np.ndarray, times: np.ndarray) -> float:
+    """Return the period of a sinusoidal torque [s] by least squares.
+
+    Args:
+        torque: The torque, (frame,).
+        times: Time stamps [s], (frame,).
+    """
+
+    def left(period: float) -> float:
+        turn = 2.0 * np.pi * times / period
+        basis = np.column_stack([np.ones(len(times)), np.cos(turn), np.sin(turn)])
+        return float(np.sum((torque - basis @ np.linalg.lstsq(basis, torque, rcond=None)[0]) ** 2))
+
+    span = float(np.ptp(times))
+    coarse = min(1.0 / np.arange(0.5 / span, 5.0, 0.05 / span), key=left)
+    return min(coarse * np.linspace(0.98, 1.02, 2001), key=left)
+
+
+CLIPS: dict[str, Callable[[Path], list[Figure]]] = {
+    "double_a": passive,
+    "double_b": passive,
+    "double_torque": driven,
+}
+
+if __name__ == "__main__":
+    raise SystemExit(main())
