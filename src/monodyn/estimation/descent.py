@@ -17,7 +17,7 @@ from monodyn.estimation.torque import fourier_coefficients, inverse_dynamics
 from monodyn.estimation.unknowns import choose_unknowns, kind_of, scaled_start, size_prior
 from monodyn.estimation.verdict import motion_sizes
 from monodyn.mechanism.tree import DAMPING, FRICTION, STIFFNESS
-from monodyn.optimize import SearchSettings
+from monodyn.optimize import Minimum, SearchSettings
 from monodyn.types import Poses, Progress
 
 REACH = float(np.log(10.0))
@@ -26,6 +26,8 @@ TYPICAL = 0.1
 """Typical change of a logarithm, by which the search scales it."""
 FINE = 1e-3
 """The search ends when the cost falls by less than this share of what the stated noise alone costs."""
+WEAKEST = 0.01
+"""Modes of free torques below this share of the strongest are taken as that strong."""
 MOST_DRIVEN = 2
 """Starts at the most with a torque over time, whose many unknowns make up for a start that is off."""
 CLOSE = 0.02
@@ -160,8 +162,6 @@ def _search(
     held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...], settings: IdentifySettings
 ) -> Descent | None:
     """Search from one start; again where the end needs more integration steps than the start did."""
-    from monodyn.optimize import bounded_bfgs
-
     held, bounds = _ranged(held, x, smoothed)
     x = np.clip(x, *bounds)
     evaluations, converged = 0, False
@@ -170,19 +170,56 @@ def _search(
         substeps, error = choose_substeps(held, x, held.states(x), held.pieces, settings.error_bound)
         if evaluations and substeps <= held.substeps:
             break
-        stepped = held = replace(held, substeps=max(substeps, held.substeps))
-        most = settings.evaluations * (len(x) + 1)
-        cost = 0.5 * float(np.sum(held.residuals_at(x) ** 2))
-        tolerance = float(np.clip(FINE * _noise_cost(held) / max(cost, 1e-300), 1e-10, 1e-4))
-        end = bounded_bfgs(
-            lambda at, on=stepped: on.residuals_at(at).ravel(), x, *bounds, scale=held.scale, most=most,
-            tolerance=tolerance,
-        )  # fmt: skip
+        held = replace(held, substeps=max(substeps, held.substeps))
+        end = _minimum(held, x, bounds, settings.evaluations * (len(x) + 1))
         evaluations += end.evaluations
         if not np.isfinite(end.value):
             return None
         x, converged = end.x, end.converged
     return Descent(held, x, bounds, evaluations, converged, 1, error)
+
+
+def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int) -> Minimum:
+    """Search within bounds (2, param) by the paper's solver, unknowns in units of their scale.
+
+    Free torques are searched along their modes instead, of which the bounds are kept by the penalty.
+    """
+    from monodyn.optimize import bounded_bfgs
+
+    free = held.mechanism.torque == "free"
+    turned = np.array([free and ".torque." in name for name in held.unknowns.names])
+    turn = held.change[:, None] * _modes(held, x, turned)
+    low, high = (
+        np.where(turned, side, (end - x) / held.change)
+        for side, end in zip((-np.inf, np.inf), bounds, strict=True)
+    )
+    cost = 0.5 * float(np.sum(held.residuals_at(x) ** 2))
+
+    def residuals(z: np.ndarray) -> np.ndarray:
+        at = x + turn @ z
+        if ((at < bounds[0]) | (at > bounds[1]))[turned].any():
+            return np.full(1, np.nan)
+        return held.residuals_at(np.clip(at, *bounds)).ravel()
+
+    tolerance = float(np.clip(FINE * _noise_cost(held) / max(cost, 1e-300), 1e-10, 1e-4))
+    end = bounded_bfgs(residuals, np.zeros(len(x)), low, high, most=most, tolerance=tolerance)
+    return replace(end, x=np.clip(x + turn @ end.x, *bounds))
+
+
+def _modes(held: Held, x: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    """Directions of the unknowns, in scales, with those of ``turned`` made to move the motion alike.
+
+    A torque early in a record moves all that follows and a late one hardly anything, and neighbours do
+    nearly the same: without this a quasi-Newton search takes thousands of steps. (param, param).
+    """
+    modes = np.eye(len(x))
+    if turned.any():
+        _, jacobian = held.rows(x, held.states(x), held.pieces, held.substeps)
+        along = jacobian.reshape(-1, len(x))[:, turned] * held.change[turned]
+        _, sizes, vectors = np.linalg.svd(along)
+        sizes = np.append(sizes, np.zeros(len(vectors) - len(sizes)))
+        modes[np.ix_(turned, turned)] = vectors.T / np.hypot(sizes, WEAKEST * sizes[0])
+    return modes
 
 
 def _noise_cost(held: Held) -> float:
@@ -210,7 +247,7 @@ def _ranged(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> tuple[
         else:
             scale[p], low[p], high[p] = max(abs(x[p]), 1e-2), -np.inf, np.inf
     low, high = np.maximum(low, unknowns.lower), np.minimum(high, unknowns.upper)
-    return replace(held, scale=scale), np.stack((np.minimum(low, high), high))
+    return replace(held, change=scale), np.stack((np.minimum(low, high), high))
 
 
 def _loads(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> tuple[np.ndarray, np.ndarray]:

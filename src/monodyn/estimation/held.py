@@ -19,7 +19,7 @@ STEP = 1e-6
 """Step of the differences that the covariance rests on, in scales of the unknowns."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Held(Problem):
     """One identification with held start states.
 
@@ -28,7 +28,7 @@ class Held(Problem):
         target: Positions, or positions and rates, that are compared, NaN where there are none,
             (row, dof or 2 dof).
         white: Whitening matrices of the target, (row, column, column), or None for a plain difference.
-        scale: Typical size of each unknown's coordinate, (param,).
+        change: Typical change of each unknown's coordinate, (param,).
         substeps: Integration steps between stamps.
         response: The filter of each record, through which the simulated positions go as the measured ones
             did before states are compared, each (frame, 2, dof, frame); none to compare angles alone.
@@ -39,7 +39,7 @@ class Held(Problem):
     held: np.ndarray
     target: np.ndarray
     white: np.ndarray | None
-    scale: np.ndarray
+    change: np.ndarray
     substeps: int
     response: tuple[np.ndarray, ...] = ()
     filtered: bool = False
@@ -103,7 +103,7 @@ class Held(Problem):
         """
         base = self.residuals_at(x)
         jacobian = np.zeros((*base.shape, len(x)))
-        for p, step in enumerate(STEP * self.scale):
+        for p, step in enumerate(STEP * self.change):
             low, high = x.copy(), x.copy()
             low[p], high[p] = x[p] - step, x[p] + step
             low, high = (np.clip(end, self.unknowns.lower, self.unknowns.upper) for end in (low, high))

@@ -96,10 +96,14 @@ def identify_published(
         return replace(refused, torque=settings.torque)
     motion = tuple(filtered(r.time, _seen(r), gains, r.covariance) for r in records)
     target, white = targets(data, motion, settings.states, settings.rates)
-    common = (problem.mechanism, problem.unknowns, problem.prior, data, held_states(data, motion))
-    response = tuple(filter_response(r.time, np.isfinite(_seen(r)), gains) for r in records if settings.rates)
-    scale, compared = np.ones(len(problem.unknowns)), settings.states == "filtered"
-    blank = Held(*common, target, white, scale, 1, response, compared)
+    blank = Held(
+        problem.mechanism, problem.unknowns, problem.prior, data, held=held_states(data, motion),
+        target=target, white=white, change=np.ones(len(problem.unknowns)), substeps=1,
+        response=tuple(
+            filter_response(r.time, np.isfinite(_seen(r)), gains) for r in records if settings.rates
+        ),
+        filtered=settings.states == "filtered",
+    )  # fmt: skip
     found = descend(blank, records, posed.scale, settings, progress)
     if found is None:
         refused = refuse(problem, UNSTARTED, records, time.perf_counter() - began)
@@ -245,7 +249,7 @@ def _fit(
 def _grown(found: Descent, held: Held, residuals: np.ndarray) -> Grown:
     """The optimum in the form that covariance and estimates take."""
     low, high = found.bounds
-    near = 1e-6 * held.scale
+    near = 1e-6 * held.change
     scaled = residuals / held.noise
     sigma = typical(scaled, np.isfinite(held.target))
     return Grown(

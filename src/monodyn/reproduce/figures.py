@@ -14,12 +14,12 @@ from monodyn.reproduce.vision import METHODS, TITLES, Seen
 from monodyn.types import Poses
 
 PROBLEMS = {
-    "depth": ("(1) camera depth from the area", "px⁴"),
-    "place": ("(2) camera place from the centroid", "px²"),
-    "pose": ("(3) initial pose", "px"),
-    "ratios": ("(4) aspect ratios", "px"),
+    "pose": (0, "paper", "(3) initial pose"),
+    "ratios": (0, "fast", "(4) aspect ratios"),
+    "depth": (1, "paper", "(1) camera depth"),
+    "place": (1, "fast", "(2) camera place"),
 }
-"""Title and unit of the sub-problems of the sequential framework."""
+"""Panel, colour and name of each sub-problem of the sequential framework."""
 LEAST_SHOWN = 1e-4
 """Objectives below are drawn here: their axis is logarithmic."""
 
@@ -213,25 +213,27 @@ def history_figure(seen: Seen) -> Figure | None:
     Args:
         seen: What the published method saw.
     """
-    if seen.scene is None:
+    if seen.scene is None or not seen.scene.history:
         return None
-    panels, done = {}, 0
+    contents: tuple[list, list] = ([], [])
+    done, drawn = 0, "silhouettes drawn"
     for history in seen.scene.history:
-        if not len(history.values):
-            continue
-        steps, values = done + history.evaluations, np.maximum(history.values, LEAST_SHOWN)
+        which, colour, name = PROBLEMS[history.problem]
+        values = np.maximum(history.values, LEAST_SHOWN)
+        contents[which].append(series("steps", colour, done + history.evaluations, values, name))
         done += int(history.evaluations[-1])
-        panels.setdefault(history.problem, []).append(series("steps", "paper", steps, values))
-    if not panels:
-        return None
     return Figure(
         "Figure 2: objectives of the sequential framework",
-        "Best value so far of each sub-problem, each time it is solved, over the silhouettes drawn so far.",
-        min(len(panels), 2),
+        "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn; the "
+        "choice of the start before it drew more.",
+        2,
         [
-            panel(PROBLEMS[problem][0], PROBLEMS[problem][1], content, log=True, across="silhouettes drawn")
-            for problem, content in panels.items()
+            panel(
+                "(3) and (4): area of |I_a − I_m|", "px", contents[0], log=True, across="silhouettes drawn"
+            ),
+            panel("(1) in px⁴, (2) in px²", "", contents[1], log=True, across=drawn),
         ],
+        (("line", "paper", "(3) initial pose; (1) depth"), ("line", "fast", "(4) aspect ratios; (2) place")),
     )
 
 

@@ -2,7 +2,7 @@
 
 A sum over the drawn silhouette of any picture is a sum of row prefix sums of that picture
 (``silhouette.mismatch``): of ones it is the area, of the coordinates x and y the first moments. What lies
-outside of the picture has no area.
+outside of the picture, or where the background is not known, has no area.
 """
 
 from __future__ import annotations
@@ -19,19 +19,22 @@ NOWHERE = 1e18
 
 
 @njit(cache=True)
-def moment_sums(height: int, width: int) -> np.ndarray:
-    """Return the row prefix sums of the pictures 1, x and y: float32 (3, height, width + 1).
+def moment_sums(weight: np.ndarray) -> np.ndarray:
+    """Return the row prefix sums of the pictures w, w x and w y: float32 (3, height, width + 1).
 
     Args:
-        height: Picture height [px].
-        width: Picture width [px].
+        weight: What each pixel counts, float32 (height, width).
     """
+    height, width = weight.shape
     sums = np.zeros((3, height, width + 1), dtype=np.float32)
     for y in range(height):
+        total, first = 0.0, 0.0
         for x in range(width):
-            sums[0, y, x + 1] = x + 1
-            sums[1, y, x + 1] = 0.5 * x * (x + 1)
-            sums[2, y, x + 1] = y * (x + 1.0)
+            total += weight[y, x]
+            first += weight[y, x] * x
+            sums[0, y, x + 1] = total
+            sums[1, y, x + 1] = first
+            sums[2, y, x + 1] = total * y
     return sums
 
 
@@ -134,7 +137,7 @@ def placed_mismatch(
             d = drawn(moments, parent, kind, links, link, first, points, radius, own, positions[i])
             if not d[1] > 0.0:
                 break
-            growth = math.sqrt(d[0] / seen[0]) if moves[2] else 1.0
+            growth = math.sqrt(d[1] / seen[0]) if moves[2] else 1.0
             scale = own[12] / (own[11] * growth)
             x, y = d[2] / d[1] - own[13], d[3] / d[1] - own[14]
             if moves[0]:

@@ -19,7 +19,7 @@ from monodyn.vision.scene import Scene
 from monodyn.vision.segment import Masks
 from monodyn.vision.sequential import reach_of
 from monodyn.vision.spread import spread_pose
-from monodyn.vision.threshold import silhouette
+from monodyn.vision.threshold import holds, silhouette
 
 if TYPE_CHECKING:
     from monodyn.vision.track import TrackSettings
@@ -237,7 +237,7 @@ def scatter(time: np.ndarray, position: np.ndarray, hinge: np.ndarray) -> np.nda
 def _image(frame: Frame, scene: Scene, level: float) -> Seen | None:
     """Return the silhouette of a frame, None where there is none."""
     drawn = silhouette(frame, scene.masks.background, level)
-    return seen(drawn) if drawn.any() else None
+    return seen(drawn) if holds(drawn) else None
 
 
 def _first(

@@ -11,7 +11,7 @@ form: the area falls with the square of the depth, the centroid moves with the c
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from monodyn.errors import VideoError
 from monodyn.mechanism import Mechanism
 from monodyn.optimize.bracket import line_search
 from monodyn.optimize.lagrangian import augmented_lagrangian
-from monodyn.types import FULL, Camera
+from monodyn.types import Camera
 from monodyn.vision.drawn import NOWHERE, drawn, moment_sums, placed_mismatch
 from monodyn.vision.rig import Rig, rig_of
 from monodyn.vision.silhouette import link_frames, outline_counts, project, row_sums
+from monodyn.vision.threshold import OPEN
 
 SIZES = (".length", ".width", ".tail", ".tip")
 """Sizes that a silhouette shows."""
@@ -38,21 +39,27 @@ RATIO_RANGE = 30.0
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A binary silhouette as the problems need it.
+    """A binary silhouette as the problems need it; pixels without a known background count nowhere.
 
     Attributes:
         sums: Row prefix sums of the silhouette, (height, width + 1).
-        moments: Row prefix sums of 1, x and y, (3, height, width + 1).
+        weight: 1 where the background is known, else 0; shares where pixels were merged, float32 (height,
+            width).
         area: Its area A_o [px^2].
         x: Its centroid x_co [px].
         y: Its centroid y_co [px].
     """
 
     sums: np.ndarray
-    moments: np.ndarray
+    weight: np.ndarray
     area: float
     x: float
     y: float
+
+    @cached_property
+    def moments(self) -> np.ndarray:
+        """Row prefix sums of the weight w, of w x and of w y, (3, height, width + 1)."""
+        return moment_sums(self.weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +124,8 @@ class View:
                 (self.base.links, self.base.points, self.base.radius), self.slopes, strict=True
             )
         )
-        return self.base._replace(links=links, points=points, radius=radius)
+        # searches look a little beyond their bounds; a negative radius would have another number of points
+        return self.base._replace(links=links, points=points, radius=np.maximum(radius, 0.0))
 
     def before(self, camera: np.ndarray) -> View:
         """Return the same before another packed camera.
@@ -128,31 +136,36 @@ class View:
         return replace(self, base=self.base.before(camera))
 
 
-def seen(silhouette: np.ndarray) -> Seen:
+def seen(silhouette: np.ndarray, *, shrink: int = 1) -> Seen:
     """Take area, centroid and row sums of a binary silhouette.
 
     Args:
-        silhouette: uint8 (height, width), ``FULL`` on the mechanism.
+        silhouette: uint8 (height, width), ``FULL`` on the mechanism, ``OPEN`` where that is not known.
+        shrink: Pixels by side that are merged into one.
 
     Raises:
         VideoError: the silhouette is empty.
     """
     import cv2
 
-    moments = cv2.moments(silhouette)
-    area = moments["m00"] / FULL
+    height, width = silhouette.shape[0] // shrink, silhouette.shape[1] // shrink
+    part = silhouette[: height * shrink, : width * shrink]
+    weight = (part != OPEN).astype(np.float32)
+    covered = cv2.threshold(part, OPEN, 1, cv2.THRESH_BINARY)[1]
+    if shrink > 1:
+        size = (width, height)
+        part, weight, covered = (
+            cv2.resize(a, size, interpolation=cv2.INTER_AREA)
+            for a in (part, weight, covered.astype(np.float32))
+        )
+    moments = cv2.moments(covered)
+    area = moments["m00"]
     if not area > 0.0:
         raise VideoError(
             "silhouette: expected some of the mechanism, got an empty picture; give --background a picture "
             "without the mechanism, or use another method."
         )
-    x, y = moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
-    return Seen(row_sums(silhouette), _moments_of(*silhouette.shape), area, x, y)
-
-
-@lru_cache(maxsize=4)
-def _moments_of(height: int, width: int) -> np.ndarray:
-    return moment_sums(height, width)
+    return Seen(row_sums(part), weight, area, moments["m10"] / area, moments["m01"] / area)
 
 
 def view_of(

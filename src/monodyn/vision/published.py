@@ -21,8 +21,8 @@ from monodyn.vision.rig import rig_of
 from monodyn.vision.scene import Scene
 from monodyn.vision.segment import Masks
 from monodyn.vision.sequential import Effort, camera_round, reach_of, sequential
-from monodyn.vision.spread import evolved_starts, reduced, spread_pose, spread_starts
-from monodyn.vision.threshold import otsu_level, silhouette
+from monodyn.vision.spread import evolved_starts, spread_pose, spread_starts
+from monodyn.vision.threshold import holds, otsu_level, silhouette
 
 COARSE_PX = 150
 """Largest side of the moving part in the reduced picture that starts are ranked in [px]."""
@@ -183,7 +183,7 @@ def _shots(masks: Masks, first: Frame, level: float) -> list[Shot]:
     shots = []
     for i in picks:
         drawn = silhouette(frames[i], masks.background, level)
-        if drawn.any():
+        if holds(drawn):
             shots.append(Shot(frames[i], seen(drawn), drawn))
     if not shots:
         raise VideoError(
@@ -278,7 +278,7 @@ def _read(
 
 def _readings(shot: Shot, held: View, start: str, shrink: int) -> list[Reading]:
     """Return the readings of one picture that explain it about as well as the best."""
-    small = reduced(shot.drawn, shrink)
+    small = seen(shot.drawn, shrink=shrink)
     whole = held.base.camera
     coarse = held.before(shrunk(whole, shrink))
     if start == "evolution":

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.vision.drawn import drawn, placed_mismatch
-from monodyn.vision.problems import FOLLOWING, Seen, View, X, fit_pose, seen
+from monodyn.vision.problems import FOLLOWING, Seen, View, X, fit_pose
 from monodyn.vision.silhouette import pose_mismatch
 
 BUDGET = 24_000
@@ -29,20 +29,6 @@ ANGLES, BEAM = 48, 10
 """Positions tried a joint, and partial poses kept, where the camera is known."""
 GENERATIONS, SEEDS = 80, 4
 """Length and number of the evolutionary searches."""
-
-
-def reduced(silhouette: np.ndarray, shrink: int) -> Seen:
-    """Take a silhouette at a reduced size.
-
-    Args:
-        silhouette: uint8 (height, width).
-        shrink: Pixels per reduced pixel.
-    """
-    import cv2
-
-    height, width = silhouette.shape[0] // shrink, silhouette.shape[1] // shrink
-    part = silhouette[: height * shrink, : width * shrink]
-    return seen(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA))
 
 
 def spread_starts(image: Seen, view: View, count: int) -> tuple[list[View], int]:

@@ -14,8 +14,12 @@ from monodyn.errors import SettingsError
 from monodyn.types import FULL, Frame
 from monodyn.vision.background import Background
 
+OPEN = FULL // 2
+"""What a silhouette holds where the background is not known: such a pixel counts neither for nor against."""
 LEAST_PART = 0.04
 """A patch smaller than this share of the largest one is noise."""
+SURROUNDED = 0.33
+"""Share of a patch's border that the mechanism covers where the patch is the mechanism's."""
 LEAST_LEVEL = 4.0
 """Least threshold, in standard deviations of a pixel's noise."""
 
@@ -23,8 +27,7 @@ LEAST_LEVEL = 4.0
 def silhouette(frame: Frame, background: Background, level: float) -> np.ndarray:
     """Tell the mechanism from the background by a threshold on the grey difference, ``|I - B| > level``.
 
-    Pixels that the background never shows are always covered, so they belong to the mechanism. Small patches
-    are left out.
+    Small patches are left out.
 
     Args:
         frame: The picture.
@@ -32,7 +35,8 @@ def silhouette(frame: Frame, background: Background, level: float) -> np.ndarray
         level: The threshold [grey levels].
 
     Returns:
-        ``FULL`` on the mechanism and 0 elsewhere, uint8 (height, width).
+        ``FULL`` on the mechanism, 0 elsewhere, and ``OPEN`` where that is not known, uint8
+        (height, width).
 
     Raises:
         SettingsError: the level is not above 0 and below 255.
@@ -44,14 +48,50 @@ def silhouette(frame: Frame, background: Background, level: float) -> np.ndarray
 
     if not 0.0 < level < 255.0:
         raise SettingsError(f"silhouette: expected a level above 0 and below 255, got {level:g}.")
-    stands_out = (difference(frame, background) > level) | ~background.known
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(stands_out.astype(np.uint8), connectivity=4)
-    if count == 1:
-        return np.zeros(stands_out.shape, np.uint8)
-    area = stats[:, cv2.CC_STAT_AREA]
-    kept = area >= LEAST_PART * area[1:].max()
-    kept[0] = False
-    return (kept.astype(np.uint8) * np.uint8(FULL))[np.asarray(labels)]
+    _, over = cv2.threshold(difference(frame, background), level, FULL, cv2.THRESH_BINARY)
+    x, y, width, height = cv2.boundingRect(over)
+    if width:
+        part = over[y : y + height, x : x + width]
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=4)
+        area = stats[:, cv2.CC_STAT_AREA]
+        kept = area >= LEAST_PART * area[1:].max()
+        kept[0] = False
+        part[...] = (kept.astype(np.uint8) * np.uint8(FULL))[np.asarray(labels)]
+    if not background.known.all():
+        _settle_unknown(over, ~background.known)
+    return over
+
+
+def _settle_unknown(picture: np.ndarray, unknown: np.ndarray) -> None:
+    """Give patches without a known background to the mechanism where it borders them, leave others open.
+
+    A first hinge is always covered, and so is a stand that the mechanism was taken for.
+    """
+    import cv2
+
+    x, y, width, height = cv2.boundingRect(unknown.astype(np.uint8))
+    x0, y0 = max(x - 2, 0), max(y - 2, 0)
+    window = (slice(y0, y + height + 2), slice(x0, x + width + 2))
+    part, covered = unknown[window].astype(np.uint8), picture[window] == FULL
+    picture[window][part > 0] = OPEN
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=8)
+    labels = np.asarray(labels)
+    for i in range(1, count):
+        left, top, wide, tall = (int(value) for value in stats[i, :4])
+        near = (slice(max(top - 2, 0), top + tall + 2), slice(max(left - 2, 0), left + wide + 2))
+        own = (labels[near] == i).astype(np.uint8)
+        ring = (cv2.dilate(own, np.ones((5, 5), np.uint8)) > 0) & (part[near] == 0)
+        if ring.any() and covered[near][ring].mean() > SURROUNDED:
+            picture[window][near][own > 0] = FULL
+
+
+def holds(silhouette: np.ndarray) -> bool:
+    """Return whether a silhouette holds anything of the mechanism.
+
+    Args:
+        silhouette: uint8 (height, width).
+    """
+    return bool(np.any(silhouette == FULL))
 
 
 def difference(frame: Frame, background: Background) -> np.ndarray:
