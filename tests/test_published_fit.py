@@ -1,6 +1,9 @@
 """The published least squares on made motion of known truth: Cases I to III, rates, refusals."""
 
+import json
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -178,6 +181,24 @@ def test_filtered_states_make_it_worse():
         simulated = predict(fit, times=TIMES[40:])
         error[name] = np.sqrt(np.mean((simulated.position - position[40:]) ** 2))
     assert error["filtered"] > 2.0 * max(error["measured"], error["rates"], error["both"])
+
+
+@pytest.mark.skipif("MONODYN_DATA" not in os.environ, reason="MONODYN_DATA is not set: no rendered clips")
+@pytest.mark.parametrize("clip", ["double_a", "double_b"])
+def test_rendered_pendulums(clip):
+    """The true motion of a rendered clip with the noise of a tracker: within 3 degrees over 40 frames."""
+    truth = json.loads((Path(os.environ["MONODYN_DATA"]) / "rendered" / f"{clip}.json").read_text())
+    times, position = np.array(truth["times"]), np.array(truth["q"])
+    (l1, w1, _), (l2, w2, _) = truth["truth"]["links"]
+    seen = {"link1.length": l1, "link1.width": w1, "link2.length": l2, "link2.width": w2}
+    start = load("double").with_values({name: 0.6 * value for name, value in seen.items()})
+    tails = {n: 1e-9 for n in start.values if n.endswith((".tail", ".tip"))}
+    start = start.with_values(tails)
+    poses = record(start, times[:40], position[:40], noise=np.radians(0.02))
+    fit = identify_published([poses], start, PAPER)
+    assert fit.ok, fit.status
+    assert max(fit.rms.values()) < np.radians(3.0)
+    assert fit.parameter("link1.length").value == pytest.approx(l1, rel=0.05)
 
 
 def test_gaps_and_joints_out_of_order():

@@ -1,5 +1,9 @@
 """Torque models against closed forms, the equations of two links and driven pendulums of known period."""
 
+import json
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -139,6 +143,22 @@ def test_period_of_a_driven_double_pendulum(period, scale):
     assert found.scale == pytest.approx(1 / scale, rel=0.05)
     shrunk = mechanism.with_values(lengths)
     assert periodic_scale(TIMES, noisy(position), period, 5, shrunk) == pytest.approx(1 / scale, rel=0.05)
+
+
+@pytest.mark.skipif("MONODYN_DATA" not in os.environ, reason="MONODYN_DATA is not set: no rendered clips")
+@pytest.mark.parametrize("frames", [100, 200, 300])
+def test_period_of_a_rendered_clip(frames):
+    """Its motion is driven with 1.4286 s and swings freely with 1.05 s; sizes are known up to a scale."""
+    truth = json.loads((Path(os.environ["MONODYN_DATA"]) / "rendered" / "double_torque.json").read_text())
+    (l1, w1, _), (l2, w2, _) = truth["truth"]["links"]
+    seen = {"link1.length": l1, "link1.width": w1, "link2.length": l2, "link2.width": w2}
+    mechanism = load("double")
+    overhang = {name: 1e-9 for name in mechanism.values if name.endswith((".tail", ".tip"))}
+    mechanism = mechanism.with_values({name: 0.7 * value for name, value in seen.items()} | overhang)
+    times, position = np.array(truth["times"])[:frames], noisy(np.array(truth["q"])[:frames])
+    found = estimate_period(times, position, 7, mechanism=mechanism)
+    assert found.seconds == pytest.approx(1 / 0.7, rel=5e-3)
+    assert found.scale == pytest.approx(1 / 0.7, rel=0.05)
 
 
 def test_period_of_periodic_poses():

@@ -203,7 +203,10 @@ def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int) -> Minimu
 
     tolerance = float(np.clip(FINE * _noise_cost(held) / max(cost, 1e-300), 1e-10, 1e-4))
     end = bounded_bfgs(residuals, np.zeros(len(x)), low, high, most=most, tolerance=tolerance)
-    return replace(end, x=np.clip(x + turn @ end.x, *bounds))
+    best = x + turn @ end.x
+    for bound in bounds:
+        best = np.where(np.abs(best - bound) < 1e-9 * held.change, bound, best)
+    return replace(end, x=np.clip(best, *bounds))
 
 
 def _modes(held: Held, x: np.ndarray, turned: np.ndarray) -> np.ndarray:
