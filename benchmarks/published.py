@@ -21,7 +21,7 @@ import monodyn
 from accuracy import FITTED, PREDICTED, differences, rms
 from figures import Figure, finish, say, table
 from monodyn.results.torques import torques
-from monodyn.vision.locate import CameraSettings
+
 
 DRIVEN = 200
 """Fitted frames of the clip with torques."""
@@ -96,7 +96,7 @@ def run(clip: Path, method: str) -> Outcome:
         for settings in (monodyn.LocateSettings, monodyn.TrackSettings, monodyn.IdentifySettings)
     )
     clock = [time.perf_counter()]
-    scene = monodyn.locate(masks, mechanism, locate, camera=CameraSettings(method=method))
+    scene = monodyn.locate(masks, mechanism, locate, camera=monodyn.CameraSettings(method=method))
     clock.append(time.perf_counter())
     poses = monodyn.track(scene.masks, scene, track)
     clock.append(time.perf_counter())

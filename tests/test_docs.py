@@ -107,3 +107,20 @@ def test_no_file_is_too_long() -> None:
     # one file, one idea: 400 lines, with a tenth to spare
     for path in SOURCE.rglob("*.py"):
         assert len(path.read_text(encoding="utf-8").splitlines()) <= 440, path.name
+
+
+def test_equations_name_functions_and_tests_that_exist():
+    from importlib import import_module
+
+    text = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
+    rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| ") and " | `" in line]
+    assert len(rows) >= 25
+    for row in rows:
+        for name in re.findall(r"`([\w.]+)`", row[1]):
+            module, _, function = name.rpartition(".")
+            assert hasattr(import_module(f"monodyn.{module}"), function), name
+        file = ""
+        for mention in re.findall(r"`([^`]+)`", row[2]):
+            file, test = mention.split(": ") if ": " in mention else (file, mention)
+            assert f"def {test}(" in (ROOT / "tests" / file).read_text(encoding="utf-8"), mention
+        assert "`test_" in row[2], row[0]

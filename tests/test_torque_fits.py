@@ -1,7 +1,5 @@
 """Identification under torques: motion simulated by MuJoCo, with friction, periodic and arbitrary torques."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -237,7 +235,9 @@ def test_dry_friction_is_estimated_where_it_shows(passive, tmp_path):
     without = identify(passive[0], start)
     assert not without.parameter("joint1.friction").free
     # MuJoCo's friction gives way a little by default
-    stiff = 'damping="0.001" frictionloss="0.004" solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"'
+    stiff = (
+        'damping="0.001" frictionloss="0.004" solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"'
+    )
     dry = DOUBLE.replace('damping="0.001"', stiff)
     record, _ = simulated(dry, [-0.8, 0.4], 120)
     found = identify(record, start)
@@ -292,6 +292,10 @@ def test_slopes_of_the_torque_are_differences(model):
 def test_settings_of_the_paper_are_refused_elsewhere(passive, tmp_path):
     from monodyn.errors import SettingsError
 
-    for settings in (IdentifySettings(rates=True), IdentifySettings(states="filtered")):
+    for choice in ({"rates": True}, {"states": "filtered"}):
         with pytest.raises(SettingsError, match="method paper"):
-            identify(passive[0], started(DOUBLE, tmp_path, 0.5), replace(settings, method="fast"))
+            IdentifySettings(method="fast", **choice)
+        with pytest.raises(SettingsError, match="method paper"):
+            identify(passive[0], started(DOUBLE, tmp_path, 0.5), IdentifySettings(**choice))
+    with pytest.raises(SettingsError, match="eq. 7"):
+        IdentifySettings(gains=(0.4, 0.1, 3.0))

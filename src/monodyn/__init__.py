@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from monodyn.types import Frame as Frame
     from monodyn.types import Mask as Mask
     from monodyn.types import Poses as Poses
+    from monodyn.vision.locate import CameraSettings as CameraSettings
     from monodyn.vision.locate import LocateSettings as LocateSettings
     from monodyn.vision.locate import locate as locate
     from monodyn.vision.segment import SegmentSettings as SegmentSettings
@@ -55,7 +56,7 @@ _HOMES = {
     "mechanism": ("Mechanism", "load", "write_mjcf", "write_urdf"),
     "vision.video": ("Video", "read"),
     "vision.segment": ("SegmentSettings", "segment"),
-    "vision.locate": ("LocateSettings", "locate"),
+    "vision.locate": ("CameraSettings", "LocateSettings", "locate"),
     "vision.track": ("TrackSettings", "track"),
     "estimation.fit": ("Fit",),
     "estimation.identify": ("identify",),

@@ -62,9 +62,7 @@ def more_terms(problem: Problem, grown: Grown, route: Route) -> tuple[Problem, G
     return problem, grown
 
 
-def simpler_series(
-    problem: Problem, grown: Grown, route: Route, divide: bool
-) -> tuple[Problem, Grown]:
+def simpler_series(problem: Problem, grown: Grown, route: Route, divide: bool) -> tuple[Problem, Grown]:
     """Take harmonics off a periodic torque, or divide its period, as long as the rest explains as much.
 
     Args:
@@ -107,9 +105,7 @@ def series_of(problem: Problem, grown: Grown) -> tuple[int, float]:
     return (mechanism.drive.table.shape[1] - 1) // 2, mechanism.values["torque.period"]
 
 
-def _cut(
-    problem: Problem, grown: Grown, terms: int, period: float, route: Route
-) -> tuple[Problem, Grown]:
+def _cut(problem: Problem, grown: Grown, terms: int, period: float, route: Route) -> tuple[Problem, Grown]:
     """Fit a shorter series from an optimum; harmonics of a divided period take over their coefficients."""
     _, before = series_of(problem, grown)
     times = round(before / period)

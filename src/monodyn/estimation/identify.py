@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.errors import SettingsError
 from monodyn.estimation.advice import beginning
 from monodyn.estimation.conclude import conclude, refuse
 from monodyn.estimation.data import prepare
@@ -75,14 +74,10 @@ def identify(
         0.2
     """
     began = time.perf_counter()
-    if settings.method != "paper" and (settings.rates or settings.states == "filtered"):
-        raise SettingsError(
-            "identify.rates, identify.states: rates and filtered states belong to --identify.method paper; "
-            "the fast method weighs the measured positions with their covariance."
-        )
+    settings = replace(settings, method=settings.method or "fast")
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
     mechanism = mechanism.with_bodies(settings.bodies)
-    fit = METHODS[settings.method or "fast"](records, mechanism, settings, progress)
+    fit = METHODS[settings.method](records, mechanism, settings, progress)
     return replace(fit, seconds=time.perf_counter() - began)
 
 

@@ -10,6 +10,8 @@ from monodyn.errors import SettingsError
 
 MOST_TERMS = 50
 """Harmonics of the longest Fourier series."""
+PAPER_GAINS = (0.4, 0.1, 0.05)
+"""Gains of the filter in the paper's Figure 3."""
 USUAL_TERMS = 7
 """Harmonics that the paper takes; where their number is open at most so many are tried."""
 CHOICES = {
@@ -50,7 +52,7 @@ class IdentifySettings:
     torque: Literal["friction", "fourier", "free"] = "friction"
     terms: int = 0
     series: Literal["with-friction", "alone"] = "with-friction"
-    gains: tuple[float, float, float] = (0.4, 0.1, 0.05)
+    gains: tuple[float, float, float] = PAPER_GAINS
     states: Literal["measured", "filtered"] = "measured"
     rates: bool = False
     bodies: Literal["uniform", "free"] = "uniform"
@@ -67,6 +69,15 @@ class IdentifySettings:
             if value not in choices:
                 known = ", ".join(f"'{choice}'" for choice in choices if choice is not None)
                 raise SettingsError(f"identify.{name}: expected one of {known}, got '{value}'.")
+        if self.method == "fast" and (self.rates or self.states == "filtered"):
+            raise SettingsError(
+                "identify.rates, identify.states: rates and filtered states belong to --identify.method paper; "
+                "the fast method weighs the measured positions with their covariance."
+            )
+        if tuple(self.gains) != PAPER_GAINS:
+            from monodyn.estimation.filtering import Gains
+
+            Gains.of(self.gains)
         ranges = (
             ("terms", 0, MOST_TERMS),
             ("starts", 1, 1000), ("seed", 0, 2**63), ("piece", 5, 10000), ("error_bound", 1e-10, 1e-2),

@@ -161,6 +161,8 @@ def fit_document(
         "ok": bool(fit.ok),
         "advice": list(fit.advice),
         "torque": fit.torque,
+        "unknowns": sum(estimate.free for estimate in fit.parameters),
+        "evaluations": fit.evaluations,
         "parameters": [parameter_row(estimate) for estimate in fit.parameters],
         "combinations": [{"name": c.name, "value": c.value, "std": c.std} for c in fit.combinations],
         "initial_state": [start_row(joints, start) for start in fit.starts],
