@@ -22,7 +22,6 @@ from accuracy import FITTED, PREDICTED, differences, rms
 from figures import Figure, finish, say, table
 from monodyn.results.torques import torques
 
-
 DRIVEN = 200
 """Fitted frames of the clip with torques."""
 POSE, RESIDUAL = 1.0, 3.0

@@ -297,5 +297,5 @@ def test_settings_of_the_paper_are_refused_elsewhere(passive, tmp_path):
             IdentifySettings(method="fast", **choice)
         with pytest.raises(SettingsError, match="method paper"):
             identify(passive[0], started(DOUBLE, tmp_path, 0.5), IdentifySettings(**choice))
-    with pytest.raises(SettingsError, match="eq. 7"):
+    with pytest.raises(SettingsError, match=r"eq\. 7"):
         IdentifySettings(gains=(0.4, 0.1, 3.0))

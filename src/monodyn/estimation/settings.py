@@ -71,8 +71,8 @@ class IdentifySettings:
                 raise SettingsError(f"identify.{name}: expected one of {known}, got '{value}'.")
         if self.method == "fast" and (self.rates or self.states == "filtered"):
             raise SettingsError(
-                "identify.rates, identify.states: rates and filtered states belong to --identify.method paper; "
-                "the fast method weighs the measured positions with their covariance."
+                "identify.rates, identify.states: rates and filtered states belong to --identify.method "
+                "paper; the fast method weighs the measured positions with their covariance."
             )
         if tuple(self.gains) != PAPER_GAINS:
             from monodyn.estimation.filtering import Gains

@@ -92,7 +92,7 @@ def _rolled(problem: Problem, smoothed: tuple[Smoothed, ...], route: Route) -> n
 def sized(problem: Problem, motion: Motion) -> np.ndarray:
     """Find the common scale at which the motion asks for the least torque beside that of gravity, (param,).
 
-    Both are taken along the measured motion and hinge by hinge; all else stays as the picture or the file says.
+    Both are taken along the measured motion and hinge by hinge; all else stays as picture or file say.
     """
     still = replace(motion, velocity=np.zeros_like(motion.velocity))
     hangs = np.array([joint.kind == "hinge" for joint in problem.mechanism.joints])
