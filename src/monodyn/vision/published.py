@@ -15,7 +15,7 @@ from monodyn.errors import VideoError
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Frame
 from monodyn.vision.camera import camera_array, shrunk
-from monodyn.vision.outline import outline
+from monodyn.vision.outline import covered_pixels, outline
 from monodyn.vision.problems import DEPTH, History, Seen, View, X, Y, mismatch, seen, view_of
 from monodyn.vision.rig import rig_of
 from monodyn.vision.scene import Scene
@@ -32,8 +32,13 @@ ALIKE = 0.05
 """Finalists explain the picture but for this share of its area more than the best."""
 WITNESSES = 8
 """Further frames that tell the finalists apart."""
-ACCEPTED = 0.15
-"""Mean share of mismatch in the further frames with which no other first picture is tried."""
+ACCEPTED = 0.06
+"""Mean share of mismatch in the further frames with which neither another picture nor a background without
+the mechanism is tried."""
+MOST_COVERED = 36
+"""Sample frames from which the mechanism is taken out, at the most."""
+LIES = 0.3
+"""Share of mismatch up to which a pose lies on its silhouette."""
 PICTURES = 4
 """Pictures that the framework is tried on at the most, the first frame before others."""
 UNEXPLAINED = 0.25
@@ -65,14 +70,12 @@ class Reading:
 
     Attributes:
         view: Mechanism, camera and pose.
-        mismatch: Mismatch in its picture [px^2].
         strange: Mean share of mismatch in other frames.
         history: The sub-problems that led to it.
         evaluations: Silhouettes drawn to get it.
     """
 
     view: View
-    mismatch: float
     strange: float
     history: tuple[History, ...]
     evaluations: int
@@ -106,6 +109,8 @@ def locate_published(
     first = next(iter(masks.video.frames()))
     held = _start_view(mechanism, camera, pinned)
     reading, chosen = _read(_shots(masks, first, level), masks, held, mechanism, camera, start)
+    if reading.strange > ACCEPTED and not masks.given:
+        masks, reading = _uncovered(masks, first, chosen, reading, mechanism, camera, level)
     view, drawings = _released(reading.view, mechanism, camera), reading.evaluations
     shot = _shot(chosen, masks, level)
     if chosen.index != first.index:
@@ -290,16 +295,16 @@ def _readings(shot: Shot, held: View, start: str, shrink: int) -> list[Reading]:
         view, history = sequential(small, candidate, ROUGH)
         rough.append((mismatch(small, view.rig, view.position), view))
         drawings += _drawings(history)
-    readings: list[Reading] = []
+    readings: list[tuple[float, Reading]] = []
     for value, candidate in _different(sorted(rough, key=lambda pair: pair[0]))[:FINALISTS]:
         camera = whole.copy()
         camera[X : DEPTH + 1] = candidate.base.camera[X : DEPTH + 1]
         view, history = sequential(shot.image, candidate.before(camera))
         value = mismatch(shot.image, view.rig, view.position)
-        readings.append(Reading(view, value, np.inf, history, drawings + _drawings(history)))
+        readings.append((value, Reading(view, np.inf, history, drawings + _drawings(history))))
         drawings = 0
-    least = min(reading.mismatch for reading in readings)
-    return [r for r in readings if r.mismatch <= least + ALIKE * shot.image.area]
+    least = min(value for value, _ in readings)
+    return [reading for value, reading in readings if value <= least + ALIKE * shot.image.area]
 
 
 def _different(rough: list[tuple[float, View]]) -> list[tuple[float, View]]:
@@ -322,6 +327,37 @@ def _strangeness(view: View, others: list[Shot]) -> tuple[float, int]:
         drawings += more
     better = np.sort(shares)[: max(1, (3 * len(shares) + 3) // 4)]
     return (float(np.mean(better)) if shares else 0.0), drawings
+
+
+def _uncovered(
+    masks: Masks, first: Frame, chosen: Frame, reading: Reading, mechanism: Mechanism, camera: Camera,
+    level: float,
+) -> tuple[Masks, Reading]:  # fmt: skip
+    """Take the background again without the mechanism and settle; keep what explains other frames better."""
+    view = _released(reading.view, mechanism, camera)
+    sized, behind = _mechanism_of(view, mechanism), _camera_of(view, camera)
+    everything = np.ones(masks.background.known.shape, dtype=bool)
+    covered, drawings = [], reading.evaluations
+    step = max(1, len(masks.samples.frames) // MOST_COVERED)
+    for i, frame in enumerate(masks.samples.frames):
+        drawn = silhouette(frame, masks.background, level_of(masks, level)) if i % step == 0 else everything
+        if i % step or not holds(drawn):
+            covered.append(everything)
+            continue
+        image = seen(drawn)
+        pose, left, more = spread_pose(image, view)
+        drawings += more
+        lies = left < LIES * image.area
+        covered.append(covered_pixels(sized, behind, pose.position, grow=1.0) if lies else everything)
+    other = masks.refined(covered)
+    shot = _shot(chosen, other, level)
+    found, history = sequential(shot.image, reading.view, SETTLING)
+    others = [witness for witness in _shots(other, first, level) if witness.frame is not chosen]
+    strange, more = _strangeness(_released(found, mechanism, camera), others)
+    drawings += more + _drawings(history)
+    if strange >= reading.strange:
+        return masks, replace(reading, evaluations=drawings)
+    return other, Reading(found, strange, (*reading.history, *history), drawings)
 
 
 def _mechanism_of(view: View, mechanism: Mechanism) -> Mechanism:

@@ -18,8 +18,9 @@ OPEN = FULL // 2
 """What a silhouette holds where the background is not known: such a pixel counts neither for nor against."""
 LEAST_PART = 0.04
 """A patch smaller than this share of the largest one is noise."""
-SURROUNDED = 0.33
-"""Share of a patch's border that the mechanism covers where the patch is the mechanism's."""
+SMALL, SURROUNDED = 0.1, 0.33
+"""A patch without a known background is the mechanism's when it touches it and is smaller than this share of
+it, or when the mechanism covers this share of the patch's border."""
 LEAST_LEVEL = 4.0
 """Least threshold, in standard deviations of a pixel's noise."""
 
@@ -74,6 +75,7 @@ def _settle_unknown(picture: np.ndarray, unknown: np.ndarray) -> None:
     window = (slice(y0, y + height + 2), slice(x0, x + width + 2))
     part, covered = unknown[window].astype(np.uint8), picture[window] == FULL
     picture[window][part > 0] = OPEN
+    whole = float(np.count_nonzero(picture == FULL))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=8)
     labels = np.asarray(labels)
     for i in range(1, count):
@@ -81,7 +83,9 @@ def _settle_unknown(picture: np.ndarray, unknown: np.ndarray) -> None:
         near = (slice(max(top - 2, 0), top + tall + 2), slice(max(left - 2, 0), left + wide + 2))
         own = (labels[near] == i).astype(np.uint8)
         ring = (cv2.dilate(own, np.ones((5, 5), np.uint8)) > 0) & (part[near] == 0)
-        if ring.any() and covered[near][ring].mean() > SURROUNDED:
+        share = float(covered[near][ring].mean()) if ring.any() else 0.0
+        small = stats[i, cv2.CC_STAT_AREA] < SMALL * whole
+        if share > (0.0 if small else SURROUNDED):
             picture[window][near][own > 0] = FULL
 
 
