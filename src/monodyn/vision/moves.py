@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.types import Frame, Poses, Progress
-from monodyn.vision.problems import Seen, View, fit_pose, seen, view_of
+from monodyn.vision.problems import fit_pose
 from monodyn.vision.published import level_of
 from monodyn.vision.scene import Scene
 from monodyn.vision.segment import Masks
 from monodyn.vision.sequential import reach_of
 from monodyn.vision.spread import spread_pose
 from monodyn.vision.threshold import holds, silhouette
+from monodyn.vision.view import Seen, View, seen, view_of
 
 if TYPE_CHECKING:
     from monodyn.vision.track import TrackSettings

@@ -16,13 +16,14 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Frame
 from monodyn.vision.camera import camera_array, shrunk
 from monodyn.vision.outline import covered_pixels, outline
-from monodyn.vision.problems import DEPTH, History, Seen, View, X, Y, mismatch, seen, view_of
+from monodyn.vision.problems import History, mismatch
 from monodyn.vision.rig import rig_of
 from monodyn.vision.scene import Scene
 from monodyn.vision.segment import Masks
 from monodyn.vision.sequential import Effort, camera_round, reach_of, sequential
 from monodyn.vision.spread import evolved_starts, spread_pose, spread_starts
 from monodyn.vision.threshold import holds, otsu_level, silhouette
+from monodyn.vision.view import DEPTH, Seen, View, X, Y, seen, view_of
 
 COARSE_PX = 150
 """Largest side of the moving part in the reduced picture that starts are ranked in [px]."""

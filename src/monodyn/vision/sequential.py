@@ -6,18 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.vision.problems import (
-    History,
-    Seen,
-    View,
-    fit_depth,
-    fit_place,
-    fit_pose,
-    fit_ratios,
-    followed,
-    mismatch,
-)
+from monodyn.vision.problems import History, fit_depth, fit_place, fit_pose, fit_ratios, followed, mismatch
 from monodyn.vision.rig import Rig
+from monodyn.vision.view import Seen, View
 
 
 @dataclass(frozen=True)

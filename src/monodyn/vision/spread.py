@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.vision.drawn import drawn, placed_mismatch
-from monodyn.vision.problems import FOLLOWING, Seen, View, X, fit_pose
+from monodyn.vision.problems import FOLLOWING, fit_pose
 from monodyn.vision.silhouette import pose_mismatch
+from monodyn.vision.view import Seen, View, X
 
 BUDGET = 24_000
 """Poses drawn by one spread."""
