@@ -74,10 +74,11 @@ def identify(
         0.2
     """
     began = time.perf_counter()
-    settings = replace(settings, method=settings.method or "fast")
+    method = settings.method or "fast"
+    settings = replace(settings, method=method)
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
     mechanism = mechanism.with_bodies(settings.bodies)
-    fit = METHODS[settings.method](records, mechanism, settings, progress)
+    fit = METHODS[method](records, mechanism, settings, progress)
     return replace(fit, seconds=time.perf_counter() - began)
 
 

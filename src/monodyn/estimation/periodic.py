@@ -8,6 +8,7 @@ may move as well; what is left over ranks the periods.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -120,7 +121,7 @@ class _Scan:
 
         step = self.step(guess.terms)
         ends = (1.0 / guess.period - step, 1.0 / guess.period + step)
-        best = minimize_scalar(
+        best: Any = minimize_scalar(
             lambda frequency: self.fit(1.0 / frequency, guess.terms).criterion,
             bounds=ends,
             method="bounded",

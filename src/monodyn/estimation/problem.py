@@ -285,13 +285,12 @@ class Problem:
 
     def torque_response(self, x: np.ndarray, motion: Motion) -> np.ndarray:
         """Return the accelerations by time stamp that a unit torque at each joint adds, (frame, dof, dof)."""
-        point, none = self.at(x), np.zeros(motion.position.shape)
+        point, none = self.at(x), np.zeros_like(motion.position)
         still = self._accelerations(point, motion, 0, 0.0, none)
-        columns = []
-        for i in range(none.shape[1]):
-            torque = none.copy()
-            torque[:, i] = 1.0
-            columns.append(self._accelerations(point, motion, 0, 0.0, torque) - still)
+        columns = [
+            self._accelerations(point, motion, 0, 0.0, none + push) - still
+            for push in np.eye(len(self.mechanism.joints))
+        ]
         return np.stack(columns, axis=2)
 
     def _torques(self, point: Point, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
