@@ -68,7 +68,7 @@ def seen_row(seen: Seen, joints: Sequence[str]) -> dict[str, Any]:
         "frames_seen": 0 if poses is None else int(poses.seen.sum()),
         "seconds_locate": round(seen.seconds_locate, 4),
         "silhouettes_locate": getattr(scene, "evaluations", 0) or None,
-        "seconds_a_frame": _short(seen.seconds_track / frames) if frames else None,
+        "seconds_a_frame": _short(seen.seconds_a_frame) if frames else None,
         "silhouettes_a_frame": seen.silhouettes,
     }
     errors = None if seen.errors is None else rms(seen.errors)
