@@ -3,6 +3,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 DEMO ?= demo-run
+# the matrices are small: more threads only wait for each other
+export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: demo test check fmt lint types docs bench clean
 

@@ -7,6 +7,7 @@ is not to be trusted, 2 bad input or usage, 130 interrupted.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -48,6 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _main(words: list[str]) -> int:
+    # the matrices are small: more threads only wait for each other, and numpy reads this when it is loaded
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from monodyn.errors import FitError, MonodynError
 
     try:
