@@ -153,13 +153,14 @@ def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) 
         The scene before that camera.
     """
     frame = next(frame for frame in scene.masks.video.frames() if frame.index == scene.frame)
-    shot = _shot(frame, scene.masks, level)
+    drawn = silhouette(frame, scene.masks.background, level_of(scene.masks, level), settle=False)
+    image = seen(drawn)
     view = view_of(
         scene.mechanism, scene.camera, scene.position, _moves(scene.mechanism, pinned, gauge=False)
     )
     history: list[History] = []
     for _ in range(3):  # the place shifts with the depth
-        view, fell = camera_round(shot.image, view)
+        view, fell = camera_round(image, view)
         history += fell
     return replace(
         scene,

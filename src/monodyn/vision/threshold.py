@@ -25,7 +25,7 @@ LEAST_LEVEL = 4.0
 """Least threshold, in standard deviations of a pixel's noise."""
 
 
-def silhouette(frame: Frame, background: Background, level: float) -> np.ndarray:
+def silhouette(frame: Frame, background: Background, level: float, *, settle: bool = True) -> np.ndarray:
     """Tell the mechanism from the background by a threshold on the grey difference, ``|I - B| > level``.
 
     Small patches are left out.
@@ -34,6 +34,7 @@ def silhouette(frame: Frame, background: Background, level: float) -> np.ndarray
         frame: The picture.
         background: What the pixels show without the mechanism.
         level: The threshold [grey levels].
+        settle: Give patches without a known background to the mechanism where it borders them.
 
     Returns:
         ``FULL`` on the mechanism, 0 elsewhere, and ``OPEN`` where that is not known, uint8
@@ -58,13 +59,14 @@ def silhouette(frame: Frame, background: Background, level: float) -> np.ndarray
         kept = area >= LEAST_PART * area[1:].max()
         kept[0] = False
         part[...] = (kept.astype(np.uint8) * np.uint8(FULL))[np.asarray(labels)]
-    if not background.known.all():
+    over[~background.known] = OPEN
+    if settle and not background.known.all():
         _settle_unknown(over, ~background.known)
     return over
 
 
 def _settle_unknown(picture: np.ndarray, unknown: np.ndarray) -> None:
-    """Give patches without a known background to the mechanism where it borders them, leave others open.
+    """Give patches without a known background to the mechanism where it borders them.
 
     A first hinge is always covered, and so is a stand that the mechanism was taken for.
     """
@@ -74,7 +76,6 @@ def _settle_unknown(picture: np.ndarray, unknown: np.ndarray) -> None:
     x0, y0 = max(x - 2, 0), max(y - 2, 0)
     window = (slice(y0, y + height + 2), slice(x0, x + width + 2))
     part, covered = unknown[window].astype(np.uint8), picture[window] == FULL
-    picture[window][part > 0] = OPEN
     whole = float(np.count_nonzero(picture == FULL))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=8)
     labels = np.asarray(labels)
