@@ -111,7 +111,8 @@ def plans(design: Design, count: int) -> list[Plan]:
     found: list[Plan] = []
     for method in METHODS:
         usual = [Plan(method, case, "measured", design.frames) for case in TORQUES]
-        usual.append(Plan(method, "I", "filtered", design.frames))
+        if method == "paper":  # the default method has no filter
+            usual.append(Plan(method, "I", "filtered", design.frames))
         frames = [Plan(method, "I", "measured", n) for n in design.lengths if n + design.ahead <= count]
         starts = [Plan(method, "I", "measured", design.frames, i) for i in range(1, design.starts)]
         found += dict.fromkeys([*usual, *frames, *starts])

@@ -129,6 +129,8 @@ def filtered_is_worse(evidence: Evidence) -> Verdict:
     Args:
         evidence: What one method found.
     """
+    if evidence.seen.method == "fast":
+        return Verdict(None, "it does not filter: every pose counts with its covariance")
     plain, smooth = evidence.case(), evidence.case(states="filtered")
     if plain is None or smooth is None:
         return NOT_DECIDED
