@@ -27,8 +27,8 @@ from monodyn.vision.view import DEPTH, Seen, View, X, Y, seen, view_of
 
 COARSE_PX = 150
 """Largest side of the moving part in the reduced picture that starts are ranked in [px]."""
-STARTS, FINALISTS = 12, 4
-"""Starts of the local search in the reduced picture, and those that go on in the whole one."""
+STARTS, FINALISTS = 6, 4
+"""Starts of the local search in the reduced picture by joint, and those that go on in the whole one."""
 ALIKE = 0.05
 """Finalists explain the picture but for this share of its area more than the best."""
 WITNESSES = 8
@@ -291,7 +291,7 @@ def _readings(shot: Shot, held: View, start: str, shrink: int) -> list[Reading]:
     if start == "evolution":
         starts, drawings = evolved_starts(small, coarse)
     else:
-        starts, drawings = spread_starts(small, coarse, STARTS)
+        starts, drawings = spread_starts(small, coarse, STARTS * len(coarse.position))
     rough: list[tuple[float, View]] = []
     for candidate in starts:
         view, history = sequential(small, candidate, ROUGH)

@@ -16,7 +16,7 @@ from monodyn.vision.problems import FOLLOWING, fit_pose
 from monodyn.vision.silhouette import pose_mismatch
 from monodyn.vision.view import Seen, View, X
 
-BUDGET = 24_000
+BUDGET = 40_000
 """Poses drawn by one spread."""
 PATTERNED = 3
 """Most lengths whose proportions are tried."""
