@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.data import Pieces, prepare
+from monodyn.estimation.explain import NO_PERIOD
 from monodyn.estimation.filtering import Gains, filtered
 from monodyn.estimation.held import Held, held_states, targets
 from monodyn.estimation.problem import Problem
@@ -283,12 +284,28 @@ def test_too_few_samples(frames, settings, status):
     assert fit.torque == settings.torque
 
 
+def test_a_period_that_is_bounded():
+    _, poses = fourier_truth(np.arange(150) / 30.0)
+    start = load("double").with_torque("fourier", terms=1, period=2.0)
+    start = start.with_choices(bounds={"torque.period": (1.8, 2.5)})
+    settings = replace(PAPER, torque="fourier", evaluations=5, starts=1)
+    fit = identify_published([poses], start, settings)
+    assert 1.8 <= fit.mechanism.values["torque.period"] <= 2.5
+    assert "torque.period" not in fit.names
+
+
 def test_a_period_that_cannot_be_told():
-    """Two thirds of a period in the record."""
+    """A swing without a torque has none; of two thirds of a period a wrong one is guessed."""
+    truth = double_truth()
+    poses = record(truth, TIMES, motion(truth, TIMES, [0.9, 0.6], [0.0, 0.0]), noise=SMALL)
+    fit = identify_published([poses], load("double"), replace(PAPER, torque="fourier", terms=1))
+    assert fit.status == NO_PERIOD
+    assert not fit.ok
+    assert fit.torque == "fourier"
     _, poses = fourier_truth(np.arange(45) / 30.0, period=2.2)
     fit = identify_published([poses], load("double"), replace(PAPER, torque="fourier", terms=1))
-    assert fit.status.startswith("The period of the torque cannot be estimated. No period of up to")
-    assert fit.status.endswith("give more frames, or the period with --fix torque.period=SECONDS.")
+    assert not fit.ok
+    assert "with --fix torque.period=SECONDS" in fit.status
 
 
 def test_nothing_to_be_found():

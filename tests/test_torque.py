@@ -1,15 +1,9 @@
-"""Torque models against closed forms, the equations of two links and driven pendulums of known period."""
-
-import json
-import os
-from pathlib import Path
+"""Torque models against closed forms and the equations of two links."""
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.period import estimate_period, periodic_scale
 from monodyn.estimation.torque import (
     fourier_basis,
     fourier_coefficients,
@@ -23,7 +17,6 @@ from monodyn.mechanism.dynamics import accelerations
 from monodyn.mechanism.tree import DAMPING, INERTIA, MASS
 
 TIMES = np.arange(200) / 30.0
-NOISE = np.radians(0.1)
 
 
 def test_friction_takes_energy_out():
@@ -104,99 +97,10 @@ def test_torque_of_a_single_pendulum():
     np.testing.assert_allclose(found, expected, atol=1e-12 + 1e-9 * np.abs(expected).max())
 
 
-def driven(mechanism, torque, times, start):
-    """Integrate a driven mechanism by scipy, lightly damped: its free oscillation is still there."""
-    tree, dofs = mechanism.tree, len(mechanism.joints)
-
-    def slope(t, y):
-        a = accelerations(
-            tree.parent, tree.kind, tree.links, tree.gravity, y[:dofs], y[dofs:], np.array(torque(t))
-        )
-        return np.concatenate((y[dofs:], a))
-
-    found = solve_ivp(
-        slope, (0, times[-1]), [*start, *[0.0] * dofs], t_eval=times, rtol=1e-8, atol=1e-10, max_step=0.01
-    )
-    return found.y[:dofs].T
-
-
-def noisy(position, seed=0):
-    return position + NOISE * np.random.default_rng(seed).normal(size=position.shape)
-
-
-@pytest.mark.parametrize("period", [0.6, 1.1, 2.3])
-@pytest.mark.parametrize("scale", [1.0, 0.5])
-def test_period_of_a_driven_double_pendulum(period, scale):
-    """With a mechanism of the right proportions, at any common scale, within half a percent."""
-    mechanism = load("double")
-    w = 2 * np.pi / period
-    position = driven(
-        mechanism,
-        lambda t: (0.02 * np.sin(w * t) + 0.004 * np.cos(2 * w * t), 0.004 * np.sign(np.cos(w * t))),
-        TIMES, [-1.5, 0.1],
-    )  # fmt: skip
-    lengths = {n: scale * v for n, v in mechanism.values.items() if n.endswith((".length", ".tail", ".tip"))}
-    found = estimate_period(TIMES, noisy(position), 5, mechanism=mechanism.with_values(lengths))
-    assert found.found, found.status
-    assert found.seconds == pytest.approx(period, rel=5e-3)
-    assert abs(found.seconds - period) < 5 * found.std + 1e-3 * period
-    assert found.scale == pytest.approx(1 / scale, rel=0.05)
-    shrunk = mechanism.with_values(lengths)
-    assert periodic_scale(TIMES, noisy(position), period, 5, shrunk) == pytest.approx(1 / scale, rel=0.05)
-
-
-@pytest.mark.skipif("MONODYN_DATA" not in os.environ, reason="MONODYN_DATA is not set: no rendered clips")
-@pytest.mark.parametrize("frames", [100, 200, 300])
-def test_period_of_a_rendered_clip(frames):
-    """Its motion is driven with 1.4286 s and swings freely with 1.05 s; sizes are known up to a scale."""
-    truth = json.loads((Path(os.environ["MONODYN_DATA"]) / "rendered" / "double_torque.json").read_text())
-    (l1, w1, _), (l2, w2, _) = truth["truth"]["links"]
-    seen = {"link1.length": l1, "link1.width": w1, "link2.length": l2, "link2.width": w2}
-    mechanism = load("double")
-    overhang = {name: 1e-9 for name in mechanism.values if name.endswith((".tail", ".tip"))}
-    mechanism = mechanism.with_values({name: 0.7 * value for name, value in seen.items()} | overhang)
-    times, position = np.array(truth["times"])[:frames], noisy(np.array(truth["q"])[:frames])
-    found = estimate_period(times, position, 7, mechanism=mechanism)
-    assert found.seconds == pytest.approx(1 / 0.7, rel=5e-3)
-    assert found.scale == pytest.approx(1 / 0.7, rel=0.05)
-
-
-def test_period_of_periodic_poses():
-    """Without a mechanism; a decaying oscillation of another period does not mislead."""
-    drive = 0.5 * np.cos(2 * np.pi * TIMES / 1.4) + 0.1 * np.sin(4 * np.pi * TIMES / 1.4)
-    free = 0.3 * np.exp(-0.5 * TIMES) * np.cos(2 * np.pi * TIMES / 0.93)
-    position = noisy(np.stack((drive + free, 0.4 * drive - free), axis=1))
-    position[50:60] = np.nan
-    found = estimate_period(TIMES, position, 3)
-    assert found.seconds == pytest.approx(1.4, rel=0.02)
-    assert found.candidates[0].seconds == found.seconds
-
-
-@pytest.mark.parametrize(
-    ("position", "start"),
-    [
-        (noisy(np.zeros((200, 2))), "Nothing moves in the record"),
-        (np.random.default_rng(3).normal(size=(200, 1)), "No"),
-        (0.5 * np.cos(2 * np.pi * TIMES / 5.0)[:, None] * [[1.0, 0.4]], "No period of up to 4.42 s"),
-        (np.full((200, 2), np.nan), "A period cannot be told from 0 frames"),
-    ],
-)
-def test_periods_that_cannot_be_told(position, start):
-    found = estimate_period(TIMES, position, 3)
-    assert not found.found
-    assert found.status.startswith(start), found.status
-    assert found.status.endswith("give more frames, or the period with --fix torque.period=SECONDS.")
-
-
 def test_bad_input():
     for call, message in (
         (lambda: fourier_basis(TIMES, 0.0, 3), "period: expected a time above 0 s, got 0."),
         (lambda: fourier_basis(TIMES, 1.0, 0), "terms: expected 1 harmonic or more, got 0."),
-        (lambda: estimate_period(TIMES, np.zeros((200, 1)), 0), "terms: expected 1 harmonic or more, got 0."),
-        (
-            lambda: estimate_period(TIMES, np.zeros(200), 1),
-            "period: expected positions (frame, dof), got shape (200,).",
-        ),
     ):
         with pytest.raises(SettingsError) as caught:
             call()

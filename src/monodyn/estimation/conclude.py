@@ -75,8 +75,12 @@ def conclude(
     size, spread = noise_factors(stated.data, _differences(stated, grown), _fitted(problem, grown))
     weighted = stated.with_data(stated.data.scaled(size * spread))
     known = know(weighted, grown)
-    fit = _fit(stated, grown, known, records, rejected, size, spread, tried, evaluations, began)
-    return replace(fit, advice=(*say.integration(substeps, error, settings.error_bound), *fit.advice))
+    freedom = max(stated.data.samples - _fitted(stated, grown), 1) / float(np.mean(spread)) ** 2
+    fit = collected(stated, replace(grown, evaluations=evaluations), known, records, freedom, began)
+    status, ok = verdict(stated, grown, fit.rms, size)
+    fit = replace(fit, status=status, ok=ok)
+    advice = _advice(stated, grown, known, fit, rejected, size, spread, tried, records)
+    return replace(fit, advice=(*say.integration(substeps, error, settings.error_bound), *advice))
 
 
 def refuse(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:
@@ -162,50 +166,48 @@ def _gross(data: Data, residuals: np.ndarray, outlier: float) -> np.ndarray:
     return alone if alone.sum() <= MOST_REJECTED * measured.sum() else np.zeros_like(far)
 
 
-def _fit(
+def collected(
     problem: Problem,
     grown: Grown,
     known: Knowledge,
     records: tuple[Poses, ...],
-    rejected: np.ndarray,
-    size: np.ndarray,
-    spread: np.ndarray,
-    tried: int,
-    evaluations: int,
+    freedom: float,
     began: float,
 ) -> Fit:
-    """Collect what was found."""
-    mechanism = problem.mechanism_at(grown.x)
-    unit = np.where(problem.data.slide, problem.size(grown.x), 1.0)
-    difference = _differences(problem, grown)
-    difference = difference * np.repeat(unit, np.diff(problem.data.first), axis=0)
-    names = [joint.name for joint in mechanism.joints]
-    rms = {name: float(np.sqrt(np.nanmean(difference[:, j] ** 2))) for j, name in enumerate(names)}
+    """Collect what was found, all but status and advice.
+
+    Args:
+        problem: The problem.
+        grown: The optimum, one piece a record.
+        known: What is known of the unknowns and the start states.
+        records: The records, for the shape of the residuals.
+        freedom: Degrees of freedom of the intervals.
+        began: When the identification began.
+    """
     from scipy.special import stdtrit
 
-    freedom = max(problem.data.samples - _fitted(problem, grown), 1) / float(np.mean(spread)) ** 2
-    parameters = estimates(problem, grown, known, float(stdtrit(max(freedom, 1.0), 0.975)))
-    status, ok = verdict(problem, grown, rms, size)
+    data, mechanism, unknowns = problem.data, problem.mechanism_at(grown.x), problem.unknowns
+    unit = np.where(data.slide, problem.size(grown.x), 1.0)
+    difference = _differences(problem, grown) * np.repeat(unit, np.diff(data.first), axis=0)
+    rms = np.sqrt(np.nanmean(difference**2, axis=0)).tolist()
+    tied = zip(unknowns.tied, unknowns.tied_to, strict=True)
     return Fit(
-        status=status,
-        ok=ok,
-        advice=_advice(problem, grown, known, ok, parameters, rms, rejected, size, spread, tried, records),
+        status="",
+        ok=True,
+        advice=(),
         mechanism=mechanism,
-        parameters=parameters,
+        parameters=estimates(problem, grown, known, float(stdtrit(max(freedom, 1.0), 0.975))),
         combinations=combinations(problem, grown.x, known),
         starts=_starts(problem, grown, known),
         names=_unknown_names(problem),
-        tied=tuple(
-            (name, problem.unknowns.names[i])
-            for name, i in zip(problem.unknowns.tied, problem.unknowns.tied_to, strict=True)
-        ),
+        tied=tuple((name, unknowns.names[i]) for name, i in tied),
         covariance=_natural(problem, grown, known),
-        residual=_by_record(problem.data, difference, records),
-        rms=rms,
+        residual=_by_record(data, difference, records),
+        rms=dict(zip((joint.name for joint in mechanism.joints), rms, strict=True)),
         scale=problem.size(grown.x),
         torque=mechanism.torque,
         time=tuple(record.time for record in records),
-        evaluations=evaluations,
+        evaluations=grown.evaluations,
         seconds=time.perf_counter() - began,
     )
 
@@ -214,9 +216,7 @@ def _advice(
     problem: Problem,
     grown: Grown,
     known: Knowledge,
-    ok: bool,
-    parameters: tuple[Estimate, ...],
-    rms: dict[str, float],
+    fit: Fit,
     rejected: np.ndarray,
     size: np.ndarray,
     spread: np.ndarray,
@@ -229,19 +229,19 @@ def _advice(
     left_out = [int(records[0].frame[row]) for row in gone] if len(records) == 1 else []
     share = float((typical_differences(problem, grown) / np.maximum(motion_sizes(problem.data), 1e-12)).max())
     found = say.misfit(
-        problem.mechanism, rms, size, spread, uniform=_uniform(problem) and share > 0.01,
-        frictionless=_frictionless(problem) if share > 0.01 or not ok else (),
+        problem.mechanism, fit.rms, size, spread, uniform=_uniform(problem) and share > 0.01,
+        frictionless=_frictionless(problem) if share > 0.01 or not fit.ok else (),
         pictured=not all(record.metric for record in records),
     )  # fmt: skip
     found += say.limits(problem.mechanism, simulated)
     found += say.contradictions(problem.prior.negative)
-    if ok:
-        found += say.open_parameters(parameters, known.without_effect(problem.unknowns.names))
-        found += say.bounds(parameters)
+    if fit.ok:
+        found += say.open_parameters(fit.parameters, known.without_effect(problem.unknowns.names))
+        found += say.bounds(fit.parameters)
         found += say.proportions(problem.unknowns.tied if _uniform(problem) else ())
     if problem.mechanism.torque == "free":
         found += say.free_torques(problem.mechanism)
-    found += say.clock(parameters)
+    found += say.clock(fit.parameters)
     total = int(problem.data.measured.any(axis=1).sum()) + int(rejected.sum())
     found += say.outliers(total, int(rejected.sum()), left_out)
     found += say.few(problem.data.samples, _fitted(problem, grown))

@@ -84,6 +84,21 @@ def prepare(poses: Sequence[Poses], mechanism: Mechanism) -> Data:
     return Data(times, position, white, measured, first, source, slide)
 
 
+def ordered(record: Poses, mechanism: Mechanism) -> Poses:
+    """Bring the joints of a record into the mechanism's order.
+
+    Args:
+        record: The record; its joints are those of the mechanism.
+        mechanism: The mechanism.
+    """
+    names = tuple(joint.name for joint in mechanism.joints)
+    if names == record.joints:
+        return record
+    order = [record.joints.index(name) for name in names]
+    covariance = record.covariance[:, order][:, :, order]
+    return replace(record, joints=names, position=record.position[:, order], covariance=covariance)
+
+
 def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray, ...]:
     """Rows of one record: times, positions, whitening, measured, source."""
     names = tuple(joint.name for joint in mechanism.joints)
@@ -97,9 +112,8 @@ def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray
         raise MechanismError(
             f"record {number}: joint {missing[0]!r} of the mechanism was not measured; joints: {known}."
         )
-    order = [poses.joints.index(name) for name in names]
-    position = poses.position[:, order]
-    covariance = poses.covariance[:, order][:, :, order]
+    poses = ordered(poses, mechanism)
+    position, covariance = poses.position, poses.covariance
     measured = np.isfinite(position) & poses.seen[:, None]
     used = np.flatnonzero(measured.any(axis=1))
     if len(used) == 0:

@@ -9,16 +9,16 @@ import numpy as np
 
 from monodyn.estimation.grow import Route, choose_substeps
 from monodyn.estimation.held import Held
-from monodyn.estimation.problem import Problem, smooth_motion
+from monodyn.estimation.problem import posed, smooth_motion
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.smooth import Smoothed, smooth
+from monodyn.estimation.smooth import Smoothed
 from monodyn.estimation.starts import starts
 from monodyn.estimation.torque import fourier_coefficients, inverse_dynamics
-from monodyn.estimation.unknowns import choose_unknowns, kind_of, scaled_start, size_prior
+from monodyn.estimation.unknowns import kind_of
 from monodyn.estimation.verdict import motion_sizes
 from monodyn.mechanism.tree import DAMPING, FRICTION, STIFFNESS
 from monodyn.optimize import Minimum, SearchSettings
-from monodyn.types import Poses, Progress
+from monodyn.types import Progress
 
 REACH = float(np.log(10.0))
 """Positive parameters are looked for within a factor of ten of their start."""
@@ -64,8 +64,8 @@ class Descent:
 
 def descend(
     held: Held,
-    records: tuple[Poses, ...],
-    scale: float,
+    smoothed: tuple[Smoothed, ...],
+    start: np.ndarray | None,
     settings: IdentifySettings,
     progress: Progress | None = None,
 ) -> Descent | None:
@@ -73,19 +73,18 @@ def descend(
 
     Args:
         held: The problem; its scales and integration steps are chosen here.
-        records: The records, joints in the mechanism's order.
-        scale: Common scale of sizes at which the torque is periodic, NaN where that is not known.
+        smoothed: Smooth motion of each record.
+        start: Coordinates at which a torque of the period explains the accelerations, (param,), or None.
         settings: Starts, seed, evaluations (each as many rollouts as a gradient takes), error bound.
         progress: Called as ``progress("identify", done, None)`` after each start.
 
     Returns:
         The best end, or None where no start can be simulated.
     """
-    smoothed = tuple(smooth(record) for record in records)
     motion = motion_sizes(held.data)
     best: Descent | None = None
     evaluations, tried = 0, 0
-    for x in _starts(held, smoothed, scale, settings):
+    for x in _starts(held, smoothed, start, settings):
         found = _search(held, x, smoothed, settings)
         tried += 1
         if found is not None:
@@ -106,26 +105,22 @@ def _rms(found: Descent) -> np.ndarray:
 
 
 def _starts(
-    held: Held, smoothed: tuple[Smoothed, ...], scale: float, settings: IdentifySettings
+    held: Held, smoothed: tuple[Smoothed, ...], start: np.ndarray | None, settings: IdentifySettings
 ) -> Iterator[np.ndarray]:
-    """Yield starts: at the scale of a periodic torque, then those of the default search without a torque.
+    """Yield starts: that of the guessed period, then those of the default search without a torque.
 
     A Fourier series starts as that of the torque that the smoothed poses ask for there, eq. (12) and (13);
     free torques start at zero.
     """
     driven = held.mechanism.torque != "friction"
     count = min(settings.starts, MOST_DRIVEN) if driven else settings.starts
-    if np.isfinite(scale):
-        values = scaled_start(held.unknowns, scale, held.mechanism)
-        named = [values.get(n, v) for n, v in zip(held.unknowns.names, held.unknowns.start, strict=True)]
-        yield _driven(held, held.unknowns.coordinates(np.array(named)), smoothed)
+    if start is not None:
+        yield _driven(held, start, smoothed)
         count -= 1
     if count < 1:
         return
-    mechanism = held.mechanism.with_torque("friction")
-    unknowns = choose_unknowns(mechanism)
-    undriven = Problem(mechanism, unknowns, size_prior(mechanism, unknowns), held.data)
-    place = held.unknowns.index(unknowns.names)
+    undriven = posed(held.mechanism.with_torque("friction"), held.data)
+    place = held.unknowns.index(undriven.unknowns.names)
     route = Route(settings.piece, settings.error_bound, SearchSettings(evaluations=settings.evaluations))
     for x, _ in starts(undriven, smooth_motion(undriven, smoothed), smoothed, route, count, settings.seed):
         whole = held.unknowns.x0.copy()

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from monodyn.estimation.data import Data
 from monodyn.estimation.extend import dry_friction, likeliest, more_terms, periodic, series, simpler_series
 from monodyn.estimation.grow import Grown
-from monodyn.estimation.periodic import Guess, guess_periods
-from monodyn.estimation.problem import Problem, posed, smooth_motion
+from monodyn.estimation.periodic import Guess, Undriven
+from monodyn.estimation.problem import Problem, posed
 from monodyn.estimation.search import Search, hopeless
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.smooth import Smoothed
@@ -92,18 +90,15 @@ def by_series(mechanism: Mechanism, task: Task) -> Explained:
         mechanism = frictionless(mechanism)
     least = posed(mechanism.with_torque("fourier", terms=settings.terms or 1, period=1.0), task.data)
     clock = least.mechanism.parameter("torque.period")
-    plain = posed(mechanism.with_torque("friction"), task.data)
     reason = hopeless(least, task.smoothed)
     if reason is not None:
         return Explained(least, None, reason=reason)
-    motion = smooth_motion(plain, task.smoothed)
-    x = sized(plain, motion)
-    bounds = (clock.lower, clock.upper) if clock.free else (clock.value, clock.value)
-    guesses = guess_periods(plain, x, motion, settings.terms, bounds)
+    undriven = Undriven.of(mechanism, task.data, task.smoothed)
+    guesses = undriven.guesses(settings.terms)
     if not guesses:
         return Explained(least, None, reason=NO_PERIOD)
-    route = task.search(plain).route
-    tried = [_from_guess(mechanism, task, plain, x, guess) for guess in guesses]
+    route = task.search(undriven.problem).route
+    tried = [_from_guess(mechanism, task, undriven, guess) for guess in guesses]
     problem, grown = tried[likeliest(tried)]
     if settings.terms == 0:
         problem, grown = more_terms(*simpler_series(problem, grown, route, divide=clock.free), route)
@@ -112,19 +107,11 @@ def by_series(mechanism: Mechanism, task: Task) -> Explained:
     return Explained(problem, grown, len(guesses))
 
 
-def _from_guess(
-    mechanism: Mechanism, task: Task, plain: Problem, x: np.ndarray, guess: Guess
-) -> tuple[Problem, Grown]:
+def _from_guess(mechanism: Mechanism, task: Task, undriven: Undriven, guess: Guess) -> tuple[Problem, Grown]:
     """Grow a fit from one guess of the period."""
     problem = posed(series(mechanism, guess.terms, guess.period), task.data)
-    unknowns = problem.unknowns
-    change = np.clip(guess.change, -plain.unknowns.reach, plain.unknowns.reach)
-    near = np.clip(x + change, plain.unknowns.lower, plain.unknowns.upper)
-    start = unknowns.carried(near, plain.unknowns)
-    way = problem.mechanism.drive_ways(unknowns.names)
-    start[way[way >= 0]] = guess.table[way >= 0]
     search = task.search(problem)
-    return problem, search.grown(start, search.route)
+    return problem, search.grown(undriven.start(guess, problem), search.route)
 
 
 def by_torques(mechanism: Mechanism, task: Task) -> Explained:

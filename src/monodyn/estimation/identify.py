@@ -15,7 +15,7 @@ import numpy as np
 
 from monodyn.estimation.advice import beginning
 from monodyn.estimation.conclude import conclude, refuse
-from monodyn.estimation.data import prepare
+from monodyn.estimation.data import ordered, prepare
 from monodyn.estimation.explain import EXPLAIN, Task
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
@@ -111,7 +111,7 @@ def _identified(
     """Identify from whole records, bodies chosen."""
     began = time.perf_counter()
     data = prepare(records, mechanism)
-    smoothed = tuple(smooth(_ordered(record, mechanism)) for record in records)
+    smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
     found = EXPLAIN[settings.torque](mechanism, Task(data, smoothed, settings, progress))
     if found.grown is None:
         return refuse(found.problem, found.reason, records, time.perf_counter() - began)
@@ -134,15 +134,3 @@ def _beginning(
             return (beginning(mechanism, part.frame.tolist(), fit.rms),)
         count //= 2
     return ()
-
-
-def _ordered(record: Poses, mechanism: Mechanism) -> Poses:
-    """Bring the joints of a record into the mechanism's order."""
-    names = tuple(joint.name for joint in mechanism.joints)
-    if names == record.joints:
-        return record
-    order = [record.joints.index(name) for name in names]
-    covariance = record.covariance[:, order][:, :, order]
-    return Poses(
-        names, record.frame, record.time, record.position[:, order], covariance, record.seen, record.metric
-    )

@@ -12,11 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from monodyn.estimation.problem import Motion, Problem
+from monodyn.estimation.data import Data
+from monodyn.estimation.problem import Motion, Problem, posed, smooth_motion
+from monodyn.estimation.smooth import Smoothed
+from monodyn.estimation.starts import sized
 from monodyn.estimation.torque import fourier_basis
+from monodyn.mechanism import Mechanism
 
 FEWEST_PERIODS = 1.25
 """A record this many periods long shows that something repeats."""
+FEWEST_ROWS = 8
+"""Rows with all joints measured; below that accelerations say nothing of a period."""
 PER_HARMONIC = 2.5
 """Samples in the shortest harmonic."""
 CORRELATED = 4.0
@@ -46,6 +52,57 @@ class Guess:
     change: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Undriven:
+    """The problem without a periodic torque, which the accelerations ask for.
+
+    Attributes:
+        problem: The problem.
+        x: Coordinates at which its accelerations are nearest, (param,).
+        motion: Smooth motion.
+        bounds: Least and greatest period [s] that the user allows; equal where it is known.
+    """
+
+    problem: Problem
+    x: np.ndarray
+    motion: Motion
+    bounds: tuple[float, float]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, data: Data, smoothed: tuple[Smoothed, ...]) -> Undriven:
+        """Return it for a mechanism, whose ``torque.period`` says which periods are allowed.
+
+        Args:
+            mechanism: The start.
+            data: The measurements.
+            smoothed: Smooth motion of each record.
+        """
+        clock = mechanism.with_torque("fourier", terms=1, period=1.0).parameter("torque.period")
+        problem = posed(mechanism.with_torque("friction"), data)
+        motion = smooth_motion(problem, smoothed)
+        bounds = (clock.lower, clock.upper) if clock.free else (clock.value, clock.value)
+        x = sized(problem, motion) if len(motion.time) else problem.unknowns.x0
+        return cls(problem, x, motion, bounds)
+
+    def guesses(self, terms: int) -> list[Guess]:
+        """Rank the periods that are allowed, see `guess_periods`; ``terms`` 0 lets the criterion choose."""
+        return guess_periods(self.problem, self.x, self.motion, terms, self.bounds)
+
+    def start(self, guess: Guess, driven: Problem) -> np.ndarray:
+        """Return the coordinates of a guess in a problem with a periodic torque, (param,).
+
+        Args:
+            guess: The guess.
+            driven: The problem; harmonics that the guess has not start at zero.
+        """
+        plain = self.problem.unknowns
+        change = np.clip(guess.change, -plain.reach, plain.reach)
+        start = driven.unknowns.carried(np.clip(self.x + change, plain.lower, plain.upper), plain)
+        ways = driven.mechanism.drive_ways(driven.unknowns.names)[:, : guess.table.shape[1]]
+        start[ways[ways >= 0]] = guess.table[ways >= 0]
+        return start
+
+
 def guess_periods(
     problem: Problem,
     x: np.ndarray,
@@ -66,23 +123,25 @@ def guess_periods(
 
     Returns:
         Guesses, the best first, only those that are better than no torque at all; empty where there is none.
-        A known period always gives one.
+        A known period always gives one, but for under 8 rows with all joints measured.
 
     Source:
         Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
         variables separate, 1973; Schwarz, Estimating the dimension of a model, 1978.
     """
+    if len(motion.time) < FEWEST_ROWS:
+        return []
     scan = _Scan(problem, x, motion)
     counts = SCANNED_TERMS if terms == 0 else (terms,)
     if bounds[0] == bounds[1]:
         return sorted((scan.fit(bounds[0], count) for count in counts), key=lambda guess: guess.criterion)[:1]
     found: list[Guess] = []
     for count in counts:
-        tried = [scan.fit(p, count) for p in scan.periods(count) if bounds[0] <= p <= bounds[1]]
+        tried = [scan.fit(p, count) for p in scan.periods(count, bounds)]
         values = np.array([guess.criterion for guess in tried])
         ends = np.concatenate(([np.inf], values, [np.inf]))
         low = np.flatnonzero((values <= ends[:-2]) & (values < ends[2:]))
-        found += [scan.refined(tried[i]) for i in low if values[i] < scan.nothing]
+        found += [scan.refined(tried[i], bounds) for i in low if values[i] < scan.nothing]
     kept: list[Guess] = []
     for guess in sorted(found, key=lambda guess: guess.criterion):
         if all(abs(np.log(guess.period / other.period)) > APART for other in kept):
@@ -105,22 +164,29 @@ class _Scan:
         self.samples = max(motion.weight.size / CORRELATED, 4.0)
         self.nothing = self._criterion(float(self.left @ self.left), 0)
 
-    def periods(self, terms: int) -> np.ndarray:
-        """Return the periods that the record can tell [s], evenly spaced in frequency."""
+    def periods(self, terms: int, bounds: tuple[float, float]) -> np.ndarray:
+        """Return the periods that the record can tell [s], evenly spaced in frequency, ends of bounds too."""
         span, step = float(np.ptp(self.clock)), float(np.median(np.diff(np.unique(self.clock))))
         low, high = FEWEST_PERIODS / span, 1.0 / (terms * PER_HARMONIC * step)
-        return 1.0 / np.arange(low, max(high, low), self.step(terms))
+        scanned = 1.0 / np.arange(low, max(high, low), self.step(terms))
+        ends = [end for end in bounds if 1.0 / max(high, low) <= end <= 1.0 / low]
+        inside = scanned[(bounds[0] < scanned) & (scanned < bounds[1])]
+        return np.sort(np.concatenate((inside, ends)))[::-1]
 
     def step(self, terms: int) -> float:
         """Return the spacing of the scanned frequencies [Hz]: a tenth of a turn of the last harmonic."""
         return 0.1 / float(np.ptp(self.clock)) / terms
 
-    def refined(self, guess: Guess) -> Guess:
+    def refined(self, guess: Guess, bounds: tuple[float, float]) -> Guess:
         """Move a period between its neighbours in the scan to where the criterion is least."""
         from scipy.optimize import minimize_scalar
 
         step = self.step(guess.terms)
-        ends = (1.0 / guess.period - step, 1.0 / guess.period + step)
+        ends = np.clip(
+            (1.0 / guess.period - step, 1.0 / guess.period + step),
+            1.0 / bounds[1],
+            1.0 / max(bounds[0], 1e-9),
+        )
         best: Any = minimize_scalar(
             lambda frequency: self.fit(1.0 / frequency, guess.terms).criterion,
             bounds=ends,

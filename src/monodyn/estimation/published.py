@@ -13,26 +13,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation import advice as say
-from monodyn.estimation.combinations import combinations
-from monodyn.estimation.conclude import refuse
-from monodyn.estimation.data import Data, prepare
+from monodyn.estimation.conclude import collected, refuse
+from monodyn.estimation.data import Data, ordered, prepare
 from monodyn.estimation.descent import Descent, descend
-from monodyn.estimation.estimates import estimates
+from monodyn.estimation.explain import NO_PERIOD, frictionless
 from monodyn.estimation.filtering import FIRST, Gains, filter_response, filtered
-from monodyn.estimation.fit import Estimate, Fit, Start
+from monodyn.estimation.fit import Estimate, Fit
 from monodyn.estimation.grow import Grown, typical
 from monodyn.estimation.held import Held, held_states, targets
-from monodyn.estimation.period import Period, estimate_period, periodic_scale
-from monodyn.estimation.problem import Problem
-from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.periodic import SCANNED_TERMS, Undriven
+from monodyn.estimation.problem import Problem, posed
+from monodyn.estimation.settings import USUAL_TERMS, IdentifySettings
+from monodyn.estimation.smooth import Smoothed, smooth
 from monodyn.estimation.uncertainty import know
-from monodyn.estimation.unknowns import choose_unknowns, size_prior
 from monodyn.estimation.verdict import motion_sizes
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
 
-TERMS = 7
-"""Harmonics of the paper's Fourier series."""
 UNSTARTED = (
     "The motion of the start cannot be simulated through the record; check the mechanism file and that its "
     "joints turn as in the record."
@@ -87,13 +84,12 @@ def identify_published(
     gains = Gains.of(settings.gains)
     mechanism = replace(mechanism.with_bodies(settings.bodies), measured=None)
     data = prepare(records, mechanism)
-    records = tuple(_ordered(record, mechanism) for record in records)
-    posed = _with_model(mechanism, settings, data, records)
-    problem = _problem(posed.mechanism, data)
-    reason = posed.reason or _hopeless(problem, settings)
-    if reason is not None:
-        refused = refuse(problem, reason, records, time.perf_counter() - began)
-        return replace(refused, torque=settings.torque)
+    records = tuple(ordered(record, mechanism) for record in records)
+    smoothed = tuple(smooth(record) for record in records)
+    model = _with_model(mechanism, settings, data, smoothed)
+    problem = model.problem
+    if model.reason is not None:
+        return _refused(problem, model.reason, records, settings, began)
     motion = tuple(filtered(r.time, _seen(r), gains, r.covariance) for r in records)
     target, white = targets(data, motion, settings.states, settings.rates)
     blank = Held(
@@ -104,75 +100,76 @@ def identify_published(
         ),
         filtered=settings.states == "filtered",
     )  # fmt: skip
-    found = descend(blank, records, posed.scale, settings, progress)
+    found = descend(blank, smoothed, model.start, settings, progress)
     if found is None:
-        refused = refuse(problem, UNSTARTED, records, time.perf_counter() - began)
-        return replace(refused, torque=settings.torque)
-    return _fit(found, posed, records, settings, began)
+        return _refused(problem, UNSTARTED, records, settings, began)
+    return _fit(found, model, records, settings, began)
 
 
 @dataclass(frozen=True, eq=False)
-class _Posed:
-    """The mechanism with its torque model.
+class _Model:
+    """The problem with its torque model.
 
     Attributes:
-        mechanism: With the parameters of the torque.
-        period: What the poses say of the period, or None.
-        reason: Why there is no model, or None.
-        scale: Common scale of sizes at which the torque is periodic, NaN where that is not known.
+        problem: With the parameters of the torque.
+        reason: Why there is no point in a search, or None.
+        start: Coordinates at which a torque of the period explains the accelerations, (param,), or None.
+        period: The period [s] that was estimated, or None.
     """
 
-    mechanism: Mechanism
-    period: Period | None = None
+    problem: Problem
     reason: str | None = None
-    scale: float = float("nan")
-
-
-def _ordered(record: Poses, mechanism: Mechanism) -> Poses:
-    """Bring the joints of a record into the mechanism's order."""
-    names = tuple(joint.name for joint in mechanism.joints)
-    order = [record.joints.index(name) for name in names]
-    covariance = record.covariance[:, order][:, :, order]
-    position = record.position[:, order]
-    return Poses(names, record.frame, record.time, position, covariance, record.seen, record.metric)
-
-
-def _problem(mechanism: Mechanism, data: Data) -> Problem:
-    unknowns = choose_unknowns(mechanism)
-    return Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
+    start: np.ndarray | None = None
+    period: float | None = None
 
 
 def _with_model(
-    mechanism: Mechanism, settings: IdentifySettings, data: Data, records: Sequence[Poses]
-) -> _Posed:
+    mechanism: Mechanism, settings: IdentifySettings, data: Data, smoothed: tuple[Smoothed, ...]
+) -> _Model:
     """Give the mechanism the parameters of its torque."""
+    plain = mechanism.with_torque("friction")
+    if settings.torque != "friction" and len(smoothed) > 1:
+        return _Model(posed(plain, data), "A torque over time belongs to one record; fit them one by one.")
     if settings.torque == "friction":
-        return _Posed(mechanism.with_torque("friction"))
-    if len(records) > 1:
-        return _Posed(mechanism, reason="A torque over time belongs to one record; fit them one by one.")
-    clock = mechanism.values["time_scale"]
-    if settings.torque == "free":
-        return _Posed(_frictionless(mechanism.with_torque("free", knots=data.times * clock)))
-    terms = settings.terms or TERMS
-    if settings.series == "alone":
-        mechanism = _frictionless(mechanism)
-    plain, seen = mechanism.with_torque("friction"), (records[0].time * clock, _seen(records[0]))
-    if "torque.period" in mechanism.chosen:
-        given = mechanism.values["torque.period"]
-        driven = mechanism.with_torque("fourier", terms=terms, period=given)
-        return _Posed(driven, scale=periodic_scale(*seen, given, terms, plain))
-    period = estimate_period(*seen, terms, mechanism=plain)
-    if not period.found:
-        return _Posed(mechanism, period, f"The period of the torque cannot be estimated. {period.status}")
-    driven = mechanism.with_torque("fourier", terms=terms, period=period.seconds)
-    driven = driven.with_choices(fix={"torque.period": period.seconds})
-    return _Posed(driven, period, scale=period.scale)
+        driven = plain
+    elif settings.torque == "free":
+        knots = data.times * mechanism.values["time_scale"]
+        driven = frictionless(mechanism).with_torque("free", knots=knots)
+    else:
+        mechanism = frictionless(mechanism) if settings.series == "alone" else mechanism
+        driven = _of_period(mechanism, settings.terms or USUAL_TERMS)
+    problem = posed(driven, data)
+    reason = _hopeless(problem, settings)
+    if reason is not None or settings.torque != "fourier":
+        return _Model(problem, reason)
+    return _periodic(mechanism, settings, problem, smoothed)
 
 
-def _frictionless(mechanism: Mechanism) -> Mechanism:
-    """Hold dampings and dry frictions at zero, but for those that the user chose."""
-    names = [f"{j.name}.{kind}" for j in mechanism.joints for kind in ("damping", "friction")]
-    return mechanism.with_choices(fix={name: 0.0 for name in names if name not in mechanism.chosen})
+def _periodic(
+    mechanism: Mechanism, settings: IdentifySettings, problem: Problem, smoothed: tuple[Smoothed, ...]
+) -> _Model:
+    """Estimate the period, with no more harmonics than it takes: one of many harmonics is a long one."""
+    undriven = Undriven.of(mechanism, problem.data, smoothed)
+    guesses = undriven.guesses(settings.terms if settings.terms in SCANNED_TERMS else 0)
+    known = undriven.bounds[0] == undriven.bounds[1]
+    if not guesses:
+        return _Model(problem, None if known else NO_PERIOD)
+    period = guesses[0].period
+    if not known:
+        problem = posed(_of_period(mechanism, settings.terms or USUAL_TERMS, period), problem.data)
+    return _Model(problem, None, undriven.start(guesses[0], problem), None if known else period)
+
+
+def _of_period(mechanism: Mechanism, terms: int, period: float | None = None) -> Mechanism:
+    """Hold the period of a Fourier series: at ``period`` [s], or where it is until that is known."""
+    driven = mechanism.with_torque("fourier", terms=terms, period=1.0)
+    return driven.with_choices(fix={"torque.period": period or driven.values["torque.period"]})
+
+
+def _refused(
+    problem: Problem, reason: str, records: tuple[Poses, ...], settings: IdentifySettings, began: float
+) -> Fit:
+    return replace(refuse(problem, reason, records, time.perf_counter() - began), torque=settings.torque)
 
 
 def _seen(record: Poses) -> np.ndarray:
@@ -201,11 +198,9 @@ def _hopeless(problem: Problem, settings: IdentifySettings) -> str | None:
 
 
 def _fit(
-    found: Descent, posed: _Posed, records: tuple[Poses, ...], settings: IdentifySettings, began: float
+    found: Descent, model: _Model, records: tuple[Poses, ...], settings: IdentifySettings, began: float
 ) -> Fit:
     """Collect what was found; intervals from the Jacobian and the variance of the residuals."""
-    from scipy.special import stdtrit
-
     held, x = found.held, found.x
     compared = int(np.isfinite(held.target).sum())
     freedom = max(compared - len(x), 1)
@@ -214,36 +209,14 @@ def _fit(
     held = replace(held, noise=max(noise, 1e-12))
     grown = _grown(found, held, residuals)
     known = know(held, replace(grown, states=np.zeros((len(records), 0))))
-    difference = held.differences(x, grown.states, grown.pieces, grown.substeps)
-    unit = np.where(held.data.slide, held.size(x), 1.0)
-    difference = difference * np.repeat(unit, np.diff(held.data.first), axis=0)
-    rms = dict(zip(_names(held.mechanism), np.sqrt(np.nanmean(difference**2, axis=0)).tolist(), strict=True))
-    parameters = estimates(held, grown, known, float(stdtrit(freedom, 0.975)))
-    status, ok = _verdict(held, x, rms, settings)
+    known = replace(known, full=np.pad(known.full, (0, grown.states.size)))
+    fit = collected(held, grown, known, records, freedom, began)
+    status, ok = _verdict(held, x, fit.rms, settings, model.period)
     open_names = known.without_effect(held.unknowns.names)
-    free = settings.torque == "free"
-    return Fit(
-        status=status,
-        ok=ok,
-        advice=_advice(found, posed, parameters, settings, compared, open_names),
-        mechanism=held.mechanism_at(x),
-        parameters=parameters,
-        combinations=() if free else combinations(held, x, known),
-        starts=_starts(held, x),
-        names=(*held.unknowns.names, *_state_names(held)),
-        tied=tuple(
-            (name, held.unknowns.names[i])
-            for name, i in zip(held.unknowns.tied, held.unknowns.tied_to, strict=True)
-        ),
-        covariance=_covariance(held, x, known.full, grown.states.size),
-        residual=_by_record(held.data, difference, records),
-        rms=rms,
-        scale=held.size(x),
-        torque=settings.torque,
-        time=tuple(record.time for record in records),
-        evaluations=found.evaluations,
-        seconds=time.perf_counter() - began,
-    )
+    advice = _advice(found, model, fit.parameters, settings, compared, open_names)
+    if settings.torque == "free":
+        fit = replace(fit, combinations=())
+    return replace(fit, status=status, ok=ok, advice=advice)
 
 
 def _grown(found: Descent, held: Held, residuals: np.ndarray) -> Grown:
@@ -258,45 +231,8 @@ def _grown(found: Descent, held: Held, residuals: np.ndarray) -> Grown:
     )  # fmt: skip
 
 
-def _names(mechanism: Mechanism) -> list[str]:
-    return [joint.name for joint in mechanism.joints]
-
-
-def _state_names(held: Held) -> list[str]:
-    """Names of each record's start state, which is not searched."""
-    names = _names(held.mechanism)
-    states = [*names, *(f"{name}_vel" for name in names)]
-    return [f"record{k}.{name}" for k in range(len(held.held)) for name in states]
-
-
-def _starts(held: Held, x: np.ndarray) -> tuple[Start, ...]:
-    """The held start states, without a covariance of their own."""
-    found = []
-    for first, state in zip(held.data.first[:-1], held.states(x), strict=True):
-        q0, v0 = np.split(state, 2)
-        found.append(Start(float(held.data.times[first]), q0, v0, np.zeros((len(state), len(state)))))
-    return tuple(found)
-
-
-def _covariance(held: Held, x: np.ndarray, coordinates: np.ndarray, states: int) -> np.ndarray:
-    """Covariance of the parameters, then of the start states, which are held."""
-    count = len(x)
-    full = np.zeros((count + states, count + states))
-    full[:count, :count] = coordinates * np.outer(held.unknowns.slope(x), held.unknowns.slope(x))
-    return full
-
-
-def _by_record(data: Data, difference: np.ndarray, records: tuple[Poses, ...]) -> tuple[np.ndarray, ...]:
-    """Cut the residuals back into the tables of the records."""
-    found = [np.full(record.position.shape, np.nan) for record in records]
-    for table, first, stop in zip(found, data.first[:-1], data.first[1:], strict=True):
-        rows = first + np.flatnonzero(data.source[first:stop] >= 0)
-        table[data.source[rows]] = difference[rows]
-    return tuple(found)
-
-
 def _verdict(
-    held: Held, x: np.ndarray, rms: dict[str, float], settings: IdentifySettings
+    held: Held, x: np.ndarray, rms: dict[str, float], settings: IdentifySettings, period: float | None
 ) -> tuple[str, bool]:
     """Say what came of the fit, and whether it follows the record at all."""
     unit = np.where(held.data.slide.any(axis=0), held.size(x), 1.0)
@@ -306,6 +242,8 @@ def _verdict(
     if not share[j] < LOST:
         lag = settings.states == "filtered"
         instead = "compare with --identify.states measured, which do not lag" if lag else "fit fewer frames"
+        if period is not None:
+            instead += f", give the period, here {period:.4g} s, with --fix torque.period=SECONDS"
         return (
             f"The simulated motion does not follow the record: rms residual of {name} "
             f"{say.amount(held.mechanism, name, rms[name])}, {100 * share[j]:.2g} % of its motion; "
@@ -324,7 +262,7 @@ def _verdict(
 
 def _advice(
     found: Descent,
-    posed: _Posed,
+    model: _Model,
     parameters: tuple[Estimate, ...],
     settings: IdentifySettings,
     compared: int,
@@ -334,8 +272,8 @@ def _advice(
     held, unknowns = found.held, len(found.x)
     bodies = tuple(p for p in parameters if ".torque." not in p.name)
     advice = say.integration(held.substeps, found.error, settings.error_bound)
-    if posed.period is not None:
-        advice.append(posed.period.status)
+    if model.period is not None:
+        advice.append(f"The period of {model.period:.4g} s was estimated beforehand and held.")
     if settings.torque == "free":
         advice.append(
             f"{unknowns} unknowns and {compared} measured values: free torques are underdetermined and "

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.estimation.data import ordered, prepare
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify
-from monodyn.estimation.period import estimate_period
+from monodyn.estimation.periodic import Undriven
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.smooth import smooth
 from monodyn.mechanism import Mechanism
 from monodyn.reproduce.clip import Pendulum, Truth
 from monodyn.reproduce.vision import FAILURES, METHODS, Seen, aligned
@@ -175,20 +177,21 @@ def run_case(plan: Plan, seen: Seen, truth: Truth | None, design: Design) -> Cas
 
 
 def _fitted(plan: Plan, poses: Poses, mechanism: Mechanism, clip: Poses, design: Design) -> tuple[Fit, str]:
-    """Identify; frames too few to tell the period of Case II take that of the poses of the whole clip."""
+    """Identify; frames too few to tell the period of Case II take that of the whole clip."""
     settings = identify_settings(plan, design)
     fit = identify(poses, mechanism, settings)
     if fit.starts or plan.case != "II":
         return fit, ""
-    position = np.where(clip.seen[:, None], clip.position, np.nan)
-    period = estimate_period(clip.time, position, TERMS)
-    if not period.found:
+    whole = ordered(clip, mechanism)
+    guesses = Undriven.of(mechanism, prepare((whole,), mechanism), (smooth(whole),)).guesses(0)
+    if not guesses:
         return fit, ""
-    driven = mechanism.with_torque("fourier", terms=TERMS, period=period.seconds)
-    known = identify(poses, driven.with_choices(fix={"torque.period": period.seconds}), settings)
+    period = guesses[0].period
+    driven = mechanism.with_torque("fourier", terms=TERMS, period=period)
+    known = identify(poses, driven.with_choices(fix={"torque.period": period}), settings)
     if not known.starts:
         return known, ""
-    return known, f" The period, {period.seconds:.4g} s, is that of the poses of the whole clip."
+    return known, f" The period, {period:.4g} s, is that of the whole clip."
 
 
 def identify_settings(plan: Plan, design: Design) -> IdentifySettings:

@@ -36,6 +36,8 @@ WITNESSES = 8
 ACCEPTED = 0.06
 """Mean share of mismatch in the further frames with which neither another picture nor a background without
 the mechanism is tried."""
+UNLIKE = 0.5
+"""Share of mismatch in the further frames from which a reading says nothing of the background."""
 MOST_COVERED = 36
 """Sample frames from which the mechanism is taken out, at the most."""
 LIES = 0.3
@@ -110,12 +112,13 @@ def locate_published(
     first = next(iter(masks.video.frames()))
     held = _start_view(mechanism, camera, pinned)
     reading, chosen = _read(_shots(masks, first, level), masks, held, mechanism, camera, start)
-    if reading.strange > ACCEPTED and not masks.given:
+    if ACCEPTED < reading.strange < UNLIKE and not masks.given:
         masks, reading = _uncovered(masks, first, chosen, reading, mechanism, camera, level)
     view, drawings = _released(reading.view, mechanism, camera), reading.evaluations
     shot = _shot(chosen, masks, level)
-    if chosen.index != first.index:
-        shot = _shot(first, masks, level)
+    opening = silhouette(first, masks.background, level_of(masks, level))
+    if chosen.index != first.index and holds(opening):
+        shot = Shot(first, seen(opening), opening)
         view, _, more = spread_pose(shot.image, view)
         drawings += more
     return _scene(masks, mechanism, camera, view, shot, reading.history, drawings, level)
@@ -352,8 +355,10 @@ def _uncovered(
         lies = left < LIES * image.area
         covered.append(covered_pixels(sized, behind, pose.position, grow=1.0) if lies else everything)
     other = masks.refined(covered)
-    shot = _shot(chosen, other, level)
-    found, history = sequential(shot.image, reading.view, SETTLING)
+    again = silhouette(chosen, other.background, level_of(other, level))
+    if not holds(again):
+        return masks, replace(reading, evaluations=drawings)
+    found, history = sequential(seen(again), reading.view, SETTLING)
     others = [witness for witness in _shots(other, first, level) if witness.frame is not chosen]
     strange, more = _strangeness(_released(found, mechanism, camera), others)
     drawings += more + _drawings(history)
