@@ -40,8 +40,8 @@ docs: $(READY)  ## check that the documentation says what the code does
 	$(BIN)/python -m pytest tests/test_docs.py tests/test_architecture.py
 
 bench: $(READY)  ## accuracy (needs MONODYN_DATA) and speed tables
-	@if test -n "$$MONODYN_DATA"; then $(BIN)/python benchmarks/accuracy.py; \
-	else echo "accuracy.py: SKIPPED, MONODYN_DATA is not set; it names the folder with the recordings."; fi
+	@if test -n "$$MONODYN_DATA"; then $(BIN)/python benchmarks/accuracy.py && $(BIN)/python benchmarks/published.py; \
+	else echo "accuracy.py, published.py: SKIPPED, MONODYN_DATA is not set; it names the folder with the recordings."; fi
 	$(BIN)/python benchmarks/speed.py
 
 clean:
