@@ -243,7 +243,7 @@ def _verdict(
         lag = settings.states == "filtered"
         instead = "compare with --identify.states measured, which do not lag" if lag else "fit fewer frames"
         if period is not None:
-            instead += f", give the period, here {period:.4g} s, with --fix torque.period=SECONDS"
+            instead += f", give the period, estimated as {period:.4g} s, with --fix torque.period=SECONDS"
         return (
             f"The simulated motion does not follow the record: rms residual of {name} "
             f"{say.amount(held.mechanism, name, rms[name])}, {100 * share[j]:.2g} % of its motion; "

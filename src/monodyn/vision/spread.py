@@ -16,8 +16,8 @@ from monodyn.vision.problems import FOLLOWING, fit_pose
 from monodyn.vision.silhouette import pose_mismatch
 from monodyn.vision.view import Seen, View, X
 
-BUDGET = 40_000
-"""Poses drawn by one spread."""
+BUDGET = 12_000
+"""Poses drawn by one spread, by joint."""
 PATTERNED = 3
 """Most lengths whose proportions are tried."""
 LENGTHS = (0.6, 1.7)
@@ -44,7 +44,7 @@ def spread_starts(image: Seen, view: View, count: int) -> tuple[list[View], int]
         The starts, and the silhouettes drawn.
     """
     patterns = _patterns(view)
-    poses = _grid(image, view, max(1, BUDGET // len(patterns)))
+    poses = _grid(image, view, max(1, BUDGET * len(view.position) // len(patterns)))
     costs, places, sizes = [], [], []
     for pattern in patterns:
         own = _scaled(image, view, pattern, poses[0])
