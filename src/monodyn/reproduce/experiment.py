@@ -53,7 +53,7 @@ SHOWN = 4
 CAPTIONS = {
     "I": "The structure of the friction torque is known. The frames after the shaded ones are predicted.",
     "filtered": "As Figure 7, but fitted to the filtered states.",
-    "II": "The torque of each joint is a Fourier series; its period is that of the poses.",
+    "II": "The torque of each joint is a Fourier series; its period is estimated from the poses beforehand.",
     "III": "One torque a joint and time stamp. None acts after the fitted frames: nothing says what it is.",
 }
 
