@@ -56,7 +56,7 @@ def test_mass_scale_is_open_and_said(fit):
         assert not estimate.identifiable
     assert fit.advice[0] == (
         "The motion fixes link1.thickness, link2.thickness, joint1.damping and joint2.damping only in ratios "
-        "(see the combinations); one measured mass, thickness or torque, given with --fix, fixes the mass "
+        "(see the combinations); one of them, measured and given with --fix, fixes the mass "
         "scale."
     )
     assert np.isfinite(fit.covariance).all()
@@ -211,8 +211,8 @@ def test_one_size_that_nothing_tells_is_one(poses, double):
     del rest["link1.tail"]
     fit = identify(poses, double.with_choices(fix=rest))
     assert (
-        "Nothing tells link1.tail; it keeps its proportion to the length of its body. Give a measured value "
-        "with --fix if it matters."
+        "Nothing tells link1.tail; it keeps its proportion to the length of its body, and the intervals take "
+        "that for exact. Give a measured value with --fix where its share of the inertia counts."
     ) in fit.advice
 
 

@@ -159,7 +159,7 @@ def test_a_loud_and_large_residual_is_not_trusted(bent):
     assert not fit.ok
     assert re.fullmatch(
         r"The simulated motion is too far from the record to be used: rms residual of joint1 [\d.]+ deg, "
-        r"[\d.]+ % of its range and [\d.]+ times the stated noise; fit fewer frames or let the model have "
+        r"[\d.]+ % of its range and [\d.]+ times the stated noise; fit a shorter record or let the model have "
         r"what it lacks \(see the advice\)\.",
         fit.status,
     )
@@ -209,7 +209,7 @@ def test_an_integration_bound_out_of_reach_is_said(double):
     assert any(
         re.fullmatch(
             r"With 64 integration steps between time stamps, the most there are, the motion is exact to \S+ "
-            r"rad \(m for slides\) and not to the 1e-09 asked for; fit fewer frames, or give a larger "
+            r"rad \(m for slides\) and not to the 1e-09 asked for; fit a shorter record, or give a larger "
             r"--identify\.error-bound if that is exact enough\.",
             line,
         )

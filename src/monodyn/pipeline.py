@@ -313,7 +313,13 @@ def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> 
     torque = settings.identify.torque
     mechanism = load(model)
     if torque == "fourier":  # its parameters are there to be chosen; those of free torques are the record's
-        mechanism = mechanism.with_torque(torque, terms=settings.identify.terms or USUAL_TERMS, period=1.0)
+        low, high = settings.bounds.get("torque.period", (1.0, 1.0))
+        period = min(max(1.0, low), high)
+        mechanism = mechanism.with_torque(torque, terms=settings.identify.terms or USUAL_TERMS, period=period)
+    for name in (*fix, *free, *settings.bounds):
+        if torque != "fourier" and name not in mechanism.plan.index and "torque." in name:
+            wanted = "cannot be chosen" if torque == "free" else "belongs to --identify.torque fourier; add it"
+            raise SettingsError(f"parameter '{name}': a torque over time {wanted}.")
     return mechanism.with_choices(
         fix={name: value for name, value in fix.items() if not name.startswith("camera.")},
         free=[name for name in free if not name.startswith("camera.")],

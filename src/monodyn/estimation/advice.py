@@ -44,8 +44,8 @@ def open_parameters(parameters: tuple[Estimate, ...], without_effect: Sequence[s
         )
     elif masses:
         advice.append(
-            f"The motion fixes {listed(masses, 12)} only in ratios (see the combinations); one measured "
-            "mass, thickness or torque, given with --fix, fixes the mass scale."
+            f"The motion fixes {listed(masses, 12)} only in ratios (see the combinations); one of them, "
+            "measured and given with --fix, fixes the mass scale."
         )
     if lengths:
         advice.append(_open_lengths(lengths))
@@ -81,6 +81,31 @@ def _open_lengths(names: Sequence[str]) -> str:
         f"The data do not fix {them} one by one: lengths are only known up to the time scale (see the "
         f"combinations). {known}"
     )
+
+
+def percent(share: float) -> str:
+    """Write a share in per cent."""
+    return f"{100 * share:.0f} %" if abs(share) >= 0.095 else f"{100 * share:.2g} %"
+
+
+def without_use(names: Sequence[str]) -> list[str]:
+    """Say which given values nothing depends on, as thicknesses of bodies whose file states their mass."""
+    if not names:
+        return []
+    verb = "was" if len(names) == 1 else "were"
+    return [
+        f"{listed(names, 12)} {verb} given, but the motion of this mechanism does not depend on "
+        f"{'it' if len(names) == 1 else 'them'}: its file states masses; give those."
+    ]
+
+
+def no_harmonic(mechanism: Mechanism) -> list[str]:
+    """Say that a periodic torque of a given period does not stand out from weight and inertia."""
+    period = mechanism.values["torque.period"]
+    return [
+        f"A torque of period {period:.4g} s is under a hundredth of weight and inertia at every joint: it may "
+        "be what the model lacks; nothing periodic need act."
+    ]
 
 
 def bounds(parameters: tuple[Estimate, ...]) -> list[str]:
@@ -161,7 +186,7 @@ def free_torques(mechanism: Mechanism) -> list[str]:
             f"explain most of it without ({listed(held, 8)}), and the torques are in proportion to them; "
             "give measured values with --fix."
         )
-    advice.append("No torque is known after the fitted frames: the prediction goes on without any.")
+    advice.append("No torque is known after the fitted frames: a prediction goes on without any.")
     return advice
 
 
@@ -171,7 +196,7 @@ def integration(substeps: int, error: float, bound: float) -> list[str]:
         return []
     return [
         f"With {substeps} integration steps between time stamps, the most there are, the motion is exact to "
-        f"{error:.2g} rad (m for slides) and not to the {bound:.2g} asked for; fit fewer frames, or give a "
+        f"{error:.2g} rad (m for slides) and not to the {bound:.2g} asked for; fit a shorter record, or give a "
         "larger --identify.error-bound if that is exact enough."
     ]
 
@@ -206,12 +231,12 @@ def proportions(tied: tuple[str, ...]) -> list[str]:
         return []
     if len(tied) == 1:
         return [
-            f"Nothing tells {tied[0]}; it keeps its proportion to the length of its body. Give a measured "
-            "value with --fix if it matters."
+            f"Nothing tells {tied[0]}; it keeps its proportion to the length of its body, and the intervals "
+            "take that for exact. Give a measured value with --fix where its share of the inertia counts."
         ]
     return [
-        f"Nothing tells {listed(tied, 12)}; they keep their proportion to the length of their body. Give "
-        "measured values with --fix if they matter."
+        f"Nothing tells {listed(tied, 12)}; they keep their proportion to the length of their body, and the "
+        "intervals take that for exact. Give measured values with --fix where their share of the inertia counts."
     ]
 
 

@@ -212,6 +212,18 @@ def collected(
     )
 
 
+def _without_use(mechanism: Mechanism) -> list[str]:
+    """Names of given thicknesses and densities on which no link depends."""
+    given = [
+        name
+        for name in mechanism.values
+        if name in mechanism.chosen
+        and kind_of(name) in ("thickness", "density")
+        and not mechanism.parameter(name).free
+    ]
+    return [name for name in given if not mechanism.directions([name])[0].any()]
+
+
 def _advice(
     problem: Problem,
     grown: Grown,
@@ -239,6 +251,7 @@ def _advice(
         found += say.open_parameters(fit.parameters, known.without_effect(problem.unknowns.names))
         found += say.bounds(fit.parameters)
         found += say.proportions(problem.unknowns.tied if _uniform(problem) else ())
+    found += say.without_use(_without_use(problem.mechanism))
     if problem.mechanism.torque == "free":
         found += say.free_torques(problem.mechanism)
     found += say.clock(fit.parameters)

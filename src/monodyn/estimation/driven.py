@@ -49,17 +49,17 @@ def basis(drive: Drive, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values, rates
 
 
-def clocks(mechanism: Mechanism, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return what parameters do to the torque other than through its table.
+def drifts(mechanism: Mechanism, names: tuple[str, ...]) -> np.ndarray:
+    """Return what parameters do to the clock of the torque: a longer period slows it down.
 
     Args:
         mechanism: The mechanism.
         names: Parameters, not their coordinates.
 
     Returns:
-        Derivatives of the logarithms of all torques and of their clock by the parameters, each (param,).
+        Derivatives of the logarithm of the clock by the parameters, (param,).
     """
     drift = np.zeros(len(names))
     if "torque.period" in names:
         drift[names.index("torque.period")] = -1.0 / mechanism.values["torque.period"]
-    return np.zeros(len(names)), drift
+    return drift

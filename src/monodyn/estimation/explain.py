@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from monodyn.estimation.advice import no_harmonic
 from monodyn.estimation.data import Data
-from monodyn.estimation.extend import dry_friction, likeliest, more_terms, periodic, series, simpler_series
+from monodyn.estimation.extend import dry_friction, likeliest, more_terms, periodic, series, simpler_series, stands_out
 from monodyn.estimation.grow import Grown
 from monodyn.estimation.periodic import Guess, Undriven
 from monodyn.estimation.problem import Problem, posed
@@ -13,7 +14,7 @@ from monodyn.estimation.search import Search, hopeless
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.smooth import Smoothed
 from monodyn.estimation.starts import sized
-from monodyn.estimation.stepwise import MOST_TORQUES, fit_torques
+from monodyn.estimation.stepwise import MOST_TORQUES, fit_torques, left_over
 from monodyn.mechanism import Mechanism
 from monodyn.types import Progress
 
@@ -54,12 +55,14 @@ class Explained:
         grown: Its optimum, or None.
         tried: Number of starts.
         reason: Why there is no optimum, a sentence for the user.
+        advice: Sentences for the user about the torque.
     """
 
     problem: Problem
     grown: Grown | None
     tried: int = 1
     reason: str = ""
+    advice: tuple[str, ...] = ()
 
 
 def by_friction(mechanism: Mechanism, task: Task) -> Explained:
@@ -102,9 +105,11 @@ def by_series(mechanism: Mechanism, task: Task) -> Explained:
     problem, grown = tried[likeliest(tried)]
     if settings.terms == 0:
         problem, grown = more_terms(*simpler_series(problem, grown, route, divide=clock.free), route)
-    if clock.free and not periodic(problem, grown, route):
+    seen = periodic(problem, grown, route) and stands_out(problem, grown.x, undriven.motion)
+    if clock.free and not seen:
         return Explained(problem, None, reason=NO_PERIOD)
-    return Explained(problem, grown, len(guesses))
+    doubt = () if seen else tuple(no_harmonic(problem.mechanism_at(grown.x)))
+    return Explained(problem, grown, len(guesses), advice=doubt)
 
 
 def _from_guess(mechanism: Mechanism, task: Task, undriven: Undriven, guess: Guess) -> tuple[Problem, Grown]:
@@ -116,6 +121,9 @@ def _from_guess(mechanism: Mechanism, task: Task, undriven: Undriven, guess: Gue
 
 def by_torques(mechanism: Mechanism, task: Task) -> Explained:
     """One torque a joint and time stamp (Case III); sizes and masses are held.
+
+    Where friction explains the motion it is held too, and the torque comes on top of it; else it is part of
+    the torque.
 
     Args:
         mechanism: The start.
@@ -135,10 +143,13 @@ def by_torques(mechanism: Mechanism, task: Task) -> Explained:
         return Explained(plain, None, reason=reason)
     search = replace(task, settings=replace(task.settings, starts=1)).search(plain)
     grown, _ = search.from_starts()
-    x = grown.x if search.explained(grown) else sized(plain, search.motion)
-    driven = frictionless(plain.mechanism_at(x)).with_torque("free", knots=stamps * plain.stretch(x))
+    passive = search.explained(grown)
+    x = grown.x if passive else sized(plain, search.motion)
+    held = plain.mechanism_at(x) if passive else frictionless(plain.mechanism_at(x))
+    driven = held.with_torque("free", knots=stamps * plain.stretch(x))
     problem = replace(posed(driven, task.data, torques_only=True), base=plain.size(x))
-    return Explained(*fit_torques(problem, task.smoothed, search.route, search.report))
+    noise = max(left_over(plain, grown), 1.0) if passive else 1.0
+    return Explained(*fit_torques(problem, task.smoothed, search.route, noise, search.report))
 
 
 def frictionless(mechanism: Mechanism) -> Mechanism:

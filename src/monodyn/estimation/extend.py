@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from monodyn.estimation.grow import Grown, Route, fit_pieces
-from monodyn.estimation.problem import Problem, posed
+from monodyn.estimation.problem import Motion, Problem, posed
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import SearchSettings
 
 EVIDENCE = 15.0
 """Twice the log likelihood that an unknown must gain; pure chance gives one on average."""
+LEAST_SHARE = 0.01
+"""Share of weight and inertia at a joint from which a periodic torque stands out."""
 GLANCE = SearchSettings(evaluations=2)
 """One step: where it gains next to nothing, more of them will not gain much."""
 
@@ -109,15 +113,16 @@ def _cut(problem: Problem, grown: Grown, terms: int, period: float, route: Route
     """Fit a shorter series from an optimum; harmonics of a divided period take over their coefficients."""
     _, before = series_of(problem, grown)
     times = round(before / period)
-    values = problem.unknowns.named(grown.x)
     trial = posed(series(problem.mechanism, terms, period), problem.data)
     start = trial.unknowns.carried(grown.x, problem.unknowns)
     if "torque.period" in trial.unknowns.names:
         start[trial.unknowns.names.index("torque.period")] = np.log(period)
-    for i, name in enumerate(trial.unknowns.names):
-        stem, _, harmonic = name.rpartition(".")
-        if stem.endswith(".torque") and harmonic != "mean":
-            start[i] = values[f"{stem}.{harmonic[:3]}{times * int(harmonic[3:])}"]
+    table = problem.mechanism_at(grown.x).drive.table
+    ways = trial.mechanism.drive_ways(trial.unknowns.names)
+    for k in range(1, terms + 1):
+        for part in (-1, 0):  # cosine and sine
+            new, old = ways[:, 2 * k + part], table[:, 2 * k * times + part]
+            start[new[new >= 0]] = old[new >= 0]
     return trial, fit_pieces(trial, start, grown.states, grown.pieces, route, route.fine)
 
 
@@ -136,6 +141,29 @@ def periodic(problem: Problem, grown: Grown, route: Route) -> bool:
     passive = fit_pieces(trial, start, grown.states, grown.pieces, route, route.fine)
     added = len(problem.unknowns) - len(trial.unknowns)
     return not passive.complete or _pays(passive, grown, added)
+
+
+def stands_out(problem: Problem, x: np.ndarray, motion: Motion) -> bool:
+    """True when the periodic part of a torque is worth speaking of beside weight and inertia.
+
+    What the model lacks is often periodic as the motion is, and small; a torque of under a hundredth of weight
+    and inertia at every joint is taken for that.
+
+    Args:
+        problem: The problem with a periodic torque.
+        x: Coordinates, (param,).
+        motion: Smooth motion.
+    """
+    still = replace(motion, velocity=np.zeros_like(motion.velocity))
+    response, none = problem.torque_response(x, motion), np.zeros_like(motion.position)
+    weight, inertia = (
+        np.linalg.solve(response, accelerations[:, :, None])[:, :, 0]
+        for accelerations in (problem.accelerations(x, still, none), motion.acceleration)
+    )
+    load = np.sqrt(np.mean(weight**2 + inertia**2, axis=0))
+    torque = problem.at(x).drive.at(motion.time * problem.stretch(x))
+    swing = np.sqrt(np.mean((torque - torque.mean(axis=0)) ** 2, axis=0))
+    return bool((swing > LEAST_SHARE * load).any())
 
 
 def likeliest(tried: list[tuple[Problem, Grown]]) -> int:

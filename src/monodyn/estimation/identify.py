@@ -38,8 +38,8 @@ def identify(
     """Find the parameters and start states whose simulated motion is closest to the measured one.
 
     Minimizes sum_t |W_t (q_sim(t; parameters, start) - q_t)|^2 with W_t.W_t the inverse covariance of sample
-    t, plus what the picture knows of the sizes; torque -b v at every joint. Several records share the
-    parameters.
+    t, plus what the picture knows of the sizes; the torque is what ``settings.torque`` says. Several records
+    share the parameters.
 
     Args:
         poses: One record or several.
@@ -115,7 +115,8 @@ def _identified(
     found = EXPLAIN[settings.torque](mechanism, Task(data, smoothed, settings, progress))
     if found.grown is None:
         return refuse(found.problem, found.reason, records, time.perf_counter() - began)
-    return conclude(found.problem, found.grown, records, settings, tried=found.tried, began=began)
+    fit = conclude(found.problem, found.grown, records, settings, tried=found.tried, began=began)
+    return replace(fit, advice=(*found.advice, *fit.advice))
 
 
 def _beginning(

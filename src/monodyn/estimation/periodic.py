@@ -29,6 +29,10 @@ CORRELATED = 4.0
 """Accelerations of smoothed motion share their neighbours' samples: so many count as one."""
 SCANNED_TERMS = (1, 2, 3)
 """Harmonics that the scan tries when their number is open."""
+LONGEST = 4.0
+"""Periods up to so many times the record are held against the best one that it shows more than once."""
+MARGIN = 10.0
+"""A longer period whose criterion is not above that of the best by so much might as well be the true one."""
 APART = 0.04
 """Periods nearer to each other than this share are one."""
 
@@ -122,7 +126,8 @@ def guess_periods(
         most: How many to return at most.
 
     Returns:
-        Guesses, the best first, only those that are better than no torque at all; empty where there is none.
+        Guesses, the best first, only those that are better than no torque at all; empty where there is none,
+        or where a period that the record does not hold explains as much.
         A known period always gives one, but for under 8 rows with all joints measured.
 
     Source:
@@ -146,6 +151,8 @@ def guess_periods(
     for guess in sorted(found, key=lambda guess: guess.criterion):
         if all(abs(np.log(guess.period / other.period)) > APART for other in kept):
             kept.append(guess)
+    if kept and scan.longer(kept[0], bounds) < kept[0].criterion + MARGIN:
+        return []
     return kept[:most]
 
 
@@ -172,6 +179,21 @@ class _Scan:
         ends = [end for end in bounds if 1.0 / max(high, low) <= end <= 1.0 / low]
         inside = scanned[(bounds[0] < scanned) & (scanned < bounds[1])]
         return np.sort(np.concatenate((inside, ends)))[::-1]
+
+    def longer(self, best: Guess, bounds: tuple[float, float]) -> float:
+        """Return the least criterion of periods that the record does not hold, inf where none is allowed.
+
+        A multiple of the best period, of which the best one is a harmonic, is no other period.
+        """
+        span = float(np.ptp(self.clock))
+        beyond = span / FEWEST_PERIODS * np.geomspace(1.0, LONGEST * FEWEST_PERIODS, 40)[1:]
+        least = float("inf")
+        for count in range(1, best.terms + 1):
+            harmonics = np.arange(2, count + 1)
+            for period in beyond[(bounds[0] <= beyond) & (beyond <= bounds[1])]:
+                if (np.abs(harmonics / period - 1.0 / best.period) > 0.5 / span).all():
+                    least = min(least, self.fit(period, count).criterion)
+        return least
 
     def step(self, terms: int) -> float:
         """Return the spacing of the scanned frequencies [Hz]: a tenth of a turn of the last harmonic."""

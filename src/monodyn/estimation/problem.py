@@ -278,10 +278,17 @@ class Problem:
         rows = (self.accelerations(x, motion) - motion.acceleration) * motion.weight
         return np.concatenate((rows.ravel(), motion.prior_root @ (x - self.unknowns.x0)))
 
-    def accelerations(self, x: np.ndarray, motion: Motion) -> np.ndarray:
-        """Return the accelerations by time stamp along smooth motion, (frame, dof)."""
+    def accelerations(self, x: np.ndarray, motion: Motion, torque: np.ndarray | None = None) -> np.ndarray:
+        """Return the accelerations by time stamp along smooth motion, (frame, dof).
+
+        Args:
+            x: Coordinates, (param,).
+            motion: Smooth motion.
+            torque: Torques besides friction and springs [N m or N], (frame, dof); None takes the drive's.
+        """
         point = self.at(x)
-        return self._accelerations(point, motion, 0, 0.0, point.drive.at(motion.time * point.scale[2]))
+        acting = point.drive.at(motion.time * point.scale[2]) if torque is None else torque
+        return self._accelerations(point, motion, 0, 0.0, acting)
 
     def torque_response(self, x: np.ndarray, motion: Motion) -> np.ndarray:
         """Return the accelerations by time stamp that a unit torque at each joint adds, (frame, dof, dof)."""

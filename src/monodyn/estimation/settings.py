@@ -44,7 +44,7 @@ class IdentifySettings:
         seed: Seed of the scattered starts.
         piece: Measured samples in each of the short rollouts the search begins with.
         error_bound: The integration error of a rollout stays below this [rad or m].
-        outlier: A sample is left out when its residual is above so many typical ones, 3 or more; 0 keeps all.
+        outlier: With the fast method a sample is left out when its residual is above so many typical ones, 3 or more; 0 keeps all.
         evaluations: Evaluations of the model in one search, at most.
     """
 
@@ -74,7 +74,14 @@ class IdentifySettings:
                 "identify.rates, identify.states: rates and filtered states belong to --identify.method "
                 "paper; the fast method weighs the measured positions with their covariance."
             )
+        if self.torque != "fourier" and (self.terms or self.series != "with-friction"):
+            raise SettingsError(
+                "identify.terms, identify.series: expected --identify.torque fourier with them, got "
+                f"'{self.torque}'; add it, or leave them out."
+            )
         if tuple(self.gains) != PAPER_GAINS:
+            if self.method == "fast":
+                raise SettingsError("identify.gains: the filter belongs to --identify.method paper; add it.")
             from monodyn.estimation.filtering import Gains
 
             Gains.of(self.gains)

@@ -49,6 +49,7 @@ def fit_torques(
     problem: Problem,
     smoothed: tuple[Smoothed, ...],
     route: Route,
+    noise: float = 1.0,
     progress: Callable[[Grown], None] | None = None,
 ) -> tuple[Problem, Grown]:
     """Fit torques and start state, the torques as smooth as the noise of the record allows.
@@ -57,6 +58,7 @@ def fit_torques(
         problem: The problem; its unknowns are the torques at the knots.
         smoothed: Smooth motion of the record.
         route: How to search.
+        noise: Size of the residuals against the stated noise that is known to be left.
         progress: Called with the result of each stage.
 
     Returns:
@@ -66,8 +68,7 @@ def fit_torques(
     trial = replace(problem, prior=smooth_prior(problem, WEIGHTS[0], size))
     found = grow(trial, start, smoothed, route, progress)
     for weight in WEIGHTS[1:]:
-        noise = np.sqrt(np.mean(found.residuals[problem.data.measured] ** 2))
-        if noise < NEAR or not np.isfinite(found.cost):
+        if left_over(problem, found) < NEAR * noise or not np.isfinite(found.cost):
             break
         trial = replace(problem, prior=smooth_prior(problem, weight, size))
         further = fit_pieces(trial, found.x, found.states, found.pieces, route, SEARCH, robust=False)
@@ -75,6 +76,11 @@ def fit_torques(
         if progress is not None:
             progress(found)
     return trial, found
+
+
+def left_over(problem: Problem, grown: Grown) -> float:
+    """Return the rms of the whitened residuals of what was measured: 1 when it is as large as the noise."""
+    return float(np.sqrt(np.mean(grown.residuals[problem.data.measured] ** 2)))
 
 
 def _from_accelerations(problem: Problem, smoothed: tuple[Smoothed, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -51,7 +51,7 @@ def verdict(
         j = int(np.argmax(np.where(lost, share, 0.0)))
         return (
             f"The simulated motion does not follow the record: typically {names[j]} is off by "
-            f"{say.amount(problem.mechanism, names[j], usual[j] * unit[j])}, {100 * share[j]:.2g} % of its "
+            f"{say.amount(problem.mechanism, names[j], usual[j] * unit[j])}, {say.percent(share[j])} of its "
             "motion; check that the mechanism is the one in the record and that no other force acts on it.",
             False,
         )
@@ -63,8 +63,8 @@ def verdict(
         return (
             f"The simulated motion is too far from the record to be used: rms residual of {names[j]} "
             f"{say.amount(problem.mechanism, names[j], rms[names[j]])}, "
-            f"{100 * residual[j] / ranges[j]:.2g} % of its range and {against_noise[j]:.3g} times the stated "
-            "noise; fit fewer frames or let the model have what it lacks (see the advice).",
+            f"{say.percent(residual[j] / ranges[j])} of its range and {against_noise[j]:.3g} times the stated "
+            "noise; fit a shorter record or let the model have what it lacks (see the advice).",
             False,
         )
     records = len(problem.data.first) - 1

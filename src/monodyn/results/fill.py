@@ -8,7 +8,7 @@ import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import SettingsError
-from monodyn.estimation.driven import clocks
+from monodyn.estimation.driven import drifts
 from monodyn.estimation.fit import Fit, Start
 
 ERROR_BOUND = 1e-6
@@ -95,7 +95,7 @@ def _one_way(
     count = len(fit.names) - 2 * dofs * len(fit.starts)
     names = fit.names[:count]
     dlinks, dgravity = _directions(fit, names)
-    ways = (mechanism.drive_ways(names), *clocks(mechanism, names))
+    ways = (mechanism.drive_ways(names), np.zeros(len(names)), drifts(mechanism, names))
     q, v, dq, _ = sensitivities(
         *arrays, dlinks, tree.gravity, dgravity, clock, substeps, *state, drive, *ways
     )

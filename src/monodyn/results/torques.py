@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.estimation.driven import clocks, torque_slopes
+from monodyn.estimation.driven import drifts, torque_slopes
 from monodyn.estimation.fit import Fit
 
 
@@ -38,7 +38,7 @@ def torques(fit: Fit, times: np.ndarray) -> Torques:
     mechanism = fit.mechanism
     count = len(fit.names) - 2 * len(mechanism.joints) * len(fit.starts)
     names = fit.names[:count]
-    ways = (mechanism.drive_ways(names), *clocks(mechanism, names))
+    ways = (mechanism.drive_ways(names), np.zeros(len(names)), drifts(mechanism, names))
     found, slopes = torque_slopes(mechanism.drive, ways, times * mechanism.values["time_scale"])
     covariance = fit.covariance[:count, :count]
     variance = np.einsum("fip,pr,fir->fi", slopes, covariance, slopes, optimize=True)
