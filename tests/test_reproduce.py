@@ -36,12 +36,21 @@ from monodyn.reproduce.clip import (
     make_clip,
     simulated,
 )
-from monodyn.reproduce.experiment import START, Experiment, ReproduceSettings, figures, opened, reproduce
+from monodyn.reproduce.experiment import (
+    EXPERIMENT,
+    FILES,
+    START,
+    Experiment,
+    ReproduceSettings,
+    figures,
+    opened,
+    reproduce,
+)
 from monodyn.reproduce.page import Content, page_text, picture_rows
-from monodyn.reproduce.place import FILES, Place
 from monodyn.reproduce.tables import case_row, csv_text, document, main_cases, plain_rows
 from monodyn.reproduce.vision import Seen, aligned
 from monodyn.results.fill import States
+from monodyn.results.folder import RunFolder
 from monodyn.types import Frame, Poses
 
 NOISE = np.radians(0.2)
@@ -251,30 +260,48 @@ def test_the_table_holds_every_fit() -> None:
     assert made["poses"][0]["status"] == "failed: x"
 
 
+def stopped(folder: RunFolder) -> None:
+    """Write one file and be stopped."""
+    folder.write_text("table.csv", "half")
+    raise KeyboardInterrupt
+
+
 def test_a_folder_is_filled_whole_or_not_at_all(tmp_path: Path) -> None:
-    out = tmp_path / "new" / "out"
-    with pytest.raises(RuntimeError), Place(out).filling():
+    out, folder = tmp_path / "new" / "out", partial(RunFolder, content=EXPERIMENT)
+    with pytest.raises(RuntimeError), folder(out).filling():
         raise RuntimeError
     assert not (tmp_path / "new").exists()
-    place = Place(out)
-    with place.filling():
-        place.write_text("table.csv", "first")
-        place.write_text("truth.json", "{}")
+    first = folder(out)
+    with pytest.raises(KeyboardInterrupt), first.filling():
+        stopped(first)
+    assert not (tmp_path / "new").exists()
+    first = folder(out)
+    with first.filling():
+        first.write_text("table.csv", "first")
+        first.write_text("truth.json", "{}")
+        assert not (out / "table.csv").exists()
+    assert sorted(path.name for path in out.iterdir()) == ["table.csv", "truth.json"]
     (out / "mine.txt").write_text("kept")
-    with pytest.raises(SettingsError, match=r"it holds truth.json; give another folder, or --force"):
-        Place(out)
-    again = Place(out, force=True)
+    (out / "poses.csv").write_text("a run of another kind")
+    with pytest.raises(SettingsError) as refused:
+        folder(out)
+    assert str(refused.value) == (
+        f"out '{out}': expected a folder without an experiment, it holds truth.json; "
+        "give another folder, or --force to replace the experiment."
+    )
+    again = folder(out, force=True)
     with pytest.raises(ZeroDivisionError), again.filling():
         again.write_text("table.csv", f"second {1 / 0}")
     assert (out / "table.csv").read_text() == "first"
+    again = folder(out, force=True)
     with again.filling():
         again.write_text("table.csv", "second")
-    assert sorted(path.name for path in out.iterdir()) == ["mine.txt", "table.csv"]
+    assert sorted(path.name for path in out.iterdir()) == ["mine.txt", "poses.csv", "table.csv"]
     assert (out / "table.csv").read_text() == "second"
     with pytest.raises(SettingsError, match="which the experiment would replace"):
-        Place(out, force=True, inputs=(out / "table.csv",))
+        folder(out, force=True, inputs=(out / "table.csv",))
     with pytest.raises(SettingsError, match="expected a folder, got a file"):
-        Place(out / "mine.txt")
+        folder(out / "mine.txt")
 
 
 def test_input_that_cannot_be_used_is_refused(tmp_path: Path) -> None:

@@ -124,18 +124,33 @@ def make_clip(path: Path, settings: ClipSettings | None = None, *, progress: Pro
     """
     settings = settings or ClipSettings()
     truth = simulated(settings)
+    film(path, truth, settings, progress=progress)
+    return truth
+
+
+def film(path: Path, truth: Truth, settings: ClipSettings, *, progress: Progress | None = None) -> None:
+    """Paint and encode a motion.
+
+    Args:
+        path: The film to write (mp4).
+        truth: The motion.
+        settings: What the clip shows.
+        progress: Called with the number of frames painted.
+
+    Raises:
+        OSError: the film cannot be written.
+    """
     rng = np.random.default_rng(settings.seed)
     background = wall(settings, rng)
     camera = settings.camera
-    with _Film(path, settings) as film:
+    with _Film(path, settings) as made:
         for done, position in enumerate(truth.position, start=1):
             picture = painted(settings, position, background)
             noise = rng.standard_normal((camera.height, camera.width, 1), dtype=np.float32)
             picture += np.float32(settings.noise) * noise
-            film.add(np.clip(np.round(picture), 0, 255).astype(np.uint8))
+            made.add(np.clip(np.round(picture), 0, 255).astype(np.uint8))
             if progress is not None:
                 progress("clip", done, settings.frames)
-    return truth
 
 
 def truth_document(truth: Truth, settings: ClipSettings) -> dict[str, Any]:

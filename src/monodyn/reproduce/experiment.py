@@ -13,7 +13,7 @@ from monodyn.estimation.filtering import Gains
 from monodyn.mechanism import Mechanism, load
 from monodyn.reproduce.cases import Case, Design, run_cases
 from monodyn.reproduce.claims import Claim, Evidence, claims
-from monodyn.reproduce.clip import ClipSettings, Truth, make_clip, truth_document
+from monodyn.reproduce.clip import ClipSettings, Truth, film, simulated, truth_document
 from monodyn.reproduce.figures import (
     Figure,
     case_figure,
@@ -23,10 +23,11 @@ from monodyn.reproduce.figures import (
     states_figure,
 )
 from monodyn.reproduce.page import Content, page_text, picture_rows
-from monodyn.reproduce.place import Place
 from monodyn.reproduce.tables import csv_text, document
 from monodyn.reproduce.vision import METHODS, Seen, aligned, see
 from monodyn.results.export import json_text
+from monodyn.results.folder import Content as Files
+from monodyn.results.folder import RunFolder
 from monodyn.results.log import versions
 from monodyn.types import Frame, Progress
 from monodyn.vision.segment import segment
@@ -48,6 +49,9 @@ START = """<mujoco model="double">
 </mujoco>
 """
 """The mechanism file that both methods are given."""
+FILES = ("clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html")
+"""Names of the files of an experiment."""
+EXPERIMENT = Files("experiment", FILES, whole=True)
 SHOWN = 4
 """Frames whose pictures are shown."""
 CAPTIONS = {
@@ -131,11 +135,11 @@ def reproduce(
         raise SettingsError(
             f"reproduce: expected --clip and --model together, got --{given} alone; add --{other}."
         )
-    place = Place(out, force=force, inputs=(clip, model))
-    with place.filling():
+    folder = RunFolder(out, force=force, inputs=(clip, model), content=EXPERIMENT)
+    with folder.filling():
         truth = None
         if clip is None or model is None:
-            clip, model, truth = _made(place, settings.clip, progress)
+            clip, model, truth = _made(folder, settings.clip, progress)
         video, mechanism = opened(clip, model, settings.design)
         masks = segment(video, progress=progress)
         gains = Gains.of(settings.design.gains)
@@ -144,18 +148,18 @@ def reproduce(
         found = claims(seen, cases, settings.design)
         joints = tuple(joint.name for joint in mechanism.joints)
         seconds = time.perf_counter() - began
-        made = Experiment(place.path, seen, cases, found, joints, seconds)
-        _write(place, made, video, truth, settings)
+        made = Experiment(folder.path, seen, cases, found, joints, seconds)
+        _write(folder, made, video, truth, settings)
     return made
 
 
-def _made(place: Place, settings: ClipSettings, progress: Progress | None) -> tuple[Path, Path, Truth]:
+def _made(folder: RunFolder, settings: ClipSettings, progress: Progress | None) -> tuple[Path, Path, Truth]:
     """Make the clip, its truth and the mechanism file."""
-    path = place.at("clip.mp4")
-    truth = make_clip(path, settings, progress=progress)
-    place.write_text("truth.json", json_text(truth_document(truth, settings)))
-    place.write_text("start.xml", START)
-    return path, place.at("start.xml"), truth
+    truth = simulated(settings)
+    folder.write("clip.mp4", lambda path: film(path, truth, settings, progress=progress))
+    folder.write_text("truth.json", json_text(truth_document(truth, settings)))
+    folder.write_text("start.xml", START)
+    return folder.stage / "clip.mp4", folder.stage / "start.xml", truth
 
 
 def opened(clip: str | Path, model: str | Path, design: Design) -> tuple[Video, Mechanism]:
@@ -186,10 +190,10 @@ def opened(clip: str | Path, model: str | Path, design: Design) -> tuple[Video, 
 
 
 def _write(
-    place: Place, made: Experiment, video: Video, truth: Truth | None, settings: ReproduceSettings
+    folder: RunFolder, made: Experiment, video: Video, truth: Truth | None, settings: ReproduceSettings
 ) -> None:
     """Write the table, the document and the page."""
-    place.write_text("table.csv", csv_text(made.cases, made.joints))
+    folder.write_text("table.csv", csv_text(made.cases, made.joints))
     found = document(made.seen, made.cases, made.claims, made.joints)
     head = {
         "clip": video.path.name,
@@ -198,8 +202,8 @@ def _write(
         "settings": asdict(settings),
         "versions": versions(),
     }
-    place.write_text("reproduce.json", json_text({**head, **found}))
-    place.write_text("reproduce.html", page_text(_content(made, video, truth, settings)))
+    folder.write_text("reproduce.json", json_text({**head, **found}))
+    folder.write_text("reproduce.html", page_text(_content(made, video, truth, settings)))
 
 
 def _content(made: Experiment, video: Video, truth: Truth | None, settings: ReproduceSettings) -> Content:

@@ -4,14 +4,16 @@ Every file is written beside its place and renamed into it when it is whole. A f
 is refused unless it may be replaced; then the new run grows in the sub-folder ``unfinished`` and takes the
 old one's place only when it is complete, so a full disk or Ctrl-C leaves the old run as it was. The swap
 moves all of the old run aside (``replaced``) before the first new file comes: whatever stops it, the folder
-never holds files of two runs.
+never holds files of two runs. Other things than runs, with other files, get into their folders the same way.
 """
 
 from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from monodyn.errors import SettingsError
@@ -34,42 +36,71 @@ STAGE = "unfinished"
 ASIDE = "replaced"
 
 
+@dataclass(frozen=True)
+class Content:
+    """What a folder holds.
+
+    Attributes:
+        word: What it is called in messages.
+        files: Names of its files; nothing else in the folder is ever touched.
+        whole: True where the files come to their names all at once, not one by one.
+    """
+
+    word: str
+    files: tuple[str, ...]
+    whole: bool = False
+
+
+RUN = Content("run", FILES)
+
+
 class RunFolder:
     """An output folder that takes the files of one run.
 
     Attributes:
         path: The folder the user asked for.
-        stage: Folder the files are written to; another one than ``path`` while an old run is being replaced.
+        content: What it holds.
+        stage: Folder the files are written to; another one than ``path`` while an old run is being replaced,
+            and until the end where the content is ``whole``.
         written: Names of the files written so far.
     """
 
-    def __init__(self, path: str | Path, *, force: bool = False, inputs: Sequence[object] = ()) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        force: bool = False,
+        inputs: Sequence[object] = (),
+        content: Content = RUN,
+    ) -> None:
         """Check that the folder can take a run and create it.
 
         Args:
             path: The folder; it is created with its parents when it does not exist.
             force: Replace a run that is already there.
             inputs: Files that are read; none may be one that the run would replace.
+            content: What the folder is to hold.
 
         Raises:
             SettingsError: the path is a file, holds a run and ``force`` is not set, holds an input under a
                 name of ours, or cannot be created.
         """
-        self.path = Path(path)
+        self.path, self.content = Path(path), content
         if not str(path):
             raise SettingsError("out: expected the name of a folder, got an empty one; give one with --out.")
         self.written: list[str] = []
         self._spare(inputs)
         if self.path.exists() and not self.path.is_dir():
             raise SettingsError(f"out '{self.path}': expected a folder, got a file; give another name.")
-        old = [name for name in FILES if (self.path / name).exists()]
+        old = [name for name in content.files if (self.path / name).exists()]
         if old and not force:
+            article = "an" if content.word[0] in "aeiou" else "a"
             raise SettingsError(
-                f"out '{self.path}': expected a folder without a run, it holds {old[0]}; "
-                "give another folder, or --force to replace the run."
+                f"out '{self.path}': expected a folder without {article} {content.word}, it holds {old[0]}; "
+                f"give another folder, or --force to replace the {content.word}."
             )
-        self.stage = self.path / STAGE if old else self.path
-        if old:
+        self.stage = self.path / STAGE if old or content.whole else self.path
+        if self.stage != self.path:
             self._clear(self.stage)
         self._made = [folder for folder in (self.stage, *self.stage.parents) if not folder.exists()]
         try:
@@ -79,26 +110,26 @@ class RunFolder:
 
     def _spare(self, inputs: Sequence[object]) -> None:
         """Raise if an input is a file that this run would replace or remove."""
-        places = [self.path / sub / name for sub in ("", STAGE, ASIDE) for name in FILES]
+        places = [self.path / sub / name for sub in ("", STAGE, ASIDE) for name in self.content.files]
         for given in (Path(str(given)) for given in inputs if given is not None):
             if given.is_file() and any(place.exists() and place.samefile(given) for place in places):
                 raise SettingsError(
                     f"out '{self.path}': expected another folder than that of the inputs, got the one of "
-                    f"'{given}', which the run would replace; give another with --out."
+                    f"'{given}', which the {self.content.word} would replace; give another with --out."
                 )
 
     def write(self, name: str, writer: Callable[[Path], None]) -> None:
         """Write one file; it appears under its name only when it is whole.
 
         Args:
-            name: One of ``FILES``.
+            name: One of the names in ``content.files``.
             writer: Writes the file at the path it is given.
 
         Raises:
             SettingsError: the file cannot be written (disk full, no permission).
         """
-        if name not in FILES:
-            raise AssertionError(f"{name} is not a file of a run")
+        if name not in self.content.files:
+            raise AssertionError(f"{name} is not among the files of this folder")
         part = self.stage / f".{name}.part"
         try:
             writer(part)
@@ -116,7 +147,7 @@ class RunFolder:
         """Write one text file.
 
         Args:
-            name: One of ``FILES``.
+            name: One of the names in ``content.files``.
             text: Its content.
 
         Raises:
@@ -136,7 +167,7 @@ class RunFolder:
         self._clear(aside)
         try:
             aside.mkdir(exist_ok=True)
-            for name in FILES:
+            for name in self.content.files:
                 if (self.path / name).exists():
                     os.replace(self.path / name, aside / name)
             for name in self.written:
@@ -144,7 +175,7 @@ class RunFolder:
         except BaseException as error:
             self._put_back(aside)
             if isinstance(error, OSError):
-                raise self._cannot("replace the old run", error) from error
+                raise self._cannot(f"replace the old {self.content.word}", error) from error
             raise
         unfinished, self.stage = self.stage, self.path
         self._clear(aside)
@@ -158,7 +189,7 @@ class RunFolder:
             for name in self.written:
                 if not (self.stage / name).exists():
                     os.replace(self.path / name, self.stage / name)
-            for name in FILES:
+            for name in self.content.files:
                 if (aside / name).exists():
                     os.replace(aside / name, self.path / name)
             aside.rmdir()
@@ -170,13 +201,32 @@ class RunFolder:
         if not folder.is_dir():
             return
         try:
-            for name in FILES:
+            for name in self.content.files:
                 (folder / name).unlink(missing_ok=True)
                 (folder / f".{name}.part").unlink(missing_ok=True)
             if not any(folder.iterdir()):
                 folder.rmdir()
         except OSError as error:
             raise self._cannot(f"empty '{folder.name}'", error) from error
+
+    @contextmanager
+    def filling(self) -> Iterator[None]:
+        """Put what the block wrote into its place at the end; an error leaves the folder as it was.
+
+        Raises:
+            SettingsError: a file cannot be moved.
+        """
+        assert self.content.whole
+        try:
+            yield
+            self.finish()
+        except BaseException:
+            if self.stage != self.path:
+                with suppress(SettingsError):
+                    self._clear(self.stage)
+                self.written.clear()
+                self.abandon()
+            raise
 
     def abandon(self) -> None:
         """Remove the folders that were created for a run of which nothing was written."""
@@ -185,6 +235,8 @@ class RunFolder:
         for folder in self._made:
             try:
                 folder.rmdir()
+            except FileNotFoundError:
+                continue
             except OSError:
                 return
 
