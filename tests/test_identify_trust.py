@@ -159,8 +159,8 @@ def test_a_loud_and_large_residual_is_not_trusted(bent):
     assert not fit.ok
     assert re.fullmatch(
         r"The simulated motion is too far from the record to be used: rms residual of joint1 [\d.]+ deg, "
-        r"[\d.]+ % of its range and [\d.]+ times the stated noise; fit a shorter record or let the model have "
-        r"what it lacks \(see the advice\)\.",
+        r"[\d.]+ % of its range and [\d.]+ times the stated noise; fit a shorter record or let the model "
+        r"have what it lacks \(see the advice\)\.",
         fit.status,
     )
     assert re.fullmatch(

@@ -318,8 +318,8 @@ def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> 
         mechanism = mechanism.with_torque(torque, terms=settings.identify.terms or USUAL_TERMS, period=period)
     for name in (*fix, *free, *settings.bounds):
         if torque != "fourier" and name not in mechanism.plan.index and "torque." in name:
-            wanted = "cannot be chosen" if torque == "free" else "belongs to --identify.torque fourier; add it"
-            raise SettingsError(f"parameter '{name}': a torque over time {wanted}.")
+            wanted = "cannot be chosen" if torque == "free" else "belongs to --identify.torque fourier"
+            raise SettingsError(f"parameter '{name}': a torque over time {wanted}; add it or leave it out.")
     return mechanism.with_choices(
         fix={name: value for name, value in fix.items() if not name.startswith("camera.")},
         free=[name for name in free if not name.startswith("camera.")],

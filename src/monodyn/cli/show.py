@@ -147,13 +147,13 @@ def _show_tracking(outcome: Outcome) -> None:
 
 
 def _show_fit(outcome: Outcome) -> None:
-    from monodyn.results.page import is_knot
+    from monodyn.results.page import listed
 
     console = _console()
     document, fit = outcome.document, outcome.fit
-    shown = [row for row in document["parameters"] if fit is None or not is_knot(fit, row["name"])]
-    if any(row["free"] for row in shown):
-        console.print(_parameters(shown))
+    names = {row.name for row in fit.parameters if listed(fit, row)} if fit is not None else set()
+    if names:
+        console.print(_parameters([row for row in document["parameters"] if row["name"] in names]))
     if document["combinations"]:
         console.print(_combinations(document["combinations"]))
     console.print(_errors(outcome))
@@ -182,8 +182,6 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
 
     table = _table("parameter", "value", "95 % interval", "unit")
     for row in rows:
-        if not row["free"]:
-            continue
         std = row["std"]
         known = row["identifiable"]
         interval = (
@@ -191,6 +189,8 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
         )
         if row["at_bound"]:
             interval = "at its bound"
+        elif not row["free"]:
+            interval = "held"
         table.add_row(row["name"], number(row["value"], std), interval, row["unit"])
     return table
 

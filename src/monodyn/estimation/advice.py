@@ -103,8 +103,8 @@ def no_harmonic(mechanism: Mechanism) -> list[str]:
     """Say that a periodic torque of a given period does not stand out from weight and inertia."""
     period = mechanism.values["torque.period"]
     return [
-        f"A torque of period {period:.4g} s is under a hundredth of weight and inertia at every joint: it may "
-        "be what the model lacks; nothing periodic need act."
+        f"A torque of period {period:.4g} s is under a hundredth of weight and inertia at every joint: it "
+        "may be what the model lacks; nothing periodic need act."
     ]
 
 
@@ -196,8 +196,8 @@ def integration(substeps: int, error: float, bound: float) -> list[str]:
         return []
     return [
         f"With {substeps} integration steps between time stamps, the most there are, the motion is exact to "
-        f"{error:.2g} rad (m for slides) and not to the {bound:.2g} asked for; fit a shorter record, or give a "
-        "larger --identify.error-bound if that is exact enough."
+        f"{error:.2g} rad (m for slides) and not to the {bound:.2g} asked for; fit a shorter record, or give "
+        "a larger --identify.error-bound if that is exact enough."
     ]
 
 
@@ -236,7 +236,8 @@ def proportions(tied: tuple[str, ...]) -> list[str]:
         ]
     return [
         f"Nothing tells {listed(tied, 12)}; they keep their proportion to the length of their body, and the "
-        "intervals take that for exact. Give measured values with --fix where their share of the inertia counts."
+        "intervals take that for exact. Give measured values with --fix where their share of the inertia "
+        "counts."
     ]
 
 

@@ -18,6 +18,7 @@ from monodyn.estimation.problem import Problem
 from monodyn.estimation.uncertainty import Knowledge, know, noise_factors
 from monodyn.estimation.unknowns import kind_of
 from monodyn.estimation.verdict import motion_sizes, typical_differences, verdict
+from monodyn.mechanism import Mechanism
 from monodyn.optimize import SearchSettings
 from monodyn.types import Poses
 

@@ -6,7 +6,15 @@ from dataclasses import dataclass, replace
 
 from monodyn.estimation.advice import no_harmonic
 from monodyn.estimation.data import Data
-from monodyn.estimation.extend import dry_friction, likeliest, more_terms, periodic, series, simpler_series, stands_out
+from monodyn.estimation.extend import (
+    dry_friction,
+    likeliest,
+    more_terms,
+    periodic,
+    series,
+    simpler_series,
+    stands_out,
+)
 from monodyn.estimation.grow import Grown
 from monodyn.estimation.periodic import Guess, Undriven
 from monodyn.estimation.problem import Problem, posed

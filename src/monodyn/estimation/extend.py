@@ -146,8 +146,8 @@ def periodic(problem: Problem, grown: Grown, route: Route) -> bool:
 def stands_out(problem: Problem, x: np.ndarray, motion: Motion) -> bool:
     """True when the periodic part of a torque is worth speaking of beside weight and inertia.
 
-    What the model lacks is often periodic as the motion is, and small; a torque of under a hundredth of weight
-    and inertia at every joint is taken for that.
+    What the model lacks is often periodic as the motion is, and small; a torque of under a hundredth of
+    weight and inertia at every joint is taken for that.
 
     Args:
         problem: The problem with a periodic torque.

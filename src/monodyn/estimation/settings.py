@@ -44,7 +44,8 @@ class IdentifySettings:
         seed: Seed of the scattered starts.
         piece: Measured samples in each of the short rollouts the search begins with.
         error_bound: The integration error of a rollout stays below this [rad or m].
-        outlier: With the fast method a sample is left out when its residual is above so many typical ones, 3 or more; 0 keeps all.
+        outlier: A sample is left out when its residual is above so many typical ones, 3 or more; 0 keeps all,
+            as ``paper`` always does.
         evaluations: Evaluations of the model in one search, at most.
     """
 

@@ -63,8 +63,8 @@ def verdict(
         return (
             f"The simulated motion is too far from the record to be used: rms residual of {names[j]} "
             f"{say.amount(problem.mechanism, names[j], rms[names[j]])}, "
-            f"{say.percent(residual[j] / ranges[j])} of its range and {against_noise[j]:.3g} times the stated "
-            "noise; fit a shorter record or let the model have what it lacks (see the advice).",
+            f"{say.percent(residual[j] / ranges[j])} of its range and {against_noise[j]:.3g} times the "
+            "stated noise; fit a shorter record or let the model have what it lacks (see the advice).",
             False,
         )
     records = len(problem.data.first) - 1

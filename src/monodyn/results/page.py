@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monodyn.results.export import Trace, frames_of, rms_of
+from monodyn.results.export import Trace, frames_of
 from monodyn.results.log import RunLog
 from monodyn.types import Camera
 
 if TYPE_CHECKING:
-    from monodyn.estimation.identify import Fit
+    from monodyn.estimation.fit import Estimate, Fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +75,8 @@ def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
             {"data": base64.b64encode(data).decode("ascii"), "caption": caption}
             for data, caption in page.pictures
         ],
-        parameters=[_parameter(row) for row in fit.parameters if row.free and not is_knot(fit, row.name)],
-        others=[_parameter(row) for row in fit.parameters if not row.free],
+        parameters=[_parameter(row) for row in fit.parameters if listed(fit, row)],
+        others=[_parameter(row) for row in fit.parameters if not row.free and not listed(fit, row)],
         combinations=[
             {"name": c.name, "value": number(c.value, c.std), "std": short(c.std)} for c in fit.combinations
         ],
@@ -126,6 +126,8 @@ def _parameter(row: Any) -> dict[str, Any]:
     """Return one line of the parameter table."""
     if row.at_bound:
         source, flag = "at its bound", True
+    elif not row.free and not row.identifiable:
+        source, flag = "held", True
     elif not row.identifiable:
         source, flag = "not determined by this motion", True
     else:
@@ -158,8 +160,7 @@ def _facts(fit: Fit, traces: Sequence[Trace], page: Page) -> list[dict[str, str]
         first, stop = frames_of(traces[0])
         facts.append({"value": f"{first} to {stop - 1}", "label": "frames used for the fit"})
         joints = fit.mechanism.joints
-        fitted = rms_of([j.name for j in joints], traces[0].errors()[slice(*traces[0].rows)])
-        facts.append({"value": _sizes(joints, fitted), "label": "fit error, rms by joint"})
+        facts.append({"value": _sizes(joints, fit.rms), "label": "fit error, rms by joint"})
         heldout = traces[0].heldout()
         if any(value is not None for value in heldout.values()):
             facts.append({"value": _sizes(joints, heldout), "label": "prediction error, rms by joint"})
@@ -240,14 +241,21 @@ def _torque_plots(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
     return plots
 
 
-def is_knot(fit: Fit, name: str) -> bool:
-    """True for a torque at one time stamp, of which there are hundreds: figures and tables show them.
+def listed(fit: Fit, row: Estimate) -> bool:
+    """True for a parameter of the first table: an estimated one, or one that is held beside free torques.
+
+    Torques at single time stamps, of which there are hundreds, have a figure and a file of their own.
 
     Args:
         fit: The fit.
-        name: Name of a parameter.
+        row: One of its parameters.
     """
-    return fit.torque == "free" and name.rpartition(".")[0].endswith(".torque")
+    if fit.torque != "free":
+        return row.free
+    if row.name.rpartition(".")[0].endswith(".torque"):
+        return False
+    seen_only = row.name.endswith(".offset")
+    return row.free or (not row.identifiable and row.unit in ("m", "kg", "kg m^2") and not seen_only)
 
 
 def _predicted(trace: Trace, dof: int, scale: float, late: dict[str, np.ndarray]) -> dict[str, Any] | None:

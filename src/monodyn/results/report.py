@@ -344,7 +344,9 @@ def view_of(fit: Fit, scene: Any, poses: Poses) -> View:
     camera, scale = scene.camera, fit.scale
     camera = replace(camera, x=camera.x * scale, y=camera.y * scale, depth=camera.depth * scale)
     lengths = ("camera.x", "camera.y", "camera.depth")
-    std = {name: value * (scale if name in lengths else 1.0) for name, value in scene.spread.items()}
+    # beside free torques the common scale is held, so nothing tells how far away the camera is
+    unit = np.inf if fit.torque == "free" else scale
+    std = {name: value * (unit if name in lengths else 1.0) for name, value in scene.spread.items()}
     mechanism = fit.mechanism if fit.starts else scene.mechanism
     return View(scene.masks.video, mechanism, camera, metric(poses, mechanism, scale), std)
 
