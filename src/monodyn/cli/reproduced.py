@@ -58,7 +58,7 @@ class ReproduceOptions:
 
 def _print(made: Experiment) -> None:
     """Print the three cases, the verdicts and where the page is."""
-    from monodyn.reproduce.tables import plain_rows
+    from monodyn.reproduce.tables import STAR, plain_rows
     from monodyn.reproduce.vision import TITLES
 
     columns, rows = plain_rows(made.cases, made.joints)
@@ -69,6 +69,8 @@ def _print(made: Experiment) -> None:
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         print("  ".join(cells).rstrip())
+    if any(case.clip_period for case in made.cases):
+        print(f"{STAR} the period is that of the whole clip, predicted frames included")
     words = {True: "held", False: "did not hold", None: "no verdict"}
     print()
     for claim in made.claims:

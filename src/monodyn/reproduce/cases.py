@@ -82,6 +82,7 @@ class Case:
         late: Likewise over the frames that no fit has used.
         parameters: Relative errors against the truth by name.
         seconds: Wall time [s].
+        clip_period: True where the period is that of the whole clip, predicted frames included.
     """
 
     plan: Plan
@@ -94,6 +95,7 @@ class Case:
     late: np.ndarray | None = None
     parameters: dict[str, float] | None = None
     seconds: float = 0.0
+    clip_period: bool = False
 
     @property
     def unknowns(self) -> int | None:
@@ -136,17 +138,17 @@ def run_cases(
         The fits in the order of ``plans``; a failed one has a status and nothing else.
     """
     count = max((len(found.poses) for found in seen.values() if found.poses is not None), default=0)
-    todo, found = plans(design, count), []
-    for method in METHODS:
-        # compiles what every fit needs, so that the seconds of the first one are those of the others
-        run_case(Plan(method, "I", "measured", min(design.lengths)), seen[method], None, design)
-    for done, plan in enumerate(todo):
+    todo = plans(design, count)
+    # one fit of each kind loads and compiles what it needs; it is not among those that are timed
+    first = [Plan(method, case, "measured", design.frames) for method in METHODS for case in TORQUES]
+    found = []
+    for done, plan in enumerate([*first, *todo]):
         if progress is not None:
-            progress("fits", done, len(todo))
+            progress("fits", done, len(first) + len(todo))
         found.append(run_case(plan, seen[plan.method], truth, design))
     if progress is not None:
-        progress("fits", len(todo), len(todo))
-    return found
+        progress("fits", len(found), len(found))
+    return found[len(first) :]
 
 
 def run_case(plan: Plan, seen: Seen, truth: Truth | None, design: Design) -> Case:
@@ -163,8 +165,7 @@ def run_case(plan: Plan, seen: Seen, truth: Truth | None, design: Design) -> Cas
     began = time.perf_counter()
     try:
         mechanism = started(seen.scene.mechanism, plan.start, design.seed)
-        poses = _observed(plan, seen).part(0, plan.frames)
-        fit, note = _fitted(plan, poses, mechanism, seen.poses, design)
+        fit, clip_period = _fitted(plan, mechanism, seen.poses, design)
         seconds = time.perf_counter() - began
         if not fit.starts:
             return Case(plan, fit.status, fit, seconds=seconds)
@@ -172,26 +173,24 @@ def run_case(plan: Plan, seen: Seen, truth: Truth | None, design: Design) -> Cas
         motion = fill(fit, seen.poses.time[:last])
     except FAILURES as error:
         return Case(plan, f"failed: {error}", seconds=time.perf_counter() - began)
-    found = Case(plan, f"{fit.status}{note}", fit, motion, seconds=seconds)
+    found = Case(plan, str(fit.status), fit, motion, seconds=seconds, clip_period=clip_period)
     return _measured(found, seen.poses, truth, design)
 
 
-def _fitted(plan: Plan, poses: Poses, mechanism: Mechanism, clip: Poses, design: Design) -> tuple[Fit, str]:
-    """Identify; frames too few to tell the period of Case II take that of the whole clip."""
-    settings = identify_settings(plan, design)
+def _fitted(plan: Plan, mechanism: Mechanism, clip: Poses, design: Design) -> tuple[Fit, bool]:
+    """Identify; True where the frames are too few to tell the period of Case II, and the clip's is taken."""
+    settings, poses = identify_settings(plan, design), clip.part(0, plan.frames)
     fit = identify(poses, mechanism, settings)
     if fit.starts or plan.case != "II":
-        return fit, ""
+        return fit, False
     whole = ordered(clip, mechanism)
     guesses = Undriven.of(mechanism, prepare((whole,), mechanism), (smooth(whole),)).guesses(0)
     if not guesses:
-        return fit, ""
+        return fit, False
     period = guesses[0].period
     driven = mechanism.with_torque("fourier", terms=TERMS, period=period)
     known = identify(poses, driven.with_choices(fix={"torque.period": period}), settings)
-    if not known.starts:
-        return known, ""
-    return known, f" The period, {period:.4g} s, is that of the whole clip."
+    return known, bool(known.starts)
 
 
 def identify_settings(plan: Plan, design: Design) -> IdentifySettings:
@@ -206,17 +205,6 @@ def identify_settings(plan: Plan, design: Design) -> IdentifySettings:
         return settings
     states = "filtered" if plan.states == "filtered" else "measured"
     return replace(settings, method="paper", gains=design.gains, states=states)
-
-
-def _observed(plan: Plan, seen: Seen) -> Poses:
-    """Return the poses to fit; the published method filters them by itself."""
-    assert seen.poses is not None
-    if plan.states == "measured" or plan.method == "paper" or seen.states is None:
-        return seen.poses
-    dofs = len(seen.poses.joints)
-    covariance = seen.states.covariance
-    assert covariance is not None
-    return replace(seen.poses, position=seen.states.position, covariance=covariance[:, :dofs, :dofs])
 
 
 def started(mechanism: Mechanism, number: int, seed: int) -> Mechanism:

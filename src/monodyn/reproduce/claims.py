@@ -83,7 +83,8 @@ class Evidence:
         return None
 
 
-NOT_DECIDED = Verdict(None, "a fit that it needs is missing, or the truth is not known")
+MISSING = Verdict(None, "a fit that it needs is missing")
+UNKNOWN = Verdict(None, "the truth of this clip is not known")
 
 
 def claims(seen: Mapping[str, Seen], cases: Sequence[Case], design: Design) -> list[Claim]:
@@ -133,11 +134,15 @@ def filtered_is_worse(evidence: Evidence) -> Verdict:
         return Verdict(None, "it does not filter: every pose counts with its covariance")
     plain, smooth = evidence.case(), evidence.case(states="filtered")
     if plain is None or smooth is None:
-        return NOT_DECIDED
+        return MISSING
     a, b = overall(plain.ahead), overall(smooth.ahead)
     if a is None or b is None:
-        return NOT_DECIDED
-    return Verdict(b > a, f"prediction error {degrees(b)} from filtered states, {degrees(a)} from unfiltered")
+        return MISSING
+    told = f"prediction error {degrees(b)} from filtered states, {degrees(a)} from unfiltered"
+    for case, which in ((smooth, "filtered"), (plain, "unfiltered")):
+        if case.fit is not None and not case.fit.ok:
+            told += f"; the fit to {which} states does not follow them"
+    return Verdict(b > a, told)
 
 
 def noise_is_filtered_out(evidence: Evidence) -> Verdict:
@@ -147,12 +152,14 @@ def noise_is_filtered_out(evidence: Evidence) -> Verdict:
         evidence: What one method found.
     """
     case = evidence.case()
-    if case is None or evidence.seen.errors is None:
-        return NOT_DECIDED
+    if case is None:
+        return MISSING
+    if evidence.seen.errors is None:
+        return UNKNOWN
     seen = overall(rms(evidence.seen.errors[: evidence.design.frames]))
     error = overall(case.error)
     if seen is None or error is None:
-        return NOT_DECIDED
+        return MISSING
     return Verdict(error < seen, f"simulated motion {degrees(error)} from the truth, poses {degrees(seen)}")
 
 
@@ -170,7 +177,7 @@ def more_frames_are_better(evidence: Evidence) -> Verdict:
             numbers.append(frames)
             errors.append(error)
     if len(errors) < 3:
-        return NOT_DECIDED
+        return MISSING
     rank = _correlation(np.arange(len(errors)), np.argsort(np.argsort(errors)))
     first = max(evidence.design.lengths)
     told = ", ".join(f"{n} frames {degrees(e)}" for n, e in zip(numbers, errors, strict=True))
@@ -189,7 +196,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
     found = [evidence.case(start=i) for i in range(evidence.design.starts)]
     fits = [(c.fit, c.motion) for c in found if c is not None and c.fit is not None and c.motion is not None]
     if len(fits) < 2:
-        return NOT_DECIDED
+        return MISSING
     stop = evidence.design.frames + evidence.design.ahead
     motions = np.array([motion.position[:stop] for _, motion in fits])
     apart = max(overall(rms(motion - motions[0])) or 0.0 for motion in motions[1:])
@@ -236,15 +243,17 @@ def fourier_deviates(evidence: Evidence) -> Verdict:
     """
     case, usual = evidence.case("II"), evidence.case()
     if case is None or usual is None:
-        return NOT_DECIDED
+        return MISSING
     residual, ahead, known = overall(case.residual), overall(case.ahead), overall(usual.ahead)
     if residual is None or ahead is None or known is None:
-        return NOT_DECIDED
+        return MISSING
     error = overall(case.error)
     told = f"residual {degrees(residual)}"
     if error is not None:
         told += f", error against the truth {degrees(error)}"
     told += f", prediction error {degrees(ahead)} where Case I has {degrees(known)}"
+    if case.clip_period:
+        told += "; the period is from the whole clip, predicted frames included"
     return Verdict(bool(residual < TRACKED and ahead > known), told)
 
 
@@ -255,8 +264,10 @@ def free_torque_follows_noise(evidence: Evidence) -> Verdict:
         evidence: What one method found.
     """
     case, seen = evidence.case("III"), evidence.seen
-    if case is None or case.motion is None or seen.errors is None or seen.poses is None:
-        return NOT_DECIDED
+    if case is None or case.motion is None or seen.poses is None:
+        return MISSING
+    if seen.errors is None:
+        return UNKNOWN
     frames = evidence.design.frames
     noise = seen.errors[:frames]
     true = seen.poses.position[:frames] - noise
@@ -265,7 +276,7 @@ def free_torque_follows_noise(evidence: Evidence) -> Verdict:
     together = _correlation(noise[use], error[use])
     residual = overall(case.residual)
     if residual is None:
-        return NOT_DECIDED
+        return MISSING
     own, theirs = overall(rms(error)) or 0.0, overall(rms(noise)) or 0.0
     return Verdict(
         bool(residual < EXACT * theirs and together > FOLLOWS),
@@ -282,7 +293,7 @@ def unknowns_as_printed(evidence: Evidence) -> Verdict:
     """
     found = [evidence.case(name) for name in ("I", "II", "III")]
     if any(case is None for case in found):
-        return NOT_DECIDED
+        return MISSING
     counts = [case.unknowns for case in found if case is not None]
     poses = evidence.seen.poses
     stamps = 0 if poses is None else int(poses.seen[: evidence.design.frames].sum())

@@ -14,14 +14,14 @@ from monodyn.reproduce.vision import METHODS, TITLES, Seen
 from monodyn.types import Poses
 
 PROBLEMS = {
-    "pose": (0, "paper", "(3) initial pose"),
-    "ratios": (0, "fast", "(4) aspect ratios"),
-    "depth": (1, "paper", "(1) camera depth"),
-    "place": (1, "fast", "(2) camera place"),
+    "pose": (0, "pose", "(3) initial pose"),
+    "ratios": (0, "ratios", "(4) aspect ratios"),
+    "depth": (1, "depth", "(1) camera depth"),
+    "place": (1, "place", "(2) camera place"),
 }
 """Panel, colour and name of each sub-problem of the sequential framework."""
 LEAST_SHOWN = 1e-4
-"""Objectives below are drawn here: their axis is logarithmic."""
+"""Objectives below are solved as well as pixels tell, and are left out of a logarithmic axis."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,17 @@ def case_figure(
     shown = [m for m in METHODS if cases[m] is not None and seen[m].poses is not None]
     columns = [_case_panels(cases[m], seen[m], design) for m in shown]
     panels = [column[row] for row in range(len(columns[0]) if columns else 0) for column in columns]
-    return Figure(title, caption, max(len(columns), 1), panels, LEGEND)
+    return Figure(title, caption, max(len(columns), 1), panels, legend_of(panels))
+
+
+def legend_of(panels: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
+    """Return the entries of the legend that are drawn.
+
+    Args:
+        panels: Panels of a case.
+    """
+    drawn = {line["colour"] for content in panels for line in content["series"]}
+    return [entry for entry in LEGEND if entry[1] in drawn or (entry[0] == "box" and panels)]
 
 
 def _case_panels(case: Case | None, seen: Seen, design: Design) -> list[dict[str, Any]]:
@@ -216,24 +226,24 @@ def history_figure(seen: Seen) -> Figure | None:
     if seen.scene is None or not seen.scene.history:
         return None
     contents: tuple[list, list] = ([], [])
-    done, drawn = 0, "silhouettes drawn"
+    done, across = 0, "silhouettes drawn"
     for history in seen.scene.history:
         which, colour, name = PROBLEMS[history.problem]
-        values = np.maximum(history.values, LEAST_SHOWN)
-        contents[which].append(series("steps", colour, done + history.evaluations, values, name))
+        shown = history.values >= LEAST_SHOWN
+        if shown.any():
+            drawings, values = (done + history.evaluations)[shown], history.values[shown]
+            contents[which].append(series("steps", colour, drawings, values, name))
         done += int(history.evaluations[-1])
     return Figure(
         "Figure 2: objectives of the sequential framework",
         "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn; the "
-        "choice of the start before it drew more.",
+        f"choice of the start before it drew more. Values below {LEAST_SHOWN:g} are left out.",
         2,
         [
-            panel(
-                "(3) and (4): area of |I_a − I_m|", "px", contents[0], log=True, across="silhouettes drawn"
-            ),
-            panel("(1) in px⁴, (2) in px²", "", contents[1], log=True, across=drawn),
+            panel("(3) and (4): area of |I_a − I_m|", "px", contents[0], log=True, across=across),
+            panel("(1) in px⁴, (2) in px²", "", contents[1], log=True, across=across),
         ],
-        (("line", "paper", "(3) initial pose; (1) depth"), ("line", "fast", "(4) aspect ratios; (2) place")),
+        tuple(("line", colour, name) for _, colour, name in PROBLEMS.values()),
     )
 
 

@@ -6,24 +6,37 @@ The page needs no network: the plotting script of the installed plotly package i
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
 from monodyn.reproduce.cases import Case
-from monodyn.reproduce.claims import Claim
+from monodyn.reproduce.claims import Claim, overall
 from monodyn.reproduce.figures import Figure
-from monodyn.reproduce.tables import ERRORS, RATIOS, case_row, main_cases, parameter_values, seen_row
+from monodyn.reproduce.tables import (
+    RATIOS,
+    SHOWN,
+    case_row,
+    gain_row,
+    grouped,
+    main_cases,
+    parameter_values,
+    seen_row,
+)
 from monodyn.reproduce.vision import METHODS, TITLES, Seen
 from monodyn.results.overlay import Drawing, still
+from monodyn.results.page import plotting_script, template
 from monodyn.types import Frame
 from monodyn.vision.locate import Scene
 from monodyn.vision.outline import outline
 
 SHADES = (150, 220)
 """Grey of the bodies in a picture that the model draws, in turn."""
+
+NONE = "–"
+"""Stands where there is no number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,46 +66,69 @@ class Content:
     notes: Sequence[str] = ()
 
 
+@dataclass(frozen=True)
+class Table:
+    """A table of the page.
+
+    Attributes:
+        head: Column titles; those of columns of text are in ``text``.
+        rows: Class of the row and its cells.
+        text: Titles of the columns that are text, not numbers.
+    """
+
+    head: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[str]]]
+    text: Sequence[str] = ("case", "method", "status")
+
+    @classmethod
+    def of(cls, head: Sequence[str], rows: Sequence[tuple[str, Sequence[str]]]) -> Table:
+        """Return a table without the columns that are empty in every row.
+
+        Args:
+            head: Column titles.
+            rows: Class of the row and its cells.
+        """
+        kept = [i for i in range(len(head)) if any(cells[i] not in ("", NONE) for _, cells in rows)]
+        return cls([head[i] for i in kept], [(kind, [cells[i] for i in kept]) for kind, cells in rows])
+
+
 def page_text(content: Content) -> str:
     """Return the page as HTML text.
 
     Args:
         content: What it shows.
     """
-    from importlib.resources import files
-
-    from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    script = (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
-    environment = Environment(
-        loader=PackageLoader("monodyn.reproduce", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
-    return environment.get_template("page.html.j2").render(
+    main = main_cases(content.cases)
+    plots = [(number, asdict(figure)) for number, figure in enumerate(content.figures)]
+    early = [plot for plot in plots if plot[1]["title"].startswith(("Figure 2:", "Figure 3:"))]
+    return template("monodyn.reproduce", "page.html.j2").render(
         subtitle=content.subtitle,
         notes=content.notes,
         methods=[(method, TITLES[method]) for method in METHODS],
         claims=content.claims,
-        fits=[_fit_cells(case, content.joints) for case in main_cases(content.cases)],
-        poses=[_pose_cells(content.seen[method], content.joints) for method in METHODS],
+        fits=_fits(main, content.joints),
+        statuses=[(_case_name(case), TITLES[case.plan.method], case.status, _ok(case)) for case in main],
+        remarks=_remarks(main),
+        poses=_poses(content.seen, content.joints),
         lengths=_lengths(content.cases, content.joints),
         starts=_starts(content.cases, content.joints),
+        early=early,
+        late=[plot for plot in plots if plot not in early],
         figures=[asdict(figure) for figure in content.figures],
         pictures=[
             (title, [(base64.b64encode(data).decode("ascii"), caption) for data, caption in row])
             for title, row in content.pictures
         ],
         settings=content.settings,
-        plotly=Markup(script.replace("</script", "<\\/script")),
+        plotly=Markup(plotting_script()),
     )
 
 
 def _number(value: float | None, digits: int = 3) -> str:
     if value is None:
-        return "–"
+        return NONE
     if isinstance(value, float):
         text = f"{value:.0f}" if abs(value) >= 10 ** (digits - 1) else f"{value:.{digits}g}"
         return text.replace("-", "−")
@@ -101,64 +137,126 @@ def _number(value: float | None, digits: int = 3) -> str:
 
 def _percent(value: float | None) -> str:
     if value is None:
-        return "–"
+        return NONE
     return (f"{value:+.0f}" if abs(value) >= 10 else f"{value:+.2g}").replace("-", "−")
 
 
-def _joints(row: Mapping[str, Any], name: str, joints: Sequence[str]) -> str:
+def _times(value: float | None) -> str:
+    return NONE if value is None else f"{_number(value, 2)}×"
+
+
+def _joints(
+    row: Mapping[str, Any], name: str, joints: Sequence[str], shown: Callable[[Any], str] | None = None
+) -> str:
     values = [row[f"{name}_{joint}_deg"] for joint in joints]
-    return "–" if all(v is None for v in values) else " · ".join(_number(v, 2) for v in values)
+    return NONE if all(v is None for v in values) else " · ".join((shown or _angle)(v) for v in values)
 
 
-def _fit_cells(case: Case, joints: Sequence[str]) -> dict[str, Any]:
-    """Return the cells of one fit in the main table."""
-    row = case_row(case, joints)
-    name = f"Case {row['case']}" + (", filtered" if row["states"] == "filtered" else "")
-    return {
-        "case": name,
-        "method": row["method"],
-        "title": TITLES[row["method"]],
-        "counts": [_number(row[k]) for k in ("unknowns", "evaluations", "seconds")],
-        "errors": [_joints(row, k, joints) for k in ERRORS[:3]],
-        "ratios": [_percent(row[f"{k.replace('/', '_')}_error_percent"]) for k in RATIOS],
-        "ok": row["ok"],
-        "status": row["status"],
-    }
+def _angle(value: float | None) -> str:
+    return _number(value, 2)
 
 
-def _pose_cells(seen: Seen, joints: Sequence[str]) -> dict[str, Any]:
-    """Return the cells of one method in the table of pose estimation."""
-    row = seen_row(seen, joints)
-    per_frame = row["seconds_a_frame"]
-    return {
-        "title": TITLES[seen.method],
-        "seen": f"{row['frames_seen']} of {row['frames']}",
-        "errors": _joints(row, "error", joints),
-        "cells": [
-            _number(row["silhouettes_a_frame"]),
-            _number(None if per_frame is None else 1000.0 * per_frame),
-            _number(row["silhouettes_locate"]),
-            _number(row["seconds_locate"]),
-        ],
-        "status": row["status"],
-    }
+def _ratios(row: Mapping[str, Any]) -> list[str]:
+    return [_percent(row[f"{name.replace('/', '_')}_error_percent"]) for name in RATIOS]
 
 
-def _lengths(cases: Sequence[Case], joints: Sequence[str]) -> list[list[str]]:
-    """Return the rows of the table by number of frames."""
+def _ok(case: Case) -> bool:
+    return case.fit is not None and bool(case.fit.ok)
+
+
+def _case_name(case: Case) -> str:
+    return f"Case {case.plan.case}" + (", filtered" if case.plan.states == "filtered" else "")
+
+
+def _fits(cases: Sequence[Case], joints: Sequence[str]) -> Table:
+    """Return the main table; where both methods have a case a row says by how much the default is better."""
+    from markupsafe import Markup
+
+    head = ["case", "method", "unknowns", "evaluations", "seconds"]
+    head += ["residual [°]", "truth [°]", "prediction [°]", *(f"{name} [%]" for name in RATIOS)]
+    rows: list[tuple[str, Sequence[str]]] = []
+    for group in grouped(cases):
+        found = [case_row(case, joints) for case in group]
+        for case, row in zip(group, found, strict=True):
+            name = _case_name(case)
+            if case.clip_period:
+                name = Markup(f"{name}<small>period from the whole clip</small>")
+            cells = [name, TITLES[case.plan.method]]
+            cells += [_number(row[k]) for k in ("unknowns", "evaluations", "seconds")]
+            cells += [_joints(row, k, joints) for k in SHOWN]
+            rows.append(("", [*cells, *_ratios(row)]))
+        if len(found) == 2:
+            gain = gain_row(*found)
+            cells = ["", "published / default", "", *(_times(gain[k]) for k in ("evaluations", "seconds"))]
+            cells += [_joints(gain, k, joints, _times) for k in SHOWN]
+            rows.append(("gain", [*cells, *("" for _ in RATIOS)]))
+        rows[-1] = (f"{rows[-1][0]} last", rows[-1][1])
+    return Table.of(head, rows)
+
+
+def _remarks(cases: Sequence[Case]) -> list[str]:
+    """Return the sentences that the main table needs."""
+    found = []
+    free = {case.plan.method: overall(case.residual) for case in cases if case.plan.case == "III"}
+    published, default = free.get("paper"), free.get("fast")
+    if published is not None and default is not None and default > published:
+        found.append(
+            "In Case III the residual of the default method is larger than the published one because it does "
+            "not follow the noise of the poses; truth and prediction are what counts."
+        )
+    if any(case.clip_period for case in cases):
+        found.append(
+            "In Case II the fitted frames do not tell the period: it is taken from the whole clip, the "
+            "predicted frames included."
+        )
+    return found
+
+
+def _poses(seen: Mapping[str, Seen], joints: Sequence[str]) -> Table:
+    """Return the table of pose estimation."""
+    head = ["method", "frames seen", "rms error [°], θ1 · θ2", "silhouettes a frame", "milliseconds a frame"]
+    head += ["silhouettes for the first pose", "seconds for the first pose", "status"]
+    found = {method: seen_row(seen[method], joints) for method in METHODS}
+    rows: list[tuple[str, Sequence[str]]] = []
+    for method, row in found.items():
+        each, first = row["seconds_a_frame"], row["silhouettes_locate"]
+        counted = method == "paper" or seen[method].scene is None
+        cells = [TITLES[method], f"{row['frames_seen']} of {row['frames']}", _joints(row, "error", joints)]
+        cells += [_number(row["silhouettes_a_frame"]), _number(None if each is None else 1000.0 * each)]
+        cells += [_number(first) if counted else "not counted", _number(row["seconds_locate"])]
+        rows.append(("", [*cells, row["status"]]))
+    gain = gain_row(found["paper"], found["fast"])
+    drawn = [_number(row["silhouettes_a_frame"]) for row in found.values()]
+    cells = ["published / default", "", _joints(gain, "error", joints, _times)]
+    cells += ["" if NONE in drawn else " : ".join(drawn), _times(gain["seconds_a_frame"])]
+    rows.append(("gain", [*cells, "", _times(gain["seconds_locate"]), ""]))
+    return Table.of(head, rows)
+
+
+def _lengths(cases: Sequence[Case], joints: Sequence[str]) -> Table:
+    """Return the table by number of frames."""
+    head = [
+        "frames",
+        "method",
+        "evaluations",
+        "seconds",
+        "residual [°]",
+        "next frames [°]",
+        "last frames [°]",
+    ]
     chosen = [c for c in cases if (c.plan.case, c.plan.states, c.plan.start) == ("I", "measured", 0)]
     rows = []
     for case in sorted(chosen, key=lambda c: (c.plan.frames, METHODS.index(c.plan.method))):
         row = case_row(case, joints)
-        errors = [_joints(row, k, joints) for k in ("residual", "ahead", "late")]
-        ratios = [_percent(row[f"{k.replace('/', '_')}_error_percent"]) for k in RATIOS]
-        cells = [_number(row["evaluations"]), _number(row["seconds"])]
-        rows.append([str(case.plan.frames), TITLES[case.plan.method], *cells, *errors, *ratios])
-    return rows
+        cells = [str(case.plan.frames), TITLES[case.plan.method]]
+        cells += [_number(row["evaluations"]), _number(row["seconds"])]
+        cells += [_joints(row, k, joints) for k in ("residual", "ahead", "late")]
+        rows.append(("", [*cells, *_ratios(row)]))
+    return Table.of([*head, *(f"{name} [%]" for name in RATIOS)], rows)
 
 
-def _starts(cases: Sequence[Case], joints: Sequence[str]) -> dict[str, Any]:
-    """Return the table by start values: its columns and rows."""
+def _starts(cases: Sequence[Case], joints: Sequence[str]) -> Table:
+    """Return the table by start values."""
     frames = next((c.plan.frames for c in cases if c.plan.case == "II"), 0)
     chosen = [c for c in cases if (c.plan.case, c.plan.states, c.plan.frames) == ("I", "measured", frames)]
     chosen.sort(key=lambda c: (METHODS.index(c.plan.method), c.plan.start))
@@ -167,10 +265,9 @@ def _starts(cases: Sequence[Case], joints: Sequence[str]) -> dict[str, Any]:
     rows = []
     for case, found in zip(chosen, values, strict=True):
         row = case_row(case, joints)
-        cells = [_number(found.get(name), 4) for name in names]
-        errors = [_joints(row, k, joints) for k in ("residual", "ahead")]
-        rows.append([TITLES[case.plan.method], str(case.plan.start), *cells, *errors])
-    return {"names": names, "rows": rows}
+        cells = [TITLES[case.plan.method], str(case.plan.start), *(_number(found.get(n), 4) for n in names)]
+        rows.append(("", [*cells, *(_joints(row, k, joints) for k in ("residual", "ahead"))]))
+    return Table.of(["method", "start", *names, "residual [°]", "prediction [°]"], rows)
 
 
 def picture_rows(

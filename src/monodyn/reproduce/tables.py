@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,12 @@ from monodyn.reproduce.vision import METHODS, TITLES, Seen
 
 ERRORS = ("residual", "error", "ahead", "late")
 """Errors of a fit that have a column for each joint."""
+SHOWN = ERRORS[:3]
+"""Errors that the main table shows."""
+STAR = "*"
+"""Marks a case whose period is that of the whole clip."""
+PERIODS = {False: "fitted frames", True: "whole clip"}
+"""Where the period of Case II is from."""
 RATIOS = ("l1", "l2", "m2/m1", "b1/m1", "b2/m1")
 """What the motion can tell of a double pendulum."""
 
@@ -37,6 +44,7 @@ def case_row(case: Case, joints: Sequence[str]) -> dict[str, Any]:
         "evaluations": None if fit is None else fit.evaluations,
         "seconds": round(case.seconds, 4),
         "ok": fit is not None and bool(fit.ok),
+        "period_from": "" if plan.case != "II" or fit is None else PERIODS[case.clip_period],
     }
     for name in ERRORS:
         values = getattr(case, name)
@@ -51,6 +59,47 @@ def case_row(case: Case, joints: Sequence[str]) -> dict[str, Any]:
 
 def _short(value: float) -> float | None:
     return float(f"{value:.6g}") if np.isfinite(value) else None
+
+
+def gain_row(published: Mapping[str, Any], default: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return by how much the default method is better: published over default, by column.
+
+    Args:
+        published: A row of the published method.
+        default: The same row of the default one.
+
+    Returns:
+        Ratios of evaluations, seconds and errors; None where one of the two is not known or zero.
+    """
+    found: dict[str, float | None] = {}
+    for name, above in published.items():
+        if name == "evaluations" or name.startswith("seconds") or name.endswith("_deg"):
+            below = default[name]
+            found[name] = _short(above / below) if above and below else None
+    return found
+
+
+def gains(cases: Sequence[Case], joints: Sequence[str]) -> list[dict[str, Any]]:
+    """Return by how much the default method is better in each case that both methods have.
+
+    Args:
+        cases: The fits.
+        joints: Joint names.
+    """
+    pairs = [pair for pair in grouped(main_cases(cases)) if len(pair) == 2]
+    return [
+        {"case": pair[0].plan.case, **gain_row(*(case_row(case, joints) for case in pair))} for pair in pairs
+    ]
+
+
+def grouped(cases: Sequence[Case]) -> list[list[Case]]:
+    """Put neighbours that differ in the method alone together.
+
+    Args:
+        cases: Fits, methods side by side.
+    """
+    groups = groupby(cases, key=lambda c: (c.plan.case, c.plan.states, c.plan.frames, c.plan.start))
+    return [list(group) for _, group in groups]
 
 
 def seen_row(seen: Seen, joints: Sequence[str]) -> dict[str, Any]:
@@ -104,8 +153,10 @@ def document(
         found: The claims.
         joints: Joint names.
     """
+    poses = [seen_row(seen[method], joints) for method in METHODS]
     return {
-        "poses": [seen_row(seen[method], joints) for method in METHODS],
+        "poses": poses,
+        "published_over_default": {"poses": gain_row(*poses), "fits": gains(cases, joints)},
         "fits": [
             {**case_row(case, joints), "parameters": parameter_values(case), "advice": advice(case)}
             for case in cases
@@ -153,13 +204,27 @@ def plain_rows(cases: Sequence[Case], joints: Sequence[str]) -> tuple[list[str],
     columns = ["case", "states", "method", "unknowns", "evaluations", "seconds"]
     columns += ["residual [deg]", "against truth [deg]", "prediction [deg]"]
     rows = []
-    for case in main_cases(cases):
-        row = case_row(case, joints)
-        cells = [case.plan.case, case.plan.states, TITLES[case.plan.method]]
-        cells += [_cell(row[name]) for name in ("unknowns", "evaluations", "seconds")]
-        cells += [_joined([row[f"{name}_{joint}_deg"] for joint in joints]) for name in ERRORS[:3]]
-        rows.append(cells)
-    return columns, rows
+    for group in grouped(main_cases(cases)):
+        found = [case_row(case, joints) for case in group]
+        for case, row in zip(group, found, strict=True):
+            cells = [case.plan.case + STAR * case.clip_period, case.plan.states, TITLES[case.plan.method]]
+            cells += [_cell(row[name]) for name in ("unknowns", "evaluations", "seconds")]
+            rows.append(cells + [_joined([row[f"{name}_{joint}_deg"] for joint in joints]) for name in SHOWN])
+        if len(found) == 2:
+            gain = gain_row(*found)
+            cells = [
+                "",
+                "",
+                "published / default",
+                "–",
+                *(_cell(gain[k]) for k in ("evaluations", "seconds")),
+            ]
+            rows.append(
+                cells + [_joined([gain[f"{name}_{joint}_deg"] for joint in joints]) for name in SHOWN]
+            )
+    empty = {"–", ""}
+    kept = [i for i in range(len(columns)) if i < 3 or any(row[i] not in empty for row in rows)]
+    return [columns[i] for i in kept], [[row[i] for i in kept] for row in rows]
 
 
 def main_cases(cases: Sequence[Case]) -> list[Case]:
@@ -179,4 +244,4 @@ def _cell(value: float | None) -> str:
 
 
 def _joined(values: Sequence[float | None]) -> str:
-    return " · ".join(_cell(value) for value in values)
+    return "–" if all(value is None for value in values) else " · ".join(_cell(value) for value in values)

@@ -33,7 +33,7 @@ class Seen:
         status: ``done``, or why there are no poses.
         scene: Camera, sizes and first pose, or None.
         poses: Joint positions in every frame, or None.
-        seconds_locate: Wall time for camera, sizes and first pose [s].
+        seconds_locate: Wall time for camera, sizes and first pose [s], everything compiled.
         seconds_a_frame: Wall time for the pose in a frame, median [s].
         states: The filtered poses, or None.
         errors: Measured less true joint positions [rad], (frame, dof), or None where the truth is not known.
@@ -50,9 +50,11 @@ class Seen:
 
     @property
     def silhouettes(self) -> float | None:
-        """Silhouettes drawn for a frame while tracking (median); None where they are not counted."""
-        drawn = getattr(self.poses, "evaluations", None)
-        return None if drawn is None else float(np.median(drawn))
+        """Silhouettes drawn for a frame while tracking (median); None where nothing was tracked."""
+        if self.poses is None:
+            return None
+        drawn = self.poses.evaluations
+        return 0.0 if drawn is None else float(np.median(drawn))
 
 
 def see(
@@ -76,9 +78,10 @@ def see(
     Returns:
         What was seen; a failure stands in its ``status``.
     """
-    began = time.perf_counter()
     scene = None
     try:
+        _located(method, masks, mechanism, progress)  # loads and compiles; the second one is timed
+        began = time.perf_counter()
         scene = _located(method, masks, mechanism, progress)
         located, watch = time.perf_counter(), _Watch(progress)
         poses = track(scene.masks, scene, _track_settings(method), progress=watch)

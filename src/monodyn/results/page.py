@@ -18,6 +18,8 @@ from monodyn.results.log import RunLog
 from monodyn.types import Camera
 
 if TYPE_CHECKING:
+    from jinja2 import Template
+
     from monodyn.estimation.fit import Estimate, Fit
 
 
@@ -50,19 +52,12 @@ def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
         traces: The records beside their motion under the identified dynamics.
         page: What is said beside the fit.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
     several = len(traces) > 1
     plots = [plot for trace in traces for plot in _plots(fit, trace, several=several)]
     torques = [plot for trace in traces for plot in _torque_plots(fit, trace, several=several)]
-    environment = Environment(
-        loader=PackageLoader("monodyn.results", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
-    return environment.get_template("report.html.j2").render(
+    return template("monodyn.results", "report.html.j2").render(
         title=page.title,
         subtitle=page.subtitle,
         status=str(fit.status),
@@ -81,11 +76,29 @@ def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
             {"name": c.name, "value": number(c.value, c.std), "std": short(c.std)} for c in fit.combinations
         ],
         cards=_cards(fit, page),
-        plotly=Markup(_plotly() if plots else ""),
+        plotly=Markup(plotting_script() if plots else ""),
     )
 
 
-def _plotly() -> str:
+def template(package: str, name: str) -> Template:
+    """Load a template of a page; what is put into it is escaped, and a name that it lacks raises.
+
+    Args:
+        package: Where the template is.
+        name: Its file name.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader(package, "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    return environment.get_template(name)
+
+
+def plotting_script() -> str:
     """Return plotly's script; a closing tag inside it would end the page's script element."""
     from importlib.resources import files
 

@@ -44,7 +44,8 @@ class LocateSettings:
 
     Attributes:
         method: ``fast``: a global search, then a refinement on sub-pixel edges over key frames; ``paper``:
-            pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; None is fast.
+            pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; None is as the
+            whole run, and fast by itself.
         start: Where the search of ``paper`` starts: poses ``spread`` over the joint ranges, or the ends of an
             ``evolution``.
         level: Threshold of the silhouettes of ``paper`` [grey levels]; 0 takes Otsu's.
@@ -52,6 +53,7 @@ class LocateSettings:
             A camera square to the plane does not show it.
         search_frames: Key frames of the global search.
         refine_frames: Key frames of the joint refinement.
+        seed: Seed of the ``evolution``.
     """
 
     method: Literal["fast", "paper"] | None = None
@@ -60,12 +62,15 @@ class LocateSettings:
     focal: float = 0.0
     search_frames: int = 7
     refine_frames: int = 32
+    seed: int = 0
 
     def __post_init__(self) -> None:
         _check_choice("locate.method", self.method, METHODS)
         _check_choice("locate.start", self.start, ("spread", "evolution"))
         if self.method == "fast":
             _check_start(self)
+        if self.seed < 0:
+            raise SettingsError(f"locate.seed: expected 0 or more, got {self.seed}; give a whole number.")
         if not 0.0 <= self.level < 255.0:
             raise SettingsError(f"locate.level: expected 0 to 255 grey levels, got {self.level:g}.")
         if not 0.0 <= self.focal <= 1e6:
@@ -83,7 +88,8 @@ class CameraSettings:
 
     Attributes:
         method: ``fast``: refined on the edges together with sizes and poses; ``paper``: depth from the
-            silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; None is fast.
+            silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; None is as the
+            whole run, and fast by itself.
     """
 
     method: Literal["fast", "paper"] | None = None
@@ -125,27 +131,39 @@ def locate(
     if methods[1] == "fast":
         _check_start(settings)
     report = progress or (lambda step, done, total: None)
-    return METHODS[methods[1]](masks, mechanism, settings, methods[0], fix, free, report)
+    return METHODS[methods[1]](_Task(masks, mechanism, settings, methods[0], fix, free, report))
 
 
-def _fast(
-    masks: Masks,
-    mechanism: Mechanism,
-    settings: LocateSettings,
-    camera: str,
-    fix: Mapping[str, float],
-    free: Sequence[str],
-    report: Progress,
-) -> Scene:
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What ``locate`` was asked for; ``camera`` is the method by which the camera is found."""
+
+    masks: Masks
+    mechanism: Mechanism
+    settings: LocateSettings
+    camera: str
+    fix: Mapping[str, float]
+    free: Sequence[str]
+    report: Progress
+
+    @property
+    def start_camera(self) -> Camera:
+        """The camera that the search starts from."""
+        video = self.masks.video
+        focal = self.settings.focal or float(max(video.width, video.height))
+        return with_values(Camera(video.width, video.height, focal), dict(self.fix))
+
+
+def _fast(task: _Task) -> Scene:
     """Search on reduced key frames, refine on sub-pixel edges; then the paper's camera if wanted."""
-    start_camera = _start_camera(masks, settings, fix)
-    names = _refined_names(mechanism, fix, free)
-    pinned = frozenset([*fix, *(p.name for p in mechanism.parameters if not p.free)])
+    masks, mechanism, settings, report = task.masks, task.mechanism, task.settings, task.report
+    names = _refined_names(mechanism, task.fix, task.free)
+    pinned = frozenset([*task.fix, *(p.name for p in mechanism.parameters if not p.free)])
 
     geoms = len(mechanism.shapes.radius)
     report("locate", 0, 4)
     frames = key_frames(masks, geoms)
-    guesses = search(frames, mechanism, start_camera, pinned, settings.search_frames)
+    guesses = search(frames, mechanism, task.start_camera, pinned, settings.search_frames)
     report("locate", 1, 4)
     start = mechanism.values
     guess = min(
@@ -159,32 +177,25 @@ def _fast(
     bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, LAST_REACHES)
     report("locate", 4, 4)
     scene = _scene(masks, frames, bundle, picks, settings)
-    if camera == "paper":
+    if task.camera == "paper":
         from monodyn.vision.published import camera_behind
 
-        scene = camera_behind(scene, fix, level=settings.level)
+        scene = camera_behind(scene, task.fix, level=settings.level)
     return scene
 
 
-def _paper(
-    masks: Masks,
-    mechanism: Mechanism,
-    settings: LocateSettings,
-    camera: str,
-    fix: Mapping[str, float],
-    free: Sequence[str],
-    report: Progress,
-) -> Scene:
+def _paper(task: _Task) -> Scene:
     """Solve the problems of the 2012 paper on one silhouette; the camera may be the fast method's."""
     from monodyn.vision.published import locate_published, pose_before
 
-    if camera == "fast":
-        return pose_before(_fast(masks, mechanism, settings, camera, fix, free, report), level=settings.level)
-    report("locate", 0, 1)
-    start_camera = _start_camera(masks, settings, fix)
-    scene = locate_published(masks, mechanism, start_camera, fix, start=settings.start, level=settings.level)
-    report("locate", 1, 1)
-    return scene
+    if task.camera == "fast":
+        before = _fast(replace(task, report=lambda step, done, total: task.report(step, done, 5)))
+        scene = pose_before(before, task.fix, level=task.settings.level)
+        task.report("locate", 5, 5)
+        return scene
+    return locate_published(
+        task.masks, task.mechanism, task.start_camera, task.fix, task.settings, progress=task.report
+    )
 
 
 METHODS = {"fast": _fast, "paper": _paper}
@@ -231,13 +242,6 @@ def _check_names(mechanism: Mechanism, method: str, fix: Mapping[str, float], fr
                 f"parameter '{name}': camera.method paper estimates {', '.join(estimated)} alone; leave it "
                 "out of --free, give the value with --fix, or use camera.method fast."
             )
-
-
-def _start_camera(masks: Masks, settings: LocateSettings, fix: Mapping[str, float]) -> Camera:
-    """Return the camera that the search starts from."""
-    video = masks.video
-    focal = settings.focal or float(max(video.width, video.height))
-    return with_values(Camera(video.width, video.height, focal), dict(fix))
 
 
 def _refined_names(mechanism: Mechanism, fix: Mapping[str, float], free: Sequence[str]) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from monodyn.types import Frame, Poses, Progress
 from monodyn.vision.problems import fit_pose
-from monodyn.vision.published import level_of
+from monodyn.vision.readings import level_of
 from monodyn.vision.scene import Scene
 from monodyn.vision.segment import Masks
 from monodyn.vision.sequential import reach_of

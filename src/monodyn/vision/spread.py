@@ -63,13 +63,14 @@ def spread_starts(image: Seen, view: View, count: int) -> tuple[list[View], int]
     return starts, FOLLOWING * len(many)
 
 
-def evolved_starts(image: Seen, view: View, count: int = SEEDS) -> tuple[list[View], int]:
-    """Return the ends of evolutionary searches over pose and proportions, one a seed.
+def evolved_starts(image: Seen, view: View, count: int = SEEDS, *, seed: int = 0) -> tuple[list[View], int]:
+    """Return the ends of evolutionary searches over pose and proportions, each of other random numbers.
 
     Args:
         image: The seen silhouette, maybe reduced.
         view: The mechanism before a camera of the same size.
         count: Number of searches.
+        seed: Seed of all of them; no two seeds share a search.
 
     Returns:
         The starts, and the silhouettes drawn.
@@ -94,9 +95,9 @@ def evolved_starts(image: Seen, view: View, count: int = SEEDS) -> tuple[list[Vi
         ])  # fmt: skip
 
     starts, drawings = [], 0
-    for seed in range(count):
+    for own in range(count * seed, count * (seed + 1)):
         found = evolve(
-            gaps, lower, upper, seed=seed, population=12 * len(lower), generations=GENERATIONS, many=True
+            gaps, lower, upper, seed=own, population=12 * len(lower), generations=GENERATIONS, many=True
         )
         pose, sizes = found.x[:dofs].copy(), _bounded(view, np.exp(found.x[dofs:]))
         place = _ranked(image, view, sizes, pose[np.newaxis])[1]

@@ -1,7 +1,9 @@
 """From a frame to its binary silhouette: background subtraction and a threshold.
 
 The one idea: what differs from the background by more than one level is the mechanism. Otsu's level parts
-the differences into two classes; it lies half-way up the mechanism's edge, so the silhouette keeps its size.
+the differences into two classes and lies about half-way between their means. So it lies half-way up the edge
+of a link of the usual contrast, whose silhouette keeps its size; a link that stands out more comes out a
+little larger, one that stands out less a little smaller.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class TrackSettings:
 
     Attributes:
         method: ``fast``: Gauss-Newton on sub-pixel edges; ``paper``: least mismatch of the silhouettes within
-            move limits, eq. (5) of the 2012 paper; None is fast.
+            move limits, eq. (5) of the 2012 paper; None is as the whole run, and fast by itself.
         spacing: Distance between outline samples [px].
         reach: Search length along the normals once the pose is near [px].
         first_reach: Search length from the prediction [px].
@@ -49,7 +49,8 @@ class TrackSettings:
         patience: Frames between two searches of the whole picture while the mechanism is lost.
         move_share: Move limits of ``paper`` as a fraction of each joint's range, to either side; a hinge
             without limits has a range of one turn.
-        adaptive: The move limits of ``paper`` follow the joints' current velocity.
+        adaptive: Move limits of ``paper`` about where the joints' current velocity leads, narrow where they
+            are slow; off: a fixed share of the range about the last pose.
     """
 
     method: Literal["fast", "paper"] | None = None
