@@ -47,7 +47,7 @@ class RunSettings:
         bounds: Lower and upper bounds by parameter.
         background: Picture of the scene without the mechanism.
         rate: Frames a second [Hz] in place of the clip's time stamps.
-        seed: Seed of every random start; it takes the place of ``identify.seed``.
+        seed: Seed of every random start; it takes the place of those of the stages.
         method: ``fast``, or ``paper`` for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
         camera: How the camera is found.
@@ -74,7 +74,8 @@ class RunSettings:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
-        object.__setattr__(self, "identify", replace(self.identify, seed=self.seed))
+        for name in ("locate", "identify"):
+            object.__setattr__(self, name, replace(getattr(self, name), seed=self.seed))
         if self.method not in ("fast", "paper"):
             raise SettingsError(f"method: expected 'fast' or 'paper', got '{self.method}'.")
         for name in ("camera", "locate", "track", "identify"):

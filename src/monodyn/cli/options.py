@@ -34,6 +34,13 @@ Picture = Annotated[Path | None, conf.arg(metavar="PICTURE")]
 
 
 @dataclass(frozen=True)
+class LocateChoices(LocateSettings):
+    """How camera, sizes and first pose are found; the one seed of a command is ``--seed``."""
+
+    seed: Annotated[int, conf.Fixed, conf.Suppress] = 0
+
+
+@dataclass(frozen=True)
 class IdentifyChoices(IdentifySettings):
     """How the dynamics are identified; the one seed of a command is ``--seed``."""
 
@@ -84,7 +91,7 @@ class RunOptions:
     method: Literal["fast", "paper"] = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
     camera: CameraSettings = field(default_factory=CameraSettings)
-    locate: LocateSettings = field(default_factory=LocateSettings)
+    locate: LocateChoices = field(default_factory=LocateChoices)
     track: TrackSettings = field(default_factory=TrackSettings)
     identify: IdentifyChoices = field(default_factory=IdentifyChoices)
 
@@ -141,7 +148,7 @@ class TrackOptions:
     method: Literal["fast", "paper"] = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
     camera: CameraSettings = field(default_factory=CameraSettings)
-    locate: LocateSettings = field(default_factory=LocateSettings)
+    locate: LocateChoices = field(default_factory=LocateChoices)
     track: TrackSettings = field(default_factory=TrackSettings)
 
     def go(self) -> int:
