@@ -147,7 +147,7 @@ def _times(value: float | None) -> str:
     if value is None:
         return NONE
     text = f"{_number(value, 2)}×"
-    return text if value >= 1.0 else Markup(f'<span class="flag">{text}</span>')
+    return text if float(f"{value:.2g}") >= 1.0 else Markup(f'<span class="flag">{text}</span>')
 
 
 def _joined(values: Sequence[str]) -> str:
