@@ -136,7 +136,7 @@ def test_area_centroid_and_mismatch_are_those_of_the_drawn_picture(tmp_path: Pat
     image, rig = image_of(), rig_of(mechanism, CAMERA)
     fine = picture(other, fine=FINE)
     y, x = np.nonzero(fine)
-    area, common, sum_x, sum_y = drawn(image.moments, *rig, other)
+    area, common, sum_x, sum_y = drawn(image.moments, rig, other)
     assert area == pytest.approx(len(x) / FINE**2, rel=0.005)
     assert common == pytest.approx(area)
     assert sum_x / common == pytest.approx((x.mean() + 0.5) / FINE - 0.5, abs=0.1)
@@ -153,10 +153,10 @@ def test_what_lies_outside_of_the_picture_or_is_not_known_has_no_area(tmp_path: 
     rig = rig_of(mechanism, replace(CAMERA, x=CAMERA.x + 0.5))
     shifted = picture(POSE, replace(CAMERA, x=CAMERA.x + 0.5), fine=FINE)
     blank = np.full((CAMERA.height, CAMERA.width), FULL, np.uint8)
-    assert drawn(seen(blank).moments, *rig, POSE)[1] == pytest.approx(shifted.sum() / FINE**2, rel=0.02)
+    assert drawn(seen(blank).moments, rig, POSE)[1] == pytest.approx(shifted.sum() / FINE**2, rel=0.02)
     blank[:140] = OPEN
     lower = picture(POSE, fine=FINE)[140 * FINE :]
-    assert drawn(seen(blank).moments, *rig_of(mechanism, CAMERA), POSE)[1] == pytest.approx(
+    assert drawn(seen(blank).moments, rig_of(mechanism, CAMERA), POSE)[1] == pytest.approx(
         lower.sum() / FINE**2, rel=0.02
     )
 

@@ -46,8 +46,8 @@ from monodyn.reproduce.experiment import (
     opened,
     reproduce,
 )
-from monodyn.reproduce.page import Content, page_text, picture_rows
-from monodyn.reproduce.tables import case_row, csv_text, document, main_cases, plain_rows
+from monodyn.reproduce.page import Content, Table, page_text, picture_rows
+from monodyn.reproduce.tables import case_row, csv_text, document, gain_row, main_cases, plain_rows
 from monodyn.reproduce.vision import Seen, aligned
 from monodyn.results.fill import States
 from monodyn.results.folder import RunFolder
@@ -192,6 +192,45 @@ def test_filtered_states_are_judged_by_the_prediction() -> None:
     assert "does not filter" in default.numbers
 
 
+def test_a_fit_that_does_not_follow_its_states_is_named_in_the_verdict() -> None:
+    lost = moved("I", 2e-3, "filtered")
+    assert lost.fit is not None
+    bad: Any = SimpleNamespace(**{**vars(lost.fit), "ok": False})
+    evidence = Evidence(replace(seen(), method="paper"), [moved("I", 1e-3), replace(lost, fit=bad)], DESIGN)
+    verdict = filtered_is_worse(evidence)
+    assert verdict.held is True
+    assert verdict.numbers == (
+        "prediction error 0.115° from filtered states, 0.0573° from unfiltered; "
+        "the fit to filtered states does not follow them"
+    )
+
+
+def test_a_verdict_that_is_missing_says_what_is_missing() -> None:
+    untold = {"fast": replace(seen(), errors=None), "paper": Seen("paper", "failed: x")}
+    found = claims(untold, [moved("I", 1e-3), moved("III", 1e-3)], DESIGN)
+    told = {claim.text.split()[1]: claim.verdicts["fast"].numbers for claim in found}
+    assert told["fit"] == "the truth of this clip is not known"
+    assert told["III"] == "the truth of this clip is not known"
+    assert told["II"] == "a fit that it needs is missing"
+    assert all(claim.verdicts["paper"].numbers == "a fit that it needs is missing" for claim in found)
+
+
+def test_a_period_of_the_whole_clip_is_marked_wherever_the_case_stands() -> None:
+    found = seen()
+    # 20 frames are not much more than half a period of this motion
+    case = run_case(Plan("fast", "II", "measured", 20), found, None, DESIGN)
+    assert case.fit is not None
+    assert case.clip_period
+    joints = ("joint1", "joint2")
+    assert case_row(case, joints)["period_from"] == "whole clip"
+    marked = replace(moved("II", 5e-3), clip_period=True)
+    assert "the period is from the whole clip" in verdicts(moved("I", 1e-3), marked)["Case II"].numbers
+    assert "whole clip" not in verdicts(moved("I", 1e-3), moved("II", 5e-3))["Case II"].numbers
+    assert plain_rows([marked], joints)[1][0][0] == "II*"
+    both = {"fast": found, "paper": Seen("paper", "failed: x")}
+    assert "period from<br>the whole clip" in page_text(Content("", both, [marked], [], [], [], joints))
+
+
 @pytest.mark.parametrize(
     ("errors", "held"), [((4e-3, 2e-3, 1e-3), True), ((1e-3, 2e-3, 4e-3), False), ((1e-3, 1e-3, 1e-3), False)]
 )
@@ -237,8 +276,10 @@ def test_the_page_shows_tables_figures_and_pictures_without_a_network() -> None:
     assert not re.search(r"(src|href)=.?(http|//)", own)
     assert "failed: &lt;lost&gt;" in own
     assert "failed: no period" in own
-    for number in (3, 5, 6, 7, 8, 9):
-        assert f"<h2>Figure {number}:" in own
+    assert re.findall(r"<h2>Figure (\d):", own) == ["3", "5", "6", "7", "8", "9"]
+    alone = next(figure for figure in shown if figure.title.startswith("Figure 6"))
+    assert "simulated, published method" not in [text for _, _, text in alone.legend]
+    assert ("box", "fitted", "fitted frames") in alone.legend
     assert own.count("data:image/jpeg;base64,") == 2
     data = json.loads(re.search(r"const FIGURES = (.*?);\n", text)[1])
     assert [len(figure["panels"]) for figure in data] == [4, 3, 3, 3, 3, 2, 1]
@@ -258,6 +299,43 @@ def test_the_table_holds_every_fit() -> None:
     made = document({"fast": seen(), "paper": Seen("paper", "failed: x")}, cases, [], ("joint1", "joint2"))
     assert made["poses"][1]["error_joint1_deg"] == pytest.approx(np.degrees(NOISE), rel=0.2)
     assert made["poses"][0]["status"] == "failed: x"
+
+
+def test_the_table_says_by_how_much_the_default_method_is_better() -> None:
+    joints = ("joint1", "joint2")
+    default = replace(moved("I", 1e-3), seconds=0.5)
+    published = replace(moved("I", 4e-3), plan=replace(default.plan, method="paper"), seconds=0.25)
+    cases = [default, published, moved("II", 0.0)]
+    gain = gain_row(case_row(published, joints), case_row(default, joints))
+    assert gain["error_joint1_deg"] == pytest.approx(4.0, rel=1e-5)
+    assert gain["ahead_joint2_deg"] == pytest.approx(4.0, rel=1e-5)
+    assert gain["seconds"] == pytest.approx(0.5)
+    assert plain_rows(cases, joints)[1][2][2:6] == ["published / default", "–", "1", "0.5"]
+    both = {"fast": seen(), "paper": replace(seen(), method="paper", seconds_locate=3.0)}
+    text = page_text(Content("", both, cases, [], [], [], joints))
+    row = re.search(r"<td class=\"text\">ratio</td>(.*?)</tr>", text, flags=re.S)[1]
+    assert re.findall(r"[\d.]+×", row)[:2] == ["1×", "0.5×"]
+    assert row.count("<td>4× · 4×</td>") == 2
+    assert text.count('<td class="text">ratio</td>') == 2
+    assert ">3×<" in text
+    assert "not counted" in text
+    made = document(both, cases, [], joints)["published_over_default"]
+    assert made["poses"]["seconds_locate"] == 3.0
+    assert [row["case"] for row in made["fits"]] == ["I"]
+
+
+def test_columns_without_a_number_are_left_out() -> None:
+    table = Table.of(["method", "truth", "l1"], [("", ["a", "–", "1"]), ("last", ["b", "–", "–"])])
+    assert table.head == ["method", "l1"]
+    assert table.rows == [("", ["a", "1"]), ("last", ["b", "–"])]
+    untold = {"fast": replace(seen(), errors=None), "paper": Seen("paper", "failed: x")}
+    cases = [replace(moved(name, 1e-3), error=None) for name in ("I", "II")]
+    text = page_text(Content("", untold, cases, [], [], [], ("joint1", "joint2")))
+    assert "truth [°]" not in text
+    assert "l1 [%]" not in text
+    columns, rows = plain_rows(cases, ("joint1", "joint2"))
+    assert "against truth [deg]" not in columns
+    assert len(rows[0]) == len(columns)
 
 
 def stopped(folder: RunFolder) -> None:

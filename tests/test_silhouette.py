@@ -129,7 +129,7 @@ def test_mismatch_against_drawn_pictures(name):
     rig = rig_of(mechanism, CAMERA)
     dofs = len(rig.parent)
     poses = rng.normal(scale=0.8, size=(6, dofs)) * np.where(rig.kind == 1, 0.1, 1.0)
-    costs = pose_mismatch(row_sums(mask), *rig, poses, len(rig.radius))
+    costs = pose_mismatch(row_sums(mask), rig, poses, len(rig.radius))
     fine = 8
     big = cv2.resize(mask, None, fx=fine, fy=fine, interpolation=cv2.INTER_NEAREST).astype(np.float64) / FULL
     for q, cost in zip(poses, costs, strict=True):

@@ -21,15 +21,33 @@ from monodyn.optimize import Minimum, SearchSettings
 from monodyn.types import Progress
 
 REACH = float(np.log(10.0))
-"""Positive parameters are looked for within a factor of ten of their start."""
+"""Positive parameters are looked for within a factor of ten of what file or picture say of them."""
+REACH_FREE = float(np.log(3.0))
+"""Lengths beside free torques within a factor of three: any of them would do."""
+MOST_LOADS = {"fourier": 10.0, "free": 3.0}
+"""Torques up to so many times that of weight and inertia."""
 TYPICAL = 0.1
 """Typical change of a logarithm, by which the search scales it."""
 FINE = 1e-3
 """The search ends when the cost falls by less than this share of what the stated noise alone costs."""
 WEAKEST = 0.01
 """Modes of free torques below this share of the strongest are taken as that strong."""
+LEAD = 0.2
+"""Rate by the time step at which a simulated state is led back to the poses for a start."""
+GROWN = 8
+"""Samples by which the part of a record that free torques are fitted to grows."""
+MOST_GROWN = 2500
+"""Rollouts for each of those parts at the most."""
+LED = 16
+"""Integration steps between stamps for that."""
 MOST_DRIVEN = 2
 """Starts at the most with a torque over time, whose many unknowns make up for a start that is off."""
+EACH = 4
+"""Evaluations of a quasi-Newton search for one of Gauss and Newton."""
+MOST_ROLLOUTS = 20000
+"""Rollouts from all starts at the most."""
+SHOWN = 500
+"""Progress is shown every so many rollouts."""
 CLOSE = 0.02
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
 
@@ -85,14 +103,14 @@ def descend(
     best: Descent | None = None
     evaluations, tried = 0, 0
     for x in _starts(held, smoothed, start, settings):
-        found = _search(held, x, smoothed, settings)
+        found = _search(held, x, smoothed, settings, MOST_ROLLOUTS - evaluations, progress)
         tried += 1
         if found is not None:
             evaluations += found.evaluations
             best = found if best is None or found.size < best.size else best
         if progress is not None:
             progress("identify", tried, None)
-        if found is not None and (_rms(found) < CLOSE * motion).all():
+        if evaluations >= MOST_ROLLOUTS or (found is not None and (_rms(found) < CLOSE * motion).all()):
             break
     return None if best is None else replace(best, evaluations=evaluations, tried=tried)
 
@@ -110,7 +128,8 @@ def _starts(
     """Yield starts: that of the guessed period, then those of the default search without a torque.
 
     A Fourier series starts as that of the torque that the smoothed poses ask for there, eq. (12) and (13);
-    free torques start at zero.
+    free torques as those that lead the motion of the file's bodies, in the scale that asks for the least torque, along
+    the poses.
     """
     driven = held.mechanism.torque != "friction"
     count = min(settings.starts, MOST_DRIVEN) if driven else settings.starts
@@ -125,11 +144,15 @@ def _starts(
     for x, _ in starts(undriven, smooth_motion(undriven, smoothed), smoothed, route, count, settings.seed):
         whole = held.unknowns.x0.copy()
         whole[place] = x
+        if held.mechanism.torque == "free":
+            whole = _centre(held, whole)[0]
         yield _driven(held, whole, smoothed)
 
 
 def _driven(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> np.ndarray:
     """Put the coefficients of the torque that smoothed poses ask for into ``x`` (param,)."""
+    if held.mechanism.torque == "free":
+        return _led(held, x, smoothed[0])
     if held.mechanism.torque != "fourier":
         return x
     mechanism, parts = held.mechanism_at(x), []
@@ -138,10 +161,41 @@ def _driven(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> np.nda
         parts.append((found.time[2:-2] * held.stretch(x), inverse_dynamics(mechanism, q, v, a)[2:-2]))
     time, torque = (np.concatenate(part) for part in zip(*parts, strict=True))
     ways = mechanism.drive_ways(held.unknowns.names)
+    x = x.copy()
     period = mechanism.values["torque.period"]
     coefficients = fourier_coefficients(time, torque, period, ways.shape[1] // 2)
-    x = x.copy()
     x[ways[ways >= 0]] = coefficients.T[ways >= 0]
+    return x
+
+
+def _led(held: Held, x: np.ndarray, smoothed: Smoothed, first: int = 0) -> np.ndarray:
+    """Put the torques into ``x`` (param,) that lead the simulated motion along the smoothed poses.
+
+    At each stamp the torque is that of the smoothed acceleration and of how far the simulated state is off.
+    Without the latter a chaotic motion is lost within a second. Torques before the row ``first`` stay.
+    """
+    from monodyn.mechanism.dynamics import rollout
+
+    mechanism, times = held.mechanism_at(x), held.data.times * held.stretch(x)
+    stamps, tree, ways = (
+        smoothed.time * held.stretch(x),
+        mechanism.tree,
+        mechanism.drive_ways(held.unknowns.names),
+    )
+    wanted = [
+        np.stack([np.interp(times, stamps, column) for column in table.T], axis=1)
+        for table in _true_motion(held, x, 0, smoothed)
+    ]
+    rate, (q, v) = LEAD / np.median(np.diff(times)), np.split(held.states(x)[0], 2)
+    off, x = np.zeros_like(q), x.copy()
+    for k in range(len(times)):
+        if k >= first:
+            asked = (wanted[0][k], wanted[1][k], wanted[2][k] + off)
+            x[ways[:, k]] = inverse_dynamics(mechanism, *(part[None] for part in asked))[0]
+        if k:
+            arrays = (tree.parent, tree.kind, tree.links, tree.gravity, times[k - 1 : k + 1], LED, q, v)
+            q, v = (part[1] for part in rollout(*arrays, held.mechanism_at(x).drive))
+        off = 2.0 * rate * (wanted[1][k] - v) + rate**2 * (wanted[0][k] - q)
     return x
 
 
@@ -154,19 +208,29 @@ def _true_motion(
 
 
 def _search(
-    held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...], settings: IdentifySettings
+    held: Held,
+    x: np.ndarray,
+    smoothed: tuple[Smoothed, ...],
+    settings: IdentifySettings,
+    most: int,
+    progress: Progress | None,
 ) -> Descent | None:
     """Search from one start; again where the end needs more integration steps than the start did."""
     held, bounds = _ranged(held, x, smoothed)
     x = np.clip(x, *bounds)
     evaluations, converged = 0, False
+    if held.mechanism.torque == "free":
+        x, evaluations = _grown(held, x, bounds, smoothed[0], most // 2, progress)
     error = np.inf
     for _ in range(3):
         substeps, error = choose_substeps(held, x, held.states(x), held.pieces, settings.error_bound)
         if evaluations and substeps <= held.substeps:
             break
         held = replace(held, substeps=max(substeps, held.substeps))
-        end = _minimum(held, x, bounds, settings.evaluations * (len(x) + 1))
+        allowed = min(EACH * settings.evaluations * (len(x) + 1), most - evaluations)
+        if allowed <= len(x):
+            break
+        end = _minimum(held, x, bounds, allowed, progress)
         evaluations += end.evaluations
         if not np.isfinite(end.value):
             return None
@@ -174,7 +238,23 @@ def _search(
     return Descent(held, x, bounds, evaluations, converged, 1, error)
 
 
-def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int) -> Minimum:
+def _grown(
+    held: Held, x: np.ndarray, bounds: np.ndarray, smoothed: Smoothed, most: int, progress: Progress | None
+) -> tuple[np.ndarray, int]:
+    """Fit free torques to the first samples, then to more, each time led on from the end of what fits."""
+    rows, evaluations = len(held.data.times), 0
+    for stop in range(GROWN, rows - 1, GROWN):
+        late = (np.arange(rows) >= stop)[:, None]
+        part = replace(held, substeps=LED, target=np.where(late, np.nan, held.target))
+        if not np.isfinite(part.residuals_at(x)).all() or evaluations >= most:
+            break
+        end = _minimum(part, x, bounds, min(MOST_GROWN, most - evaluations), progress)
+        evaluations += end.evaluations
+        x = np.clip(_led(held, end.x, smoothed, stop), *bounds)
+    return x, evaluations
+
+
+def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int, progress: Progress | None) -> Minimum:
     """Search within bounds (2, param) by the paper's solver, unknowns in units of their scale.
 
     Free torques are searched along their modes instead, of which the bounds are kept by the penalty.
@@ -190,7 +270,13 @@ def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int) -> Minimu
     )
     cost = 0.5 * float(np.sum(held.residuals_at(x) ** 2))
 
+    rollouts = 0
+
     def residuals(z: np.ndarray) -> np.ndarray:
+        nonlocal rollouts
+        rollouts += 1
+        if progress is not None and rollouts % SHOWN == 0:
+            progress("identify", rollouts, None)
         at = x + turn @ z
         if ((at < bounds[0]) | (at > bounds[1]))[turned].any():
             return np.full(1, np.nan)
@@ -228,17 +314,18 @@ def _noise_cost(held: Held) -> float:
 
 
 def _ranged(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> tuple[Held, np.ndarray]:
-    """Choose scales and bounds of the unknowns about a start; bounds are (2, param)."""
-    load, rate = _loads(held, x, smoothed)
-    unknowns = held.unknowns
-    scale, low, high = np.full(len(x), TYPICAL), x - REACH, x + REACH
+    """Choose scales and bounds of the unknowns for a start; bounds are (2, param)."""
+    centre, reach = _centre(held, x)
+    load, rate = _loads(held, centre, smoothed)
+    unknowns, loads = held.unknowns, MOST_LOADS.get(held.mechanism.torque, 0.0)
+    scale, low, high = np.full(len(x), TYPICAL), centre - reach, centre + reach
     for p, name in enumerate(unknowns.names):
         if unknowns.log[p]:
             continue
         joint = next((i for i, j in enumerate(held.mechanism.joints) if name.startswith(f"{j.name}.")), None)
         kind = kind_of(name)
         if joint is not None and ".torque." in name:
-            scale[p], low[p], high[p] = 0.1 * load[joint], -10.0 * load[joint], 10.0 * load[joint]
+            scale[p], low[p], high[p] = 0.1 * load[joint], -loads * load[joint], loads * load[joint]
         elif joint is not None and kind in ("damping", "friction"):
             most = load[joint] / (rate[joint] if kind == "damping" else 1.0)
             scale[p], low[p], high[p] = 0.01 * most, 0.0, max(most, 10.0 * x[p])
@@ -246,6 +333,21 @@ def _ranged(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> tuple[
             scale[p], low[p], high[p] = max(abs(x[p]), 1e-2), -np.inf, np.inf
     low, high = np.maximum(low, unknowns.lower), np.minimum(high, unknowns.upper)
     return replace(held, change=scale), np.stack((np.minimum(low, high), high))
+
+
+def _centre(held: Held, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middle of the bounds of logarithms and their half width, both (param,).
+
+    Sizes are looked for about those of file or picture, lengths in the common scale of the start ``x``: a
+    start that matches accelerations may have bodies that are a tenth or a thousand times as thick.
+    """
+    unknowns = held.unknowns
+    kinds = [kind_of(name) for name in unknowns.names]
+    length, thickness = (np.array([kind == which for kind in kinds]) for which in ("length", "thickness"))
+    sized = unknowns.x0 + np.where(length, np.log(held.size(x)), 0.0)
+    centre = np.where((length | thickness) & unknowns.log, sized, x)
+    free = held.mechanism.torque == "free"
+    return centre, np.where(length & free, REACH_FREE, REACH)
 
 
 def _loads(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -133,7 +133,7 @@ def filtered(
     times = frozen("filter: time", times, (frames,), error=SettingsError)
     seen = np.isfinite(observed)
     heads = _heads(seen)
-    start = [_parabola(times[head]) @ observed[head, dof] for dof, head in enumerate(heads)]
+    start = [parabola(times[head]) @ observed[head, dof] for dof, head in enumerate(heads)]
     steps = _steps(times, seen, heads, gains)
     states = np.full((frames, 3, dofs), np.nan)
     for dof in range(dofs):
@@ -164,7 +164,7 @@ def filter_response(time: np.ndarray, seen: np.ndarray, gains: Gains) -> np.ndar
     found = np.zeros((frames, 2, dofs, frames))
     for dof, (steps, head) in enumerate(zip(_steps(time, seen, heads, gains), heads, strict=True)):
         state = np.zeros((3, frames))
-        state[:, head] = _parabola(time[head])
+        state[:, head] = parabola(time[head])
         for k in range(head[0], frames):
             state = steps.transition[k] @ state
             state[:, k] += steps.gain[k]
@@ -197,8 +197,12 @@ def _heads(seen: np.ndarray) -> list[np.ndarray]:
     return heads
 
 
-def _parabola(times: np.ndarray) -> np.ndarray:
-    """Position, rate and acceleration at the first of three times by the samples there, (3, 3)."""
+def parabola(times: np.ndarray) -> np.ndarray:
+    """Return position, rate and acceleration at the first of three times by the samples there, (3, 3).
+
+    Args:
+        times: Three time stamps [s], (3,).
+    """
     offset = times - times[0]
     return np.linalg.inv(np.stack((np.ones(FIRST), offset, 0.5 * offset**2), axis=1))
 
@@ -256,7 +260,7 @@ def _covariance(
             later += np.einsum("ai,ab,bk->aibk", gain, noise[k], gain)
         for dof, head in enumerate(heads):
             if head[0] == k:
-                response[head, dof, :, dof] = _parabola(times[head]).T
+                response[head, dof, :, dof] = parabola(times[head]).T
         total = later + np.einsum("eaic,ecd,ebkd->aibk", response, noise[:early], response, optimize=True)
         begun = np.tile([head[0] <= k for head in heads], 2)
         block = total[:, :2, :, :2].transpose(1, 0, 3, 2).reshape(2 * dofs, 2 * dofs)

@@ -6,14 +6,15 @@ rollout a record.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from monodyn.estimation.data import Data, Pieces
-from monodyn.estimation.filtering import Filtered
+from monodyn.estimation.filtering import FIRST, Filtered, parabola
 from monodyn.estimation.problem import Problem
+from monodyn.estimation.uncertainty import Knowledge
 
 STEP = 1e-6
 """Step of the differences that the covariance rests on, in scales of the unknowns."""
@@ -30,9 +31,9 @@ class Held(Problem):
         white: Whitening matrices of the target, (row, column, column), or None for a plain difference.
         change: Typical change of each unknown's coordinate, (param,).
         substeps: Integration steps between stamps.
-        response: The filter of each record, through which the simulated positions go as the measured ones
-            did before states are compared, each (frame, 2, dof, frame); none to compare angles alone.
-        filtered: True to compare filtered angles beside the rates, False for measured ones.
+        response: The filter of each record, each (frame, 2, dof, frame); none to compare measured angles
+            alone. With rates the simulated positions go through it as the measured ones did.
+        filtered: True to compare filtered angles, False for measured ones.
         noise: Standard deviation of a residual, by which those of ``rows`` are divided.
     """
 
@@ -74,10 +75,22 @@ class Held(Problem):
     def residuals_at(self, x: np.ndarray) -> np.ndarray:
         """Return X_s - X_e, whitened with rates, 0 where nothing was measured, (row, column)."""
         simulated = self.motion(x)
-        if self.response:
+        if self.white is not None:
             simulated = self._through_filter(simulated)
         difference = np.where(np.isfinite(self.target), simulated - self.target, 0.0)
         return difference if self.white is None else np.einsum("fij,fj->fi", self.white, difference)
+
+    def start_rows(self, x: np.ndarray) -> np.ndarray:
+        """Return the Jacobian of ``residuals_at`` by the entries of ``held``, (row, column, entry)."""
+        slopes = []
+        for entry in np.ndindex(self.held.shape):
+            ends = []
+            for step in (STEP, -STEP):
+                moved = self.held.copy()
+                moved[entry] += step
+                ends.append(replace(self, held=moved).residuals_at(x))
+            slopes.append((ends[0] - ends[1]) / (2.0 * STEP))
+        return np.stack(slopes, axis=-1)
 
     def _through_filter(self, position: np.ndarray) -> np.ndarray:
         """Angles and rates as the filter makes them of positions (row, dof), (row, 2 dof)."""
@@ -197,3 +210,129 @@ def _whitened(covariance: np.ndarray, measured: np.ndarray) -> np.ndarray:
     values = np.maximum(values, 1e-10 * values[:, -1:])
     white = np.swapaxes(vectors, 1, 2) / np.sqrt(values)[:, :, None]
     return white * measured[:, None, :]
+
+
+def start_response(data: Data) -> np.ndarray:
+    """Return what a one in each sample adds to the start states of ``held_states``, (entry, row, dof).
+
+    Args:
+        data: The measurements; every joint at least three times in each record.
+    """
+    dofs, records = data.position.shape[1], len(data.first) - 1
+    found = np.zeros((records, 2, dofs, *data.position.shape))
+    for k, (first, stop) in enumerate(zip(data.first[:-1], data.first[1:], strict=True)):
+        for dof in range(dofs):
+            head = first + np.flatnonzero(data.measured[first:stop, dof])[:FIRST]
+            back = data.times[first] - data.times[head[0]]
+            carry = np.array([[1.0, back, 0.5 * back**2], [0.0, 1.0, back]])
+            found[k, :, dof, head, dof] = (carry @ parabola(data.times[head])).T
+    return found.reshape(records * 2 * dofs, *data.position.shape)
+
+
+def target_response(held: Held) -> np.ndarray:
+    """Return what a one in each sample adds to the whitened target, (row, column, row, dof).
+
+    Args:
+        held: The problem.
+    """
+    (rows, dofs), columns = held.data.position.shape, held.target.shape[1]
+    found = np.zeros((rows, columns, rows, dofs))
+    record = np.repeat(np.arange(len(held.data.first) - 1), np.diff(held.data.first))
+    for k, response in enumerate(held.response):
+        of = np.flatnonzero((record == k) & (held.data.source >= 0))
+        at = held.data.source[of]
+        part = response[np.ix_(at, np.arange(columns // dofs), np.arange(dofs), at)]
+        for dof in range(dofs):
+            for state in range(columns // dofs):
+                found[np.ix_(of, [state * dofs + dof], of, [dof])] = part[:, state, dof][:, None, :, None]
+    if not held.filtered:
+        found[:, :dofs] = np.eye(rows * dofs).reshape(rows, dofs, rows, dofs)
+    found *= np.isfinite(held.target)[:, :, None, None]
+    if held.white is not None:
+        found = np.einsum("fij,fjed->fied", held.white, found, optimize=True)
+    return found
+
+
+def with_start_noise(held: Held, x: np.ndarray, known: Knowledge) -> tuple[Knowledge, float]:
+    """Let the noise of the samples act on the parameters both directly and by way of the start state.
+
+    Samples y with noise e have the start state s = P y and the target L y, both linear. At the optimum the
+    parameters change by A J' (L - J_s P) e with A = (J' J)^-1, and with the covariance R of the samples
+
+        C_s = P R P', C_ps = A J' (L - J_s P) R P', C_p = A J' (L - J_s P) R (L - J_s P)' J A.
+
+    For a start state that is independent of the target this is A (J' R J + J' J_s C_s J_s' J) A and
+    -A J' J_s C_s. R is the stated covariance, or larger by the factor that makes the residuals as large as
+    expected. The parabola through three samples misses what the motion has of third order: the error that
+    it makes of the simulated motion counts as one more source.
+
+    Args:
+        held: The problem, ``noise`` the size of a residual.
+        x: Coordinates of the optimum, (param,).
+        known: What would be known with the start state exact: its ``covariance`` is A.
+
+    Returns:
+        The knowledge with covariances of parameters and start states; and the factor on the stated standard
+        deviations, at least 1.
+    """
+    data, count = held.data, len(x)
+    samples = data.position.size
+    residuals, jacobian = held.rows(x, held.states(x), held.pieces, held.substeps)
+    jacobian = jacobian.reshape(-1, count)
+    by_start = held.start_rows(x).reshape(len(jacobian), -1) / held.noise
+    starts = start_response(data).reshape(-1, samples)
+    cov = _stated(data)
+    if held.response:
+        direct = target_response(held).reshape(-1, samples) / held.noise
+        along, plain = jacobian.T @ direct, float(np.sum(_times(direct, cov) * direct))
+        shared = np.sum((_times(starts, cov) @ direct.T) * by_start.T)
+    else:
+        along = jacobian.T / held.noise
+        plain = float(np.trace(cov, axis1=1, axis2=2).sum()) / held.noise**2
+        shared = np.sum(_times(starts, cov) * by_start.T) / held.noise
+    spread = _times(starts, cov) @ starts.T
+    whole = along - jacobian.T @ by_start @ starts
+    change = known.covariance @ whole
+    left = plain - 2.0 * float(shared) + float(np.sum((by_start @ spread) * by_start))
+    left -= float(np.sum((_times(whole, cov) @ whole.T) * known.covariance))
+    factor = float(np.sqrt(max(np.sum(residuals**2) / max(left, 1e-300), 1.0)))
+    ways = np.concatenate((change, starts))
+    found = factor**2 * (_times(ways, cov) @ ways.T)
+    missed = starts @ np.where(data.measured, held.motion(x), 0.0).ravel() - held.held.ravel()
+    missed = np.concatenate((-known.covariance @ (jacobian.T @ (by_start @ missed)), missed))
+    found += np.outer(missed, missed)
+    carry = _carry(held, x)
+    full = carry @ found @ carry.T
+    own = full[:count, :count]
+    std = np.where(np.isfinite(known.std), np.sqrt(np.diag(own)), np.inf)
+    return replace(known, covariance=own, std=std, full=0.5 * (full + full.T)), factor
+
+
+def _stated(data: Data) -> np.ndarray:
+    """Stated covariance of each row's samples, 0 where there are none, (row, dof, dof)."""
+    both = data.measured[:, :, None] & data.measured[:, None, :]
+    gaps = np.eye(data.measured.shape[1]) * ~data.measured[:, None, :]
+    return np.where(both, np.linalg.inv(np.swapaxes(data.white, 1, 2) @ data.white + gaps), 0.0)
+
+
+def _times(ways: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Responses to the samples (way, sample) times their covariance (row, dof, dof)."""
+    rows, dofs = covariance.shape[:2]
+    return np.einsum("wrd,rde->wre", ways.reshape(-1, rows, dofs), covariance).reshape(ways.shape)
+
+
+def _carry(held: Held, x: np.ndarray) -> np.ndarray:
+    """Change of parameters and start states [rad or m] by that of parameters and ``held.held``."""
+    count, names = len(x), held.unknowns.names
+    states = held.states(x)
+    dofs = states.shape[1] // 2
+    slide = np.tile(held.data.slide, 2)
+    clock = np.array([name == "time_scale" for name in names], dtype=float)
+    grow = slide[:, :, None] * held.prior.weights
+    grow = grow - np.repeat([0.0, 1.0], dofs)[:, None] * clock
+    unit = np.where(held.data.slide, held.size(x), 1.0)
+    unit = np.concatenate((unit, unit / held.stretch(x)), axis=1)
+    carry = np.eye(count + states.size)
+    carry[count:, :count] = (states[:, :, None] * grow).reshape(-1, count)
+    carry[count:, count:] = np.diag(unit.ravel())
+    return carry

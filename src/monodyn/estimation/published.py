@@ -20,7 +20,7 @@ from monodyn.estimation.explain import NO_PERIOD, frictionless
 from monodyn.estimation.filtering import FIRST, Gains, filter_response, filtered
 from monodyn.estimation.fit import Estimate, Fit
 from monodyn.estimation.grow import Grown, typical
-from monodyn.estimation.held import Held, held_states, targets
+from monodyn.estimation.held import Held, held_states, targets, with_start_noise
 from monodyn.estimation.periodic import SCANNED_TERMS, Undriven
 from monodyn.estimation.problem import Problem, posed
 from monodyn.estimation.settings import USUAL_TERMS, IdentifySettings
@@ -96,7 +96,8 @@ def identify_published(
         problem.mechanism, problem.unknowns, problem.prior, data, held=held_states(data, motion),
         target=target, white=white, change=np.ones(len(problem.unknowns)), substeps=1,
         response=tuple(
-            filter_response(r.time, np.isfinite(_seen(r)), gains) for r in records if settings.rates
+            filter_response(r.time, np.isfinite(_seen(r)), gains)
+            for r in records if settings.rates or settings.states == "filtered"
         ),
         filtered=settings.states == "filtered",
     )  # fmt: skip
@@ -209,7 +210,7 @@ def _fit(
     held = replace(held, noise=max(noise, 1e-12))
     grown = _grown(found, held, residuals)
     known = know(held, replace(grown, states=np.zeros((len(records), 0))))
-    known = replace(known, full=np.pad(known.full, (0, grown.states.size)))
+    known, factor = with_start_noise(held, x, known)
     fit = collected(held, grown, known, records, freedom, began)
     status, ok = _verdict(held, x, fit.rms, settings, model.period)
     open_names = known.without_effect(held.unknowns.names)

@@ -327,7 +327,7 @@ CLAIMS: tuple[tuple[str, str, str, Judge], ...] = (
     (
         "Accuracy grows with the number of frames.",
         "Case I, Fig. 7",
-        "on the same late frames the most frames do better than the fewest, rank correlation below -0.5",
+        "on the same late frames the most frames do better than the fewest, rank correlation below −0.5",
         more_frames_are_better,
     ),
     (

@@ -56,8 +56,9 @@ SHOWN = 4
 """Frames whose pictures are shown."""
 CAPTIONS = {
     "I": "The structure of the friction torque is known. The frames after the shaded ones are predicted.",
-    "filtered": "As Figure 7, but fitted to the filtered states.",
-    "II": "The torque of each joint is a Fourier series; its period is estimated from the poses beforehand.",
+    "filtered": "As Figure 7, but fitted to the filtered states; the default method does not filter.",
+    "II": "The torque of each joint is a Fourier series; its period is estimated from the poses beforehand, "
+    "from those of the whole clip where the fitted ones are too few.",
     "III": "One torque a joint and time stamp. None acts after the fitted frames: nothing says what it is.",
 }
 

@@ -20,7 +20,7 @@ PROBLEMS = {
     "place": (1, "place", "(2) camera place"),
 }
 """Panel, colour and name of each sub-problem of the sequential framework."""
-LEAST_SHOWN = 1e-4
+LEAST_SHOWN = 1e-9
 """Objectives below are solved as well as pixels tell, and are left out of a logarithmic axis."""
 
 
@@ -234,16 +234,17 @@ def history_figure(seen: Seen) -> Figure | None:
             drawings, values = (done + history.evaluations)[shown], history.values[shown]
             contents[which].append(series("steps", colour, drawings, values, name))
         done += int(history.evaluations[-1])
+    drawn = {line["colour"] for content in contents for line in content}
     return Figure(
         "Figure 2: objectives of the sequential framework",
         "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn; the "
-        f"choice of the start before it drew more. Values below {LEAST_SHOWN:g} are left out.",
+        "choice of the start before it drew more. Values below a billionth are left out.",
         2,
         [
             panel("(3) and (4): area of |I_a − I_m|", "px", contents[0], log=True, across=across),
             panel("(1) in px⁴, (2) in px²", "", contents[1], log=True, across=across),
         ],
-        tuple(("line", colour, name) for _, colour, name in PROBLEMS.values()),
+        [("line", colour, name) for _, colour, name in PROBLEMS.values() if colour in drawn],
     )
 
 

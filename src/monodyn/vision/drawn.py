@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
+from monodyn.vision.rig import Rig
 from monodyn.vision.silhouette import hulls, link_frames, mismatch, outline_counts, project
 
 NOWHERE = 1e18
@@ -39,30 +40,12 @@ def moment_sums(weight: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def drawn(
-    sums: np.ndarray,
-    parent: np.ndarray,
-    kind: np.ndarray,
-    links: np.ndarray,
-    link: np.ndarray,
-    first: np.ndarray,
-    points: np.ndarray,
-    radius: np.ndarray,
-    camera: np.ndarray,
-    position: np.ndarray,
-) -> np.ndarray:
+def drawn(sums: np.ndarray, rig: Rig, position: np.ndarray) -> np.ndarray:
     """Sum pictures over the drawn silhouette of one pose.
 
     Args:
         sums: Row prefix sums of each picture, (picture, height, width + 1).
-        parent: Parent of each link, (dof,).
-        kind: Joint kinds, (dof,).
-        links: Link table, (dof, 14).
-        link: Link of each geom.
-        first: Where each geom's points start.
-        points: Points of the geoms.
-        radius: Radius of the geoms.
-        camera: From ``camera_array``.
+        rig: The mechanism and its camera.
         position: Joint positions, (dof,).
 
     Returns:
@@ -70,12 +53,12 @@ def drawn(
         where it cannot be drawn; (1 + picture,).
     """
     pictures = sums.shape[0]
-    geoms = radius.shape[0]
+    geoms = rig.radius.shape[0]
     out = np.full(1 + pictures, np.nan)
-    starts = outline_counts(first, radius)
+    starts = outline_counts(rig.first, rig.radius)
     px = np.empty((starts[geoms], 2))
-    frames = link_frames(parent, kind, links, position)
-    if not project(frames, link, first, points, radius, camera, px):
+    frames = link_frames(rig.parent, rig.kind, rig.links, position)
+    if not project(frames, rig.link, rig.first, rig.points, rig.radius, rig.camera, px):
         return out
     hull = np.empty(starts[geoms] + 2 * geoms + 2, dtype=np.int64)
     hull_first = np.zeros(geoms + 1, dtype=np.int64)
@@ -92,14 +75,7 @@ def drawn(
 def placed_mismatch(
     sums: np.ndarray,
     moments: np.ndarray,
-    parent: np.ndarray,
-    kind: np.ndarray,
-    links: np.ndarray,
-    link: np.ndarray,
-    first: np.ndarray,
-    points: np.ndarray,
-    radius: np.ndarray,
-    camera: np.ndarray,
+    rig: Rig,
     positions: np.ndarray,
     seen: np.ndarray,
     moves: np.ndarray,
@@ -112,14 +88,7 @@ def placed_mismatch(
     Args:
         sums: Row prefix sums of the seen silhouette.
         moments: From ``moment_sums``.
-        parent: Parent of each link, (dof,).
-        kind: Joint kinds, (dof,).
-        links: Link table, (dof, 14).
-        link: Link of each geom.
-        first: Where each geom's points start.
-        points: Points of the geoms.
-        radius: Radius of the geoms.
-        camera: From ``camera_array``, where the camera starts.
+        rig: The mechanism and where the camera starts.
         positions: Joint positions, (pose, dof).
         seen: Area [px^2] and centroid x, y [px] of the seen silhouette, (3,).
         moves: True where x, y and depth of the camera may change, bool (3,).
@@ -132,9 +101,10 @@ def placed_mismatch(
     places = np.empty((positions.shape[0], 3))
     both = sums.reshape((1, sums.shape[0], sums.shape[1]))
     for i in range(positions.shape[0]):
-        own = camera.copy()
+        own = rig.camera.copy()
+        before = Rig(rig.parent, rig.kind, rig.links, rig.link, rig.first, rig.points, rig.radius, own)
         for _ in range(2):
-            d = drawn(moments, parent, kind, links, link, first, points, radius, own, positions[i])
+            d = drawn(moments, before, positions[i])
             if not d[1] > 0.0:
                 break
             growth = math.sqrt(d[1] / seen[0]) if moves[2] else 1.0
@@ -145,7 +115,7 @@ def placed_mismatch(
             if moves[1]:
                 own[10] -= (y / growth - (seen[2] - own[14])) / scale
             own[11] *= growth
-        d = drawn(both, parent, kind, links, link, first, points, radius, own, positions[i])
+        d = drawn(both, before, positions[i])
         costs[i] = d[0] - 2.0 * d[1] if d[0] >= 0.0 else NOWHERE
         places[i] = own[9:12]
     return costs, places

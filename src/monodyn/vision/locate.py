@@ -419,6 +419,6 @@ def _unexplained(frames: KeyFrames, bundle: Bundle, picks: list[int]) -> float:
     shares = []
     for i, q in zip(picks, bundle.positions, strict=True):
         frame = frames.frames[i]
-        cost = pose_mismatch(frame.sums, *rig, q[np.newaxis], len(rig.radius))[0]
+        cost = pose_mismatch(frame.sums, rig, q[np.newaxis], len(rig.radius))[0]
         shares.append((frame.area + float(cost)) / max(frame.area, 1.0))
     return float(np.median(shares))

@@ -53,7 +53,7 @@ def mismatch(image: Seen, rig: Rig, position: np.ndarray) -> float:
     Source:
         The 2012 paper, eq. (3), (4) and (5).
     """
-    area, common = drawn(image.sums[np.newaxis], *rig, position)
+    area, common = drawn(image.sums[np.newaxis], rig, position)
     return image.area + area - 2.0 * common if area >= 0.0 else NOWHERE
 
 
@@ -68,7 +68,7 @@ def area_gap(image: Seen, rig: Rig, position: np.ndarray) -> float:
     Source:
         The 2012 paper, eq. (1).
     """
-    area = drawn(image.moments[:1], *rig, position)[1]
+    area = drawn(image.moments[:1], rig, position)[1]
     return (image.area - area) ** 2 if area >= 0.0 else NOWHERE
 
 
@@ -83,7 +83,7 @@ def centroid_gap(image: Seen, rig: Rig, position: np.ndarray) -> float:
     Source:
         The 2012 paper, eq. (2).
     """
-    _, area, x, y = drawn(image.moments, *rig, position)
+    _, area, x, y = drawn(image.moments, rig, position)
     return (image.x - x / area) ** 2 + (image.y - y / area) ** 2 if area > 0.0 else NOWHERE
 
 
@@ -105,7 +105,7 @@ def fit_depth(
     """
     rig, camera = view.rig, view.base.camera
     depth = float(camera[DEPTH])
-    area = max(float(drawn(image.moments[:1], *rig, view.position)[0]), 1.0)
+    area = max(float(drawn(image.moments[:1], rig, view.position)[0]), 1.0)
     likely = depth * float(np.sqrt(area / image.area))
     lower, upper = min(0.1 * likely, depth), max(10.0 * likely, depth)
     calls: list[float] = []
@@ -140,7 +140,7 @@ def fit_place(
     columns = [column for column, moves in zip((X, Y), view.moves, strict=False) if moves]
     scale = float(camera[DEPTH] / camera[12])
     height, width = image.sums.shape[0], image.sums.shape[1] - 1
-    _, area, sum_x, sum_y = drawn(image.moments, *rig, view.position)
+    _, area, sum_x, sum_y = drawn(image.moments, rig, view.position)
     middle = [sum_x / area, sum_y / area] if area > 0.0 else [0.5 * width, 0.5 * height]
     reach = {X: (middle[0] - width, middle[0]), Y: (-middle[1], height - middle[1])}
     start = camera[columns]
@@ -310,7 +310,7 @@ def _following(image: Seen, view: View, rig: Rig, position: np.ndarray) -> tuple
     """Return the mismatch before the camera that follows, and its x, y and depth."""
     facts = np.array([image.area, image.x, image.y])
     costs, places = placed_mismatch(
-        image.sums, image.moments, *rig, position[np.newaxis], facts, np.array(view.moves)
+        image.sums, image.moments, rig, position[np.newaxis], facts, np.array(view.moves)
     )
     return image.area + float(costs[0]), places[0]
 

@@ -84,7 +84,7 @@ def place(
         )  # fmt: skip
         polished.append(q)
     both = np.vstack([beam, np.array(polished)])
-    costs = pose_mismatch(frame.sums, *rig, both, len(rig.radius))
+    costs = pose_mismatch(frame.sums, rig, both, len(rig.radius))
     best = int(np.argmin(costs))
     return both[best], (frame.area + float(costs[best])) / max(frame.area, 1.0)
 
@@ -117,7 +117,7 @@ def _beam(frame: KeyFrame, rig: Rig, mechanism: Mechanism) -> np.ndarray:
         grid = np.repeat(poses, len(values), axis=0)
         grid[:, i] = np.tile(values, len(poses))
         geoms = int(np.sum(rig.link <= i))
-        new = pose_mismatch(frame.sums, *rig, grid, geoms)
+        new = pose_mismatch(frame.sums, rig, grid, geoms)
         if geoms == int(np.sum(rig.link < i)):
             poses, costs = grid, new
             continue

@@ -18,6 +18,7 @@ from numba import njit
 
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
 from monodyn.types import FULL
+from monodyn.vision.rig import Rig
 
 RING = 32
 """Points on the outline of a ball."""
@@ -300,46 +301,27 @@ def mismatch(
 
 
 @njit(cache=True)
-def pose_mismatch(
-    sums: np.ndarray,
-    parent: np.ndarray,
-    kind: np.ndarray,
-    links: np.ndarray,
-    link: np.ndarray,
-    first: np.ndarray,
-    points: np.ndarray,
-    radius: np.ndarray,
-    camera: np.ndarray,
-    positions: np.ndarray,
-    geoms: int,
-) -> np.ndarray:
+def pose_mismatch(sums: np.ndarray, rig: Rig, positions: np.ndarray, geoms: int) -> np.ndarray:
     """Evaluate the mismatch of many poses over the first ``geoms`` geoms.
 
     Args:
         sums: From ``row_sums``.
-        parent: Parent of each link, (dof,).
-        kind: Joint kinds, (dof,).
-        links: Link table, (dof, 14).
-        link: Link of each geom.
-        first: Where each geom's points start.
-        points: Points of the geoms.
-        radius: Radius of the geoms.
-        camera: From ``camera_array``.
+        rig: The mechanism and its camera.
         positions: Joint positions, (pose, dof).
         geoms: Number of geoms that count.
 
     Returns:
         The sum of ``1 - 2 I_a`` over the silhouette for each pose [px^2], (pose,).
     """
-    starts = outline_counts(first[: geoms + 1], radius[:geoms])
+    starts = outline_counts(rig.first[: geoms + 1], rig.radius[:geoms])
     px = np.empty((starts[geoms], 2))
     hull = np.empty(starts[geoms] + 2 * geoms + 2, dtype=np.int64)
     hull_first = np.zeros(geoms + 1, dtype=np.int64)
     spans = np.empty((3 * sums.shape[0], max(geoms, 1), 2))
     costs = np.empty(positions.shape[0])
     for i in range(positions.shape[0]):
-        frames = link_frames(parent, kind, links, positions[i])
-        if not project(frames, link[:geoms], first, points, radius, camera, px):
+        frames = link_frames(rig.parent, rig.kind, rig.links, positions[i])
+        if not project(frames, rig.link[:geoms], rig.first, rig.points, rig.radius, rig.camera, px):
             costs[i] = 1e18
             continue
         hulls(px, starts, geoms, hull, hull_first)

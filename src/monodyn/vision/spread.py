@@ -133,7 +133,7 @@ def spread_pose(
         grid = np.repeat(poses, len(values), axis=0)
         grid[:, i] = np.tile(values, len(poses))
         geoms = int(np.sum(rig.link <= i))
-        costs = pose_mismatch(image.sums, *rig, grid, geoms)
+        costs = pose_mismatch(image.sums, rig, grid, geoms)
         evaluations += len(grid)
         poses = grid[np.argsort(costs, kind="stable")]
         poses = _unlike(poses, i, (high[i] - low[i]) / ANGLES)[:BEAM]
@@ -198,7 +198,7 @@ def _scaled(image: Seen, view: View, pattern: np.ndarray, pose: np.ndarray) -> n
     """Return the sizes of a pattern; where the depth is known they give the seen area."""
     sizes = _bounded(view, pattern)
     if not view.moves[2] and len(sizes):
-        area = float(drawn(image.moments[:1], *view.rig_with(sizes), pose)[0])
+        area = float(drawn(image.moments[:1], view.rig_with(sizes), pose)[0])
         sizes = np.clip(sizes * np.sqrt(image.area / max(area, 1.0)), view.lower, view.upper)
     return sizes
 
@@ -211,7 +211,7 @@ def _ranked(image: Seen, view: View, sizes: np.ndarray, poses: np.ndarray) -> tu
     """Return the mismatch of poses before cameras that follow, and the cameras' places."""
     facts = np.array([image.area, image.x, image.y])
     return placed_mismatch(
-        image.sums, image.moments, *view.rig_with(sizes), poses, facts, np.array(view.moves)
+        image.sums, image.moments, view.rig_with(sizes), poses, facts, np.array(view.moves)
     )
 
 
