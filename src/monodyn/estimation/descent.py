@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -94,25 +94,36 @@ def descend(
         smoothed: Smooth motion of each record.
         start: Coordinates at which a torque of the period explains the accelerations, (param,), or None.
         settings: Starts, seed, evaluations (each as many rollouts as a gradient takes), error bound.
-        progress: Called as ``progress("identify", done, None)`` after each start.
+        progress: Called as ``progress("identify", rollouts, None)`` every few hundred rollouts.
 
     Returns:
         The best end, or None where no start can be simulated.
     """
     motion = motion_sizes(held.data)
     best: Descent | None = None
-    evaluations, tried = 0, 0
+    evaluations, tried, tick = 0, 0, _ticker(progress)
     for x in _starts(held, smoothed, start, settings):
-        found = _search(held, x, smoothed, settings, MOST_ROLLOUTS - evaluations, progress)
+        found = _search(held, x, smoothed, settings, MOST_ROLLOUTS - evaluations, tick)
         tried += 1
         if found is not None:
             evaluations += found.evaluations
             best = found if best is None or found.size < best.size else best
-        if progress is not None:
-            progress("identify", tried, None)
         if evaluations >= MOST_ROLLOUTS or (found is not None and (_rms(found) < CLOSE * motion).all()):
             break
     return None if best is None else replace(best, evaluations=evaluations, tried=tried)
+
+
+def _ticker(progress: Progress | None) -> Callable[[], None]:
+    """Return what counts rollouts and shows every few hundred of them."""
+    count = 0
+
+    def tick() -> None:
+        nonlocal count
+        count += 1
+        if progress is not None and count % SHOWN == 0:
+            progress("identify", count, None)
+
+    return tick
 
 
 def _rms(found: Descent) -> np.ndarray:
@@ -128,8 +139,8 @@ def _starts(
     """Yield starts: that of the guessed period, then those of the default search without a torque.
 
     A Fourier series starts as that of the torque that the smoothed poses ask for there, eq. (12) and (13);
-    free torques as those that lead the motion of the file's bodies, in the scale that asks for the least torque, along
-    the poses.
+    free torques as those that lead the motion of the file's bodies, in the scale of the start, along the
+    poses.
     """
     driven = held.mechanism.torque != "friction"
     count = min(settings.starts, MOST_DRIVEN) if driven else settings.starts
@@ -213,14 +224,14 @@ def _search(
     smoothed: tuple[Smoothed, ...],
     settings: IdentifySettings,
     most: int,
-    progress: Progress | None,
+    tick: Callable[[], None],
 ) -> Descent | None:
     """Search from one start; again where the end needs more integration steps than the start did."""
     held, bounds = _ranged(held, x, smoothed)
     x = np.clip(x, *bounds)
     evaluations, converged = 0, False
     if held.mechanism.torque == "free":
-        x, evaluations = _grown(held, x, bounds, smoothed[0], most // 2, progress)
+        x, evaluations = _grown(held, x, bounds, smoothed[0], most // 2, tick)
     error = np.inf
     for _ in range(3):
         substeps, error = choose_substeps(held, x, held.states(x), held.pieces, settings.error_bound)
@@ -230,7 +241,7 @@ def _search(
         allowed = min(EACH * settings.evaluations * (len(x) + 1), most - evaluations)
         if allowed <= len(x):
             break
-        end = _minimum(held, x, bounds, allowed, progress)
+        end = _minimum(held, x, bounds, allowed, tick)
         evaluations += end.evaluations
         if not np.isfinite(end.value):
             return None
@@ -239,7 +250,7 @@ def _search(
 
 
 def _grown(
-    held: Held, x: np.ndarray, bounds: np.ndarray, smoothed: Smoothed, most: int, progress: Progress | None
+    held: Held, x: np.ndarray, bounds: np.ndarray, smoothed: Smoothed, most: int, tick: Callable[[], None]
 ) -> tuple[np.ndarray, int]:
     """Fit free torques to the first samples, then to more, each time led on from the end of what fits."""
     rows, evaluations = len(held.data.times), 0
@@ -248,13 +259,13 @@ def _grown(
         part = replace(held, substeps=LED, target=np.where(late, np.nan, held.target))
         if not np.isfinite(part.residuals_at(x)).all() or evaluations >= most:
             break
-        end = _minimum(part, x, bounds, min(MOST_GROWN, most - evaluations), progress)
+        end = _minimum(part, x, bounds, min(MOST_GROWN, most - evaluations), tick)
         evaluations += end.evaluations
         x = np.clip(_led(held, end.x, smoothed, stop), *bounds)
     return x, evaluations
 
 
-def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int, progress: Progress | None) -> Minimum:
+def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int, tick: Callable[[], None]) -> Minimum:
     """Search within bounds (2, param) by the paper's solver, unknowns in units of their scale.
 
     Free torques are searched along their modes instead, of which the bounds are kept by the penalty.
@@ -270,13 +281,8 @@ def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int, progress:
     )
     cost = 0.5 * float(np.sum(held.residuals_at(x) ** 2))
 
-    rollouts = 0
-
     def residuals(z: np.ndarray) -> np.ndarray:
-        nonlocal rollouts
-        rollouts += 1
-        if progress is not None and rollouts % SHOWN == 0:
-            progress("identify", rollouts, None)
+        tick()
         at = x + turn @ z
         if ((at < bounds[0]) | (at > bounds[1]))[turned].any():
             return np.full(1, np.nan)

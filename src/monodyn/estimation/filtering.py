@@ -52,7 +52,7 @@ class Gains:
     @property
     def stable(self) -> bool:
         """True when an error of the filter's states dies out: gamma < 2 alpha beta / (2 - alpha)."""
-        return self.gamma < 2.0 * self.alpha * self.beta / (2.0 - self.alpha)
+        return self.gamma < (1.0 - 1e-9) * 2.0 * self.alpha * self.beta / (2.0 - self.alpha)
 
     @classmethod
     def of(cls, values: Sequence[float]) -> Gains:

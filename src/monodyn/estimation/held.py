@@ -244,7 +244,9 @@ def target_response(held: Held) -> np.ndarray:
         part = response[np.ix_(at, np.arange(columns // dofs), np.arange(dofs), at)]
         for dof in range(dofs):
             for state in range(columns // dofs):
-                found[np.ix_(of, [state * dofs + dof], of, [dof])] = part[:, state, dof][:, None, :, None]
+                found[np.ix_(of, np.array([state * dofs + dof]), of, np.array([dof]))] = part[:, state, dof][
+                    :, None, :, None
+                ]
     if not held.filtered:
         found[:, :dofs] = np.eye(rows * dofs).reshape(rows, dofs, rows, dofs)
     found *= np.isfinite(held.target)[:, :, None, None]
@@ -253,7 +255,7 @@ def target_response(held: Held) -> np.ndarray:
     return found
 
 
-def with_start_noise(held: Held, x: np.ndarray, known: Knowledge) -> tuple[Knowledge, float]:
+def with_start_noise(held: Held, x: np.ndarray, known: Knowledge) -> Knowledge:
     """Let the noise of the samples act on the parameters both directly and by way of the start state.
 
     Samples y with noise e have the start state s = P y and the target L y, both linear. At the optimum the
@@ -272,8 +274,7 @@ def with_start_noise(held: Held, x: np.ndarray, known: Knowledge) -> tuple[Knowl
         known: What would be known with the start state exact: its ``covariance`` is A.
 
     Returns:
-        The knowledge with covariances of parameters and start states; and the factor on the stated standard
-        deviations, at least 1.
+        The knowledge with covariances of parameters and start states.
     """
     data, count = held.data, len(x)
     samples = data.position.size
@@ -295,9 +296,9 @@ def with_start_noise(held: Held, x: np.ndarray, known: Knowledge) -> tuple[Knowl
     change = known.covariance @ whole
     left = plain - 2.0 * float(shared) + float(np.sum((by_start @ spread) * by_start))
     left -= float(np.sum((_times(whole, cov) @ whole.T) * known.covariance))
-    factor = float(np.sqrt(max(np.sum(residuals**2) / max(left, 1e-300), 1.0)))
+    larger = max(float(np.sum(residuals**2)) / max(left, 1e-300), 1.0) if len(jacobian) > count else 1.0
     ways = np.concatenate((change, starts))
-    found = factor**2 * (_times(ways, cov) @ ways.T)
+    found = larger * (_times(ways, cov) @ ways.T)
     missed = starts @ np.where(data.measured, held.motion(x), 0.0).ravel() - held.held.ravel()
     missed = np.concatenate((-known.covariance @ (jacobian.T @ (by_start @ missed)), missed))
     found += np.outer(missed, missed)
@@ -305,7 +306,7 @@ def with_start_noise(held: Held, x: np.ndarray, known: Knowledge) -> tuple[Knowl
     full = carry @ found @ carry.T
     own = full[:count, :count]
     std = np.where(np.isfinite(known.std), np.sqrt(np.diag(own)), np.inf)
-    return replace(known, covariance=own, std=std, full=0.5 * (full + full.T)), factor
+    return replace(known, covariance=own, std=std, full=0.5 * (full + full.T))
 
 
 def _stated(data: Data) -> np.ndarray:
