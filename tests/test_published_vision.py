@@ -33,7 +33,7 @@ from monodyn.vision.published import locate_published, size_ratios
 from monodyn.vision.rig import rig_of
 from monodyn.vision.segment import Masks
 from monodyn.vision.sequential import sequential
-from monodyn.vision.spread import evolved_starts, spread_pose, spread_starts
+from monodyn.vision.spread import BUDGET, evolved_starts, spread_pose, spread_starts
 from monodyn.vision.threshold import OPEN, holds, otsu_level, silhouette
 from monodyn.vision.track import TrackSettings
 from monodyn.vision.view import Seen, View, seen, view_of
@@ -249,6 +249,15 @@ def test_starts_lead_to_the_pose(tmp_path: Path, search: object) -> None:
     ends = [sequential(image, start)[0] for start in starts]
     errors = [np.abs((end.position - POSE + np.pi) % (2 * np.pi) - np.pi).max() for end in ends]
     assert min(errors) < np.radians(0.3)
+
+
+@pytest.mark.parametrize("links", [2, 7, 9])
+def test_the_spread_keeps_to_its_number_of_poses(tmp_path: Path, links: int) -> None:
+    """A grid of four values a joint would have 262,000 poses for nine links; each is drawn three times."""
+    mechanism = model(tmp_path, lengths=(0.04,) * links, widths=(0.02,) * links)
+    starts, drawings = spread_starts(image_of(), view(mechanism, q=np.zeros(links)), 4)
+    assert len(starts) == 4
+    assert drawings <= 3 * BUDGET * links
 
 
 def test_the_evolution_takes_its_seed(tmp_path: Path) -> None:

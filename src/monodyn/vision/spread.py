@@ -18,6 +18,8 @@ from monodyn.vision.view import Seen, View, X
 
 BUDGET = 12_000
 """Poses drawn by one spread, by joint."""
+COARSEST = 4
+"""Fewest values of each joint in a grid of poses."""
 PATTERNED = 3
 """Most lengths whose proportions are tried."""
 LENGTHS = (0.6, 1.7)
@@ -166,10 +168,14 @@ def _ranges(image: Seen, view: View) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _grid(image: Seen, view: View, most: int) -> np.ndarray:
-    """Return poses spread evenly over the joint ranges, (pose, dof)."""
+    """Return poses spread evenly over the joint ranges, (pose, dof): a grid, scattered where it is coarse."""
     low, high = _ranges(image, view)
     moving = int(np.sum(high > low))
-    each = max(4, int(most ** (1.0 / max(moving, 1))))
+    each = int(most ** (1.0 / max(moving, 1)))
+    if each < COARSEST:
+        from scipy.stats.qmc import Halton
+
+        return low + (high - low) * Halton(len(low), scramble=False).random(most)
     axes = []
     for i in range(len(low)):
         turn = view.base.kind[i] == 0 and high[i] - low[i] >= 2.0 * np.pi - 1e-9
