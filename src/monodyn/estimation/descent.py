@@ -40,7 +40,7 @@ MOST_GROWN = 2500
 """Rollouts for each of those parts at the most."""
 LED = 16
 """Integration steps between stamps for that."""
-MOST_DRIVEN = 2
+MOST_STARTS = {"fourier": 2, "free": 1}
 """Starts at the most with a torque over time, whose many unknowns make up for a start that is off."""
 EACH = 4
 """Evaluations of a quasi-Newton search for one of Gauss and Newton."""
@@ -142,8 +142,7 @@ def _starts(
     free torques as those that lead the motion of the file's bodies, in the scale of the start, along the
     poses.
     """
-    driven = held.mechanism.torque != "friction"
-    count = min(settings.starts, MOST_DRIVEN) if driven else settings.starts
+    count = min(settings.starts, MOST_STARTS.get(held.mechanism.torque, settings.starts))
     if start is not None:
         yield _driven(held, start, smoothed)
         count -= 1
