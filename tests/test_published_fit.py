@@ -227,6 +227,27 @@ def test_case_three_on_a_chaotic_second():
     assert sorted(step[1] for step in shown) == [step[1] for step in shown]
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_case_three_on_two_thirds_of_a_second(seed):
+    truth = double_truth()
+    position = motion(truth, TIMES[:20], [0.9, 0.6], [0.0, 0.0])
+    poses = record(truth, TIMES[:20], position, noise=np.radians(0.1), seed=seed)
+    fit = identify_published([poses], load("double"), replace(PAPER, torque="free"))
+    assert fit.ok, fit.status
+    assert max(fit.rms.values()) < np.radians(0.2)
+    for body in ("link1", "link2"):  # within the bounds about the start, which is within two of the truth
+        assert 1.0 / 6.0 < fit.mechanism.values[f"{body}.length"] / truth.values[f"{body}.length"] < 6.0
+
+
+def test_a_passive_pendulum_has_no_period():
+    """A fault that follows the motion, angles 0.2 % too large, is no torque."""
+    truth, times = double_truth(), np.arange(120) / 30.0
+    poses = record(truth, times, 1.002 * motion(truth, times, [-1.2, 0.3], [0.0, 0.0]), noise=1e-3)
+    fit = identify_published([poses], load("double"), replace(PAPER, torque="fourier"))
+    assert not fit.ok
+    assert fit.status == NO_PERIOD
+
+
 def test_gains_without_effect_and_ringing():
     truth = load("single").with_values({"link1.length": 0.26})
     poses = record(truth, TIMES, motion(truth, TIMES, [0.8], [0.0]))

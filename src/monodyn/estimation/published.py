@@ -16,7 +16,7 @@ from monodyn.estimation import advice as say
 from monodyn.estimation.conclude import collected, refuse
 from monodyn.estimation.data import Data, ordered, prepare
 from monodyn.estimation.descent import Descent, descend
-from monodyn.estimation.explain import NO_PERIOD, frictionless
+from monodyn.estimation.explain import NO_PERIOD, Task, by_series, frictionless
 from monodyn.estimation.extend import stands_out
 from monodyn.estimation.filtering import Gains, filter_response, filtered
 from monodyn.estimation.fit import Fit
@@ -180,6 +180,9 @@ def _periodic(
     known = undriven.bounds[0] == undriven.bounds[1]
     if not guesses:
         return _Model(problem, None if known else NO_PERIOD)
+    # a series makes up for what the model lacks; whether a torque acts at all the default search tells
+    if not known and by_series(mechanism, Task(problem.data, smoothed, settings, None)).grown is None:
+        return _Model(problem, NO_PERIOD)
     period = guesses[0].period
     if not known:
         problem = posed(_of_period(mechanism, settings.terms or USUAL_TERMS, period), problem.data)

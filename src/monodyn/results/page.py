@@ -66,6 +66,9 @@ def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
         facts=_facts(fit, traces, page),
         plots=plots,
         torques=torques,
+        with_friction=not any(
+            value for name, value in fit.mechanism.values.items() if name.endswith((".damping", ".friction"))
+        ),
         pictures=[
             {"data": base64.b64encode(data).decode("ascii"), "caption": caption}
             for data, caption in page.pictures
