@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.data import Pieces, prepare
 from monodyn.estimation.fit import Fit
-from monodyn.estimation.grow import Grown
-from monodyn.estimation.problem import Problem
-from monodyn.estimation.uncertainty import know
-from monodyn.estimation.unknowns import choose_unknowns, size_prior
+from monodyn.estimation.record.samples import Pieces, prepare
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.shoot import Grown
+from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
+from monodyn.estimation.verdict.uncertainty import know
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
 

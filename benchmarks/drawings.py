@@ -9,8 +9,8 @@ import numpy as np
 
 from clips import Clip
 from monodyn.types import Poses
-from monodyn.vision.locate import Scene
-from monodyn.vision.outline import outline
+from monodyn.vision.drawing.outline import outline
+from monodyn.vision.locating.locate import Scene
 
 COLUMNS = 5
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from monodyn.estimation.identify import IdentifySettings, identify
-from monodyn.estimation.records import read_poses
+from monodyn.estimation.record.tables import read_poses
 from monodyn.mechanism import load
 
 COLUMNS = {

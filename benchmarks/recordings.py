@@ -10,9 +10,9 @@ import numpy as np
 import monodyn
 from encoders import COLUMNS
 from figures import Figure, say
-from monodyn.vision.bundle import refine
-from monodyn.vision.camera import pixels
-from monodyn.vision.locate import Scene
+from monodyn.vision.drawing.camera import pixels
+from monodyn.vision.locating.bundle import refine
+from monodyn.vision.locating.locate import Scene
 
 LOOKS = 30
 """Frames spread over a clip in which the first link is measured by itself."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from monodyn.mechanism import load
-from monodyn.mechanism.dynamics import rollout
+from monodyn.mechanism.simulate import rollout
 from monodyn.types import Poses
 
 NOISE = 0.002
@@ -23,12 +23,8 @@ def scaled(mechanism, **factors):
 
 
 def motion(mechanism, times, q0, v0, steps=16):
-    tree = mechanism.tree
-    q, _ = rollout(
-        tree.parent, tree.kind, tree.links, tree.gravity, np.asarray(times, float), steps,
-        np.array(q0, float), np.array(v0, float),
-    )  # fmt: skip
-    return q
+    start = np.array(q0, float), np.array(v0, float)
+    return rollout(mechanism.tree, np.asarray(times, float), *start, substeps=steps)[0]
 
 
 def record(mechanism, times, position, *, noise=NOISE, seed=0, metric=True):

@@ -23,7 +23,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.checks import check_tracked
 from monodyn.results.folder import FILES, RunFolder
 from monodyn.types import Poses
-from monodyn.vision.video import read
+from monodyn.vision.clip.video import read
 
 CLIP, MODEL = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
 

@@ -6,12 +6,12 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.types import FULL, Camera
-from monodyn.vision.bundle import refine, size_information
-from monodyn.vision.contour import edge_terms
-from monodyn.vision.follow import follow
-from monodyn.vision.outline import outline
-from monodyn.vision.palette import View
-from monodyn.vision.rig import rig_of
+from monodyn.vision.drawing.edges import edge_terms
+from monodyn.vision.drawing.follow import follow
+from monodyn.vision.drawing.outline import outline
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.foreground.palette import View
+from monodyn.vision.locating.bundle import refine, size_information
 
 CAMERA = Camera(320, 240, 300.0, x=0.05, y=-0.1, depth=0.9)
 REACHES = np.array([8.0, 6.0, 4.0, 4.0, 4.0])

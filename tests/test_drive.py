@@ -145,27 +145,27 @@ def test_driven_mechanisms_have_free_bodies_and_directions_as_others(model: str)
     assert driven.parameters[: len(plain.parameters)] == plain.parameters
     assert all(driven.parameter(name).free for name in torques)
     names = ["link1.length", *torques, "gravity"]
-    links, gravity = driven.directions(names)
+    found = driven.directions(names)
     expected = plain.directions(["link1.length", "gravity"])
-    assert np.array_equal(links[[0, -1]], expected[0])
-    assert np.array_equal(gravity[[0, -1]], expected[1])
-    assert not links[1:-1].any()
-    assert not gravity[1:-1].any()
-    assert all(part.shape[0] == len(torques) for part in driven.directions(torques))
+    assert np.array_equal(found.links[:, :, [0, -1]], expected.links)
+    assert np.array_equal(found.gravity[:, [0, -1]], expected.gravity)
+    assert not found.links[:, :, 1:-1].any()
+    assert not found.gravity[:, 1:-1].any()
+    assert driven.directions(torques).links.shape[2] == len(torques)
 
 
 @pytest.mark.parametrize("model", ["fourier", "free"])
-def test_ways_are_the_entries_that_a_parameter_changes(model: str) -> None:
+def test_drive_entries_are_the_entries_that_a_parameter_changes(model: str) -> None:
     mechanism = load("double").with_torque(model, terms=2, knots=KNOT_TIMES, period=1.0)
     torques = [p.name for p in mechanism.parameters if ".torque." in p.name]
     names = ["gravity", *torques[::-1][:-1]]
-    way = mechanism.drive_ways(names)
+    way = mechanism.drive_entries(names)
     assert way.shape == mechanism.drive.table.shape
     for k, name in enumerate(names):
         changed = mechanism.with_values({name: 0.5}).drive.table != mechanism.drive.table
         assert np.array_equal(way == k, changed)
     assert np.sum(way == -1) == 1
-    assert np.array_equal(load("double").drive_ways(names[:1]), np.zeros((2, 0)))
+    assert np.array_equal(load("double").drive_entries(names[:1]), np.zeros((2, 0)))
 
 
 def test_a_part_called_torque_keeps_its_parameters(tmp_path: Path) -> None:

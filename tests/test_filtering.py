@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter, ss2tf
 
 from monodyn.errors import SettingsError, VideoError
-from monodyn.estimation.filtering import Gains, filter_response, filtered
+from monodyn.paper.filter import Gains, filter_response, filtered
 
 GAINS = Gains(0.4, 0.1, 0.05)
 UNEVEN = np.cumsum(np.random.default_rng(4).uniform(0.02, 0.06, 40))

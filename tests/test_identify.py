@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monodyn.estimation.data import cut, prepare
 from monodyn.estimation.identify import identify
-from monodyn.estimation.problem import Problem
+from monodyn.estimation.record.samples import cut, prepare
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.uncertainty import noise_factors
-from monodyn.estimation.unknowns import choose_unknowns, size_prior
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
+from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.mechanism import Measured, load
 from monodyn.types import Poses
 from swings import NOISE, SIZES, TIMES, double_truth, motion, record, scaled, sigmas

@@ -5,7 +5,7 @@ import pytest
 
 from monodyn.errors import VideoError
 from monodyn.estimation.identify import identify
-from monodyn.estimation.records import read_poses, write_poses
+from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
 from monodyn.types import Poses

@@ -185,15 +185,16 @@ def test_directions_are_derivatives_of_the_tree() -> None:
         load("cartpole").with_values({"gravity": 3.7}),
     ):
         names = [p.name for p in mechanism.parameters if not p.follows and p.value > 0]
-        dlinks, dgravity = mechanism.directions(names)
+        directions = mechanism.directions(names)
         for k, name in enumerate(names):
             value = mechanism.parameter(name).value
             step = 1e-4 * value
             high, low = (mechanism.with_values({name: value + s}).tree for s in (step, -step))
             # Central differences of a cubic: relative truncation 1e-8, rounding 1e-12.
             slope = (high.links - low.links) / (2 * step)
-            assert np.allclose(dlinks[k], slope, rtol=1e-7, atol=1e-9)
-            assert np.allclose(dgravity[k], (high.gravity - low.gravity) / (2 * step), rtol=1e-9, atol=1e-9)
+            assert np.allclose(directions.links[:, :, k], slope, rtol=1e-7, atol=1e-9)
+            fall = (high.gravity - low.gravity) / (2 * step)
+            assert np.allclose(directions.gravity[:, k], fall, rtol=1e-9, atol=1e-9)
 
 
 def test_branches_tail_and_parts_of_a_body(tmp_path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from monodyn.errors import SettingsError
 from monodyn.estimation.identify import identify
 from monodyn.mechanism import load
-from monodyn.mechanism.dynamics import rollout
+from monodyn.mechanism.simulate import rollout
 from monodyn.results.fill import fill
 from monodyn.results.predict import predict
 from monodyn.types import Poses
@@ -19,10 +19,7 @@ NOISE = 0.002
 def truth():
     """Motion of the bundled double pendulum: what is fitted is its middle third."""
     mechanism = load("double")
-    tree = mechanism.tree
-    q, v = rollout(
-        tree.parent, tree.kind, tree.links, tree.gravity, ALL, 16, np.array([0.3, 0.5]), np.array([0.0, 1.0])
-    )
+    q, v = rollout(mechanism.tree, ALL, np.array([0.3, 0.5]), np.array([0.0, 1.0]), substeps=16)
     return mechanism, q, v
 
 

@@ -12,16 +12,16 @@ import pytest
 from scipy.optimize import least_squares
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.data import Pieces, prepare
-from monodyn.estimation.explain import NO_PERIOD
-from monodyn.estimation.filtering import Gains, filtered
-from monodyn.estimation.held import Held, held_states, targets
-from monodyn.estimation.problem import Problem
-from monodyn.estimation.published import identify_published
+from monodyn.estimation.record.samples import Pieces, prepare
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.unknowns import choose_unknowns, size_prior
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
+from monodyn.estimation.torque.task import NO_PERIOD
 from monodyn.mechanism import load
-from monodyn.mechanism.dynamics import rollout
+from monodyn.mechanism.simulate import rollout
+from monodyn.paper.filter import Gains, filtered
+from monodyn.paper.fixed_start import Held, held_states, targets
+from monodyn.paper.identify import identify_published
 from monodyn.results.predict import predict
 from swings import NOISE, TIMES, double_truth, motion, record, scaled
 
@@ -31,9 +31,8 @@ SMALL = 2e-4
 
 
 def driven(mechanism, times, q0):
-    tree = mechanism.tree
-    arrays = (tree.parent, tree.kind, tree.links, tree.gravity, times, 16, np.array(q0), np.zeros(len(q0)))
-    return rollout(*arrays, drive=mechanism.drive)[0]
+    start = np.array(q0), np.zeros(len(q0))
+    return rollout(mechanism.tree, times, *start, substeps=16, drive=mechanism.drive)[0]
 
 
 def fourier_truth(times, period=1.1):

@@ -13,12 +13,11 @@ import pytest
 import monodyn
 from monodyn.errors import SettingsError, VideoError
 from monodyn.mechanism import Mechanism
-from monodyn.types import FULL, Camera, Frame, Poses
-from monodyn.vision.background import Background
-from monodyn.vision.drawn import drawn
-from monodyn.vision.locate import CameraSettings, LocateSettings
-from monodyn.vision.moves import Motion, joint_ranges, move_limits, scatter, step
-from monodyn.vision.problems import (
+from monodyn.paper.locate import locate_published, size_ratios
+from monodyn.paper.placed import drawn
+from monodyn.paper.sequential import sequential
+from monodyn.paper.starts import BUDGET, evolved_starts, spread_pose, spread_starts
+from monodyn.paper.subproblems import (
     History,
     area_gap,
     centroid_gap,
@@ -29,14 +28,15 @@ from monodyn.vision.problems import (
     mismatch,
     pose_directions,
 )
-from monodyn.vision.published import locate_published, size_ratios
-from monodyn.vision.rig import rig_of
-from monodyn.vision.segment import Masks
-from monodyn.vision.sequential import sequential
-from monodyn.vision.spread import BUDGET, evolved_starts, spread_pose, spread_starts
-from monodyn.vision.threshold import OPEN, holds, otsu_level, silhouette
+from monodyn.paper.threshold import OPEN, holds, otsu_level, silhouette
+from monodyn.paper.track import Motion, joint_ranges, move_limits, scatter, step
+from monodyn.paper.view import Seen, View, seen, view_of
+from monodyn.types import FULL, Camera, Frame, Poses
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.locating.locate import CameraSettings, LocateSettings
 from monodyn.vision.track import TrackSettings
-from monodyn.vision.view import Seen, View, seen, view_of
 
 CAMERA = Camera(360, 280, 400.0, x=0.03, y=-0.12, depth=1.1)
 LENGTHS, WIDTHS, THICK = (0.2, 0.15), (0.03, 0.024), 0.006
@@ -279,7 +279,7 @@ def test_a_pose_is_found_anywhere_before_a_known_camera(tmp_path: Path) -> None:
 
 
 def test_directions_move_the_picture_by_a_pixel_independently(tmp_path: Path) -> None:
-    from monodyn.vision.problems import outline_points
+    from monodyn.paper.subproblems import outline_points
 
     rig = rig_of(model(tmp_path), CAMERA)
     directions = pose_directions(rig, POSE, np.arange(2))
@@ -372,7 +372,7 @@ def test_silhouette_by_background_subtraction_and_threshold() -> None:
 
 def test_otsu_level_maximizes_the_variance_between_the_classes() -> None:
     shot, _ = frame(noise=9.0)
-    from monodyn.vision.threshold import difference
+    from monodyn.paper.threshold import difference
 
     values = difference(shot, background()).ravel().astype(float)
     spread = [

@@ -17,7 +17,7 @@ import monodyn
 from conftest import Done
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Combination, Estimate, Fit
-from monodyn.estimation.records import read_poses
+from monodyn.estimation.record.tables import read_poses
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.results.export import Trace, fit_document, json_text, prediction_table, rms_of, states_table

@@ -16,8 +16,8 @@ import pytest
 
 from monodyn.cli import main
 from monodyn.errors import MechanismError, SettingsError, VideoError
-from monodyn.estimation.filtering import Gains, filtered
 from monodyn.mechanism import load
+from monodyn.paper.filter import Gains, filtered
 from monodyn.reproduce.cases import (
     TORQUES,
     Case,

@@ -5,12 +5,12 @@ import pytest
 
 from monodyn.errors import SettingsError, VideoError
 from monodyn.types import FULL, Frame
-from monodyn.vision.background import Background, Samples, background_of, sample_frames
-from monodyn.vision.coverage import coverage_of
-from monodyn.vision.median import masked_median
-from monodyn.vision.palette import choose_palette, lingering
-from monodyn.vision.segment import SegmentSettings, segment
-from monodyn.vision.video import read
+from monodyn.vision.clip.video import read
+from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
+from monodyn.vision.foreground.coverage import coverage_of
+from monodyn.vision.foreground.masks import SegmentSettings, segment
+from monodyn.vision.foreground.median import masked_median
+from monodyn.vision.foreground.palette import choose_palette, lingering
 
 H, W = 60, 80
 

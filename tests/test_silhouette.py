@@ -6,10 +6,10 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.types import FULL, Camera
-from monodyn.vision.camera import camera_array, pixels, rotation, shrunk
-from monodyn.vision.outline import covered_pixels, outline
-from monodyn.vision.rig import rig_of
-from monodyn.vision.silhouette import RING, convex_hull, link_frames, pose_mismatch, row_sums
+from monodyn.vision.drawing.camera import camera_array, pixels, rotation, shrunk
+from monodyn.vision.drawing.outline import covered_pixels, outline
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.drawing.silhouette import RING, convex_hull, link_frames, pose_mismatch, row_sums
 
 CAMERA = Camera(320, 240, 300.0, x=0.05, y=-0.1, depth=0.9)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monodyn.estimation.smooth import smooth
+from monodyn.estimation.record.smooth import smooth
 from monodyn.types import Poses
 
 

@@ -1,20 +1,22 @@
 """Torque models against closed forms and the equations of two links."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.torque import (
+from monodyn.mechanism import load
+from monodyn.mechanism.drive import FOURIER, Drive
+from monodyn.mechanism.simulate import accelerations
+from monodyn.mechanism.tree import DAMPING, INERTIA, MASS
+from monodyn.paper.torque import (
     fourier_basis,
     fourier_coefficients,
     friction_torque,
     inverse_dynamics,
     torque_of_series,
 )
-from monodyn.mechanism import load
-from monodyn.mechanism.drive import FOURIER, Drive
-from monodyn.mechanism.dynamics import accelerations
-from monodyn.mechanism.tree import DAMPING, INERTIA, MASS
 
 TIMES = np.arange(200) / 30.0
 
@@ -30,15 +32,14 @@ def test_friction_takes_energy_out():
 
 def test_friction_is_that_of_the_dynamics():
     mechanism = load("double").with_values({"joint1.friction": 0.02, "joint2.damping": 0.03})
-    tree, still = mechanism.tree, np.zeros(2)
-    q, v = np.array([0.4, -0.7]), np.array([0.013, -2.0])
-    bare = tree.links.copy()
-    bare[:, [DAMPING, DAMPING + 1]] = 0.0
+    tree, still = mechanism.tree, np.zeros((1, 2))
+    q, v = np.array([[0.4, -0.7]]), np.array([[0.013, -2.0]])
+    links = tree.links.copy()
+    links[:, [DAMPING, DAMPING + 1]] = 0.0
+    bare = replace(tree, links=links)
     damping, friction = tree.links[:, DAMPING], tree.links[:, DAMPING + 1]
-    own = accelerations(tree.parent, tree.kind, tree.links, tree.gravity, q, v, still)
-    put = accelerations(
-        tree.parent, tree.kind, bare, tree.gravity, q, v, friction_torque(v, damping, friction)
-    )
+    own = accelerations(tree, q, v, still)
+    put = accelerations(bare, q, v, friction_torque(v, damping, friction))
     np.testing.assert_allclose(put, own, rtol=1e-12)
 
 
@@ -70,13 +71,10 @@ def test_inverse_dynamics_undoes_the_dynamics():
     rng = np.random.default_rng(3)
     for name in ("double", "triple", "cartpole"):
         mechanism = load(name)
-        tree, dofs = mechanism.tree, len(mechanism.joints)
+        dofs = len(mechanism.joints)
         q, v, tau = rng.normal(size=(3, 5, dofs))
-        a = [
-            accelerations(tree.parent, tree.kind, tree.links, tree.gravity, *row)
-            for row in zip(q, v, tau, strict=True)
-        ]
-        np.testing.assert_allclose(inverse_dynamics(mechanism, q, v, np.array(a)), tau, atol=1e-9)
+        a = accelerations(mechanism.tree, q, v, tau)
+        np.testing.assert_allclose(inverse_dynamics(mechanism, q, v, a), tau, atol=1e-9)
 
 
 def test_torque_of_a_single_pendulum():

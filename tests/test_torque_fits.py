@@ -9,13 +9,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from monodyn.estimation.data import cut, prepare
-from monodyn.estimation.driven import torque_slopes
 from monodyn.estimation.identify import identify
-from monodyn.estimation.periodic import Undriven
-from monodyn.estimation.problem import posed
+from monodyn.estimation.record.samples import cut, prepare
+from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.smooth import smooth
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.torque.periods import Undriven
 from monodyn.mechanism import load
 from monodyn.results.fill import fill
 from monodyn.results.predict import predict
@@ -379,14 +378,11 @@ def test_slopes_of_the_torque_are_differences(model):
     rng = np.random.default_rng(1)
     mechanism = mechanism.with_values({n: rng.uniform(0.5, 1.0) for n in names})
     times = np.linspace(0.05, 1.9, 11)
-    drift = np.array([-1.0 if n == "torque.period" else 0.0 for n in names])  # by the logarithm
-    ways = (mechanism.drive_ways(names), np.zeros(len(names)), drift)
-    torque, slopes = torque_slopes(mechanism.drive, ways, times)
+    torque, slopes = mechanism.drive.derivatives(mechanism.directions(names), times)
     assert torque == pytest.approx(mechanism.drive.at(times))
     for k, name in enumerate(names):
         value, step = mechanism.values[name], 1e-6
-        unit = value if name == "torque.period" else 1.0
-        ends = [mechanism.with_values({name: value + s * step * unit}).drive.at(times) for s in (1, -1)]
+        ends = [mechanism.with_values({name: value + s * step}).drive.at(times) for s in (1, -1)]
         assert slopes[:, :, k] == pytest.approx((ends[0] - ends[1]) / (2 * step), abs=1e-7)
 
 

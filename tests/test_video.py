@@ -11,7 +11,7 @@ import pytest
 
 from conftest import ClipMaker, left_edge, square
 from monodyn.errors import VideoError
-from monodyn.vision.video import Video, read
+from monodyn.vision.clip.video import Video, read
 
 
 def edges(video: Video) -> list[int]:
@@ -232,7 +232,7 @@ def test_damage_in_the_middle_is_skipped_and_counted(make_clip: ClipMaker) -> No
 def test_duplicate_stamps_are_dropped_with_a_note(
     make_clip: ClipMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from monodyn.vision import container
+    from monodyn.vision.clip import container
 
     path = make_clip()
     real = container._packet_stamps

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from monodyn.errors import VideoError as VideoError
     from monodyn.estimation.fit import Fit as Fit
     from monodyn.estimation.identify import identify as identify
-    from monodyn.estimation.records import read_poses as read_poses
-    from monodyn.estimation.records import write_poses as write_poses
+    from monodyn.estimation.record.tables import read_poses as read_poses
+    from monodyn.estimation.record.tables import write_poses as write_poses
     from monodyn.estimation.settings import IdentifySettings as IdentifySettings
     from monodyn.mechanism import Mechanism as Mechanism
     from monodyn.mechanism import load as load
@@ -40,27 +40,27 @@ if TYPE_CHECKING:
     from monodyn.types import Frame as Frame
     from monodyn.types import Mask as Mask
     from monodyn.types import Poses as Poses
-    from monodyn.vision.locate import CameraSettings as CameraSettings
-    from monodyn.vision.locate import LocateSettings as LocateSettings
-    from monodyn.vision.locate import locate as locate
-    from monodyn.vision.segment import SegmentSettings as SegmentSettings
-    from monodyn.vision.segment import segment as segment
+    from monodyn.vision.clip.video import Video as Video
+    from monodyn.vision.clip.video import read as read
+    from monodyn.vision.foreground.masks import SegmentSettings as SegmentSettings
+    from monodyn.vision.foreground.masks import segment as segment
+    from monodyn.vision.locating.locate import CameraSettings as CameraSettings
+    from monodyn.vision.locating.locate import LocateSettings as LocateSettings
+    from monodyn.vision.locating.locate import locate as locate
     from monodyn.vision.track import TrackSettings as TrackSettings
     from monodyn.vision.track import track as track
-    from monodyn.vision.video import Video as Video
-    from monodyn.vision.video import read as read
 
 _HOMES = {
     "errors": ("FitError", "MechanismError", "MonodynError", "SettingsError", "VideoError"),
     "types": ("Camera", "Frame", "Mask", "Poses"),
     "mechanism": ("Mechanism", "load", "write_mjcf", "write_urdf"),
-    "vision.video": ("Video", "read"),
-    "vision.segment": ("SegmentSettings", "segment"),
-    "vision.locate": ("CameraSettings", "LocateSettings", "locate"),
+    "vision.clip.video": ("Video", "read"),
+    "vision.foreground.masks": ("SegmentSettings", "segment"),
+    "vision.locating.locate": ("CameraSettings", "LocateSettings", "locate"),
     "vision.track": ("TrackSettings", "track"),
     "estimation.fit": ("Fit",),
     "estimation.identify": ("identify",),
-    "estimation.records": ("read_poses", "write_poses"),
+    "estimation.record.tables": ("read_poses", "write_poses"),
     "estimation.settings": ("IdentifySettings",),
     "results.predict": ("predict",),
     "results.fill": ("fill",),

@@ -58,3 +58,18 @@ def increasing(where: str, times: np.ndarray, *, error: type[MonodynError] = Mon
         i = int(np.argmax(steps <= 0))
         raise error(f"{where}: must increase, but sample {i + 1} is {times[i + 1]:g} s after {times[i]:g} s.")
     return times
+
+
+def plain(array: object, dtype: type | np.dtype | None = None) -> np.ndarray:
+    """Return ``array`` contiguous and read-only: the one form in which the kernels are compiled.
+
+    Args:
+        array: Anything numpy can make an array of.
+        dtype: Element type; None keeps the array's own.
+
+    Returns:
+        A read-only view, or a copy where the array is not contiguous or of another type.
+    """
+    view = np.ascontiguousarray(array, dtype=dtype).view()
+    view.flags.writeable = False
+    return view

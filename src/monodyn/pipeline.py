@@ -16,7 +16,7 @@ import numpy as np
 from monodyn.errors import MechanismError, SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify
-from monodyn.estimation.records import read_poses, write_poses
+from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.estimation.settings import USUAL_TERMS, IdentifySettings
 from monodyn.results.checks import check_camera, check_tracked, fitted_range, prediction_times
 from monodyn.results.export import Trace
@@ -26,10 +26,10 @@ from monodyn.results.page import Page
 from monodyn.results.predict import predict
 from monodyn.results.report import result_document, trace_of, view_of, write_results
 from monodyn.types import Poses, Progress
-from monodyn.vision.locate import CameraSettings, LocateSettings, Scene, locate
-from monodyn.vision.segment import SegmentSettings, segment
+from monodyn.vision.clip.video import RATES, Video, read
+from monodyn.vision.foreground.masks import SegmentSettings, segment
+from monodyn.vision.locating.locate import CameraSettings, LocateSettings, Scene, locate
 from monodyn.vision.track import TrackSettings, track
-from monodyn.vision.video import RATES, Video, read
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism

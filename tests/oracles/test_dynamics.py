@@ -1,5 +1,6 @@
 """Planar dynamics against MuJoCo, the closed form, energy and finite differences."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -9,8 +10,15 @@ from zoo import FRICTION, ZOO
 
 from monodyn.mechanism import Mechanism, load
 from monodyn.mechanism.drive import FOURIER, KNOTS, Drive
-from monodyn.mechanism.dynamics import accelerations, energy, rollout, sensitivities
-from monodyn.mechanism.simulate import choose_substeps, simulate
+from monodyn.mechanism.simulate import (
+    accelerations,
+    energy,
+    least_substeps,
+    rollout,
+    rollout_derivatives,
+    simulate,
+)
+from monodyn.mechanism.tree import DAMPING, STIFFNESS, Directions, Tree
 
 SEED = 20120801
 
@@ -31,9 +39,9 @@ def _both(text: str, folder: Path) -> tuple[Mechanism, mujoco.MjModel, mujoco.Mj
     return mechanism.with_values(damping), model, mujoco.MjData(model)
 
 
-def _arrays(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    tree = mechanism.tree
-    return tree.parent, tree.kind, tree.links, tree.gravity
+def _accelerations(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return the accelerations in one state."""
+    return accelerations(mechanism.tree, q[None], v[None], tau[None])[0]
 
 
 @pytest.mark.parametrize("name", ZOO)
@@ -46,7 +54,7 @@ def test_accelerations_are_those_of_mujoco(name: str, tmp_path: Path) -> None:
         tau = rng.uniform(-0.1, 0.1, model.nv)
         data.qfrc_applied[:] = tau
         mujoco.mj_forward(model, data)
-        ours = accelerations(*_arrays(mechanism), data.qpos, data.qvel, tau)
+        ours = _accelerations(mechanism, data.qpos, data.qvel, tau)
         # Both are exact up to rounding; 1e-9 leaves room for the conditioning of the inertia matrix.
         assert np.allclose(ours, data.qacc, rtol=1e-9, atol=1e-9 * np.abs(data.qacc).max())
 
@@ -63,7 +71,7 @@ def test_rollout_takes_the_steps_of_mujoco(name: str, tmp_path: Path) -> None:
             mujoco.mj_step(model, data)
         theirs.append(data.qpos.copy())
     times = np.arange(51) * 5 * model.opt.timestep
-    q, v = rollout(*_arrays(mechanism), times, 5, q0, v0)
+    q, v = rollout(mechanism.tree, times, q0, v0, substeps=5)
     # Same method and step: rounding, grown by 250 steps of a motion that may be chaotic.
     assert np.allclose(q, theirs, rtol=0, atol=1e-8)
     assert np.allclose(v[-1], data.qvel, rtol=0, atol=1e-7)
@@ -81,7 +89,7 @@ def test_friction_loss_is_that_of_mujoco_on_fast_motion(tmp_path: Path) -> None:
         data.qpos[:] = rng.uniform(-3, 3, model.nq)
         data.qvel[:] = rng.choice([-1, 1], model.nv) * rng.uniform(5, 9, model.nv)
         mujoco.mj_forward(model, data)
-        ours = accelerations(*_arrays(mechanism), data.qpos, data.qvel, np.zeros(2))
+        ours = _accelerations(mechanism, data.qpos, data.qvel, np.zeros(2))
         # Saturated, both apply the same force; 1e-7 is the solver's tolerance.
         assert np.allclose(ours, data.qacc, rtol=1e-7, atol=1e-7 * np.abs(data.qacc).max())
 
@@ -110,7 +118,7 @@ def test_double_pendulum_is_the_closed_form() -> None:
         right = tau - damping * v - coriolis @ v - np.array([g1, g2])
         closed = np.linalg.solve(np.array([[h11, h12], [h12, h22]]), right)
         # Both are exact up to rounding.
-        assert np.allclose(accelerations(*_arrays(mechanism), q, v, tau), closed, rtol=1e-11, atol=1e-9)
+        assert np.allclose(_accelerations(mechanism, q, v, tau), closed, rtol=1e-11, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["triple", "tree", "cart_branches", "planar_body", "chain"])
@@ -121,9 +129,9 @@ def test_energy_stays_without_friction(name: str, tmp_path: Path) -> None:
     n = len(mechanism.joints)
     times = np.linspace(0, 2, 61)
     start = rng.uniform(-1, 1, n)
-    q, v = rollout(*_arrays(mechanism), times, 256, start, np.zeros(n))
-    total = energy(*_arrays(mechanism), q, v)
-    moved = energy(*_arrays(mechanism), q, np.zeros_like(v))
+    q, v = rollout(mechanism.tree, times, start, np.zeros(n), substeps=256)
+    total = energy(mechanism.tree, q, v)
+    moved = energy(mechanism.tree, q, np.zeros_like(v))
     # RK4 at 0.13 ms loses about (rate * step)^4 of the energy that is exchanged.
     assert np.ptp(moved) > 1e-2
     assert np.ptp(total) < 1e-8 * np.ptp(moved)
@@ -132,8 +140,8 @@ def test_energy_stays_without_friction(name: str, tmp_path: Path) -> None:
 def test_energy_falls_by_what_damping_takes() -> None:
     mechanism = load("double")
     times = np.linspace(0, 1, 2001)
-    q, v = rollout(*_arrays(mechanism), times, 1, np.array([0.3, 0.8]), np.zeros(2))
-    total = energy(*_arrays(mechanism), q, v)
+    q, v = rollout(mechanism.tree, times, np.array([0.3, 0.8]), np.zeros(2), substeps=1)
+    total = energy(mechanism.tree, q, v)
     power = (v**2) @ mechanism.tree.links[:, 9]
     taken = np.trapezoid(power, times)
     # The trapezoid rule over 0.5 ms leaves about 1e-6 of the integral.
@@ -145,21 +153,20 @@ def test_sensitivities_are_exact(name: str, tmp_path: Path) -> None:
     """Against the complex step, and against central differences, of the plain rollout."""
     mechanism, *_ = _both({**ZOO, "friction": FRICTION}[name], tmp_path)
     names = [p.name for p in mechanism.parameters if not p.follows]
-    dlinks, dgravity = mechanism.directions(names)
-    parent, kind, links, gravity = _arrays(mechanism)
-    n = len(parent)
+    directions = mechanism.directions(names)
+    n = len(mechanism.joints)
     times = np.array([0.0, 0.02, 0.05, 0.06, 0.1])
     rng = np.random.default_rng(SEED)
     q0, v0 = rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
-    q, v, dq, dv = sensitivities(parent, kind, links, dlinks, gravity, dgravity, times, 3, q0, v0)
+    q, v, dq, dv = rollout_derivatives(mechanism.tree, directions, times, q0, v0, substeps=3)
     assert dq.shape == dv.shape == (5, n, len(names) + 2 * n)
-    plain = rollout(parent, kind, links, gravity, times, 3, q0, v0)
+    plain = rollout(mechanism.tree, times, q0, v0, substeps=3)
     assert np.array_equal(q, plain[0])
     assert np.array_equal(v, plain[1])
     step = 1e-30
     for k in range(dq.shape[2]):
-        in_links, in_gravity, in_q, in_v = _complex_step(k, len(names), dlinks, dgravity, n, step)
-        qc, vc = rollout(parent, kind, links + in_links, gravity + in_gravity, times, 3, q0 + in_q, v0 + in_v)
+        tree, in_q, in_v = _complex_step(mechanism.tree, directions, k, step)
+        qc, vc = rollout(tree, times, q0 + in_q, v0 + in_v, substeps=3)
         # Both are exact derivatives: rounding, relative to the largest entry.
         assert np.allclose(
             dq[:, :, k], qc.imag / step, rtol=1e-9, atol=1e-11 * (1 + np.abs(qc.imag).max() / step)
@@ -170,32 +177,32 @@ def test_sensitivities_are_exact(name: str, tmp_path: Path) -> None:
 
 
 def _complex_step(
-    k: int, params: int, dlinks: np.ndarray, dgravity: np.ndarray, n: int, step: float
-) -> tuple:
+    tree: Tree, directions: Directions, k: int, step: float
+) -> tuple[Tree, np.ndarray, np.ndarray]:
+    """Return tree and start state with an imaginary step along one column of the derivatives."""
+    n, params = len(tree.parent), directions.links.shape[2]
     in_q, in_v = np.zeros(n, complex), np.zeros(n, complex)
     if k < params:
-        return 1j * step * dlinks[k], 1j * step * dgravity[k], in_q, in_v
+        return tree.along(directions, k, 1j * step), in_q, in_v
     (in_q if k < params + n else in_v)[(k - params) % n] = 1j * step
-    return np.zeros_like(dlinks[0], complex), np.zeros(2, complex), in_q, in_v
+    return replace(tree, links=tree.links.astype(complex)), in_q, in_v
 
 
 @pytest.mark.parametrize("name", ["double", "cart_branches", "shapes"])
 def test_sensitivities_are_those_of_finite_differences(name: str, tmp_path: Path) -> None:
     mechanism, *_ = _both(ZOO[name], tmp_path)
     names = [p.name for p in mechanism.parameters if not p.follows and p.value > 0 and p.name != "time_scale"]
-    tree, n = mechanism.tree, len(mechanism.joints)
+    n = len(mechanism.joints)
     times = np.linspace(0, 0.3, 10)
     rng = np.random.default_rng(SEED)
     q0, v0 = rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
-    args = (tree.parent, tree.kind, tree.links)
-    _, _, dq, _ = sensitivities(
-        *args, mechanism.directions(names)[0], tree.gravity, mechanism.directions(names)[1], times, 4, q0, v0
-    )
+    directions = mechanism.directions(names)
+    _, _, dq, _ = rollout_derivatives(mechanism.tree, directions, times, q0, v0, substeps=4)
     for k, parameter in enumerate(names):
         value = mechanism.parameter(parameter).value
         step = 1e-5 * value
         high, low = (
-            rollout(*_arrays(mechanism.with_values({parameter: value + s})), times, 4, q0, v0)[0]
+            rollout(mechanism.with_values({parameter: value + s}).tree, times, q0, v0, substeps=4)[0]
             for s in (step, -step)
         )
         # Central differences: 1e-10 of truncation and 1e-11 of rounding, relative to the whole effect.
@@ -206,8 +213,8 @@ def test_rollout_runs_backwards() -> None:
     mechanism = load("triple")
     q0, v0 = np.array([-0.4, 0.2, 0.1]), np.array([1.0, -1.0, 0.5])
     times = np.linspace(0, 0.5, 16)
-    q, v = rollout(*_arrays(mechanism), times, 64, q0, v0)
-    back, _ = rollout(*_arrays(mechanism), times[::-1], 64, q[-1], v[-1])
+    q, v = rollout(mechanism.tree, times, q0, v0, substeps=64)
+    back, _ = rollout(mechanism.tree, times[::-1], q[-1], v[-1], substeps=64)
     # The error of RK4 at 0.5 ms, there and back.
     assert np.allclose(back[::-1], q, rtol=0, atol=1e-8)
 
@@ -216,15 +223,17 @@ def test_substeps_keep_the_stated_error() -> None:
     mechanism = load("double")
     times = np.linspace(0, 1.3, 40)
     q0, v0 = np.array([0.2, 1.0]), np.zeros(2)
-    exact, _ = rollout(*_arrays(mechanism), times, 512, q0, v0)
+    exact, _ = rollout(mechanism.tree, times, q0, v0, substeps=512)
     for tolerance in (1e-3, 1e-5, 1e-7):
-        steps = choose_substeps(mechanism, times, q0, v0, tolerance=tolerance)
+        steps, _ = least_substeps(
+            lambda k: rollout(mechanism.tree, times, q0, v0, substeps=k)[0], tolerance, 4096
+        )
         states = simulate(mechanism, times, q0, v0, tolerance=tolerance)
         error = np.abs(states.position - exact).max()
         # The estimate is of leading order; the next order is worth some tens of percent at large steps.
         assert error < 1.5 * tolerance
         if steps > 1:
-            fewer, _ = rollout(*_arrays(mechanism), times, steps // 2, q0, v0)
+            fewer, _ = rollout(mechanism.tree, times, q0, v0, substeps=steps // 2)
             assert np.abs(fewer - exact).max() > 0.5 * tolerance
 
 
@@ -258,11 +267,11 @@ def test_driven_rollout_takes_the_steps_of_mujoco(name: str, mode: int, tmp_path
     finally:
         mujoco.set_mjcb_control(None)
     times = np.arange(51) * 0.002
-    q, v = rollout(*_arrays(mechanism), times, 5, q0, v0, drive)
+    q, v = rollout(mechanism.tree, times, q0, v0, substeps=5, drive=drive)
     # Same method and step, the torque at every stage's time: rounding, grown by 250 steps.
     assert np.allclose(q, theirs, rtol=0, atol=1e-9)
     assert np.allclose(v[-1], data.qvel, rtol=0, atol=1e-7)
-    assert np.abs(q - rollout(*_arrays(mechanism), times, 5, q0, v0)[0]).max() > 1e-4
+    assert np.abs(q - rollout(mechanism.tree, times, q0, v0, substeps=5)[0]).max() > 1e-4
 
 
 DRIVEN = [("double", "fourier"), ("double", "knots"), ("double", "knots at stamps"), ("tree", "knots"),
@@ -275,35 +284,32 @@ def test_driven_sensitivities_are_exact(name: str, torque: str, back: bool, tmp_
     """Sizes, masses, start state and every entry of the table against the complex step."""
     mechanism, *_ = _both(ZOO[name], tmp_path)
     names = [p.name for p in mechanism.parameters if not p.follows]
-    dlinks, dgravity = mechanism.directions(names)
-    parent, kind, links, gravity = _arrays(mechanism)
-    n, rng = len(parent), np.random.default_rng(SEED)
+    tree, sized = mechanism.tree, mechanism.directions(names)
+    n, rng = len(tree.parent), np.random.default_rng(SEED)
     drive = _drive(FOURIER if torque == "fourier" else KNOTS, n, rng)
     times = np.array([0.02, 0.03, 0.05, 0.055, 0.06])
     if torque == "knots at stamps":
         drive = Drive(KNOTS, times, drive.table[:, :5])
     # One entry is nobody's; the parameters are in no order of time.
     count = drive.table.size - 1
-    way = len(names) + np.append(rng.permutation(count), 0).reshape(drive.table.shape)
-    way[-1, -1] = -1
-    dlinks = np.concatenate((dlinks, np.zeros((count, *links.shape))))
+    entry = len(names) + np.append(rng.permutation(count), 0).reshape(drive.table.shape)
+    entry[-1, -1] = -1
+    dlinks = np.concatenate((sized.links, np.zeros((*tree.links.shape, count))), axis=2)
     # Every third is a joint's damping as well, and acts from the start.
-    dlinks[-1::-3, 0, 9] = 1.0
-    dgravity = np.concatenate((dgravity, np.zeros((count, 2))))
+    dlinks[0, DAMPING, -1::-3] = 1.0
+    dgravity = np.concatenate((sized.gravity, np.zeros((2, count))), axis=1)
+    directions = Directions(dlinks, dgravity, entry, *np.zeros((2, len(names) + count)))
     times = times[:: -1 if back else 1]
     q0, v0 = rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
-    arrays = (parent, kind, links, dlinks, gravity, dgravity, times, 3, q0, v0)
-    q, v, dq, dv = sensitivities(*arrays, drive, way)
-    plain = rollout(parent, kind, links, gravity, times, 3, q0, v0, drive)
+    q, v, dq, dv = rollout_derivatives(tree, directions, times, q0, v0, substeps=3, drive=drive)
+    plain = rollout(tree, times, q0, v0, substeps=3, drive=drive)
     assert np.array_equal(q, plain[0])
     assert np.array_equal(v, plain[1])
     step = 1e-30
     for k in range(dq.shape[2]):
-        in_links, in_gravity, in_q, in_v = _complex_step(k, len(dlinks), dlinks, dgravity, n, step)
-        stepped = Drive(drive.mode, drive.times, drive.table + 1j * step * (way == k))
-        qc, vc = rollout(
-            parent, kind, links + in_links, gravity + in_gravity, times, 3, q0 + in_q, v0 + in_v, stepped
-        )
+        stepped, in_q, in_v = _complex_step(tree, directions, k, step)
+        moved = Drive(drive.mode, drive.times, drive.table + 1j * step * (entry == k))
+        qc, vc = rollout(stepped, times, q0 + in_q, v0 + in_v, substeps=3, drive=moved)
         # Both are exact derivatives: rounding, relative to the largest entry.
         for ours, theirs in ((dq[:, :, k], qc.imag / step), (dv[:, :, k], vc.imag / step)):
             assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-11 * (1 + np.abs(theirs).max()))
@@ -315,14 +321,16 @@ def test_derivative_by_the_period_is_that_of_finite_differences(name: str, tmp_p
     n, rng = len(mechanism.joints), np.random.default_rng(SEED)
     period, table = 0.31, rng.uniform(-0.01, 0.01, (n, 7))
     times, q0, v0 = np.linspace(0.2, 0.4, 7), rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
-    parent, kind, links, gravity = _arrays(mechanism)
-    _, _, dq, dv = sensitivities(
-        parent, kind, links, np.zeros((1, *links.shape)), gravity, np.zeros((1, 2)), times, 4, q0, v0,
-        Drive(FOURIER, np.array([period]), table), drift=np.array([-1 / period]),
+    tree = mechanism.tree
+    by_period = Directions(
+        np.zeros((*tree.links.shape, 1)), np.zeros((2, 1)), np.full((n, 7), -1), np.zeros(1),
+        np.array([-1 / period]),
     )  # fmt: skip
+    drive = Drive(FOURIER, np.array([period]), table)
+    _, _, dq, dv = rollout_derivatives(tree, by_period, times, q0, v0, substeps=4, drive=drive)
     step = 1e-6
     high, low = (
-        rollout(parent, kind, links, gravity, times, 4, q0, v0, Drive(FOURIER, np.array([period + s]), table))
+        rollout(tree, times, q0, v0, substeps=4, drive=Drive(FOURIER, np.array([period + s]), table))
         for s in (step, -step)
     )
     for ours, up, down in zip((dq, dv), high, low, strict=True):
@@ -343,20 +351,19 @@ def test_derivative_by_the_time_scale_is_that_of_finite_differences(
     n, rng = len(mechanism.joints), np.random.default_rng(SEED)
     drive = _drive(mode, n, rng)
     stamps, q0, v0 = np.linspace(0.02, 0.07, 8), rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
-    parent, kind, links, gravity = _arrays(mechanism)
-    power = np.zeros(links.shape[1])
-    power[[9, 11]] = 1.0, 2.0
-    _, _, dq, _ = sensitivities(
-        parent, kind, links, (power * links)[None], gravity, 2 * gravity[None], stamps, 4, q0, v0, drive,
-        grow=np.array([2.0]), drift=np.array([1.0]),
+    tree = mechanism.tree
+    power = np.zeros(tree.links.shape[1])
+    power[[DAMPING, STIFFNESS]] = 1.0, 2.0
+    by_scale = Directions(
+        (power * tree.links)[:, :, None], 2 * tree.gravity[:, None], np.full(drive.table.shape, -1),
+        np.array([2.0]), np.array([1.0]),
     )  # fmt: skip
+    _, _, dq, _ = rollout_derivatives(tree, by_scale, stamps, q0, v0, substeps=4, drive=drive)
     ours = dq[:, :, 0] + dq[:, :, 1 + n :] @ v0
     step = 1e-7
-    high, low = (
-        rollout(parent, kind, links, gravity, stamps * np.exp(s), 4, q0, v0, drive)[0] for s in (step, -step)
-    )
+    high, low = (rollout(tree, stamps * np.exp(s), q0, v0, substeps=4, drive=drive)[0] for s in (step, -step))
     theirs = (high - low) / (2 * step)
     # Central differences: rounding of 1e-16 / 1e-7; the stretch is small enough that no stage passes a knot.
     assert np.allclose(ours, theirs, rtol=1e-5, atol=1e-7 * (1 + np.abs(theirs).max()))
-    undriven = rollout(parent, kind, links, gravity, stamps * np.exp(step), 4, q0, v0)[0]
+    undriven = rollout(tree, stamps * np.exp(step), q0, v0, substeps=4)[0]
     assert np.abs(undriven - high).max() > 1e-5

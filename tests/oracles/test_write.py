@@ -8,7 +8,7 @@ import pytest
 from zoo import FRICTION, ZOO
 
 from monodyn.mechanism import BUNDLED, Mechanism, load, write_mjcf, write_urdf
-from monodyn.mechanism.dynamics import rollout
+from monodyn.mechanism.simulate import rollout
 
 SEED = 20120802
 NAMES = [*ZOO, *(f"bundled {name}" for name in BUNDLED if name != "chain:N"), "bundled chain:10"]
@@ -43,7 +43,7 @@ def _mujoco_motion(path: Path, q0: np.ndarray, v0: np.ndarray) -> tuple[mujoco.M
 def _ours(mechanism: Mechanism, q0: np.ndarray, v0: np.ndarray) -> np.ndarray:
     tree = mechanism.tree
     times = np.linspace(0, 1, 11)
-    return rollout(tree.parent, tree.kind, tree.links, tree.gravity, times, 500, q0, v0)[0]
+    return rollout(tree, times, q0, v0, substeps=500)[0]
 
 
 def _start(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:

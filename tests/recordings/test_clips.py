@@ -11,7 +11,7 @@ import pytest
 
 import monodyn
 from monodyn.types import Poses
-from monodyn.vision.locate import Scene
+from monodyn.vision.locating.locate import Scene
 
 DATA = Path(os.environ.get("MONODYN_DATA", ""))
 

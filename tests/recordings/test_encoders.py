@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from monodyn.estimation.identify import identify
-from monodyn.estimation.records import read_poses
+from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from monodyn.estimation.combinations import inertial_ratios
 from monodyn.estimation.identify import identify
+from monodyn.estimation.verdict.combinations import inertial_ratios
 from monodyn.mechanism import Measured, load
-from monodyn.mechanism.dynamics import rollout
+from monodyn.mechanism.simulate import rollout
 from monodyn.results.predict import predict
 from monodyn.types import Poses
 
@@ -43,8 +43,7 @@ def clip(name, seed):
     wrong = {size: truth.values[size] * np.exp(change) for size, change in zip(sizes, off, strict=True)}
     wrong |= {p.name: 1e-3 for p in truth.parameters if p.name.endswith(".damping")}
     start = truth.with_values({**wrong, **others}).with_measured(Measured(tuple(sizes), information))
-    tree = truth.tree
-    q, _ = rollout(tree.parent, tree.kind, tree.links, tree.gravity, TIMES, 16, np.array(q0), np.array(v0))
+    q, _ = rollout(truth.tree, TIMES, np.array(q0), np.array(v0), substeps=16)
     slides = np.array([joint.kind == "slide" for joint in truth.joints])
     noise = np.where(slides, SLIDE_NOISE, NOISE)
     unit = np.where(slides, scale, 1.0)
@@ -69,8 +68,7 @@ def test_forty_frames(name):
                 true = truth.values[estimate.name]
                 assert estimate.value == pytest.approx(true, rel=0.02 if "cart." in estimate.name else 0.007)
                 scores.append((estimate.value - true) / estimate.std)
-        tree = truth.tree
-        ratios = inertial_ratios(truth, tree.parent, tree.kind, tree.links, tree.gravity, full=False)
+        ratios = inertial_ratios(truth, truth.tree, full=False)
         scores += [(c.value - ratios[c.name].real) / c.std for c in fit.combinations if c.name in ratios]
         future = predict(fit, times=TIMES[40:])
         future_scores.append((future.position - q[40:]) / future.std)
@@ -86,8 +84,7 @@ def test_whole_clip_gives_the_damping(name):
     values, q0, v0 = CASES[name]
     truth = load(name).with_values(values)
     times = np.arange(300) / 30.0
-    tree = truth.tree
-    q, _ = rollout(tree.parent, tree.kind, tree.links, tree.gravity, times, 16, np.array(q0), np.array(v0))
+    q, _ = rollout(truth.tree, times, np.array(q0), np.array(v0), substeps=16)
     q = q + NOISE * np.random.default_rng(0).normal(size=q.shape)
     names = tuple(joint.name for joint in truth.joints)
     covariance = np.tile(NOISE**2 * np.eye(len(names)), (300, 1, 1))
@@ -96,7 +93,7 @@ def test_whole_clip_gives_the_damping(name):
         p.name: p.value for p in truth.parameters if p.free and p.name.endswith((".width", ".tail", ".tip"))
     }
     fit = identify(poses, load(name).with_choices(fix=known)).check()
-    ratios = inertial_ratios(truth, tree.parent, tree.kind, tree.links, tree.gravity, full=False)
+    ratios = inertial_ratios(truth, truth.tree, full=False)
     found = {c.name: c.value for c in fit.combinations}
     for ratio, value in ratios.items():
         assert found[ratio] == pytest.approx(value.real, rel=0.03)

@@ -13,7 +13,7 @@ import pytest
 import monodyn
 from monodyn.errors import SettingsError
 from monodyn.types import Mask
-from monodyn.vision.locate import LocateSettings, Scene
+from monodyn.vision.locating.locate import LocateSettings, Scene
 from monodyn.vision.track import Follower, TrackSettings
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -16,8 +16,8 @@ from tyro import conf
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.vision.locate import CameraSettings, LocateSettings
-from monodyn.vision.segment import SegmentSettings
+from monodyn.vision.foreground.masks import SegmentSettings
+from monodyn.vision.locating.locate import CameraSettings, LocateSettings
 from monodyn.vision.track import TrackSettings
 
 Words = conf.UseAppendAction[tuple[tuple[str, ...], ...]]

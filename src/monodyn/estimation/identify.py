@@ -13,13 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.advice import beginning
-from monodyn.estimation.conclude import conclude, refuse
-from monodyn.estimation.data import ordered, prepare
-from monodyn.estimation.explain import EXPLAIN, Task
 from monodyn.estimation.fit import Fit
+from monodyn.estimation.record.samples import ordered, prepare
+from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.smooth import smooth
+from monodyn.estimation.torque.task import EXPLAIN, Task
+from monodyn.estimation.verdict.advice import beginning
+from monodyn.estimation.verdict.conclude import conclude, refuse
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
 
@@ -62,11 +62,10 @@ def identify(
     Example:
         >>> import numpy as np
         >>> from monodyn.mechanism import load
-        >>> from monodyn.mechanism.dynamics import rollout
+        >>> from monodyn.mechanism.simulate import rollout
         >>> mechanism, time = load("single"), np.arange(40) / 30
-        >>> tree = mechanism.tree
         >>> start = np.array([0.5]), np.array([0.0])
-        >>> swing, _ = rollout(tree.parent, tree.kind, tree.links, tree.gravity, time, 8, *start)
+        >>> swing, _ = rollout(mechanism.tree, time, *start, substeps=8)
         >>> std = np.full((40, 1, 1), 1e-3**2)
         >>> poses = Poses(("joint1",), np.arange(40), time, swing, std, np.ones(40, dtype=bool))
         >>> fit = identify(poses, mechanism).check()
@@ -96,7 +95,7 @@ def _paper(
     records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
 ) -> Fit:
     """Identify as published."""
-    from monodyn.estimation.published import identify_published
+    from monodyn.paper.identify import identify_published
 
     return identify_published(records, mechanism, settings, progress)
 

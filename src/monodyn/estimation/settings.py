@@ -83,7 +83,7 @@ class IdentifySettings:
         if tuple(self.gains) != PAPER_GAINS:
             if self.method == "fast":
                 raise SettingsError("identify.gains: the filter belongs to --identify.method paper; add it.")
-            from monodyn.estimation.filtering import Gains
+            from monodyn.paper.filter import Gains
 
             Gains.of(self.gains)
         ranges = (

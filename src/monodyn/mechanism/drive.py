@@ -12,7 +12,8 @@ import numpy as np
 from numba import njit
 
 from monodyn.arrays import frozen, increasing
-from monodyn.errors import MechanismError
+from monodyn.errors import MechanismError, SettingsError
+from monodyn.mechanism.tree import Directions
 
 NONE, FOURIER, KNOTS = range(3)
 
@@ -87,6 +88,39 @@ class Drive:
         """
         return _torques(self.mode, self.times, self.table, np.asarray(times, dtype=np.float64))
 
+    def basis(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what a one in each column of the table adds to the torque, and its time derivative.
+
+        Args:
+            times: True times [s], (row,).
+
+        Returns:
+            Values and rates [1/s], each (row, column).
+        """
+        values, rates = np.zeros((2, len(times), self.table.shape[1]))
+        middle = float(np.mean(self.times)) if len(self.times) else 0.0
+        for row, time in enumerate(times):
+            basis_at(self.mode, self.times, time, middle, values[row], rates[row])
+        return values, rates
+
+    def derivatives(self, directions: Directions, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Differentiate the torque by parameters.
+
+        Args:
+            directions: What each parameter changes in the drive.
+            times: True times [s], (row,).
+
+        Returns:
+            The torque [N m or N], (row, dof), and its derivatives, (row, dof, param).
+        """
+        shapes, rates = self.basis(times)
+        torque, rate = shapes @ self.table.T, rates @ self.table.T
+        slopes = torque[:, :, None] * directions.load
+        slopes = slopes + (times[:, None] * rate)[:, :, None] * directions.clock
+        for i, c in zip(*np.nonzero(directions.entry >= 0), strict=True):
+            slopes[:, i, directions.entry[i, c]] += shapes[:, c]
+        return torque, slopes
+
 
 def UNDRIVEN(dofs: int) -> Drive:
     """Return the drive of no torque.
@@ -97,8 +131,40 @@ def UNDRIVEN(dofs: int) -> Drive:
     return Drive(NONE, np.zeros(0), np.zeros((dofs, 0)))
 
 
+def fourier_basis(time: np.ndarray, period: float, terms: int, *, derivative: int = 0) -> np.ndarray:
+    """Return 1, cos(w t), sin(w t), cos(2 w t), ... with w = 2 pi / period, or a derivative by time.
+
+    The paper prints j w in front of the sums of eq. (11); it belongs to each term.
+
+    Args:
+        time: Times [s], (frame,).
+        period: The period [s].
+        terms: Harmonics M.
+        derivative: 0 for the series itself, 1 for its rate, 2 for its acceleration.
+
+    Returns:
+        Columns mean, cos1, sin1, cos2, ..., (frame, 2 M + 1).
+
+    Raises:
+        SettingsError: The period is not above 0 or there are no terms.
+
+    Source:
+        Eq. (10), (11) and (13) of "Estimating dynamics on-the-fly using monocular video", 2012.
+    """
+    if not (np.isfinite(period) and period > 0):
+        raise SettingsError(f"period: expected a time above 0 s, got {period:g}.")
+    if terms < 1:
+        raise SettingsError(f"terms: expected 1 harmonic or more, got {terms}.")
+    omega = 2.0 * np.pi * np.arange(1, terms + 1) / period
+    phase = np.asarray(time, dtype=float)[:, None] * omega + 0.5 * np.pi * derivative
+    # each derivative turns a sine or cosine by a quarter and multiplies it by its frequency
+    pairs = np.stack((np.cos(phase), np.sin(phase)), axis=2) * (omega**derivative)[:, None]
+    mean = np.full((len(phase), 1), float(derivative == 0))
+    return np.concatenate((mean, pairs.reshape(len(phase), -1)), axis=1)
+
+
 @njit(cache=True, error_model="numpy")
-def basis(mode, stamps, time, side, value, rate):  # pragma: no cover - compiled
+def basis_at(mode, stamps, time, side, value, rate):  # pragma: no cover - compiled
     """Write basis and time derivative by column at ``time``; return the range of columns that are not zero.
 
     Columns outside of the range are left as they are. At a knot the limit from the time ``side`` counts, so
@@ -130,8 +196,8 @@ def basis(mode, stamps, time, side, value, rate):  # pragma: no cover - compiled
 
 @njit(cache=True, error_model="numpy")
 def torque(mode, stamps, table, time, side, value, rate, tau, slope):  # pragma: no cover - compiled
-    """Write torques and their derivative by time; return the range of columns as ``basis`` does."""
-    low, high = basis(mode, stamps, time, side, value, rate)
+    """Write torques and their derivative by time; return the range of columns as ``basis_at`` does."""
+    low, high = basis_at(mode, stamps, time, side, value, rate)
     for i in range(table.shape[0]):
         tau[i] = 0.0
         slope[i] = 0.0

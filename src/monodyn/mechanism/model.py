@@ -14,7 +14,7 @@ from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import derivatives, links_of, shapes_of, tree_of
 from monodyn.mechanism.parts import NOT_NEGATIVE, POSITIVE, Joint, Link, Parameter
 from monodyn.mechanism.plan import OWNED, Plan, Torques, make_plan, make_torques
-from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS, Measured, Shapes, Tree
+from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS, Directions, Measured, Shapes, Tree
 
 if TYPE_CHECKING:
     from monodyn.mechanism.drive import Drive
@@ -313,14 +313,14 @@ class Mechanism:
             self.row(name)
         return replace(self, measured=measured)
 
-    def directions(self, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Differentiate the tree's arrays by parameters, exactly.
+    def directions(self, names: Sequence[str]) -> Directions:
+        """Differentiate the tree and the drive by parameters, exactly.
 
         Args:
-            names: Names of the parameters; ``time_scale``, torques and sizes of no link give zeros.
+            names: Names of the parameters; ``time_scale`` and sizes of no link change nothing.
 
         Returns:
-            Derivatives of ``tree.links``, (param, dof, 14), and of ``tree.gravity``, (param, 2).
+            The derivatives by ``names``.
 
         Raises:
             MechanismError: A name is unknown or its value follows from others.
@@ -335,9 +335,15 @@ class Mechanism:
         inner = rows < len(self.plan_numbers)
         if inner.any():
             links[inner], gravity[inner] = derivatives(self.plan, self.plan_numbers, self.own, rows[inner])
-        return links, gravity
+        clock = np.zeros(len(rows))
+        if "torque.period" in names:  # a longer period is a slower clock of the torque
+            row = self.row("torque.period")
+            clock[rows == row] = -1.0 / self.numbers[row]
+        return Directions(
+            np.moveaxis(links, 0, -1), gravity.T, self.drive_entries(names), np.zeros(len(rows)), clock
+        )
 
-    def drive_ways(self, names: Sequence[str]) -> np.ndarray:
+    def drive_entries(self, names: Sequence[str]) -> np.ndarray:
         """Return which parameter each entry of the drive's table is.
 
         Args:

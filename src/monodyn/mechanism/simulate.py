@@ -1,4 +1,9 @@
-"""Motion of a mechanism from a start state, with a step chosen from a stated error bound."""
+"""The one door to motion: accelerations, rollouts and their derivatives of a mechanism's tree and drive.
+
+Nothing outside of this room calls the kernels behind it, so that another engine can stand here one day. A
+rollout takes equal Runge-Kutta steps between time stamps; `simulate` chooses their number from a stated error
+bound.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.arrays import frozen, increasing
+from monodyn.arrays import frozen, increasing, plain
 from monodyn.errors import MechanismError
+from monodyn.mechanism.drive import KNOTS, UNDRIVEN, Drive
 from monodyn.mechanism.model import Mechanism
+from monodyn.mechanism.tree import Directions, Tree
 
 MOST_SUBSTEPS = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class States:
+class Trajectory:
     """Joint positions and rates over time.
 
     Attributes:
@@ -31,14 +38,14 @@ class States:
     def __post_init__(self) -> None:
         shape = (len(self.time), None)
         set_ = object.__setattr__
-        set_(self, "time", frozen("States.time", self.time, shape[:1], error=MechanismError))
-        set_(self, "position", frozen("States.position", self.position, shape, error=MechanismError))
-        set_(self, "velocity", frozen("States.velocity", self.velocity, shape, error=MechanismError))
+        set_(self, "time", frozen("Trajectory.time", self.time, shape[:1], error=MechanismError))
+        set_(self, "position", frozen("Trajectory.position", self.position, shape, error=MechanismError))
+        set_(self, "velocity", frozen("Trajectory.velocity", self.velocity, shape, error=MechanismError))
 
 
 def simulate(
     mechanism: Mechanism, times: np.ndarray, q0: np.ndarray, v0: np.ndarray, *, tolerance: float = 1e-6
-) -> States:
+) -> Trajectory:
     """Integrate the motion of a mechanism under gravity, its own friction and springs, and its torques.
 
     Args:
@@ -62,48 +69,18 @@ def simulate(
         >>> fall.position.shape
         (31, 1)
     """
-    from monodyn.mechanism.dynamics import rollout
-
     times = np.asarray(times, dtype=np.float64)
     increasing("simulate.times", times, error=MechanismError)
     dofs = len(mechanism.joints)
     q0 = frozen("simulate.q0", q0, (dofs,), error=MechanismError)
     v0 = frozen("simulate.v0", v0, (dofs,), error=MechanismError)
-    steps = choose_substeps(mechanism, times, q0, v0, tolerance=tolerance)
-    tree = mechanism.tree
-    arrays = (tree.parent, tree.kind, tree.links, tree.gravity, times)
-    return States(times, *rollout(*arrays, steps, q0, v0, mechanism.drive))
-
-
-def choose_substeps(
-    mechanism: Mechanism,
-    times: np.ndarray,
-    q0: np.ndarray,
-    v0: np.ndarray,
-    *,
-    tolerance: float = 1e-6,
-    most: int = MOST_SUBSTEPS,
-) -> int:
-    """Return the least power of two of substeps whose error stays below a bound over the whole motion.
-
-    Args:
-        mechanism: The mechanism.
-        times: Time stamps [s], (frame,).
-        q0: Joint positions at ``times[0]`` [rad or m], (dof,).
-        v0: Joint rates there [rad/s or m/s], (dof,).
-        tolerance: Largest error of any position [rad or m].
-        most: Where to stop doubling; returned too if the bound is out of reach, as in long chaotic motion.
-
-    Returns:
-        Steps between two time stamps.
-    """
-    from monodyn.mechanism.dynamics import rollout
-
-    tree = mechanism.tree
-    arrays = (tree.parent, tree.kind, tree.links, tree.gravity, times)
-    return least_substeps(lambda steps: rollout(*arrays, steps, q0, v0, mechanism.drive)[0], tolerance, most)[
-        0
-    ]
+    tree, drive = mechanism.tree, mechanism.drive
+    steps, _ = least_substeps(
+        lambda substeps: rollout(tree, times, q0, v0, substeps=substeps, drive=drive)[0],
+        tolerance,
+        MOST_SUBSTEPS,
+    )
+    return Trajectory(times, *rollout(tree, times, q0, v0, substeps=steps, drive=drive))
 
 
 def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, most: int) -> tuple[int, float]:
@@ -118,7 +95,8 @@ def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, mos
         Steps between two time stamps, the least power of two that keeps the bound; and the largest error with
         them [rad or m], infinite where the motion is not finite or there is nothing to compare with.
 
-    Source: step doubling: halving the step of an order-4 method divides its error by 16, so the error of the
+    Source:
+        Step doubling: halving the step of an order-4 method divides its error by 16, so the error of the
         longer step is 16/15 of the difference of the two results, that of the shorter 1/15.
     """
     steps, change = 1, np.inf
@@ -131,3 +109,170 @@ def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, mos
             return steps, 16 / 15 * change
         steps, coarse = 2 * steps, fine
     return steps, change / 15 if np.isfinite(change) else np.inf
+
+
+def accelerations(tree: Tree, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Solve M(q) a = tau + passive(q, v) - bias(q, v) for the joint accelerations of every row.
+
+    Args:
+        tree: The joint tree.
+        q: Joint positions [rad or m], (frame, dof).
+        v: Joint rates [rad/s or m/s], (frame, dof).
+        tau: Joint torques or forces besides the tree's own friction and springs [N m or N], (frame, dof).
+
+    Returns:
+        Joint accelerations [rad/s^2 or m/s^2], (frame, dof).
+
+    Raises:
+        MechanismError: The arrays are not those of the tree's joints.
+    """
+    from monodyn.mechanism import planar
+
+    _agree(tree, q, v, tau)
+    rows = (plain(row, tree.links.dtype) for row in (q, v, tau))
+    return planar.accelerations(tree.parent, tree.kind, tree.links, tree.gravity, *rows)
+
+
+def energy(tree: Tree, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Sum kinetic energy, height energy (zero at the first joint) and spring energy.
+
+    Args:
+        tree: The joint tree.
+        q: Joint positions [rad or m], (frame, dof).
+        v: Joint rates [rad/s or m/s], (frame, dof).
+
+    Returns:
+        Energy [J], (frame,).
+
+    Raises:
+        MechanismError: The arrays are not those of the tree's joints.
+    """
+    from monodyn.mechanism import planar
+
+    _agree(tree, q, v)
+    rows = (plain(row, tree.links.dtype) for row in (q, v))
+    return planar.energy(tree.parent, tree.kind, tree.links, tree.gravity, *rows)
+
+
+def rollout(
+    tree: Tree,
+    times: np.ndarray,
+    q0: np.ndarray,
+    v0: np.ndarray,
+    *,
+    substeps: int,
+    drive: Drive | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate the motion over ``times`` with classical Runge-Kutta steps of order four.
+
+    Args:
+        tree: The joint tree; complex for a complex step.
+        times: Time stamps [s], (frame,); they need not be uniform and may run backwards. The drive goes by
+            them too.
+        q0: Joint positions at ``times[0]`` [rad or m], (dof,).
+        v0: Joint rates there [rad/s or m/s], (dof,).
+        substeps: Equal steps between two stamps.
+        drive: Torques over time besides friction and springs, or None.
+
+    Returns:
+        Joint positions and rates, each (frame, dof).
+
+    Raises:
+        MechanismError: The arrays are not those of the tree's joints.
+    """
+    from monodyn.mechanism import planar
+
+    drive = drive or UNDRIVEN(len(tree.parent))
+    _agree(tree, q0, v0, drive.table.T)
+    t = np.result_type(tree.links, drive.table)
+    return planar.rollout(
+        tree.parent, tree.kind, plain(tree.links, t), plain(tree.gravity, t), plain(times, np.float64),
+        int(substeps), plain(q0, t), plain(v0, t), drive.mode, drive.times, plain(drive.table, t),
+    )  # fmt: skip
+
+
+def rollout_derivatives(
+    tree: Tree,
+    directions: Directions,
+    times: np.ndarray,
+    q0: np.ndarray,
+    v0: np.ndarray,
+    *,
+    substeps: int,
+    drive: Drive | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Integrate the motion together with its exact derivatives along directions.
+
+    Args:
+        tree: The joint tree.
+        directions: What each parameter changes in the tree and in the drive.
+        times: Time stamps [s], (frame,); they need not be uniform and may run backwards. The drive goes by
+            them too.
+        q0: Joint positions at ``times[0]`` [rad or m], (dof,).
+        v0: Joint rates there [rad/s or m/s], (dof,).
+        substeps: Equal steps between two stamps.
+        drive: Torques over time besides friction and springs, or None.
+
+    Returns:
+        Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
+        the parameters, then by ``q0``, then by ``v0``.
+
+    Raises:
+        MechanismError: The arrays are not those of the tree's joints.
+    """
+    from monodyn.mechanism import tangents
+
+    drive = drive or UNDRIVEN(len(tree.parent))
+    _agree(tree, q0, v0, drive.table.T, directions.entry.T)
+    dofs, params, f8 = len(tree.parent), directions.links.shape[2], np.float64
+    times = plain(times, f8)
+    begin = np.zeros(params + 2 * dofs, dtype=np.int64)
+    if drive.mode == KNOTS:
+        # a torque at a knot costs time only from where it begins to act: the kernel takes the directions in
+        # that order, and at each frame only so many of them as act by then
+        always = directions.links.any(axis=(0, 1)) | directions.gravity.any(axis=0)
+        always |= (directions.load != 0) | (directions.clock != 0)
+        begin[:params] = np.where(always, 0, _begins(drive.times, times, directions.entry, params))
+    order = np.argsort(begin, kind="stable")
+    live = np.searchsorted(begin[order], np.arange(len(times)), side="right")
+    return tangents.rollout_tangents(
+        tree.parent, tree.kind, tree.links, plain(directions.links, f8), tree.gravity,
+        plain(directions.gravity, f8), times, int(substeps), plain(q0, f8), plain(v0, f8), drive.mode,
+        drive.times, drive.table, plain(directions.entry, np.int64), plain(directions.load, f8),
+        plain(directions.clock, f8), plain(order, np.int64), plain(live, np.int64),
+    )  # fmt: skip
+
+
+def _begins(stamps: np.ndarray, times: np.ndarray, entry: np.ndarray, params: int) -> np.ndarray:
+    """Return the interval of ``times`` (1 ends at frame 1) in which each parameter first acts by its knots.
+
+    Args:
+        stamps: Knots [s], (knot,).
+        times: Time stamps [s], (frame,).
+        entry: Parameter of each joint's value at each knot, -1 where none, (dof, knot).
+        params: Number of parameters.
+
+    Returns:
+        int64 (param,); 0 for a parameter that is at no knot, the number of frames for one that never acts.
+    """
+    early = np.concatenate((stamps[:1], stamps[:-1]))
+    late = np.concatenate((stamps[1:], stamps[-1:]))
+    low, high = np.minimum(times[:-1], times[1:]), np.maximum(times[:-1], times[1:])
+    acts = (high[:, None] >= early) & (low[:, None] <= late)
+    first = np.where(acts.any(axis=0), 1 + np.argmax(acts, axis=0), len(times)) if len(acts) else stamps * 0
+    begins = np.full(params, len(times))
+    joints, knots = np.nonzero(entry >= 0)
+    np.minimum.at(begins, entry[joints, knots], first[knots].astype(np.int64))
+    begins[np.setdiff1d(np.arange(params), entry)] = 0
+    return begins
+
+
+def _agree(tree: Tree, *joints: np.ndarray) -> None:
+    """Raise unless the last axis of each array is that of the tree's joints: the kernels do not look."""
+    dofs = len(tree.parent)
+    for array in joints:
+        if np.shape(array)[-1:] != (dofs,):
+            raise MechanismError(
+                f"simulate: expected arrays of the tree's {dofs} joints, got one of shape {np.shape(array)}; "
+                "give one value a joint."
+            )

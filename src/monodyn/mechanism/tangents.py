@@ -1,4 +1,4 @@
-"""Derivatives of a rollout along many directions at once: the forward-mode twin of ``dynamics.py``.
+"""numba kernels: derivatives of a rollout along many directions at once, the forward-mode twin of ``planar``.
 
 With tau = M(q) a + bias(q, v) solved for a, a direction d obeys M da = dtau - (dM a + dbias): the inverse
 dynamics at fixed a, differentiated by hand, then one solve with the factors already at hand. The same
@@ -13,12 +13,11 @@ import numpy as np
 from numba import njit
 
 from monodyn.mechanism.branches import solve_all
-from monodyn.mechanism.drive import KNOTS, NONE, torque
-from monodyn.mechanism.dynamics import (
+from monodyn.mechanism.drive import NONE, torque
+from monodyn.mechanism.planar import (
     AW,
     AX,
     AY,
-    CREEP,
     FN,
     FX,
     FY,
@@ -39,7 +38,6 @@ from monodyn.mechanism.dynamics import (
     S,
     forward,
     place,
-    plain,
 )  # fmt: skip
 from monodyn.mechanism.tree import (
     ANCHOR_X,
@@ -50,6 +48,7 @@ from monodyn.mechanism.tree import (
     AXIS_Y,
     COM_X,
     COM_Y,
+    CREEP,
     DAMPING,
     FRICTION,
     HINGE,
@@ -61,90 +60,6 @@ from monodyn.mechanism.tree import (
 
 DPHI, DOX, DOY, DSX, DSY, DVW, DVX, DVY, DAW, DAX, DAY, DFN, DFX, DFY = range(14)
 TANGENT = 14
-
-
-def rollout_tangents(
-    parent: np.ndarray,
-    kind: np.ndarray,
-    links: np.ndarray,
-    dpar: np.ndarray,
-    gravity: np.ndarray,
-    dgpar: np.ndarray,
-    times: np.ndarray,
-    substeps: int,
-    q0: np.ndarray,
-    v0: np.ndarray,
-    mode: int = NONE,
-    stamps: np.ndarray | None = None,
-    table: np.ndarray | None = None,
-    way: np.ndarray | None = None,
-    grow: np.ndarray | None = None,
-    drift: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Integrate motion and derivatives as ``dynamics.sensitivities`` does, on plain arrays without a check.
-
-    Args:
-        parent: Row of each link's parent, -1 for the world, int64 (dof,).
-        kind: ``HINGE`` or ``SLIDE``, int64 (dof,).
-        links: Columns of ``Tree.links``, (dof, 14).
-        dpar: Its derivatives, (dof, 14, param).
-        gravity: Acceleration of free fall [m/s^2], (2,).
-        dgpar: Its derivatives, (2, param).
-        times: Time stamps [s], (frame,), the clock of the drive too.
-        substeps: Equal steps between two stamps.
-        q0: Joint positions at ``times[0]`` [rad or m], (dof,).
-        v0: Joint rates there [rad/s or m/s], (dof,).
-        mode: Of the drive.
-        stamps: Period or knots of the drive [s].
-        table: Coefficients of the drive [N m or N], (dof, column).
-        way: Parameter that an entry of the table is, -1 where none, int64 (dof, column).
-        grow: Derivative of the logarithm of all torques by parameter, (param,).
-        drift: Derivative of the logarithm of the drive's clock by parameter, (param,).
-
-    Returns:
-        Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
-        the parameters, then by ``q0``, then by ``v0``.
-    """
-    dofs, params, f8 = len(parent), dpar.shape[2], np.float64
-    table = np.zeros((dofs, 0)) if table is None else table
-    stamps = plain(np.zeros(0) if stamps is None else stamps, f8)
-    grow = plain(np.zeros(params) if grow is None else grow, f8)
-    drift = plain(np.zeros(params) if drift is None else drift, f8)
-    way = np.full(table.shape, -1) if way is None else way
-    begin = np.zeros(params + 2 * dofs, dtype=np.int64)
-    if mode == KNOTS:
-        always = dpar.any(axis=(0, 1)) | dgpar.any(axis=0) | (grow != 0) | (drift != 0)
-        begin[:params] = np.where(always, 0, _begins(stamps, times, way, params))
-    order = np.argsort(begin, kind="stable")
-    live = np.searchsorted(begin[order], np.arange(len(times)), side="right")
-    return _rollout_tangents(
-        parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, plain(table, f8),
-        plain(way, np.int64), grow, drift, plain(order, np.int64), plain(live, np.int64),
-    )  # fmt: skip
-
-
-def _begins(stamps: np.ndarray, times: np.ndarray, way: np.ndarray, params: int) -> np.ndarray:
-    """Return the interval of ``times`` (1 ends at frame 1) in which each parameter first acts by its knots.
-
-    Args:
-        stamps: Knots [s], (knot,).
-        times: Time stamps [s], (frame,).
-        way: Parameter of each joint's value at each knot, -1 where none, (dof, knot).
-        params: Number of parameters.
-
-    Returns:
-        int64 (param,); 0 for a parameter that is at no knot, the number of frames for one that never acts.
-    """
-    early = np.concatenate((stamps[:1], stamps[:-1]))
-    late = np.concatenate((stamps[1:], stamps[-1:]))
-    low, high = np.minimum(times[:-1], times[1:]), np.maximum(times[:-1], times[1:])
-    acts = (high[:, None] >= early) & (low[:, None] <= late)
-    first = np.where(acts.any(axis=0), 1 + np.argmax(acts, axis=0), len(times)) if len(acts) else stamps * 0
-    begins = np.full(params, len(times))
-    joints, knots = np.nonzero(way >= 0)
-    np.minimum.at(begins, way[joints, knots], first[knots].astype(np.int64))
-    begins[np.setdiff1d(np.arange(params), way)] = 0
-    return begins
 
 
 @njit(cache=True, error_model="numpy")
@@ -309,7 +224,7 @@ def _add_torque(tau, slope, time, value, span, slot, grow, drift, da, live):  # 
 
 
 @njit(cache=True, error_model="numpy")
-def _rollout_tangents(
+def rollout_tangents(
     parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, table, way, grow, drift,
     order, live,
 ):  # pragma: no cover - compiled  # fmt: skip

@@ -21,6 +21,10 @@ ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, MASS, COM_X, COM_Y, INERTIA = range(9
 DAMPING, FRICTION, STIFFNESS, REST, ARMATURE = range(9, 14)
 COLUMNS = 14
 
+CREEP = 0.01
+"""Friction loss is ``friction * tanh(rate / CREEP)`` [rad/s or m/s]: full (to 1e-12) beyond 0.14, smooth at
+zero. MuJoCo's friction loss is a constraint that holds a joint still; here the joint creeps instead."""
+
 
 @dataclass(frozen=True, eq=False)
 class Tree:
@@ -39,8 +43,8 @@ class Tree:
     Attributes:
         parent: Row of the parent link, -1 for the world, int64 (dof,); a parent comes before its children.
         kind: ``HINGE`` or ``SLIDE``, int64 (dof,).
-        links: float64 (dof, 14).
-        gravity: Acceleration of free fall [m/s^2], (2,).
+        links: float64 (dof, 14), or complex128 for a complex step.
+        gravity: Acceleration of free fall [m/s^2], (2,), of the type of ``links``.
     """
 
     parent: np.ndarray
@@ -55,8 +59,62 @@ class Tree:
             self, "parent", frozen("Tree.parent", self.parent, (dofs,), dtype=np.int64, error=MechanismError)
         )
         set_(self, "kind", frozen("Tree.kind", self.kind, (dofs,), dtype=np.int64, error=MechanismError))
-        set_(self, "links", frozen("Tree.links", self.links, (dofs, COLUMNS), error=MechanismError))
-        set_(self, "gravity", frozen("Tree.gravity", self.gravity, (2,), error=MechanismError))
+        number = complex if np.iscomplexobj(self.links) or np.iscomplexobj(self.gravity) else float
+        shape = (dofs, COLUMNS)
+        set_(self, "links", frozen("Tree.links", self.links, shape, dtype=number, error=MechanismError))
+        set_(self, "gravity", frozen("Tree.gravity", self.gravity, (2,), dtype=number, error=MechanismError))
+
+    def along(self, directions: Directions, param: int, step: complex) -> Tree:
+        """Return the tree a step along one direction, to first order.
+
+        Args:
+            directions: Derivatives of this tree.
+            param: Which of them.
+            step: Length of the step, in units of the parameter; imaginary for a complex step.
+        """
+        return Tree(
+            self.parent,
+            self.kind,
+            self.links + step * directions.links[:, :, param],
+            self.gravity + step * directions.gravity[:, param],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """How parameters, or the coordinates of a search, change a tree and the drive at its joints.
+
+    A parameter p changes the drive's torque by d tau_i / dp = sum of basis_c where ``entry[i, c]`` is p,
+    + load[p] tau_i + clock[p] t dtau_i/dt.
+
+    Attributes:
+        links: Derivative of ``Tree.links``, (dof, 14, param).
+        gravity: Derivative of ``Tree.gravity``, (2, param).
+        entry: Parameter that an entry of the drive's table is, -1 where none, int64 (dof, column).
+        load: Derivative of the logarithm of all torques of the drive, (param,).
+        clock: Derivative of the logarithm of the drive's clock, (param,).
+    """
+
+    links: np.ndarray
+    gravity: np.ndarray
+    entry: np.ndarray
+    load: np.ndarray
+    clock: np.ndarray
+
+    def chained(self, chain: np.ndarray) -> Directions:
+        """Return the derivatives by other variables, by the chain rule.
+
+        Args:
+            chain: Derivatives of these parameters by the other variables, (param, variable); a parameter that
+                is an entry of the drive's table must be the variable of its own number.
+        """
+
+        def turned(table: np.ndarray) -> np.ndarray:
+            return np.ascontiguousarray(np.tensordot(np.moveaxis(table, -1, 0), chain, axes=(0, 0)))
+
+        return Directions(
+            turned(self.links), turned(self.gravity), self.entry, self.load @ chain, self.clock @ chain
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.estimation.data import ordered, prepare
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify
-from monodyn.estimation.periodic import Undriven
+from monodyn.estimation.record.samples import ordered, prepare
+from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.smooth import smooth
+from monodyn.estimation.torque.periods import Undriven
 from monodyn.mechanism import Mechanism
 from monodyn.reproduce.clip import Pendulum, Truth
 from monodyn.reproduce.vision import FAILURES, METHODS, Seen, aligned

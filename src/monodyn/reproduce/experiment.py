@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from monodyn.errors import MechanismError, SettingsError, VideoError
-from monodyn.estimation.filtering import Gains
 from monodyn.mechanism import Mechanism, load
+from monodyn.paper.filter import Gains
 from monodyn.reproduce.cases import Case, Design, run_cases
 from monodyn.reproduce.claims import Claim, Evidence, claims
 from monodyn.reproduce.clip import ClipSettings, Truth, film, simulated, truth_document
@@ -30,8 +30,8 @@ from monodyn.results.folder import Content as Files
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import versions
 from monodyn.types import Frame, Progress
-from monodyn.vision.segment import segment
-from monodyn.vision.video import Video, read
+from monodyn.vision.clip.video import Video, read
+from monodyn.vision.foreground.masks import segment
 
 START = """<mujoco model="double">
   <!-- The topology of the clip. Every size is wrong on purpose: the methods find the true ones. -->

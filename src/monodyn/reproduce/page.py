@@ -29,8 +29,8 @@ from monodyn.reproduce.vision import METHODS, TITLES, Seen
 from monodyn.results.overlay import Drawing, still
 from monodyn.results.page import plotting_script, template
 from monodyn.types import Frame
-from monodyn.vision.locate import Scene
-from monodyn.vision.outline import outline
+from monodyn.vision.drawing.outline import outline
+from monodyn.vision.locating.locate import Scene
 
 SHADES = (150, 220)
 """Grey of the bodies in a picture that the model draws, in turn."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.errors import MonodynError
-from monodyn.estimation.filtering import Filtered, Gains, filtered
 from monodyn.mechanism import Mechanism
+from monodyn.paper.filter import Filtered, Gains, filtered
 from monodyn.reproduce.clip import Truth
 from monodyn.types import Poses, Progress
-from monodyn.vision.locate import LocateSettings, Scene, locate
-from monodyn.vision.segment import Masks
+from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.locating.locate import LocateSettings, Scene, locate
 from monodyn.vision.track import TrackSettings, track
 
 METHODS = ("paper", "fast")
@@ -115,7 +115,7 @@ class _Watch:
 def _located(method: str, masks: Masks, mechanism: Mechanism, progress: Progress | None) -> Scene:
     if method == "fast":
         return locate(masks, mechanism, progress=progress)
-    from monodyn.vision.locate import CameraSettings
+    from monodyn.vision.locating.locate import CameraSettings
 
     return locate(
         masks,

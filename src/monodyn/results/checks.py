@@ -9,8 +9,8 @@ import numpy as np
 
 from monodyn.errors import FitError, SettingsError
 from monodyn.types import Poses
-from monodyn.vision.camera import PARAMETERS
-from monodyn.vision.video import Video
+from monodyn.vision.clip.video import Video
+from monodyn.vision.drawing.camera import PARAMETERS
 
 MOST_ROWS = 1_000_000
 """Most rows of a prediction."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import SettingsError
-from monodyn.estimation.driven import drifts
 from monodyn.estimation.fit import Fit, Start
+from monodyn.mechanism.tree import Directions
 
 ERROR_BOUND = 1e-6
 """Largest integration error that is aimed at [rad or m]."""
@@ -77,27 +77,23 @@ def _one_way(
     fit: Fit, start: Start, record: int, times: np.ndarray, usual: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Simulate away from the start: positions, rates and standard deviations at ``times``."""
-    from monodyn.mechanism.dynamics import rollout, sensitivities
-    from monodyn.mechanism.simulate import least_substeps
+    from monodyn.mechanism.simulate import least_substeps, rollout, rollout_derivatives
 
     mechanism = fit.mechanism
     tree, drive, stretch = mechanism.tree, mechanism.drive, mechanism.values["time_scale"]
     stamps, rows = _stamps(start.time, times, usual)
     clock = stamps * stretch
-    arrays = (tree.parent, tree.kind, tree.links)
     state = (start.position, start.velocity)
 
     def positions(substeps: int) -> np.ndarray:
-        return rollout(*arrays, tree.gravity, clock, substeps, *state, drive)[0]
+        return rollout(tree, clock, *state, substeps=substeps, drive=drive)[0]
 
     substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_SUBSTEPS)
     dofs = len(start.position)
     count = len(fit.names) - 2 * dofs * len(fit.starts)
     names = fit.names[:count]
-    dlinks, dgravity = _directions(fit, names)
-    ways = (mechanism.drive_ways(names), np.zeros(len(names)), drifts(mechanism, names))
-    q, v, dq, _ = sensitivities(
-        *arrays, dlinks, tree.gravity, dgravity, clock, substeps, *state, drive, *ways
+    q, v, dq, _ = rollout_derivatives(
+        tree, _directions(fit, names), clock, *state, substeps=substeps, drive=drive
     )
     if "time_scale" in names:
         dq[:, :, names.index("time_scale")] += v * ((stamps - start.time)[:, None])
@@ -112,14 +108,13 @@ def _one_way(
     return q[rows], v[rows], std
 
 
-def _directions(fit: Fit, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the tree by the unknowns; a size tied to a length moves with it."""
-    dlinks, dgravity = fit.mechanism.directions((*names, *(size for size, _ in fit.tied)))
+def _directions(fit: Fit, names: tuple[str, ...]) -> Directions:
+    """Derivatives of tree and drive by the unknowns; a size tied to a length moves with it."""
     count, values = len(names), fit.mechanism.values
-    chain = np.eye(len(dlinks))[:, :count]
+    chain = np.eye(count + len(fit.tied))[:, :count]
     for k, (size, length) in enumerate(fit.tied):
         chain[count + k, names.index(length)] = values[size] / values[length]
-    return np.tensordot(chain.T, dlinks, axes=1), np.tensordot(chain.T, dgravity, axes=1)
+    return fit.mechanism.directions((*names, *(size for size, _ in fit.tied))).chained(chain)
 
 
 def _stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:

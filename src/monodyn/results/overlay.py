@@ -18,7 +18,7 @@ from monodyn.types import Camera, Frame, Poses, Progress
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
-    from monodyn.vision.video import Video
+    from monodyn.vision.clip.video import Video
 
 TICKS = 90_000
 """Time stamps of the film are whole multiples of 1 / TICKS seconds."""
@@ -100,7 +100,7 @@ class Motion:
     def _outlines(self, position: np.ndarray) -> list[np.ndarray]:
         if not np.all(np.isfinite(position)):
             return []
-        from monodyn.vision.outline import outline
+        from monodyn.vision.drawing.outline import outline
 
         return [polygon for _, polygon in outline(self.mechanism, self.camera, position)]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.estimation.records import write_poses
+from monodyn.estimation.record.tables import write_poses
 from monodyn.results.export import (
     Trace,
     fit_document,
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from monodyn.estimation.identify import Fit
     from monodyn.mechanism import Mechanism
     from monodyn.results.predict import Prediction
-    from monodyn.vision.video import Video
+    from monodyn.vision.clip.video import Video
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.estimation.driven import drifts, torque_slopes
 from monodyn.estimation.fit import Fit
 
 
@@ -38,8 +37,8 @@ def torques(fit: Fit, times: np.ndarray) -> Torques:
     mechanism = fit.mechanism
     count = len(fit.names) - 2 * len(mechanism.joints) * len(fit.starts)
     names = fit.names[:count]
-    ways = (mechanism.drive_ways(names), np.zeros(len(names)), drifts(mechanism, names))
-    found, slopes = torque_slopes(mechanism.drive, ways, times * mechanism.values["time_scale"])
+    clock = times * mechanism.values["time_scale"]
+    found, slopes = mechanism.drive.derivatives(mechanism.directions(names), clock)
     covariance = fit.covariance[:count, :count]
     variance = np.einsum("fip,pr,fir->fi", slopes, covariance, slopes, optimize=True)
     return Torques(times, found, np.sqrt(np.maximum(variance, 0.0)))

@@ -14,12 +14,12 @@ import numpy as np
 
 from monodyn.errors import SettingsError, VideoError
 from monodyn.types import Mask, Poses, Progress
-from monodyn.vision.follow import follow
-from monodyn.vision.keyframes import key_frame
-from monodyn.vision.rig import Rig, rig_of
-from monodyn.vision.scene import Scene
-from monodyn.vision.search import limits, place
-from monodyn.vision.segment import Masks
+from monodyn.vision.drawing.follow import follow
+from monodyn.vision.drawing.rig import Rig, rig_of
+from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.locating.keyframes import key_frame
+from monodyn.vision.locating.scene import Scene
+from monodyn.vision.locating.search import limits, place
 
 LIMITS = (
     ("spacing", 0.5, 100.0),
@@ -157,7 +157,7 @@ def _fast(masks: Masks, scene: Scene, settings: TrackSettings, progress: Progres
 
 def _paper(masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None) -> Poses:
     """Minimize the mismatch of the silhouettes within move limits."""
-    from monodyn.vision.moves import track_published
+    from monodyn.paper.track import track_published
 
     return track_published(masks, scene, settings, progress)
 

@@ -1,0 +1,1 @@
+"""Tables of joint positions in and out; samples whitened and smoothed."""

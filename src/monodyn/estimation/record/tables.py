@@ -1,0 +1,178 @@
+"""Tables of joint positions in and out: ``poses.csv`` of a run folder, and encoder logs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monodyn.arrays import increasing
+from monodyn.errors import VideoError
+from monodyn.types import Poses
+
+if TYPE_CHECKING:
+    from monodyn.mechanism import Mechanism
+
+SEEN = {"1": True, "true": True, "0": False, "false": False}
+
+
+def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
+    """Read a table of joint positions.
+
+    The header names the columns: ``time`` [s] and one per joint [rad or m] are needed; ``frame``, ``seen`` (1
+    or 0) and ``<joint>_std`` [rad or m] are used when they are there, other columns are left alone. An empty
+    or ``nan`` position is a gap. Without a ``_std`` column the noise is estimated from the record itself.
+
+    Args:
+        path: File of comma-separated values.
+        joints: The mechanism, or its joint names in order.
+
+    Returns:
+        The record; slides are in metres.
+
+    Raises:
+        VideoError: The file cannot be read, lacks a column, holds something that is not a number or that
+            its column cannot have, or its times do not increase.
+    """
+    path = Path(path)
+    names = tuple(joints if isinstance(joints, Sequence) else (joint.name for joint in joints.joints))
+    header, rows = _table(path)
+    columns = _columns(path, header, names)
+    table = np.array([_numbers(path, header, row, line) for line, row in rows])
+    _check_values(path, columns, names, rows, table)
+    time = increasing(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
+    position = table[:, [columns[name] for name in names]]
+    seen = np.asarray(np.isfinite(position).any(axis=1))
+    if "seen" in columns:
+        seen &= table[:, columns["seen"]] > 0
+    frame = table[:, columns["frame"]].astype(int) if "frame" in columns else np.arange(len(time))
+    if not seen.any():
+        raise VideoError(f"{path.name}: expected measured joint positions, got none in {len(time)} rows.")
+    std = np.full(position.shape, np.nan)
+    for dof, name in enumerate(names):
+        if f"{name}_std" in columns:
+            std[:, dof] = table[:, columns[f"{name}_std"]]
+    covariance = np.zeros((len(time), len(names), len(names)))
+    covariance[:, range(len(names)), range(len(names))] = std**2
+    poses = Poses(names, frame, time, position, covariance, seen)
+    return poses if np.isfinite(std[np.isfinite(position) & seen[:, None]]).all() else _with_noise(poses, std)
+
+
+def write_poses(poses: Poses, path: str | Path) -> None:
+    """Write a record as a table that `read_poses` reads back.
+
+    Numbers are written with as many digits as it takes to read the same number back; covariances between
+    joints are left out.
+
+    Args:
+        poses: The record.
+        path: File to write.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["frame", "time", "seen", *poses.joints, *(f"{name}_std" for name in poses.joints)])
+    std = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
+    for i in range(len(poses)):
+        numbers = [repr(float(x)) for x in (*poses.position[i], *std[i])]
+        writer.writerow([int(poses.frame[i]), repr(float(poses.time[i])), int(poses.seen[i]), *numbers])
+    Path(path).write_text(text.getvalue(), encoding="utf-8")
+
+
+def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Header and the rows with their line numbers, empty lines left out."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise VideoError(
+            f"{path}: cannot be read ({error.strerror}); name a table of joint positions."
+        ) from None
+    except UnicodeDecodeError:
+        raise VideoError(
+            f"{path.name}: expected a table of comma-separated values, got binary data."
+        ) from None
+    try:
+        lines = list(csv.reader(io.StringIO(text)))
+    except csv.Error as error:
+        raise VideoError(f"{path.name}: expected a table of comma-separated values, but {error}.") from None
+    rows = [(i + 1, row) for i, row in enumerate(lines) if any(cell.strip() for cell in row)]
+    if len(rows) < 2:
+        raise VideoError(f"{path.name}: expected a header line and rows of numbers, got {len(rows)} lines.")
+    return [cell.strip() for cell in rows[0][1]], rows[1:]
+
+
+def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str, int]:
+    """Index of each column by its name."""
+    missing = [name for name in ("time", *names) if name not in header]
+    if missing:
+        needs, has = ", ".join(map(repr, missing)), ", ".join(map(repr, header))
+        raise VideoError(f"{path.name}: column {needs} is missing; columns: {has}.")
+    twice = sorted({name for name in header if name and header.count(name) > 1})
+    if twice:
+        raise VideoError(
+            f"{path.name}: column {twice[0]!r} is there {header.count(twice[0])} times; keep one."
+        )
+    return {name: i for i, name in enumerate(header)}
+
+
+def _numbers(path: Path, header: list[str], row: list[str], line: int) -> list[float]:
+    """One row as numbers; an empty cell is NaN."""
+    if len(row) != len(header):
+        raise VideoError(
+            f"{path.name}: line {line} has {len(row)} cells, expected {len(header)} as in the header."
+        )
+    numbers = []
+    for name, cell in zip(header, row, strict=True):
+        cell = cell.strip()
+        try:
+            numbers.append(float(SEEN.get(cell.lower(), cell)) if cell else float("nan"))
+        except ValueError:
+            raise VideoError(
+                f"{path.name}: line {line}, column {name!r}: expected a number, got {cell!r}."
+            ) from None
+    return numbers
+
+
+def _check_values(
+    path: Path,
+    columns: dict[str, int],
+    names: tuple[str, ...],
+    rows: list[tuple[int, list[str]]],
+    table: np.ndarray,
+) -> None:
+    """Refuse numbers that their column cannot have: what is used must be finite, a gap or a deviation."""
+    deviations = [f"{name}_std" for name in names]
+    rules = [
+        (["frame"], lambda x: np.isfinite(x) & (x == np.rint(x)), "a whole number"),
+        (names, lambda x: ~np.isinf(x), "a finite number, or nothing for a gap"),
+        (deviations, lambda x: ~np.isinf(x) & ~(x < 0), "a standard deviation of zero or more, or nothing"),
+    ]
+    for chosen, holds, expected in rules:
+        for name in chosen:
+            if name not in columns:
+                continue
+            bad = np.flatnonzero(~holds(table[:, columns[name]]))
+            if len(bad):
+                line, row = rows[bad[0]]
+                cell = row[columns[name]].strip() or "an empty cell"
+                raise VideoError(
+                    f"{path.name}: line {line}, column {name!r}: expected {expected}, got {cell}."
+                )
+
+
+def _with_noise(poses: Poses, std: np.ndarray) -> Poses:
+    """Fill in missing standard deviations with the scatter about a smooth curve."""
+    from monodyn.estimation.record.smooth import smooth
+
+    smoothed = smooth(poses)
+    scatter = np.nan_to_num(smoothed.noise, nan=0.0)
+    used = np.isfinite(poses.position) & poses.seen[:, None]
+    columns = zip(poses.position.T, used.T, strict=True)
+    floor = np.array([1e-4 * np.std(values[use]) if use.any() else 0.0 for values, use in columns])
+    filled = np.where(np.isfinite(std), std, np.maximum(np.maximum(scatter, floor), 1e-9))
+    covariance = np.zeros_like(poses.covariance)
+    covariance[:, range(len(poses.joints)), range(len(poses.joints))] = filled**2
+    return Poses(poses.joints, poses.frame, poses.time, poses.position, covariance, poses.seen, poses.metric)

@@ -1,0 +1,1 @@
+"""The least-squares problem of a motion, solved by multiple shooting."""

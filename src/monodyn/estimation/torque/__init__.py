@@ -1,0 +1,1 @@
+"""What acts at the joints: friction, a periodic torque, or any torque."""

@@ -1,0 +1,235 @@
+"""A periodic torque: its period and number of harmonics from accelerations, before anything is integrated.
+
+Along smooth motion the accelerations are linear in the torque, and nearly so in the other unknowns. So for
+every period and number of harmonics the best series is one linear least squares, in which the other unknowns
+may move as well; what is left over ranks the periods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from monodyn.estimation.record.samples import Data
+from monodyn.estimation.record.smooth import Smoothed
+from monodyn.estimation.shooting.problem import Motion, Problem, posed, smooth_motion
+from monodyn.estimation.shooting.starts import sized
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.drive import fourier_basis
+
+FEWEST_PERIODS = 1.25
+"""A record this many periods long shows that something repeats."""
+FEWEST_ROWS = 8
+"""Rows with all joints measured; below that accelerations say nothing of a period."""
+PER_HARMONIC = 2.5
+"""Samples in the shortest harmonic."""
+CORRELATED = 4.0
+"""Accelerations of smoothed motion share their neighbours' samples: so many count as one."""
+SCANNED_TERMS = (1, 2, 3)
+"""Harmonics that the scan tries when their number is open."""
+LONGEST = 4.0
+"""Periods up to so many times the record are held against the best one that it shows more than once."""
+MARGIN = 10.0
+"""A longer period whose criterion is not above that of the best by so much might as well be the true one."""
+APART = 0.04
+"""Periods nearer to each other than this share are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """A period that explains the accelerations.
+
+    Attributes:
+        period: Period [s].
+        terms: Number of harmonics.
+        criterion: Schwarz's criterion: n log(left over) + unknowns log n; lower is better.
+        table: Coefficients, (dof, 1 + 2 terms).
+        change: Change of the other unknowns' coordinates, (param,).
+    """
+
+    period: float
+    terms: int
+    criterion: float
+    table: np.ndarray
+    change: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Undriven:
+    """The problem without a periodic torque, which the accelerations ask for.
+
+    Attributes:
+        problem: The problem.
+        x: Coordinates at which its accelerations are nearest, (param,).
+        motion: Smooth motion.
+        bounds: Least and greatest period [s] that the user allows; equal where it is known.
+    """
+
+    problem: Problem
+    x: np.ndarray
+    motion: Motion
+    bounds: tuple[float, float]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, data: Data, smoothed: tuple[Smoothed, ...]) -> Undriven:
+        """Return it for a mechanism, whose ``torque.period`` says which periods are allowed.
+
+        Args:
+            mechanism: The start.
+            data: The measurements.
+            smoothed: Smooth motion of each record.
+        """
+        clock = mechanism.with_torque("fourier", terms=1, period=1.0).parameter("torque.period")
+        problem = posed(mechanism.with_torque("friction"), data)
+        motion = smooth_motion(problem, smoothed)
+        bounds = (clock.lower, clock.upper) if clock.free else (clock.value, clock.value)
+        x = sized(problem, motion) if len(motion.time) else problem.unknowns.x0
+        return cls(problem, x, motion, bounds)
+
+    def guesses(self, terms: int) -> list[Guess]:
+        """Rank the periods that are allowed, see `guess_periods`; ``terms`` 0 lets the criterion choose."""
+        return guess_periods(self.problem, self.x, self.motion, terms, self.bounds)
+
+    def start(self, guess: Guess, driven: Problem) -> np.ndarray:
+        """Return the coordinates of a guess in a problem with a periodic torque, (param,).
+
+        Args:
+            guess: The guess.
+            driven: The problem; harmonics that the guess has not start at zero.
+        """
+        plain = self.problem.unknowns
+        change = np.clip(guess.change, -plain.reach, plain.reach)
+        start = driven.unknowns.carried(np.clip(self.x + change, plain.lower, plain.upper), plain)
+        ways = driven.mechanism.drive_entries(driven.unknowns.names)[:, : guess.table.shape[1]]
+        start[ways[ways >= 0]] = guess.table[ways >= 0]
+        return start
+
+
+def guess_periods(
+    problem: Problem,
+    x: np.ndarray,
+    motion: Motion,
+    terms: int,
+    bounds: tuple[float, float] = (0.0, np.inf),
+    most: int = 3,
+) -> list[Guess]:
+    """Rank periods by how well a torque of that period explains the accelerations.
+
+    Args:
+        problem: The problem without the periodic torque.
+        x: Coordinates at which its accelerations are nearest, (param,).
+        motion: Smooth motion.
+        terms: Number of harmonics; 0 lets the criterion choose.
+        bounds: Least and greatest period [s]; equal where it is known.
+        most: How many to return at most.
+
+    Returns:
+        Guesses, the best first, only those that are better than no torque at all; empty where there is none,
+        or where a period that the record does not hold explains as much.
+        A known period always gives one, but for under 8 rows with all joints measured.
+
+    Source:
+        Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+        variables separate, 1973; Schwarz, Estimating the dimension of a model, 1978.
+    """
+    if len(motion.time) < FEWEST_ROWS:
+        return []
+    scan = _Scan(problem, x, motion)
+    counts = SCANNED_TERMS if terms == 0 else (terms,)
+    if bounds[0] == bounds[1]:
+        return sorted((scan.fit(bounds[0], count) for count in counts), key=lambda guess: guess.criterion)[:1]
+    found: list[Guess] = []
+    for count in counts:
+        tried = [scan.fit(p, count) for p in scan.periods(count, bounds)]
+        values = np.array([guess.criterion for guess in tried])
+        ends = np.concatenate(([np.inf], values, [np.inf]))
+        low = np.flatnonzero((values <= ends[:-2]) & (values < ends[2:]))
+        found += [scan.refined(tried[i], bounds) for i in low if values[i] < scan.nothing]
+    kept: list[Guess] = []
+    for guess in sorted(found, key=lambda guess: guess.criterion):
+        if all(abs(np.log(guess.period / other.period)) > APART for other in kept):
+            kept.append(guess)
+    if kept and scan.longer(kept[0], bounds) < kept[0].criterion + MARGIN:
+        return []
+    return kept[:most]
+
+
+class _Scan:
+    """Linear least squares at one period after the other, the other unknowns projected out."""
+
+    def __init__(self, problem: Problem, x: np.ndarray, motion: Motion) -> None:
+        rows, jacobian = problem.acceleration_rows(x, motion)
+        response = problem.torque_response(x, motion) * motion.weight[:, :, None]
+        self.frames, self.dofs, _ = response.shape
+        self.clock = motion.time * problem.stretch(x)
+        self.response, self.count, self.prior = response, len(x), len(rows) - motion.weight.size
+        q, self.triangle = np.linalg.qr(jacobian)
+        self.q, self.rows = q, rows
+        self.left = rows - q @ (q.T @ rows)
+        self.samples = max(motion.weight.size / CORRELATED, 4.0)
+        self.nothing = self._criterion(float(self.left @ self.left), 0)
+
+    def periods(self, terms: int, bounds: tuple[float, float]) -> np.ndarray:
+        """Return the periods that the record can tell [s], evenly spaced in frequency, ends of bounds too."""
+        span, step = float(np.ptp(self.clock)), float(np.median(np.diff(np.unique(self.clock))))
+        low, high = FEWEST_PERIODS / span, 1.0 / (terms * PER_HARMONIC * step)
+        scanned = 1.0 / np.arange(low, max(high, low), self.step(terms))
+        ends = [end for end in bounds if 1.0 / max(high, low) <= end <= 1.0 / low]
+        inside = scanned[(bounds[0] < scanned) & (scanned < bounds[1])]
+        return np.sort(np.concatenate((inside, ends)))[::-1]
+
+    def longer(self, best: Guess, bounds: tuple[float, float]) -> float:
+        """Return the least criterion of periods that the record does not hold, inf where none is allowed.
+
+        A multiple of the best period, of which the best one is a harmonic, is no other period.
+        """
+        span = float(np.ptp(self.clock))
+        beyond = span / FEWEST_PERIODS * np.geomspace(1.0, LONGEST * FEWEST_PERIODS, 40)[1:]
+        least = float("inf")
+        for count in range(1, best.terms + 1):
+            harmonics = np.arange(2, count + 1)
+            for period in beyond[(bounds[0] <= beyond) & (beyond <= bounds[1])]:
+                if (np.abs(harmonics / period - 1.0 / best.period) > 0.5 / span).all():
+                    least = min(least, self.fit(period, count).criterion)
+        return least
+
+    def step(self, terms: int) -> float:
+        """Return the spacing of the scanned frequencies [Hz]: a tenth of a turn of the last harmonic."""
+        return 0.1 / float(np.ptp(self.clock)) / terms
+
+    def refined(self, guess: Guess, bounds: tuple[float, float]) -> Guess:
+        """Move a period between its neighbours in the scan to where the criterion is least."""
+        from scipy.optimize import minimize_scalar
+
+        step = self.step(guess.terms)
+        ends = np.clip(
+            (1.0 / guess.period - step, 1.0 / guess.period + step),
+            1.0 / bounds[1],
+            1.0 / max(bounds[0], 1e-9),
+        )
+        best: Any = minimize_scalar(
+            lambda frequency: self.fit(1.0 / frequency, guess.terms).criterion,
+            bounds=ends,
+            method="bounded",
+            options={"xatol": 0.01 * step},
+        )
+        return self.fit(1.0 / float(best.x), guess.terms)
+
+    def fit(self, period: float, terms: int) -> Guess:
+        """Fit a series of one period, the other unknowns free to move."""
+        shapes = fourier_basis(self.clock, period, terms)
+        columns = np.zeros((len(self.rows), self.dofs * shapes.shape[1]))
+        columns[: len(self.rows) - self.prior] = np.einsum("fij,fc->fijc", self.response, shapes).reshape(
+            -1, columns.shape[1]
+        )
+        free = columns - self.q @ (self.q.T @ columns)
+        best, *_ = np.linalg.lstsq(free, -self.left, rcond=1e-9)
+        left = self.left + free @ best
+        change = -np.linalg.lstsq(self.triangle, self.q.T @ (self.rows + columns @ best), rcond=1e-9)[0]
+        criterion = self._criterion(float(left @ left), columns.shape[1] + 1)
+        return Guess(period, terms, criterion, best.reshape(self.dofs, -1), change)
+
+    def _criterion(self, left_over: float, unknowns: int) -> float:
+        return self.samples * np.log(max(left_over, 1e-300)) + unknowns * np.log(self.samples)

@@ -1,0 +1,1 @@
+"""The optimum in, intervals, status and advice out."""

@@ -1,0 +1,234 @@
+"""numba kernels: planar multibody dynamics of any joint tree (with ``branches`` and ``tangents``).
+
+All quantities are planar spatial vectors about one fixed point, the first joint's place at q = 0: a motion is
+(turn rate, velocity at that point), a force is (moment about it, force), an inertia is (m, m c_x, m c_y, J).
+Expressed so, inertias of a subtree add up, and one outward and one inward pass give the bias forces and the
+joint-space inertia matrix, which is factored along the branches of the tree.
+
+The kernels take ``float64`` or ``complex128`` trees (``links``, ``gravity``, ``q``, ``v`` of one type), so
+that a complex step differentiates them exactly.
+
+Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), tables 5.1 (recursive Newton-Euler), 6.2
+(composite rigid body) and 6.3 (LTDL factorization), in planar coordinates; for the double pendulum this is
+eq. (8) of the 2012 paper (``two_link.py``).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from monodyn.mechanism.branches import factor, solve
+from monodyn.mechanism.drive import NONE, torque
+from monodyn.mechanism.tree import (
+    ANCHOR_X,
+    ANCHOR_Y,
+    ANGLE,
+    ARMATURE,
+    AXIS_X,
+    AXIS_Y,
+    COM_X,
+    COM_Y,
+    CREEP,
+    DAMPING,
+    FRICTION,
+    HINGE,
+    INERTIA,
+    MASS,
+    REST,
+    STIFFNESS,
+)  # fmt: skip
+
+C, S, PHI, OX, OY, SW, SX, SY, VW, VX, VY, M, MX, MY, J, FN, FX, FY, AW, AX, AY = range(21)
+WORK = 21
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _friction(rate):  # pragma: no cover - compiled
+    """Return the smoothed sign of ``rate``, tanh(rate / CREEP), without overflow for complex rates."""
+    x = rate / CREEP
+    if x.real > 20.0:
+        return x * 0.0 + 1.0
+    if x.real < -20.0:
+        return x * 0.0 - 1.0
+    e = np.exp(-2.0 * x)
+    return (1.0 - e) / (1.0 + e)
+
+
+@njit(cache=True, error_model="numpy")
+def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
+    """Fill pose, motion subspace, velocity and inertia of every link (columns C to J of ``w``), outward."""
+    for i in range(parent.size):
+        p = parent[i]
+        if p < 0:
+            ox = links[i, ANCHOR_X] - links[0, ANCHOR_X]
+            oy = links[i, ANCHOR_Y] - links[0, ANCHOR_Y]
+            phi = links[i, ANGLE]
+        else:
+            ox = w[p, OX] + w[p, C] * links[i, ANCHOR_X] - w[p, S] * links[i, ANCHOR_Y]
+            oy = w[p, OY] + w[p, S] * links[i, ANCHOR_X] + w[p, C] * links[i, ANCHOR_Y]
+            phi = w[p, PHI] + links[i, ANGLE]
+        if kind[i] == HINGE:
+            sign = links[i, AXIS_X]
+            phi += sign * q[i]
+            w[i, C] = np.cos(phi)
+            w[i, S] = np.sin(phi)
+            w[i, SW] = sign
+            w[i, SX] = sign * oy
+            w[i, SY] = -sign * ox
+        else:
+            w[i, C] = np.cos(phi)
+            w[i, S] = np.sin(phi)
+            dx = w[i, C] * links[i, AXIS_X] - w[i, S] * links[i, AXIS_Y]
+            dy = w[i, S] * links[i, AXIS_X] + w[i, C] * links[i, AXIS_Y]
+            ox += dx * q[i]
+            oy += dy * q[i]
+            w[i, SW] = 0.0
+            w[i, SX] = dx
+            w[i, SY] = dy
+        w[i, PHI] = phi
+        w[i, OX] = ox
+        w[i, OY] = oy
+        w[i, VW] = w[i, SW] * v[i]
+        w[i, VX] = w[i, SX] * v[i]
+        w[i, VY] = w[i, SY] * v[i]
+        if p >= 0:
+            w[i, VW] += w[p, VW]
+            w[i, VX] += w[p, VX]
+            w[i, VY] += w[p, VY]
+        x = ox + w[i, C] * links[i, COM_X] - w[i, S] * links[i, COM_Y]
+        y = oy + w[i, S] * links[i, COM_X] + w[i, C] * links[i, COM_Y]
+        w[i, M] = links[i, MASS]
+        w[i, MX] = links[i, MASS] * x
+        w[i, MY] = links[i, MASS] * y
+        w[i, J] = links[i, INERTIA] + w[i, MX] * x + w[i, MY] * y
+
+
+@njit(cache=True, error_model="numpy")
+def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
+    """Fill the force (FN, FX, FY) that each link needs when every joint acceleration is zero."""
+    for i in range(parent.size):
+        p = parent[i]
+        if p < 0:
+            w[i, AW] = 0.0
+            w[i, AX] = -gravity[0]
+            w[i, AY] = -gravity[1]
+        else:
+            w[i, AW] = w[p, AW]
+            w[i, AX] = w[p, AX] + v[i] * (w[i, SW] * w[p, VY] - w[p, VW] * w[i, SY])
+            w[i, AY] = w[p, AY] + v[i] * (w[p, VW] * w[i, SX] - w[i, SW] * w[p, VX])
+        px = w[i, M] * w[i, VX] - w[i, VW] * w[i, MY]
+        py = w[i, M] * w[i, VY] + w[i, VW] * w[i, MX]
+        w[i, FN] = (
+            w[i, J] * w[i, AW] + w[i, MX] * w[i, AY] - w[i, MY] * w[i, AX] + w[i, VX] * py - w[i, VY] * px
+        )
+        w[i, FX] = w[i, M] * w[i, AX] - w[i, AW] * w[i, MY] - w[i, VW] * py
+        w[i, FY] = w[i, M] * w[i, AY] + w[i, AW] * w[i, MX] + w[i, VW] * px
+
+
+@njit(cache=True, error_model="numpy")
+def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cover - compiled
+    """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch."""
+    place(parent, kind, links, q, v, w)
+    _bias(parent, gravity, v, w)
+    for i in range(parent.size - 1, -1, -1):
+        a[i] = (
+            tau[i]
+            - links[i, DAMPING] * v[i]
+            - links[i, STIFFNESS] * (q[i] - links[i, REST])
+            - (w[i, SW] * w[i, FN] + w[i, SX] * w[i, FX] + w[i, SY] * w[i, FY])
+        )
+        if links[i, FRICTION] != 0.0:
+            a[i] -= links[i, FRICTION] * _friction(v[i])
+        px = w[i, M] * w[i, SX] - w[i, SW] * w[i, MY]
+        py = w[i, M] * w[i, SY] + w[i, SW] * w[i, MX]
+        turn = w[i, J] * w[i, SW] + w[i, MX] * w[i, SY] - w[i, MY] * w[i, SX]
+        h[i, i] = w[i, SW] * turn + w[i, SX] * px + w[i, SY] * py + links[i, ARMATURE]
+        j = parent[i]
+        if j >= 0:
+            w[j, M] += w[i, M]
+            w[j, MX] += w[i, MX]
+            w[j, MY] += w[i, MY]
+            w[j, J] += w[i, J]
+            w[j, FN] += w[i, FN]
+            w[j, FX] += w[i, FX]
+            w[j, FY] += w[i, FY]
+        while j >= 0:
+            h[i, j] = w[j, SW] * turn + w[j, SX] * px + w[j, SY] * py
+            j = parent[j]
+    factor(parent, h)
+    solve(parent, h, a)
+
+
+@njit(cache=True, error_model="numpy")
+def accelerations(parent, kind, links, gravity, q, v, tau):  # pragma: no cover - compiled
+    """Return the accelerations in every row of positions, rates and torques, all (frame, dof)."""
+    w = np.empty((parent.size, WORK), links.dtype)
+    h = np.empty((parent.size, parent.size), links.dtype)
+    a = np.empty(q.shape, links.dtype)
+    for f in range(len(q)):
+        forward(parent, kind, links, gravity, q[f], v[f], tau[f], w, h, a[f])
+    return a
+
+
+@njit(cache=True, error_model="numpy")
+def rollout(
+    parent, kind, links, gravity, times, substeps, q0, v0, mode, stamps, table
+):  # pragma: no cover - compiled
+    """Integrate by Runge-Kutta steps of order four; return positions and rates, each (frame, dof)."""
+    n = parent.size
+    value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
+    slope = np.empty(n, links.dtype)
+    w = np.empty((n, WORK), links.dtype)
+    h = np.empty((n, n), links.dtype)
+    tau = np.zeros(n, links.dtype)
+    a = np.empty((4, n), links.dtype)
+    x = np.empty((4, n), links.dtype)
+    u = np.empty((4, n), links.dtype)
+    q = np.empty((times.size, n), links.dtype)
+    v = np.empty((times.size, n), links.dtype)
+    if times.size == 0:
+        return q, v
+    q[0] = q0
+    v[0] = v0
+    x[0] = q0
+    u[0] = v0
+    for f in range(1, times.size):
+        step = (times[f] - times[f - 1]) / substeps
+        for s in range(substeps):
+            begin = times[f - 1] + s * step
+            for k in range(4):
+                part = 0.0 if k == 0 else step if k == 3 else 0.5 * step
+                if k > 0:
+                    for i in range(n):
+                        x[k, i] = x[0, i] + part * u[k - 1, i]
+                        u[k, i] = u[0, i] + part * a[k - 1, i]
+                if mode != NONE:
+                    torque(mode, stamps, table, begin + part, begin + 0.5 * step, value, rate, tau, slope)
+                forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
+            for i in range(n):
+                x[0, i] += step / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
+                u[0, i] += step / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
+        for i in range(n):
+            q[f, i] = x[0, i]
+            v[f, i] = u[0, i]
+    return q, v
+
+
+@njit(cache=True, error_model="numpy")
+def energy(parent, kind, links, gravity, q, v):  # pragma: no cover - compiled
+    """Return kinetic, height and spring energy in every row, (frame,)."""
+    w = np.empty((parent.size, WORK), links.dtype)
+    total = np.zeros(q.shape[0], links.dtype)
+    for f in range(q.shape[0]):
+        place(parent, kind, links, q[f], v[f], w)
+        for i in range(parent.size):
+            px = w[i, M] * w[i, VX] - w[i, VW] * w[i, MY]
+            py = w[i, M] * w[i, VY] + w[i, VW] * w[i, MX]
+            turn = w[i, J] * w[i, VW] + w[i, MX] * w[i, VY] - w[i, MY] * w[i, VX]
+            total[f] += 0.5 * (w[i, VW] * turn + w[i, VX] * px + w[i, VY] * py)
+            total[f] += 0.5 * links[i, ARMATURE] * v[f, i] * v[f, i]
+            total[f] -= gravity[0] * w[i, MX] + gravity[1] * w[i, MY]
+            stretch = q[f, i] - links[i, REST]
+            total[f] += 0.5 * links[i, STIFFNESS] * stretch * stretch
+    return total

@@ -1,0 +1,144 @@
+"""From a frame to its binary silhouette: background subtraction and a threshold.
+
+The one idea: what differs from the background by more than one level is the mechanism. Otsu's level parts
+the differences into two classes and lies about half-way between their means. So it lies half-way up the edge
+of a link of the usual contrast, whose silhouette keeps its size; a link that stands out more comes out a
+little larger, one that stands out less a little smaller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from monodyn.errors import SettingsError
+from monodyn.types import FULL, Frame
+from monodyn.vision.foreground.background import Background
+
+OPEN = FULL // 2
+"""What a silhouette holds where the background is not known: such a pixel counts neither for nor against."""
+LEAST_PART = 0.04
+"""A patch smaller than this share of the largest one is noise."""
+SMALL, SURROUNDED = 0.1, 0.33
+"""A patch without a known background is the mechanism's when it touches it and is smaller than this share of
+it, or when the mechanism covers this share of the patch's border."""
+LEAST_LEVEL = 4.0
+"""Least threshold, in standard deviations of a pixel's noise."""
+
+
+def silhouette(frame: Frame, background: Background, level: float, *, settle: bool = True) -> np.ndarray:
+    """Tell the mechanism from the background by a threshold on the grey difference, ``|I - B| > level``.
+
+    Small patches are left out.
+
+    Args:
+        frame: The picture.
+        background: What the pixels show without the mechanism.
+        level: The threshold [grey levels].
+        settle: Give patches without a known background to the mechanism where it borders them.
+
+    Returns:
+        ``FULL`` on the mechanism, 0 elsewhere, and ``OPEN`` where that is not known, uint8
+        (height, width).
+
+    Raises:
+        SettingsError: the level is not above 0 and below 255.
+
+    Source:
+        The 2012 paper, initial pose estimation: silhouette by background subtraction and thresholding.
+    """
+    import cv2
+
+    if not 0.0 < level < 255.0:
+        raise SettingsError(f"silhouette: expected a level above 0 and below 255, got {level:g}.")
+    _, over = cv2.threshold(difference(frame, background), level, FULL, cv2.THRESH_BINARY)
+    x, y, width, height = cv2.boundingRect(over)
+    if width:
+        part = over[y : y + height, x : x + width]
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=4)
+        area = stats[:, cv2.CC_STAT_AREA]
+        kept = area >= LEAST_PART * area[1:].max()
+        kept[0] = False
+        part[...] = (kept.astype(np.uint8) * np.uint8(FULL))[np.asarray(labels)]
+    over[~background.known] = OPEN
+    if settle and not background.known.all():
+        _settle_unknown(over, ~background.known)
+    return over
+
+
+def _settle_unknown(picture: np.ndarray, unknown: np.ndarray) -> None:
+    """Give patches without a known background to the mechanism where it borders them.
+
+    A first hinge is always covered, and so is a stand that the mechanism was taken for.
+    """
+    import cv2
+
+    x, y, width, height = cv2.boundingRect(unknown.astype(np.uint8))
+    x0, y0 = max(x - 2, 0), max(y - 2, 0)
+    window = (slice(y0, y + height + 2), slice(x0, x + width + 2))
+    part, covered = unknown[window].astype(np.uint8), picture[window] == FULL
+    whole = float(np.count_nonzero(picture == FULL))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=8)
+    labels = np.asarray(labels)
+    for i in range(1, count):
+        left, top, wide, tall = (int(value) for value in stats[i, :4])
+        near = (slice(max(top - 2, 0), top + tall + 2), slice(max(left - 2, 0), left + wide + 2))
+        own = (labels[near] == i).astype(np.uint8)
+        ring = (cv2.dilate(own, np.ones((5, 5), np.uint8)) > 0) & (part[near] == 0)
+        share = float(covered[near][ring].mean()) if ring.any() else 0.0
+        small = stats[i, cv2.CC_STAT_AREA] < SMALL * whole
+        if share > (0.0 if small else SURROUNDED):
+            picture[window][near][own > 0] = FULL
+
+
+def holds(silhouette: np.ndarray) -> bool:
+    """Return whether a silhouette holds anything of the mechanism.
+
+    Args:
+        silhouette: uint8 (height, width).
+    """
+    return bool(np.any(silhouette == FULL))
+
+
+def difference(frame: Frame, background: Background) -> np.ndarray:
+    """Return how far each pixel is from the background [grey levels], uint8 (height, width).
+
+    Args:
+        frame: The picture.
+        background: What the pixels show without the mechanism.
+    """
+    import cv2
+
+    return cv2.absdiff(frame.luma, cv2.convertScaleAbs(background.luma))
+
+
+def otsu_level(frames: Sequence[Frame], background: Background) -> float:
+    """Return the threshold that parts the differences of some frames best into two classes.
+
+    The level maximizes the variance between the classes, ``n0 n1 (m0 - m1)^2``.
+
+    Args:
+        frames: Pictures with the mechanism in them.
+        background: What the pixels show without the mechanism.
+
+    Returns:
+        The threshold [grey levels], above the pixels' noise.
+
+    Source:
+        Otsu, A threshold selection method from gray-level histograms, 1979.
+    """
+    top, bottom, left, right = background.reach
+    counts = np.zeros(256)
+    for frame in frames:
+        part = difference(frame, background)[top:bottom, left:right]
+        counts += np.bincount(part.ravel(), minlength=256)
+    levels = np.arange(256.0)
+    below, total = np.cumsum(counts), counts.sum()
+    sums = np.cumsum(counts * levels)
+    above = total - below
+    split = (below > 0) & (above > 0)
+    apart = np.zeros(256)
+    apart[split] = (sums[split] / below[split] - (sums[-1] - sums[split]) / above[split]) ** 2
+    best = np.flatnonzero(below * above * apart == (below * above * apart).max())
+    return float(max(best.mean(), LEAST_LEVEL * background.noise, 1.0))

@@ -1,0 +1,158 @@
+"""A folder of numbered pictures as a clip."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.types import Frame
+from monodyn.vision.clip.orientation import Planes, Turn, upright_planes
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+DEFAULT_RATE = 30.0
+
+
+def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, Any, list[str]]:
+    """Find the one numbered series of pictures in a folder.
+
+    A missing number leaves a gap of that many steps in time.
+
+    Args:
+        path: The folder.
+        rate: Pictures a second [Hz]; None means 30, which is said in the notes.
+
+    Returns:
+        Width and height [px], times [s] (frame,), the decode function and the notes, as ``Video`` takes them.
+
+    Raises:
+        VideoError: no numbered pictures, more than one series, fewer than two pictures, or the first is
+            unreadable.
+    """
+    files, numbers = _series(path)
+    if len(files) < 2:
+        raise VideoError(
+            f"clip '{path}': expected a folder of at least two numbered pictures, got one; add the others."
+        )
+    notes = []
+    if rate is None:
+        notes.append(
+            f"A folder of pictures has no time stamps: {DEFAULT_RATE:g} pictures a second assumed; "
+            "give --rate if it differs."
+        )
+    steps = np.diff(numbers)
+    unit = int(np.gcd.reduce(steps))
+    if np.any(steps != unit):
+        gaps = int(np.sum(steps != unit))
+        notes.append(
+            f"The numbers of the pictures jump {gaps} times; a missing number is taken as a missing picture."
+        )
+    times = (np.array(numbers) - numbers[0]) / unit / (rate or DEFAULT_RATE)
+    luma, _ = load_picture(files[0], "picture")
+    height, width = luma.shape
+
+    def decode(start: int, stop: int) -> Iterator[Frame]:
+        return _pictures(files, times, (height, width), range(start, stop), notes)
+
+    return width, height, times, decode, notes
+
+
+def read_still(path: Path) -> tuple[int, int, np.ndarray, Any, list[str]]:
+    """Read one picture as a clip of one frame at time 0.
+
+    Args:
+        path: The picture file.
+
+    Returns:
+        Width and height [px], times [s] (frame,), the decode function and the notes, as ``Video`` takes them.
+
+    Raises:
+        VideoError: the file is missing or is not a picture.
+    """
+    luma, chroma = load_picture(path, "picture")
+    frame = Frame(0, 0.0, luma, chroma)
+
+    def decode(start: int, stop: int) -> Iterator[Frame]:
+        return iter([frame][start:stop])
+
+    return luma.shape[1], luma.shape[0], np.zeros(1), decode, []
+
+
+def load_picture(path: Path, what: str) -> Planes:
+    """Read one picture file.
+
+    Args:
+        path: The file.
+        what: What the picture is, for the message.
+
+    Returns:
+        Luma (height, width) in video range and two chroma planes, or None for a grey picture; uint8.
+
+    Raises:
+        VideoError: the file is missing or is not a picture.
+    """
+    import av
+    import cv2
+    from av.video.reformatter import VideoReformatter
+
+    if not path.is_file():
+        raise VideoError(f"{what} '{path}': expected a picture file, found none; check the path.")
+    picture = cv2.imdecode(np.frombuffer(path.read_bytes() or b"\0", np.uint8), cv2.IMREAD_ANYCOLOR)
+    if picture is None:
+        raise VideoError(f"{what} '{path}': expected a png, jpg, bmp or tif picture, cannot read it as one.")
+    form = "gray" if picture.ndim == 2 else "bgr24"
+    frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture, dtype=np.uint8), format=form)
+    return upright_planes(frame, VideoReformatter(), (frame.width, frame.height), Turn())
+
+
+def _series(path: Path) -> tuple[list[Path], list[int]]:
+    """Return the pictures in the order of their last number, and these numbers."""
+    found: dict[str, list[tuple[int, Path]]] = {}
+    for file in path.iterdir():
+        match = re.fullmatch(r"(.*?)(\d+)(\D*)", file.name)
+        if match and file.suffix.lower() in SUFFIXES and not file.name.startswith("."):
+            found.setdefault(f"{match[1]}#{match[3]}", []).append((int(match[2]), file))
+    if not found:
+        raise VideoError(
+            f"clip '{path}': expected numbered pictures ({', '.join(SUFFIXES)}) in the folder, found none; "
+            "name them like frame0001.png."
+        )
+    if len(found) > 1:
+        names = ", ".join(f"'{name}'" for name in sorted(found))
+        raise VideoError(
+            f"clip '{path}': expected one series of numbered pictures, got {len(found)} ({names}); "
+            "keep each in a folder of its own."
+        )
+    series = sorted(next(iter(found.values())))
+    numbers = [number for number, _ in series]
+    for (number, file), (following, other) in itertools.pairwise(series):
+        if number == following:
+            raise VideoError(
+                f"clip '{path}': expected one picture for each number, got '{file.name}' and '{other.name}'; "
+                "remove one of them."
+            )
+    return [file for _, file in series], numbers
+
+
+def _pictures(
+    files: list[Path], times: np.ndarray, shape: tuple[int, int], wanted: range, notes: list[str]
+) -> Iterator[Frame]:
+    for index in wanted:
+        try:
+            luma, chroma = load_picture(files[index], "picture")
+        except VideoError:
+            note = f"Picture '{files[index].name}' cannot be read and is left out."
+            if note not in notes:
+                notes.append(note)
+            continue
+        if luma.shape != shape:
+            raise VideoError(
+                f"picture '{files[index]}': expected {shape[1]}x{shape[0]} px like the first one, "
+                f"got {luma.shape[1]}x{luma.shape[0]} px; give pictures of one size."
+            )
+        yield Frame(index, float(times[index]), luma, chroma)

@@ -1,0 +1,131 @@
+"""A file or a folder into a stream of grey pictures with their presentation time stamps.
+
+The one idea: the stamps of all frames are read first, without decoding where the container allows it, and
+each decoded picture finds its number by its stamp. So a frame number means the same in every pass, whatever
+the decoder drops, and a pass may start anywhere. Frames are handed over one at a time; nothing is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from monodyn.arrays import frozen, increasing
+from monodyn.errors import VideoError
+from monodyn.types import Frame
+
+Decode = Callable[[int, int], Iterator[Frame]]
+
+RATES = (1e-3, 1e6)
+"""Least and most frames a second [Hz] that can be asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Video:
+    """A clip: its size, its time stamps and a way to stream its frames.
+
+    Luma is in the video ("limited") range whatever the file holds: black 16, white 235.
+
+    Attributes:
+        path: File or folder of the clip.
+        width: Picture width in square pixels, upright [px].
+        height: Picture height in square pixels, upright [px].
+        times: Presentation time stamps of all frames [s], increasing, (frame,).
+    """
+
+    path: Path
+    width: int
+    height: int
+    times: np.ndarray
+    decode: Decode = field(repr=False)
+    remarks: list[str] = field(default_factory=list, repr=False)
+
+    def __post_init__(self) -> None:
+        times = frozen("Video.times", self.times, (None,), error=VideoError)
+        object.__setattr__(self, "times", increasing("Video.times", times, error=VideoError))
+
+    @property
+    def count(self) -> int:
+        """Number of frames in the clip."""
+        return len(self.times)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was dropped, missing or assumed, in sentences; complete after a pass over the frames."""
+        return tuple(self.remarks)
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        """Decode frames ``start`` to ``stop - 1``, one at a time.
+
+        A frame that cannot be decoded is left out (its number is skipped) and counted in ``notes``. A frame's
+        arrays stay valid for as long as they are held; they are read-only.
+
+        Args:
+            start: First frame number.
+            stop: Frame number after the last one; None goes to the end of the clip.
+
+        Returns:
+            An iterator of frames with increasing numbers.
+
+        Raises:
+            VideoError: the range lies outside the clip.
+        """
+        end = self.count if stop is None else stop
+        if not 0 <= start <= end <= self.count:
+            raise VideoError(
+                f"frames: expected a range within 0:{self.count}, got {start}:{end}; "
+                f"clip '{self.path}' has {self.count} frames."
+            )
+        return self.decode(start, end)
+
+
+def read(path: str | Path, *, rate: float | None = None, still: bool = False) -> Video:
+    """Open a clip and read the time stamps of its frames.
+
+    Args:
+        path: Video file (mp4, mov, webm, mkv, avi, gif, ...) or a folder of numbered pictures (png, jpg, bmp,
+            tif).
+        rate: Frames a second [Hz] in place of the time stamps of the file; None uses the stamps (30 a second
+            for a folder, which has none).
+        still: Take one picture file as a clip of one frame, with luma as in the clips it is compared with.
+
+    Returns:
+        The clip; its pictures are decoded by ``Video.frames``.
+
+    Raises:
+        VideoError: the path is missing or not a video, has no picture stream, no time stamps, or fewer than
+            two frames; or it is no picture although ``still`` says so.
+
+    Example:
+        >>> import monodyn
+        >>> video = monodyn.read("clip.mp4")  # doctest: +SKIP
+        >>> video.width, video.height, video.count  # doctest: +SKIP
+        (720, 480, 300)
+    """
+    if rate is not None and not RATES[0] <= rate <= RATES[1]:
+        raise VideoError(
+            f"rate: expected {RATES[0]:g} to {RATES[1]:g} frames a second, got {rate:g}; give the true rate."
+        )
+    path = Path(path)
+    if still:
+        from monodyn.vision.clip.folder import read_still
+
+        return Video(path, *read_still(path))
+    if path.is_dir():
+        from monodyn.vision.clip.folder import read_folder
+
+        return Video(path, *read_folder(path, rate))
+    if not path.exists():
+        raise VideoError(
+            f"clip '{path}': expected a video file or a folder of pictures, found nothing; check the path."
+        )
+    if not path.is_file():
+        raise VideoError(
+            f"clip '{path}': expected a file or a folder, got a device or pipe; save the clip to a file."
+        )
+    from monodyn.vision.clip.container import read_container
+
+    return Video(path, *read_container(path, rate))

@@ -1,0 +1,1 @@
+"""Frames in, soft foreground coverage out."""

@@ -1,0 +1,194 @@
+"""From a clip to its background: what each pixel shows while nothing moves over it.
+
+The one idea: samples are taken at equal steps of *travelled motion*, not of time, so that a mechanism that
+comes to rest, or lingers at its turning points, counts there once and not for the seconds it stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.types import Frame, Progress
+from monodyn.vision.clip.video import Video
+
+SAMPLE_BYTES = 96_000_000
+"""Most memory that the samples of a clip may take."""
+SAMPLES = 72
+"""Frames from which the background is taken."""
+STILL_GREY = 8.0
+"""Grey levels that a pixel may change between two frames by noise alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """What the camera sees without the mechanism.
+
+    Attributes:
+        luma: Grey level of each pixel, float32 (height, width).
+        chroma: Blue and red difference, each float32 at the size of the clip's chroma planes, or None for a
+            grey clip.
+        noise: Standard deviation of a pixel's grey level over time [grey levels].
+        known: False where too few samples show the pixel uncovered, bool (height, width).
+        reach: Part of the picture in which anything moves: (top, bottom, left, right) [px].
+    """
+
+    luma: np.ndarray
+    chroma: tuple[np.ndarray, np.ndarray] | None
+    noise: float
+    known: np.ndarray
+    reach: tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Frames spread over the motion of a clip.
+
+    Attributes:
+        frames: The frames, in the order of time.
+        reach: Part of the picture in which anything moves over the whole clip: (top, bottom, left, right)
+            [px].
+    """
+
+    frames: tuple[Frame, ...]
+    reach: tuple[int, int, int, int]
+
+
+def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
+    """Pick frames of the clip at about equal steps of travelled motion, in one pass of bounded memory.
+
+    Args:
+        video: The clip.
+        progress: Called with the number of frames read.
+
+    Returns:
+        At most ``SAMPLES`` frames, and where anything moves.
+
+    Raises:
+        VideoError: the clip has fewer than two frames.
+    """
+    limit = max(16, min(2 * SAMPLES, int(SAMPLE_BYTES / (1.5 * video.width * video.height))))
+    kept: list[Frame] = []
+    places: list[float] = []
+    previous = lightest = darkest = np.zeros((0, 0, 0), dtype=np.float32)
+    travelled = 0.0
+    step = 0.0
+    for done, frame in enumerate(video.frames(), start=1):
+        small = _thumbnail(frame)
+        if previous.size:
+            moved = np.maximum(np.abs(small - previous) - STILL_GREY, 0.0)
+            travelled += float(moved.sum()) + 1e-6
+            np.maximum(lightest, small, out=lightest)
+            np.minimum(darkest, small, out=darkest)
+        else:
+            lightest, darkest = small.copy(), small.copy()
+        previous = small
+        if not places or travelled - places[-1] >= step:
+            kept.append(_own_copy(frame))
+            places.append(travelled)
+        if len(kept) >= limit:
+            kept, places = kept[::2], places[::2]
+            step = max(2.0 * step, (places[-1] - places[0]) / max(1, len(places) - 1))
+        if progress is not None:
+            progress("background", done, video.count)
+    if len(kept) < 2:
+        raise VideoError(
+            f"{video.path}: expected at least 2 frames, got {len(kept)}; give a clip that shows motion."
+        )
+    reach = _reach(np.any(lightest - darkest > STILL_GREY, axis=0), video)
+    targets = np.linspace(places[0], places[-1], min(SAMPLES, len(kept)))
+    picks = np.unique(np.searchsorted(places, targets))
+    kept = [kept[i] for i in picks]
+    return Samples(tuple(kept), reach)
+
+
+def background_of(
+    samples: Samples, covered: Sequence[np.ndarray] | None = None, *, fallback: Background | None = None
+) -> Background:
+    """Take the robust per-pixel median of sample frames.
+
+    Args:
+        samples: Frames of the clip.
+        covered: For each sample the pixels that the mechanism covers, bool (height, width); they do not
+            count.
+        fallback: Background for the pixels that are covered in every sample; they stay unknown.
+
+    Returns:
+        The background with its noise level.
+    """
+    from monodyn.vision.foreground.median import masked_median
+
+    frames = samples.frames
+    luma = np.stack([frame.luma for frame in frames])
+    hidden = np.zeros((0, 0, 0), dtype=np.bool_) if covered is None else np.stack(covered)
+    grey, spread, count = masked_median(luma, hidden)
+    known = count >= max(2, len(frames) // 24)
+    noise = max(0.5, float(np.median(spread)))
+    chroma = None
+    if all(frame.chroma is not None for frame in frames):
+        planes = []
+        for channel in range(2):
+            stack = np.stack([frame.chroma[channel] for frame in frames if frame.chroma is not None])
+            small = hidden
+            if covered is not None:
+                small = np.stack([_shrink(mask, stack.shape[1:]) for mask in covered])
+            planes.append(masked_median(stack, small)[0])
+        chroma = (planes[0], planes[1])
+    if fallback is not None:
+        grey = np.where(known, grey, fallback.luma)
+        if chroma is not None and fallback.chroma is not None:
+            known_small = _shrink(known, chroma[0].shape)
+            blue, red = (
+                np.where(known_small, new, old) for new, old in zip(chroma, fallback.chroma, strict=True)
+            )
+            chroma = (blue, red)
+    return Background(grey, chroma, noise, known, samples.reach)
+
+
+def _thumbnail(frame: Frame) -> np.ndarray:
+    """Return the planes reduced to a quarter of the picture's size, float32 (channel, height, width)."""
+    import cv2
+
+    size = (max(1, frame.luma.shape[1] // 4), max(1, frame.luma.shape[0] // 4))
+    planes = (frame.luma, *(frame.chroma or ()))
+    return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes]).astype(
+        np.float32
+    )
+
+
+def _reach(moves: np.ndarray, video: Video) -> tuple[int, int, int, int]:
+    """Return the bounding box of the moving cells of the reduced picture, lone ones aside, with a margin."""
+    import cv2
+
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(moves.astype(np.uint8), connectivity=8)
+    large = stats[:, cv2.CC_STAT_AREA] >= 6
+    large[0] = False
+    moves = large[np.asarray(labels, dtype=np.intp)]
+    rows, columns = np.nonzero(moves.any(axis=1))[0], np.nonzero(moves.any(axis=0))[0]
+    if not len(rows):
+        return (0, video.height, 0, video.width)
+    scale_y, scale_x = video.height / moves.shape[0], video.width / moves.shape[1]
+    margin = max(16, video.height // 24)
+    return (
+        max(0, int(rows[0] * scale_y) - margin),
+        min(video.height, int((rows[-1] + 1) * scale_y) + margin),
+        max(0, int(columns[0] * scale_x) - margin),
+        min(video.width, int((columns[-1] + 1) * scale_x) + margin),
+    )
+
+
+def _own_copy(frame: Frame) -> Frame:
+    """Copy the planes, so that the decoder's buffers go back to it."""
+    chroma = None if frame.chroma is None else (frame.chroma[0].copy(), frame.chroma[1].copy())
+    return Frame(frame.index, frame.time, frame.luma.copy(), chroma)
+
+
+def _shrink(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Reduce a mask to the chroma planes; a pixel is set when any of its parts is."""
+    import cv2
+
+    small = cv2.resize(mask.astype(np.float32), (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
+    return small > 0.0

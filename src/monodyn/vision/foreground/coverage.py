@@ -1,0 +1,145 @@
+"""numba kernels: soft coverage of every pixel from a frame, its background and the mechanism's colours."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from monodyn.types import FULL, Frame
+from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette
+
+ANY_CONTRAST = 30.0
+"""Difference from the background, beyond the noise, that counts in full where the colours vary [grey
+levels]."""
+
+CLOSING = 0.004
+"""Gaps up to twice this share of the picture's longer side are closed where the colours vary."""
+
+
+def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
+    """Project each pixel's difference from the background on the mechanism's colours.
+
+    Args:
+        frame: The picture.
+        background: What it shows without the mechanism.
+        palette: Colours and scale from ``choose_palette``.
+
+    Returns:
+        Coverage by each colour, and by any difference where they vary, uint8 (plane, height, width),
+        ``FULL`` where the mechanism covers the whole pixel; 0 out of the background's reach.
+    """
+    colours = palette.colours.astype(np.float32)
+    planes = np.zeros((len(colours), *frame.luma.shape), dtype=np.uint8)
+    if palette.grey_only or frame.chroma is None or background.chroma is None:
+        chroma = np.zeros((0, 0, 0), dtype=np.float32)
+    else:
+        chroma = _chroma_part(frame.chroma, background.chroma, colours, frame.luma.shape, background.reach)
+    reach = np.array(background.reach)
+    _project(frame.luma, background.luma, colours, chroma, palette.scale, reach, planes)
+    if palette.varied:
+        other = _closed(np.maximum(planes.max(axis=0), _any_difference(frame, background, palette)))
+        planes = np.concatenate([planes, other[np.newaxis]])
+    return planes
+
+
+def _closed(coverage: np.ndarray) -> np.ndarray:
+    """Fill the gaps between the bright and the dark edge of a shiny rod, which look like the background."""
+    import cv2
+
+    size = 2 * round(CLOSING * max(coverage.shape)) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return cv2.morphologyEx(coverage, cv2.MORPH_CLOSE, kernel)
+
+
+def _any_difference(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
+    """Return coverage from the size of the difference alone, beyond the noise, uint8 (height, width)."""
+    import cv2
+
+    squares = (frame.luma - background.luma) ** 2
+    if not palette.grey_only and frame.chroma is not None and background.chroma is not None:
+        size = (squares.shape[1], squares.shape[0])
+        blue, red = (plane - back for plane, back in zip(frame.chroma, background.chroma, strict=True))
+        small = blue**2 + red**2
+        squares = squares + CHROMA_WEIGHT * cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
+    beyond = np.sqrt(squares) - max(6.0, 4.0 * background.noise)
+    share = np.clip(beyond * (FULL / ANY_CONTRAST), 0.0, FULL).astype(np.uint8)
+    top, bottom, left, right = background.reach
+    out = np.zeros_like(share)
+    out[top:bottom, left:right] = share[top:bottom, left:right]
+    return out
+
+
+def _chroma_part(
+    chroma: tuple[np.ndarray, np.ndarray],
+    background: tuple[np.ndarray, np.ndarray],
+    colours: np.ndarray,
+    shape: tuple[int, ...],
+    reach: tuple[int, int, int, int],
+) -> np.ndarray:
+    """Return the projection of the colour differences, for each colour at full size within the reach."""
+    import cv2
+
+    top, bottom, left, right = reach
+    rows, columns = shape[0] / chroma[0].shape[0], shape[1] / chroma[0].shape[1]
+    part = (
+        slice(int(top / rows), int(np.ceil(bottom / rows))),
+        slice(int(left / columns), int(np.ceil(right / columns))),
+    )
+    small = np.empty(
+        (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32
+    )
+    _project_chroma(
+        chroma[0][part], chroma[1][part], background[0][part], background[1][part], colours, small
+    )
+    size = (right - left, bottom - top)
+    return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in small])
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _project_chroma(
+    blue: np.ndarray,
+    red: np.ndarray,
+    blue_background: np.ndarray,
+    red_background: np.ndarray,
+    colours: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Fill ``out`` (colour, height, width) with the weighted product of (I - B) and (F - B) over both
+    channels."""
+    weight = np.float32(CHROMA_WEIGHT)
+    for k in range(colours.shape[0]):
+        for y in range(out.shape[1]):
+            for x in range(out.shape[2]):
+                b0, r0 = blue_background[y, x], red_background[y, x]
+                b = (np.float32(blue[y, x]) - b0) * (colours[k, 1] - b0)
+                r = (np.float32(red[y, x]) - r0) * (colours[k, 2] - r0)
+                out[k, y, x] = weight * (b + r)
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _project(
+    luma: np.ndarray,
+    background: np.ndarray,
+    colours: np.ndarray,
+    chroma: np.ndarray,
+    scale: np.ndarray,
+    reach: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Fill ``out`` with the coverage by each colour; ``chroma`` has length 0 when grey alone counts."""
+    top, left = reach[0], reach[2]
+    none, most, half = np.float32(0.0), np.float32(255.0), np.float32(0.5)
+    for k in range(colours.shape[0]):
+        target = colours[k, 0]
+        for y in range(reach[0], reach[1]):
+            if chroma.shape[0] == 0:
+                for x in range(reach[2], reach[3]):
+                    b = background[y, x]
+                    value = (np.float32(luma[y, x]) - b) * (target - b) * scale[k, y, x]
+                    out[k, y, x] = np.uint8(min(most, max(none, value + half)))
+            else:
+                for x in range(reach[2], reach[3]):
+                    b = background[y, x]
+                    value = (np.float32(luma[y, x]) - b) * (target - b) + chroma[k, y - top, x - left]
+                    out[k, y, x] = np.uint8(min(most, max(none, value * scale[k, y, x] + half)))

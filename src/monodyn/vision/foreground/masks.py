@@ -1,0 +1,162 @@
+"""From frames to soft foreground coverage per pixel, streamed.
+
+A pixel that the mechanism covers by a share c shows ``I = (1 - c) B + c F``. With the background B of the
+pixel and the colour F of the mechanism, c is the projection of ``I - B`` on ``F - B``, weighted by the
+noise of each
+channel: linear in the picture, so the edge of the mechanism keeps its sub-pixel place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.types import Frame, Mask, Progress
+from monodyn.vision.clip.video import Video, read
+from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
+from monodyn.vision.foreground.palette import Palette, Parts, choose_palette, lingering
+
+
+@dataclass(frozen=True)
+class SegmentSettings:
+    """How the foreground is found.
+
+    Attributes:
+        colour: ``auto`` uses the colour channels only where grey alone does not tell the mechanism from the
+            background (colour has half the resolution); ``grey`` and ``colour`` force it.
+        contrast: Least difference between mechanism and background that counts as seen [grey levels].
+    """
+
+    colour: str = "auto"
+    contrast: float = 14.0
+
+    def __post_init__(self) -> None:
+        from monodyn.errors import SettingsError
+
+        if self.colour not in ("auto", "grey", "colour"):
+            raise SettingsError(f"segment.colour: expected 'auto', 'grey' or 'colour', got '{self.colour}'.")
+        if not 0 < self.contrast <= 255:
+            raise SettingsError(
+                f"segment.contrast: expected more than 0 and at most 255 grey levels, got {self.contrast}."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Masks:
+    """The soft foreground of a clip; iterate over it for one ``Mask`` a frame.
+
+    Attributes:
+        video: The clip.
+        background: What the pixels show without the mechanism.
+        palette: Colours of the mechanism and each pixel's gain.
+        samples: Frames spread over the motion, from which the background was taken.
+        settings: How the foreground was found.
+        given: True when the background is a picture that the user gave.
+    """
+
+    video: Video
+    background: Background
+    palette: Palette
+    samples: Samples = field(repr=False)
+    settings: SegmentSettings
+    given: bool = False
+
+    def __iter__(self) -> Iterator[Mask]:
+        """Stream the masks in the order of time."""
+        for frame in self.video.frames():
+            yield self.of(frame)
+
+    def of(self, frame: Frame) -> Mask:
+        """Return the mask of one frame of the clip.
+
+        Args:
+            frame: A frame of ``video``.
+
+        Returns:
+            Its soft foreground.
+        """
+        from monodyn.vision.foreground.coverage import coverage_of
+
+        return Mask(frame.index, frame.time, coverage_of(frame, self.background, self.palette))
+
+    def coloured(self, parts: Parts | None) -> Masks:
+        """Return the masks with colours measured on the located mechanism.
+
+        Args:
+            parts: The colours, or None to keep those found without it.
+
+        Returns:
+            New masks of the same clip over the same background.
+        """
+        if parts is None:
+            return self
+        colour = "grey" if self.palette.grey_only else "colour"
+        frames, contrast = self.samples.frames, self.settings.contrast
+        return replace(self, palette=choose_palette(frames, self.background, colour, contrast, parts))
+
+    def refined(self, covered: Sequence[np.ndarray]) -> Masks:
+        """Return the masks over a background from which the mechanism is taken out.
+
+        Args:
+            covered: For each of the sample frames the pixels that the mechanism covers, bool (height, width).
+
+        Returns:
+            New masks of the same clip, the colours looked for anew; a background that was given stays.
+        """
+        background = self.background
+        if not self.given:
+            background = background_of(self.samples, covered, fallback=self.background)
+        frames, settings = self.samples.frames, self.settings
+        palette = choose_palette(frames, background, settings.colour, settings.contrast)
+        return replace(self, background=background, palette=palette)
+
+
+def segment(
+    video: Video,
+    settings: SegmentSettings | None = None,
+    *,
+    background: str | Path | None = None,
+    progress: Progress | None = None,
+) -> Masks:
+    """Tell the moving mechanism from the background of a clip.
+
+    Args:
+        video: The clip, from ``read``.
+        settings: How the foreground is found.
+        background: A picture of the scene without the mechanism, of the clip's size; else it is taken from
+            the clip.
+        progress: Called with the number of frames read.
+
+    Returns:
+        The masks, computed frame by frame as they are iterated over.
+
+    Raises:
+        VideoError: fewer than two frames, nothing moves, or the background picture has another size.
+    """
+    settings = settings or SegmentSettings()
+    samples = sample_frames(video, progress=progress)
+    scene = background_of(samples) if background is None else _given(background, video, samples)
+    palette = choose_palette(samples.frames, scene, settings.colour, settings.contrast)
+    masks = Masks(video, scene, palette, samples, settings, background is not None)
+    return masks if background is not None else masks.refined(lingering(samples.frames, scene, palette))
+
+
+def _given(picture: str | Path, video: Video, samples: Samples) -> Background:
+    """Take the background from a picture and its noise from the clip."""
+    frame = next(iter(read(picture, still=True).frames()))
+    if frame.luma.shape != (video.height, video.width):
+        height, width = frame.luma.shape
+        raise VideoError(
+            f"{picture}: expected a background of {video.width}x{video.height} like the clip, "
+            f"got {width}x{height}; give a frame of the same camera without the mechanism."
+        )
+    measured = background_of(samples)
+    chroma = None
+    if frame.chroma is not None and measured.chroma is not None:
+        chroma = (frame.chroma[0].astype(np.float32), frame.chroma[1].astype(np.float32))
+    known = np.ones(frame.luma.shape, dtype=np.bool_)
+    return Background(frame.luma.astype(np.float32), chroma, measured.noise, known, measured.reach)

@@ -1,0 +1,1 @@
+"""Masks and topology in, the scene out: camera, sizes, poses of key frames."""

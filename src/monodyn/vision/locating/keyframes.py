@@ -1,0 +1,152 @@
+"""From the samples of a clip to a few masks that differ from one another, reduced for the global search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from monodyn.types import FULL, Mask
+from monodyn.vision.drawing.silhouette import row_sums
+from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.foreground.palette import View
+
+UNKNOWN = 0.06
+"""Trust below which a pixel says nothing."""
+NOISE = FULL * 0.16
+"""Coverage of a reduced pixel below which it counts as none."""
+COARSE_PX = 170
+"""Largest side of the reduced picture of the moving part [px]."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeyFrame:
+    """One mask, whole and reduced.
+
+    Attributes:
+        index: Number of the frame in the clip.
+        time: Time stamp [s].
+        planes: Mask by colour, uint8 (colour, height, width); one plane until the geoms' colours are known.
+        coarse: Reduced mask, half of ``FULL`` where the background is not known, uint8.
+        sums: Row prefix sums of ``coarse``.
+        area: Covered area of the reduced mask [reduced px^2].
+    """
+
+    index: int
+    time: float
+    planes: np.ndarray
+    coarse: np.ndarray
+    sums: np.ndarray
+    area: float
+
+
+@dataclass(frozen=True, eq=False)
+class KeyFrames:
+    """Masks spread over the motion.
+
+    Attributes:
+        frames: The key frames, in the order of time.
+        shrink: Pixels of the clip per reduced pixel.
+        view: How the planes of the masks are to be read.
+        coarse_trust: How well it tells the least distinct colour, reduced, float32.
+    """
+
+    frames: tuple[KeyFrame, ...]
+    shrink: int
+    view: View
+    coarse_trust: np.ndarray
+
+    def spread(self, count: int) -> list[int]:
+        """Return the numbers of ``count`` frames whose masks differ most, the fullest first.
+
+        Args:
+            count: How many, at most.
+        """
+        return self._order[:count]
+
+    @property
+    def coarse_view(self) -> View:
+        """How the one plane of the reduced masks is to be read."""
+        part, shaded = self.view.part, self.view.shaded
+        return View(self.coarse_trust[np.newaxis], np.zeros_like(part), np.zeros_like(shaded))
+
+    @cached_property
+    def _order(self) -> list[int]:
+        """Order the frames so that each is the farthest from those before it."""
+        import cv2
+
+        size = [max(1, side // 4) for side in self.coarse_trust.shape[::-1]]
+        small = np.stack(
+            [cv2.resize(frame.coarse, size, interpolation=cv2.INTER_AREA).ravel() for frame in self.frames]
+        ).astype(np.float32)
+        chosen = [int(np.argmax([frame.area for frame in self.frames]))]
+        apart = np.full(len(small), np.inf)
+        while len(chosen) < len(small):
+            apart = np.minimum(apart, np.abs(small - small[chosen[-1]]).sum(axis=1))
+            apart[chosen[-1]] = -1.0
+            chosen.append(int(np.argmax(apart)))
+        return chosen
+
+
+def key_frames(masks: Masks, geoms: int) -> KeyFrames:
+    """Compute the masks of the sample frames, whole and reduced.
+
+    Args:
+        masks: The soft foreground of the clip.
+        geoms: Number of geoms of the mechanism.
+
+    Returns:
+        One key frame a sample.
+    """
+    empty = _empty(masks, geoms)
+    return replace(empty, frames=tuple(_reduced(masks.of(frame), empty) for frame in masks.samples.frames))
+
+
+def key_frame(mask: Mask, masks: Masks, geoms: int) -> tuple[KeyFrame, KeyFrames]:
+    """Make a key frame of one mask.
+
+    Args:
+        mask: A mask of the clip.
+        masks: The soft foreground of the clip.
+        geoms: Number of geoms of the mechanism.
+
+    Returns:
+        The key frame, alone and as a set of one.
+    """
+    empty = _empty(masks, geoms)
+    frame = _reduced(mask, empty)
+    return frame, replace(empty, frames=(frame,))
+
+
+def _empty(masks: Masks, geoms: int) -> KeyFrames:
+    """Return a set without frames: the reduction of the picture and its trust."""
+    import cv2
+
+    least = masks.palette.least_trust
+    top, bottom, left, right = masks.background.reach
+    shrink = max(1, round(max(bottom - top, right - left) / COARSE_PX))
+    height, width = least.shape
+    size = (width // shrink, height // shrink)
+    coarse_trust = cv2.resize(
+        least[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA
+    )
+    return KeyFrames((), shrink, masks.palette.view(geoms), coarse_trust)
+
+
+def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
+    """Reduce a mask; what is not known of the background counts half."""
+    import cv2
+
+    height, width = frames.coarse_trust.shape
+    shrink = frames.shrink
+    union = mask.coverage
+    coarse = cv2.resize(
+        union[: height * shrink, : width * shrink], (width, height), interpolation=cv2.INTER_AREA
+    )
+    np.minimum(coarse, FULL, out=coarse)
+    coarse[coarse < NOISE] = 0
+    area = float(coarse.sum()) / FULL
+    coarse[frames.coarse_trust < UNKNOWN] = FULL // 2
+    planes = mask.planes if len(frames.view.trust) == len(mask.planes) else union[np.newaxis]
+    return KeyFrame(mask.index, mask.time, planes, coarse, row_sums(coarse), area)

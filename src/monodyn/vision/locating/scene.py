@@ -1,0 +1,49 @@
+"""A mechanism before a camera, as a clip shows it: what ``locate`` hands to ``track``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from monodyn.mechanism import Mechanism
+from monodyn.paper.subproblems import History
+from monodyn.types import Camera
+from monodyn.vision.foreground.masks import Masks
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A mechanism before a camera, as a clip shows it.
+
+    Attributes:
+        mechanism: With sizes in the start scale and what the picture knows of them (``measured``).
+        camera: The camera, in the start scale.
+        masks: The clip's masks over the background without the mechanism.
+        frame: Number of the frame of the first pose.
+        position: Joint positions there [rad; m in the start scale], (dof,).
+        key_frames: Numbers of the frames that were refined jointly.
+        key_positions: Joint positions there, (key frame, dof).
+        spread: Standard deviations of the refined camera parameters by name, the common scale held.
+        rms_px: Root mean square distance between outline and mask edges [px]; of the published method the
+            mismatch by length of the outline.
+        advice: Sentences for the user.
+        evaluations: Silhouettes drawn by the published method.
+        history: Its sub-problems in the order in which they were solved.
+        level: Threshold of its silhouettes [grey levels], or 0.
+    """
+
+    mechanism: Mechanism
+    camera: Camera
+    masks: Masks = field(repr=False)
+    frame: int
+    position: np.ndarray
+    key_frames: tuple[int, ...]
+    key_positions: np.ndarray
+    spread: Mapping[str, float]
+    rms_px: float
+    advice: tuple[str, ...]
+    evaluations: int = 0
+    history: tuple[History, ...] = field(default=(), repr=False)
+    level: float = 0.0
