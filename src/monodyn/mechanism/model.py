@@ -237,14 +237,13 @@ class Mechanism:
         for row, name in enumerate(table.names):
             if name in self.chosen:
                 continue
-            what = name.rsplit(".", 1)[-1]
             if bodies == "uniform":
                 free[row], own[row] = table.free[row], False
             elif row in owned:
                 if table.follows[row] and not own[row]:
                     own[row], numbers[row] = True, self._current[row]
                 free[row] = True
-            elif what in ("density", "thickness", "mass"):
+            elif table.kind[row] in ("density", "thickness", "mass"):
                 free[row] = False
         return replace(self, numbers=numbers, free=free, own=own)
 
@@ -363,7 +362,7 @@ class Mechanism:
         """Return the parameter of a row."""
         table = self.torques.table
         return Parameter(
-            table.names[row], float(self._current[row]), float(self.lower[row]), float(self.upper[row]),
+            table.names[row], table.kind[row], table.owner[row], float(self._current[row]), float(self.lower[row]), float(self.upper[row]),
             table.unit[row], bool(self.free[row]), bool(self._follows[row]),
         )  # fmt: skip
 

@@ -39,6 +39,9 @@ class Parameter:
 
     Attributes:
         name: ``<body>.length``, ``<joint>.damping``, ``gravity``, ...
+        kind: What it is: ``length``, ``damping``, ``torque`` (any coefficient of a torque over time), ...; the
+            kinds are the rows of ``dimensions.POWERS``.
+        owner: Name of the body or joint that it belongs to; empty for ``gravity`` and the like.
         value: Current value.
         lower: Lower bound.
         upper: Upper bound.
@@ -48,6 +51,8 @@ class Parameter:
     """
 
     name: str
+    kind: str
+    owner: str
     value: float
     lower: float
     upper: float
@@ -147,6 +152,8 @@ class Table:
     """The parameters while a plan is made: one entry a name, in order of entry."""
 
     names: list[str] = field(default_factory=list)
+    kind: list[str] = field(default_factory=list)
+    owner: list[str] = field(default_factory=list)
     start: list[float] = field(default_factory=list)
     lower: list[float] = field(default_factory=list)
     upper: list[float] = field(default_factory=list)
@@ -161,6 +168,8 @@ class Table:
         start: float,
         unit: str,
         *,
+        kind: str,
+        owner: str = "",
         free: bool,
         bounds: tuple[float, float] | None = None,
         sign: int = POSITIVE,
@@ -172,6 +181,8 @@ class Table:
             name: Its name; must be new.
             start: Start value.
             unit: Unit.
+            kind: What it is, as in `Parameter`.
+            owner: Body or joint that it belongs to.
             free: True if it is estimated by default.
             bounds: Lower and upper bound; a positive quantity has start * [1e-3, 1e3] by default.
             sign: ``POSITIVE``, ``NOT_NEGATIVE`` or ``ANY``.
@@ -186,6 +197,8 @@ class Table:
             )
         lower, upper = bounds if bounds is not None else (1e-3 * start, 1e3 * start)
         self.names.append(name)
+        self.kind.append(kind)
+        self.owner.append(owner)
         self.start.append(float(start))
         self.lower.append(float(lower))
         self.upper.append(float(upper))

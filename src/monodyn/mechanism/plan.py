@@ -101,10 +101,11 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
         depths.append(depth)
     joints = [_enter_joint(link, table) for link in links]
     if gravity > 0:
-        table.add("gravity", gravity, "m/s^2", free=False)
+        table.add("gravity", gravity, "m/s^2", kind="gravity", free=False)
     else:
-        table.add("gravity", 0.0, "m/s^2", free=False, bounds=(0.0, math.inf), sign=NOT_NEGATIVE)
-    table.add("time_scale", 1.0, "1", free=False)
+        limits = (0.0, math.inf)
+        table.add("gravity", 0.0, "m/s^2", kind="gravity", free=False, bounds=limits, sign=NOT_NEGATIVE)
+    table.add("time_scale", 1.0, "1", kind="time_scale", free=False)
     return _stack(links, table, anchors, solids, joints, depths)
 
 
@@ -122,12 +123,16 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
     profiles = [profile(g) for g in link.geoms if g.body == body]
     along, length = long_axis(link, anchors, profiles)
     main = main_geom(profiles)
-    name = table.add(f"{body}.length", length, "m", free=True) if length > 0 else ""
+    name = ""
+    if length > 0:
+        name = table.add(f"{body}.length", length, "m", kind="length", owner=body, free=True)
     cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > TINY * length for a in anchors)
     tail, tip = (0.0, 0.0) if cart or not name else _overhang(link, anchors, along, length)
     bounds = [(0.0, 1e3 * max(extra, length)) for extra in (tail, tip)]
     names = [
-        table.add(f"{body}.{what}", extra, "m", free=True, bounds=limits, sign=NOT_NEGATIVE)
+        table.add(
+            f"{body}.{what}", extra, "m", kind=what, owner=body, free=True, bounds=limits, sign=NOT_NEGATIVE
+        )
         if extra > 0
         else ""
         for what, extra, limits in zip(("tail", "tip"), (tail, tip), bounds, strict=True)
@@ -135,7 +140,7 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
     width = 0.0
     if main is not None:
         width = 2 * _half_across(main, along)
-        table.add(f"{body}.width", width, "m", free=True)
+        table.add(f"{body}.width", width, "m", kind="width", owner=body, free=True)
     return Axis(along, length, tail, tip, width, (name, names[0], names[1], f"{body}.width" if width else ""))
 
 
@@ -179,9 +184,11 @@ def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> 
     link = links[i]
     if links[base].parent < 0:
         return {"": link.offset - links[0].offset}
-    bounds = (-reach, reach)
-    name = f"{link.joint.body}.offset"
-    return {table.add(name, link.offset, "m", free=True, bounds=bounds, sign=ANY): 1.0}
+    body, bounds = link.joint.body, (-reach, reach)
+    name = table.add(
+        f"{body}.offset", link.offset, "m", kind="offset", owner=body, free=True, bounds=bounds, sign=ANY
+    )
+    return {name: 1.0}
 
 
 def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Solid]:
@@ -203,7 +210,8 @@ def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Sol
             )
     for given in link.givens:
         name = f"{given.body}.mass" if alone or given.body != body else f"{given.body}.inertial.mass"
-        table.add(name, given.mass, "kg", free=True, bounds=(1e-6 * given.mass, 1e6 * given.mass))
+        bounds = (1e-6 * given.mass, 1e6 * given.mass)
+        table.add(name, given.mass, "kg", kind="mass", owner=given.body, free=True, bounds=bounds)
         solids.append(given_solid(given, axis, name))
     return solids
 
@@ -222,11 +230,13 @@ def _enter_inertia(link: Link, table: Table, reach: float) -> None:
     """Enter mass, centre of mass and inertia of a body, which follow from its solids."""
     body = link.joint.body
     if f"{body}.mass" not in table.names:
-        table.add(f"{body}.mass", 1.0, "kg", free=False, follows=True)
+        table.add(f"{body}.mass", 1.0, "kg", kind="mass", owner=body, free=False, follows=True)
     for what in ("com_x", "com_y"):
-        name = f"{body}.{what}"
-        table.add(name, 0.0, "m", free=False, bounds=(-reach, reach), sign=ANY, follows=True)
-    table.add(f"{body}.inertia", 1.0, "kg m^2", free=False, follows=True)
+        table.add(
+            f"{body}.{what}", 0.0, "m", kind=what, owner=body, free=False, bounds=(-reach, reach), sign=ANY,
+            follows=True,
+        )  # fmt: skip
+    table.add(f"{body}.inertia", 1.0, "kg m^2", kind="inertia", owner=body, free=False, follows=True)
 
 
 def _enter_joint(link: Link, table: Table) -> list[str]:
@@ -237,7 +247,9 @@ def _enter_joint(link: Link, table: Table) -> list[str]:
     starts = (link.damping or 1e-3, link.friction, link.stiffness, link.armature)
     frees = (True, link.friction > 0, link.stiffness > 0, False)
     return [
-        table.add(f"{name}.{what}", start, unit, free=free, bounds=limits, sign=NOT_NEGATIVE)
+        table.add(
+            f"{name}.{what}", start, unit, kind=what, owner=name, free=free, bounds=limits, sign=NOT_NEGATIVE
+        )
         for what, start, unit, free in zip(JOINT, starts, units, frees, strict=True)
     ]
 
@@ -368,7 +380,7 @@ def _enter_series(table: Table, joints: Sequence[Joint], terms: int, period: flo
         raise MechanismError(f"torque.terms: expected 1 or more, got {terms}.")
     if period is None or not 0 < period < math.inf:
         raise MechanismError(f"torque.period: expected a time above 0 s, got {period}.")
-    table.add("torque.period", period, "s", free=True)
+    table.add("torque.period", period, "s", kind="period", free=True)
     waves = [f"{wave}{k}" for k in range(1, terms + 1) for wave in ("cos", "sin")]
     rows = [[_enter_torque(table, joint, what) for what in ("mean", *waves)] for joint in joints]
     return np.array(rows, dtype=np.int64)
@@ -378,5 +390,6 @@ def _enter_torque(table: Table, joint: Joint, what: str) -> int:
     """Enter a coefficient of a joint's torque and return its row."""
     unit = "N m" if joint.kind == "hinge" else "N"
     name = f"{joint.name}.torque.{what}"
-    table.add(name, 0.0, unit, free=True, bounds=(-math.inf, math.inf), sign=ANY)
+    bounds = (-math.inf, math.inf)
+    table.add(name, 0.0, unit, kind="torque", owner=joint.name, free=True, bounds=bounds, sign=ANY)
     return len(table.names) - 1

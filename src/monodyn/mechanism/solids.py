@@ -99,7 +99,7 @@ def geom_solid(
     geom = shape.geom
     direction, middle, along, across_half = _span(shape, axis, table, prefix, main)
     if not main:
-        table.add(prefix + "width", 2 * across_half, "m", free=True)
+        table.add(prefix + "width", 2 * across_half, "m", kind="width", owner=geom.body, free=True)
     across: Form = {prefix + "width": 1.0}
     if shape.long is None:
         along = {} if geom.kind != "sphere" else across
@@ -108,14 +108,19 @@ def geom_solid(
     if geom.kind == "sphere" or (geom.kind in KINDS and shape.long is not None):
         deep = times(axis.scale(), shape.deep) if geom.kind != "sphere" else across
     else:
-        deep = {table.add(prefix + "thickness", abs(shape.deep), "m", free=free): 1.0}
+        name = prefix + "thickness"
+        deep = {table.add(name, abs(shape.deep), "m", kind="thickness", owner=geom.body, free=free): 1.0}
     weight, dense = "", False
     if geom.mass:
+        bounds = (1e-6 * geom.mass, 1e6 * geom.mass)
         weight = table.add(
-            masses + "mass", geom.mass, "kg", free=True, bounds=(1e-6 * geom.mass, 1e6 * geom.mass)
+            masses + "mass", geom.mass, "kg", kind="mass", owner=geom.body, free=True, bounds=bounds
         )
     elif geom.density and geom.mass is None:
-        weight, dense = table.add(prefix + "density", geom.density, "kg/m^3", free=False), True
+        dense = True
+        weight = table.add(
+            prefix + "density", geom.density, "kg/m^3", kind="density", owner=geom.body, free=False
+        )
     if geom.kind in KINDS:
         return _rod(shape, axis, direction, middle, along, across, deep, z, weight, dense)
     return _block(shape, axis, direction, middle, along, across, deep, z, weight, dense)
@@ -142,7 +147,7 @@ def _span(
         return axis.along, (times(plus(low, high), 0.5), axis.beside(s)), plus(high, times(low, -1.0)), b
     if main:
         return shape.long, (axis.at(t), axis.beside(s)), times(axis.scale(), 2 * a), b
-    own = table.add(prefix + "length", 2 * a, "m", free=True)
+    own = table.add(prefix + "length", 2 * a, "m", kind="length", owner=shape.geom.body, free=True)
     return shape.long, (axis.at(t), axis.beside(s)), {own: 1.0}, b
 
 
