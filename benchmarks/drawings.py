@@ -10,7 +10,7 @@ import numpy as np
 from clips import Clip
 from monodyn.types import Poses
 from monodyn.vision.drawing.outline import outline
-from monodyn.vision.locating.locate import Scene
+from monodyn.vision.locating.scene import Scene
 
 COLUMNS = 5
 

@@ -7,9 +7,10 @@ import os
 import sys
 from pathlib import Path
 
-from monodyn.estimation.identify import IdentifySettings, identify
 from monodyn.estimation.record.tables import read_poses
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
+from monodyn.stages import identify
 
 COLUMNS = {
     "link1.J / link2.J": 1.796,

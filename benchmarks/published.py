@@ -23,6 +23,8 @@ import numpy as np
 import monodyn
 from accuracy import FITTED, PREDICTED, differences, rms
 from figures import Figure, finish, say, table
+from monodyn.paper.locate import PaperScene
+from monodyn.paper.track import PaperPoses
 from monodyn.results.torques import torques
 
 Result = TypeVar("Result")
@@ -103,8 +105,8 @@ def run(clip: Path, method: str) -> Outcome:
     scene, to_locate = timed(lambda: monodyn.locate(masks, mechanism, locate, camera=camera))
     poses, to_track = timed(lambda: monodyn.track(scene.masks, scene, track), runs=1)
     found, to_fit = timed(lambda: monodyn.identify(poses.part(0, FITTED), scene.mechanism, fit))
-    each = 0.0 if poses.evaluations is None else float(np.mean(poses.evaluations))
-    first = float(scene.evaluations) if method == "paper" else None
+    each = float(np.mean(poses.evaluations)) if isinstance(poses, PaperPoses) else 0.0
+    first = float(scene.evaluations) if isinstance(scene, PaperScene) else None
     return Outcome(poses, found, (first, each), (to_locate, to_track / len(poses), to_fit))
 
 

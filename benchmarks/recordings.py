@@ -12,7 +12,7 @@ from encoders import COLUMNS
 from figures import Figure, say
 from monodyn.vision.drawing.camera import pixels
 from monodyn.vision.locating.bundle import refine
-from monodyn.vision.locating.locate import Scene
+from monodyn.vision.locating.scene import Scene
 
 LOOKS = 30
 """Frames spread over a clip in which the first link is measured by itself."""

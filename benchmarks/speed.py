@@ -20,7 +20,7 @@ import numpy as np
 
 import monodyn
 from figures import Figure, finish, say, table
-from monodyn.vision.locating.locate import Scene
+from monodyn.vision.locating.scene import Scene
 from monodyn.vision.track import Follower
 
 ROOT = Path(__file__).parents[1]

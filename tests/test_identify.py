@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monodyn.estimation.identify import identify
 from monodyn.estimation.record.samples import cut, prepare
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
 from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.mechanism import Measured, load
+from monodyn.stages import identify
 from monodyn.types import Poses
 from swings import NOISE, SIZES, TIMES, double_truth, motion, record, scaled, sigmas
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from monodyn.errors import VideoError
-from monodyn.estimation.identify import identify
 from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
+from monodyn.stages import identify
 from monodyn.types import Poses
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from monodyn.errors import FitError, MechanismError, SettingsError, VideoError
-from monodyn.estimation.identify import identify
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Measured, load
+from monodyn.stages import identify
 from monodyn.types import Poses
 from swings import TIMES, double_truth, motion, record, sigmas
 

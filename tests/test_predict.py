@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.identify import identify
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import rollout
 from monodyn.results.fill import fill
 from monodyn.results.predict import predict
+from monodyn.stages import identify
 from monodyn.types import Poses
 
 ALL = np.arange(120) / 30.0

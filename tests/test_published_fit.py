@@ -13,7 +13,6 @@ from scipy.optimize import least_squares
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.record.samples import Pieces, prepare
-from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
 from monodyn.estimation.torque.task import NO_PERIOD
@@ -22,10 +21,11 @@ from monodyn.mechanism.simulate import rollout
 from monodyn.paper.filter import Gains, filtered
 from monodyn.paper.fixed_start import Held, held_states, targets
 from monodyn.paper.identify import identify_published
+from monodyn.paper.settings import PaperIdentifySettings
 from monodyn.results.predict import predict
 from swings import NOISE, TIMES, double_truth, motion, record, scaled
 
-PAPER = IdentifySettings(method="paper")
+PAPER = PaperIdentifySettings(method="paper")
 SMALL = 2e-4
 """Noise [rad] that leaves the truncation of the filter's start as large as the noise itself."""
 

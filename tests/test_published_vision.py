@@ -16,6 +16,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.paper.locate import locate_published, size_ratios
 from monodyn.paper.placed import drawn
 from monodyn.paper.sequential import sequential
+from monodyn.paper.settings import PaperLocateSettings, PaperTrackSettings
 from monodyn.paper.starts import BUDGET, evolved_starts, spread_pose, spread_starts
 from monodyn.paper.subproblems import (
     History,
@@ -35,8 +36,7 @@ from monodyn.types import FULL, Camera, Frame, Poses
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.masks import Masks
-from monodyn.vision.locating.locate import CameraSettings, LocateSettings
-from monodyn.vision.track import TrackSettings
+from monodyn.vision.settings import CameraSettings, LocateSettings, TrackSettings
 
 CAMERA = Camera(360, 280, 400.0, x=0.03, y=-0.12, depth=1.1)
 LENGTHS, WIDTHS, THICK = (0.2, 0.15), (0.03, 0.024), 0.006
@@ -298,18 +298,18 @@ def test_move_limits() -> None:
     at = view_of(mechanism, CAMERA, np.zeros(2), HELD)
     np.testing.assert_allclose(joint_ranges(at), 2 * np.pi)
     motion = Motion(1.0, np.array([0.5, 1.0]), np.array([6.0, -3.0]), 5, 0, 0.05)
-    start, lower, upper = move_limits(at, motion, 1.05, TrackSettings(move_share=0.1, adaptive=False))
+    start, lower, upper = move_limits(at, motion, 1.05, PaperTrackSettings(move_share=0.1, adaptive=False))
     np.testing.assert_allclose(start, motion.position)
     np.testing.assert_allclose(upper - start, 0.2 * np.pi)
     np.testing.assert_allclose(start - lower, 0.2 * np.pi)
-    start, lower, upper = move_limits(at, motion, 1.05, TrackSettings(move_share=0.1))
+    start, lower, upper = move_limits(at, motion, 1.05, PaperTrackSettings(move_share=0.1))
     np.testing.assert_allclose(start, [0.8, 0.85])
     np.testing.assert_allclose(upper - start, 0.8 * 0.3)
     slow = replace(motion, velocity=np.zeros(2))
-    start, lower, upper = move_limits(at, slow, 1.05, TrackSettings(move_share=0.1))
+    start, lower, upper = move_limits(at, slow, 1.05, PaperTrackSettings(move_share=0.1))
     np.testing.assert_allclose(upper - start, 0.2 * 0.2 * np.pi)
     lost = replace(motion, lost=2)
-    _, lower, upper = move_limits(at, lost, 1.1, TrackSettings(move_share=0.1))
+    _, lower, upper = move_limits(at, lost, 1.1, PaperTrackSettings(move_share=0.1))
     np.testing.assert_allclose(upper - lower, 0.4 * np.pi * 1.6**2)
 
 
@@ -317,7 +317,7 @@ def test_move_limits() -> None:
 def test_a_motion_is_followed_through_a_gap(tmp_path: Path, adaptive: bool) -> None:
     """Eq. (5) on a swing of up to 0.3 rad a frame; for two frames something else hides the second link."""
     at = view(model(tmp_path), moves=HELD)
-    settings = TrackSettings(method="paper", adaptive=adaptive)
+    settings = PaperTrackSettings(method="paper", adaptive=adaptive)
     motion, seen_frames = None, []
     for k in range(24):
         t = k / 30.0
@@ -405,7 +405,7 @@ def test_bad_input_is_refused() -> None:
     with pytest.raises(VideoError, match="silhouette: expected some of the mechanism, got an empty picture"):
         seen(np.zeros((20, 20), np.uint8))
     with pytest.raises(SettingsError) as caught:
-        LocateSettings(method="fast", start="evolution")
+        PaperLocateSettings(method="fast", start="evolution")
     assert str(caught.value) == (
         "locate.start: expected 'spread' with the fast method, got 'evolution'; "
         "it belongs to locate.method paper."
@@ -420,7 +420,7 @@ def test_bad_input_is_refused() -> None:
         TrackSettings(method="slow")  # pyright: ignore[reportArgumentType]
     assert str(caught.value) == "track.method: expected one of 'fast', 'paper', got 'slow'."
     with pytest.raises(SettingsError) as caught:
-        TrackSettings(move_share=0.0)
+        PaperTrackSettings(move_share=0.0)
     assert str(caught.value) == "track.move_share: expected 0.001 to 0.5, got 0.0."
 
 
@@ -525,4 +525,4 @@ def test_methods_can_be_mixed(masks: Masks) -> None:
     ):
         monodyn.locate(masks, mechanism, camera=CameraSettings(method="paper"), free=("camera.focal",))
     with pytest.raises(SettingsError, match=r"locate.start: expected 'spread' with the fast method"):
-        monodyn.locate(masks, mechanism, LocateSettings(start="evolution"))
+        monodyn.locate(masks, mechanism, PaperLocateSettings(start="evolution"))

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from monodyn.errors import SettingsError, VideoError
+from monodyn.stages import segment
 from monodyn.types import FULL, Frame
 from monodyn.vision.clip.video import read
 from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
 from monodyn.vision.foreground.coverage import coverage_of
-from monodyn.vision.foreground.masks import SegmentSettings, segment
 from monodyn.vision.foreground.median import masked_median
 from monodyn.vision.foreground.palette import choose_palette, lingering
+from monodyn.vision.settings import SegmentSettings
 
 H, W = 60, 80
 

@@ -9,16 +9,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from monodyn.estimation.identify import identify
 from monodyn.estimation.record.samples import cut, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.torque.periods import Undriven
 from monodyn.mechanism import load
+from monodyn.paper.settings import PaperIdentifySettings
 from monodyn.results.fill import fill
 from monodyn.results.predict import predict
 from monodyn.results.torques import torques
+from monodyn.stages import identify
 from monodyn.types import Poses
 
 RATE, NOISE, PERIOD = 30, 1e-3, 2.3
@@ -391,11 +392,11 @@ def test_settings_of_the_paper_are_refused_elsewhere(passive, tmp_path):
 
     for choice in ({"rates": True}, {"states": "filtered"}):
         with pytest.raises(SettingsError, match="method paper"):
-            IdentifySettings(method="fast", **choice)
+            PaperIdentifySettings(method="fast", **choice)
         with pytest.raises(SettingsError, match="method paper"):
-            identify(passive[0], started(DOUBLE, tmp_path, 0.5), IdentifySettings(**choice))
+            identify(passive[0], started(DOUBLE, tmp_path, 0.5), PaperIdentifySettings(**choice))
     for choice in ({"terms": 3}, {"series": "alone"}):
         with pytest.raises(SettingsError, match="torque fourier"):
             IdentifySettings(**choice)
     with pytest.raises(SettingsError, match=r"eq\. 7"):
-        IdentifySettings(gains=(0.4, 0.1, 3.0))
+        PaperIdentifySettings(gains=(0.4, 0.1, 3.0))

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from monodyn.errors import SettingsError as SettingsError
     from monodyn.errors import VideoError as VideoError
     from monodyn.estimation.fit import Fit as Fit
-    from monodyn.estimation.identify import identify as identify
     from monodyn.estimation.record.tables import read_poses as read_poses
     from monodyn.estimation.record.tables import write_poses as write_poses
     from monodyn.estimation.settings import IdentifySettings as IdentifySettings
@@ -31,41 +30,41 @@ if TYPE_CHECKING:
     from monodyn.mechanism import load as load
     from monodyn.mechanism import write_mjcf as write_mjcf
     from monodyn.mechanism import write_urdf as write_urdf
-    from monodyn.pipeline import RunSettings as RunSettings
     from monodyn.pipeline import run as run
     from monodyn.results.fill import fill as fill
     from monodyn.results.predict import predict as predict
     from monodyn.results.report import report as report
+    from monodyn.settings import RunSettings as RunSettings
+    from monodyn.stages import identify as identify
+    from monodyn.stages import locate as locate
+    from monodyn.stages import segment as segment
+    from monodyn.stages import track as track
     from monodyn.types import Camera as Camera
     from monodyn.types import Frame as Frame
     from monodyn.types import Mask as Mask
     from monodyn.types import Poses as Poses
     from monodyn.vision.clip.video import Video as Video
     from monodyn.vision.clip.video import read as read
-    from monodyn.vision.foreground.masks import SegmentSettings as SegmentSettings
-    from monodyn.vision.foreground.masks import segment as segment
-    from monodyn.vision.locating.locate import CameraSettings as CameraSettings
-    from monodyn.vision.locating.locate import LocateSettings as LocateSettings
-    from monodyn.vision.locating.locate import locate as locate
-    from monodyn.vision.track import TrackSettings as TrackSettings
-    from monodyn.vision.track import track as track
+    from monodyn.vision.settings import CameraSettings as CameraSettings
+    from monodyn.vision.settings import LocateSettings as LocateSettings
+    from monodyn.vision.settings import SegmentSettings as SegmentSettings
+    from monodyn.vision.settings import TrackSettings as TrackSettings
 
 _HOMES = {
     "errors": ("FitError", "MechanismError", "MonodynError", "SettingsError", "VideoError"),
     "types": ("Camera", "Frame", "Mask", "Poses"),
     "mechanism": ("Mechanism", "load", "write_mjcf", "write_urdf"),
     "vision.clip.video": ("Video", "read"),
-    "vision.foreground.masks": ("SegmentSettings", "segment"),
-    "vision.locating.locate": ("CameraSettings", "LocateSettings", "locate"),
-    "vision.track": ("TrackSettings", "track"),
+    "vision.settings": ("CameraSettings", "LocateSettings", "SegmentSettings", "TrackSettings"),
     "estimation.fit": ("Fit",),
-    "estimation.identify": ("identify",),
     "estimation.record.tables": ("read_poses", "write_poses"),
     "estimation.settings": ("IdentifySettings",),
+    "stages": ("identify", "locate", "segment", "track"),
     "results.predict": ("predict",),
     "results.fill": ("fill",),
     "results.report": ("report",),
-    "pipeline": ("RunSettings", "run"),
+    "settings": ("RunSettings",),
+    "pipeline": ("run",),
 }
 """Public names by the module that they are loaded from."""
 

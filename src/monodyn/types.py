@@ -104,7 +104,6 @@ class Poses:
         seen: True where the frame was measured, bool (frame,).
         metric: True when slides are in metres; False when they are in the start scale of the mechanism
             file, as a picture gives them.
-        evaluations: Silhouettes drawn to find each frame's pose, int (frame,), or None where none were.
     """
 
     joints: tuple[str, ...]
@@ -114,7 +113,6 @@ class Poses:
     covariance: np.ndarray
     seen: np.ndarray
     metric: bool = field(default=True)
-    evaluations: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         frames, dofs = len(self.time), len(self.joints)
@@ -128,11 +126,6 @@ class Poses:
             frozen("Poses.covariance", self.covariance, (frames, dofs, dofs), error=VideoError),
         )
         set_(self, "seen", frozen("Poses.seen", self.seen, (frames,), dtype=np.bool_, error=VideoError))
-        if self.evaluations is not None:
-            counts = frozen(
-                "Poses.evaluations", self.evaluations, (frames,), dtype=np.int64, error=VideoError
-            )
-            set_(self, "evaluations", counts)
         increasing("Poses.time", self.time, error=VideoError)
 
     def __len__(self) -> int:
@@ -143,5 +136,5 @@ class Poses:
         rows = slice(first, stop)
         return Poses(
             self.joints, self.frame[rows], self.time[rows], self.position[rows], self.covariance[rows],
-            self.seen[rows], self.metric, None if self.evaluations is None else self.evaluations[rows],
+            self.seen[rows], self.metric,
         )  # fmt: skip

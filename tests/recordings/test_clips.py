@@ -11,7 +11,7 @@ import pytest
 
 import monodyn
 from monodyn.types import Poses
-from monodyn.vision.locating.locate import Scene
+from monodyn.vision.locating.scene import Scene
 
 DATA = Path(os.environ.get("MONODYN_DATA", ""))
 

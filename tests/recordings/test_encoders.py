@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from monodyn.estimation.identify import identify
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
+from monodyn.stages import identify
 
 DATA = Path(os.environ.get("MONODYN_DATA", "")) / "encoders"
 FREE = IdentifySettings(bodies="free")

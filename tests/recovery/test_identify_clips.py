@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from monodyn.estimation.identify import identify
 from monodyn.estimation.verdict.combinations import inertial_ratios
 from monodyn.mechanism import Measured, load
 from monodyn.mechanism.simulate import rollout
 from monodyn.results.predict import predict
+from monodyn.stages import identify
 from monodyn.types import Poses
 
 NOISE = np.radians(0.1)

@@ -13,8 +13,9 @@ import pytest
 import monodyn
 from monodyn.errors import SettingsError
 from monodyn.types import Mask
-from monodyn.vision.locating.locate import LocateSettings, Scene
-from monodyn.vision.track import Follower, TrackSettings
+from monodyn.vision.locating.scene import Scene
+from monodyn.vision.settings import LocateSettings, TrackSettings
+from monodyn.vision.track import Follower
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

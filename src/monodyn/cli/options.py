@@ -15,10 +15,11 @@ from tyro import conf
 
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
-from monodyn.estimation.settings import IdentifySettings
-from monodyn.vision.foreground.masks import SegmentSettings
-from monodyn.vision.locating.locate import CameraSettings, LocateSettings
-from monodyn.vision.track import TrackSettings
+from monodyn.settings import settings_classes
+from monodyn.vision.settings import CameraSettings, SegmentSettings
+
+_CLASSES = settings_classes()
+LocateSettings, TrackSettings, IdentifySettings = (_CLASSES[name] for name in ("locate", "track", "identify"))
 
 Words = conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 Clip = Annotated[conf.Positional[Path], conf.arg(metavar="CLIP")]

@@ -10,15 +10,12 @@ from monodyn.errors import SettingsError
 
 MOST_TERMS = 50
 """Harmonics of the longest Fourier series."""
-PAPER_GAINS = (0.4, 0.1, 0.05)
-"""Gains of the filter in the paper's Figure 3."""
 USUAL_TERMS = 7
 """Harmonics that the paper takes; where their number is open at most so many are tried."""
 CHOICES = {
     "method": ("fast", "paper", None),
     "torque": ("friction", "fourier", "free"),
     "series": ("with-friction", "alone"),
-    "states": ("measured", "filtered"),
     "bodies": ("uniform", "free"),
 }
 """What the settings that are words can be."""
@@ -35,9 +32,6 @@ class IdentifySettings:
             Fourier series, and friction) or ``free`` (one torque a joint and time stamp).
         terms: Harmonics of the Fourier series; 0 takes as many as the record asks for, 7 with ``paper``.
         series: ``with-friction`` keeps friction beside the Fourier series, ``alone`` is the paper's form.
-        gains: Gains alpha, beta, gamma of the filter, eq. (7); for ``paper``.
-        states: What ``paper`` compares the simulated states with: the ``measured`` poses or the ``filtered``.
-        rates: With ``paper`` compare rates as well as angles, weighted with the tracker's covariance.
         bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
             centre of mass and inertia are unknowns.
         starts: At most so many starts are tried until the motion is explained.
@@ -53,9 +47,6 @@ class IdentifySettings:
     torque: Literal["friction", "fourier", "free"] = "friction"
     terms: int = 0
     series: Literal["with-friction", "alone"] = "with-friction"
-    gains: tuple[float, float, float] = PAPER_GAINS
-    states: Literal["measured", "filtered"] = "measured"
-    rates: bool = False
     bodies: Literal["uniform", "free"] = "uniform"
     starts: int = 6
     seed: int = 0
@@ -70,22 +61,11 @@ class IdentifySettings:
             if value not in choices:
                 known = ", ".join(f"'{choice}'" for choice in choices if choice is not None)
                 raise SettingsError(f"identify.{name}: expected one of {known}, got '{value}'.")
-        if self.method == "fast" and (self.rates or self.states == "filtered"):
-            raise SettingsError(
-                "identify.rates, identify.states: rates and filtered states belong to --identify.method "
-                "paper; the fast method weighs the measured positions with their covariance."
-            )
         if self.torque != "fourier" and (self.terms or self.series != "with-friction"):
             raise SettingsError(
                 "identify.terms, identify.series: expected --identify.torque fourier with them, got "
                 f"'{self.torque}'; add it, or leave them out."
             )
-        if tuple(self.gains) != PAPER_GAINS:
-            if self.method == "fast":
-                raise SettingsError("identify.gains: the filter belongs to --identify.method paper; add it.")
-            from monodyn.paper.filter import Gains
-
-            Gains.of(self.gains)
         ranges = (
             ("terms", 0, MOST_TERMS),
             ("starts", 1, 1000), ("seed", 0, 2**63), ("piece", 5, 10000), ("error_bound", 1e-10, 1e-2),

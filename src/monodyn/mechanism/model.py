@@ -362,8 +362,9 @@ class Mechanism:
         """Return the parameter of a row."""
         table = self.torques.table
         return Parameter(
-            table.names[row], table.kind[row], table.owner[row], float(self._current[row]), float(self.lower[row]), float(self.upper[row]),
-            table.unit[row], bool(self.free[row]), bool(self._follows[row]),
+            table.names[row], table.kind[row], table.owner[row], float(self._current[row]),
+            float(self.lower[row]), float(self.upper[row]), table.unit[row], bool(self.free[row]),
+            bool(self._follows[row]),
         )  # fmt: skip
 
     def _check_bounds(self, name: str) -> None:

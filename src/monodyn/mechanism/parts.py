@@ -39,7 +39,7 @@ class Parameter:
 
     Attributes:
         name: ``<body>.length``, ``<joint>.damping``, ``gravity``, ...
-        kind: What it is: ``length``, ``damping``, ``torque`` (any coefficient of a torque over time), ...; the
+        kind: What it is: ``length``, ``damping``, ``torque`` (a coefficient of a torque over time), ...; the
             kinds are the rows of ``dimensions.POWERS``.
         owner: Name of the body or joint that it belongs to; empty for ``gravity`` and the like.
         value: Current value.

@@ -15,7 +15,7 @@ import numpy as np
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import Data, ordered, prepare
 from monodyn.estimation.record.smooth import Smoothed, smooth
-from monodyn.estimation.settings import PAPER_GAINS, USUAL_TERMS, IdentifySettings
+from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.estimation.shooting.problem import Problem, posed, smooth_motion
 from monodyn.estimation.shooting.shoot import Grown, typical
 from monodyn.estimation.shooting.unknowns import kind_of
@@ -30,6 +30,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.paper.descent import Descent, descend
 from monodyn.paper.filter import Gains, filter_response, filtered
 from monodyn.paper.fixed_start import Held, held_states, targets, with_start_noise
+from monodyn.paper.settings import PAPER_GAINS, PaperIdentifySettings
 from monodyn.types import Poses, Progress
 
 UNSTARTED = (
@@ -53,7 +54,7 @@ LOST = 0.25
 def identify_published(
     records: Sequence[Poses],
     mechanism: Mechanism,
-    settings: IdentifySettings,
+    settings: PaperIdentifySettings,
     progress: Progress | None = None,
 ) -> Fit:
     """Minimize |X_s - X_e| over the unknowns of the paper's Case I, II or III, within bounds.
@@ -150,7 +151,7 @@ class _Model:
 
 
 def _with_model(
-    mechanism: Mechanism, settings: IdentifySettings, data: Data, smoothed: tuple[Smoothed, ...]
+    mechanism: Mechanism, settings: PaperIdentifySettings, data: Data, smoothed: tuple[Smoothed, ...]
 ) -> _Model:
     """Give the mechanism the parameters of its torque."""
     plain = mechanism.with_torque("friction")
@@ -172,7 +173,7 @@ def _with_model(
 
 
 def _periodic(
-    mechanism: Mechanism, settings: IdentifySettings, problem: Problem, smoothed: tuple[Smoothed, ...]
+    mechanism: Mechanism, settings: PaperIdentifySettings, problem: Problem, smoothed: tuple[Smoothed, ...]
 ) -> _Model:
     """Estimate the period, with no more harmonics than it takes: one of many harmonics is a long one."""
     undriven = Undriven.of(mechanism, problem.data, smoothed)
@@ -196,7 +197,7 @@ def _of_period(mechanism: Mechanism, terms: int, period: float | None = None) ->
 
 
 def _refused(
-    problem: Problem, reason: str, records: tuple[Poses, ...], settings: IdentifySettings, began: float
+    problem: Problem, reason: str, records: tuple[Poses, ...], settings: PaperIdentifySettings, began: float
 ) -> Fit:
     return replace(refuse(problem, reason, records, time.perf_counter() - began), torque=settings.torque)
 
@@ -206,7 +207,7 @@ def _seen(record: Poses) -> np.ndarray:
     return np.where(record.seen[:, None], record.position, np.nan)
 
 
-def _hopeless(problem: Problem, settings: IdentifySettings) -> str | None:
+def _hopeless(problem: Problem, settings: PaperIdentifySettings) -> str | None:
     """Say why there is no point in a search, or None."""
     data, unknowns = problem.data, len(problem.unknowns)
     samples = data.samples * (2 if settings.rates else 1)
@@ -232,7 +233,7 @@ def _hopeless(problem: Problem, settings: IdentifySettings) -> str | None:
 
 
 def _fit(
-    found: Descent, model: _Model, records: tuple[Poses, ...], settings: IdentifySettings, began: float
+    found: Descent, model: _Model, records: tuple[Poses, ...], settings: PaperIdentifySettings, began: float
 ) -> Fit:
     """Collect what was found; intervals from the Jacobian and the noise of the samples."""
     held, x = found.held, found.x
@@ -268,7 +269,7 @@ def _grown(found: Descent, held: Held, residuals: np.ndarray) -> Grown:
 
 
 def _verdict(
-    found: Descent, rms: dict[str, float], settings: IdentifySettings, period: float | None
+    found: Descent, rms: dict[str, float], settings: PaperIdentifySettings, period: float | None
 ) -> tuple[str, bool]:
     """Say what came of the fit, and whether it follows the record at all."""
     held = found.held
@@ -316,7 +317,7 @@ def _advice(
     model: _Model,
     fit: Fit,
     records: tuple[Poses, ...],
-    settings: IdentifySettings,
+    settings: PaperIdentifySettings,
     without_effect: tuple[str, ...],
 ) -> tuple[str, ...]:
     """All that the reader should know, the gravest first."""
@@ -388,7 +389,7 @@ def _free_bodies(held: Held) -> bool:
     return any(kind_of(name) == "inertia" for name in held.unknowns.names)
 
 
-def _filtering(settings: IdentifySettings) -> list[str]:
+def _filtering(settings: PaperIdentifySettings) -> list[str]:
     """Say what the gains do, where they are not the usual ones or ring."""
     used = settings.rates or settings.states == "filtered"
     if not used and tuple(settings.gains) != PAPER_GAINS:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from monodyn.paper.ambiguity import (
     strangeness,
 )
 from monodyn.paper.sequential import Effort, camera_round, sequential
+from monodyn.paper.settings import PaperLocateSettings
 from monodyn.paper.slide_gauge import camera_moves, released, start_view
 from monodyn.paper.starts import spread_pose
 from monodyn.paper.subproblems import History, mismatch
@@ -31,9 +31,6 @@ from monodyn.types import Camera, Frame, Progress
 from monodyn.vision.drawing.outline import covered_pixels, outline
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
-
-if TYPE_CHECKING:
-    from monodyn.vision.locating.locate import LocateSettings
 
 MOST_DRAWN = 1_500_000
 """Silhouettes that the search draws at the most, but for the part that passes it."""
@@ -51,16 +48,31 @@ SETTLING = Effort(pose_px=3.0, sizes=0.03, least=0.2)
 """From a state that is known but for a pixel."""
 
 
+@dataclass(frozen=True, eq=False)
+class PaperScene(Scene):
+    """A scene found by drawing silhouettes; ``rms_px`` is the mismatch by length of the outline.
+
+    Attributes:
+        evaluations: Silhouettes drawn.
+        history: The sub-problems in the order in which they were solved.
+        level: Threshold of the silhouettes [grey levels], or 0.
+    """
+
+    evaluations: int = field(kw_only=True)
+    history: tuple[History, ...] = field(repr=False, kw_only=True)
+    level: float = field(kw_only=True)
+
+
 def locate_published(
     masks: Masks,
     mechanism: Mechanism,
     camera: Camera,
     pinned: Collection[str],
-    settings: LocateSettings,
+    settings: PaperLocateSettings,
     *,
     most: int = MOST_DRAWN,
     progress: Progress | None = None,
-) -> Scene:
+) -> PaperScene:
     """Find camera, pose and aspect ratios by the published framework.
 
     Args:
@@ -102,7 +114,7 @@ def locate_published(
     return replace(scene, advice=(*_cut_short(meter), *scene.advice))
 
 
-def pose_before(scene: Scene, pinned: Collection[str], *, level: float = 0.0) -> Scene:
+def pose_before(scene: Scene, pinned: Collection[str], *, level: float = 0.0) -> PaperScene:
     """Find pose (3) and aspect ratios (4) before a camera that is known.
 
     Args:
@@ -124,7 +136,7 @@ def pose_before(scene: Scene, pinned: Collection[str], *, level: float = 0.0) ->
     return replace(found, advice=(*scene.advice, *found.advice))
 
 
-def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) -> Scene:
+def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) -> PaperScene:
     """Find the camera's depth (1) and place (2) behind a pose and sizes that are known.
 
     Args:
@@ -144,14 +156,9 @@ def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) 
     for _ in range(3):  # the place shifts with the depth
         view, fell = camera_round(image, view)
         history += fell
-    return replace(
-        scene,
-        camera=_camera_of(view, scene.camera),
-        spread={},
-        evaluations=drawings_of(history),
-        history=tuple(history),
-        level=level,
-    )
+    kept = {part.name: getattr(scene, part.name) for part in fields(Scene)}
+    kept |= {"camera": _camera_of(view, scene.camera), "spread": {}}
+    return PaperScene(**kept, evaluations=drawings_of(history), history=tuple(history), level=level)
 
 
 def size_ratios(view: View, mechanism: Mechanism, *, scale_free: bool) -> Measured:
@@ -244,7 +251,7 @@ def _camera_of(view: View, camera: Camera) -> Camera:
 def _scene(
     masks: Masks, mechanism: Mechanism, camera: Camera, view: View, shot: Shot, history: tuple[History, ...],
     drawings: int, level: float, *, scale_free: bool,
-) -> Scene:  # fmt: skip
+) -> PaperScene:  # fmt: skip
     """Collect the result."""
     measured = size_ratios(view, mechanism, scale_free=scale_free)
     sized, behind = _mechanism_of(view, mechanism).with_measured(measured), _camera_of(view, camera)
@@ -260,7 +267,7 @@ def _scene(
             f"{left / shot.image.area:.0%} of its area: check the overlay; --locate.start evolution, another "
             "--locate.level, or --background may help, or the default method.",
         )
-    return Scene(
+    return PaperScene(
         sized, behind, masks, shot.frame.index, view.position, (shot.frame.index,), view.position[np.newaxis],
-        {}, left / max(length, 1.0), advice, drawings, history, level,
+        {}, left / max(length, 1.0), advice, evaluations=drawings, history=history, level=level,
     )  # fmt: skip

@@ -7,13 +7,16 @@ mismatch stands out was not seen; the limits widen until the mechanism is found 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from monodyn.arrays import frozen
+from monodyn.errors import VideoError
 from monodyn.paper.ambiguity import level_of
+from monodyn.paper.locate import PaperScene
 from monodyn.paper.sequential import reach_of
+from monodyn.paper.settings import PaperTrackSettings
 from monodyn.paper.starts import spread_pose
 from monodyn.paper.subproblems import fit_pose
 from monodyn.paper.threshold import holds, silhouette
@@ -21,9 +24,6 @@ from monodyn.paper.view import Seen, View, seen, view_of
 from monodyn.types import Frame, Poses, Progress
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
-
-if TYPE_CHECKING:
-    from monodyn.vision.track import TrackSettings
 
 AGILE = 0.8
 """Share of the fastest joint's move by which any joint may depart from its prediction."""
@@ -62,9 +62,27 @@ class Motion:
     usual: float
 
 
+@dataclass(frozen=True, eq=False)
+class PaperPoses(Poses):
+    """Poses that were found by drawing silhouettes.
+
+    Attributes:
+        evaluations: Silhouettes drawn to find each frame's pose, int (frame,).
+    """
+
+    evaluations: np.ndarray = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        counts = frozen(
+            "PaperPoses.evaluations", self.evaluations, (len(self),), dtype=np.int64, error=VideoError
+        )
+        object.__setattr__(self, "evaluations", counts)
+
+
 def track_published(
-    masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None = None
-) -> Poses:
+    masks: Masks, scene: Scene, settings: PaperTrackSettings, progress: Progress | None = None
+) -> PaperPoses:
     """Follow the mechanism through the clip by eq. (5).
 
     Args:
@@ -82,7 +100,7 @@ def track_published(
     """
     video = masks.video
     view = view_of(scene.mechanism, scene.camera, scene.position, (False, False, False))
-    level = level_of(scene.masks, scene.level)
+    level = level_of(scene.masks, scene.level if isinstance(scene, PaperScene) else 0.0)
     motion = None
     blank = np.full(len(scene.mechanism.joints), np.nan)
     rows: list[tuple[int, float, np.ndarray, bool, int]] = []
@@ -104,7 +122,7 @@ def track_published(
     joints = tuple(joint.name for joint in scene.mechanism.joints)
     positions, sighted = np.array(position), np.array(saw)
     covariance = scatter(np.array(time), positions, view.base.kind == 0)
-    return Poses(
+    return PaperPoses(
         joints, np.array(index), np.array(time), positions,
         np.where(sighted[:, np.newaxis, np.newaxis], covariance, np.nan), sighted,
         metric=False, evaluations=np.array(drawings),
@@ -116,7 +134,7 @@ def step(
     view: View,
     motion: Motion | None,
     time: float,
-    settings: TrackSettings,
+    settings: PaperTrackSettings,
     known: np.ndarray | None,
 ) -> tuple[Motion | None, np.ndarray | None, int]:
     """Find the pose in the next frame.
@@ -158,7 +176,7 @@ def step(
 
 
 def move_limits(
-    view: View, motion: Motion, time: float, settings: TrackSettings, *, growth: float = 1.0
+    view: View, motion: Motion, time: float, settings: PaperTrackSettings, *, growth: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return start, lower and upper move limits of eq. (5), (dof,) each.
 
@@ -242,7 +260,7 @@ def _image(frame: Frame, scene: Scene, level: float) -> Seen | None:
 
 
 def _first(
-    image: Seen, view: View, time: float, settings: TrackSettings, known: np.ndarray | None
+    image: Seen, view: View, time: float, settings: PaperTrackSettings, known: np.ndarray | None
 ) -> tuple[Motion | None, np.ndarray | None, int]:
     """Find the first pose: near where it is known, else from starts spread over the joint ranges."""
     if known is None:

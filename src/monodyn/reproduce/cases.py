@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from monodyn.estimation.fit import Fit
-from monodyn.estimation.identify import identify
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.torque.periods import Undriven
 from monodyn.mechanism import Mechanism
+from monodyn.paper.settings import PaperIdentifySettings
 from monodyn.reproduce.clip import Pendulum, Truth
 from monodyn.reproduce.vision import FAILURES, METHODS, Seen, aligned
 from monodyn.results.fill import States, fill
+from monodyn.stages import identify
 from monodyn.types import Poses, Progress
 
 TORQUES = {"I": "friction", "II": "fourier", "III": "free"}
@@ -200,11 +202,13 @@ def identify_settings(plan: Plan, design: Design) -> IdentifySettings:
         plan: What to fit.
         design: Gains and seed.
     """
-    settings = IdentifySettings(torque=TORQUES[plan.case], seed=design.seed)  # pyright: ignore[reportArgumentType]
+    torque: Any = TORQUES[plan.case]
     if plan.method == "fast":
-        return settings
+        return IdentifySettings(torque=torque, seed=design.seed)
     states = "filtered" if plan.states == "filtered" else "measured"
-    return replace(settings, method="paper", gains=design.gains, states=states)
+    return PaperIdentifySettings(
+        method="paper", torque=torque, seed=design.seed, gains=design.gains, states=states
+    )
 
 
 def started(mechanism: Mechanism, number: int, seed: int) -> Mechanism:

@@ -29,9 +29,9 @@ from monodyn.results.export import json_text
 from monodyn.results.folder import Content as Files
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import versions
+from monodyn.stages import segment
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
-from monodyn.vision.foreground.masks import segment
 
 START = """<mujoco model="double">
   <!-- The topology of the clip. Every size is wrong on purpose: the methods find the true ones. -->

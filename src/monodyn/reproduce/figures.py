@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from monodyn.paper.locate import PaperScene
 from monodyn.reproduce.cases import Case, Design
 from monodyn.reproduce.claims import Evidence, overall
 from monodyn.reproduce.vision import METHODS, TITLES, Seen
@@ -223,7 +224,7 @@ def history_figure(seen: Seen) -> Figure | None:
     Args:
         seen: What the published method saw.
     """
-    if seen.scene is None or not seen.scene.history:
+    if not isinstance(seen.scene, PaperScene) or not seen.scene.history:
         return None
     contents: tuple[list, list] = ([], [])
     done, across = 0, "silhouettes drawn"

@@ -30,7 +30,7 @@ from monodyn.results.overlay import Drawing, still
 from monodyn.results.page import plotting_script, template
 from monodyn.types import Frame
 from monodyn.vision.drawing.outline import outline
-from monodyn.vision.locating.locate import Scene
+from monodyn.vision.locating.scene import Scene
 
 SHADES = (150, 220)
 """Grey of the bodies in a picture that the model draws, in turn."""

@@ -10,11 +10,13 @@ import numpy as np
 from monodyn.errors import MonodynError
 from monodyn.mechanism import Mechanism
 from monodyn.paper.filter import Filtered, Gains, filtered
+from monodyn.paper.track import PaperPoses
 from monodyn.reproduce.clip import Truth
+from monodyn.stages import locate, track
 from monodyn.types import Poses, Progress
 from monodyn.vision.foreground.masks import Masks
-from monodyn.vision.locating.locate import LocateSettings, Scene, locate
-from monodyn.vision.track import TrackSettings, track
+from monodyn.vision.locating.scene import Scene
+from monodyn.vision.settings import CameraSettings, LocateSettings, TrackSettings
 
 METHODS = ("paper", "fast")
 """The published method and the default one."""
@@ -53,8 +55,7 @@ class Seen:
         """Silhouettes drawn for a frame while tracking (median); None where nothing was tracked."""
         if self.poses is None:
             return None
-        drawn = self.poses.evaluations
-        return 0.0 if drawn is None else float(np.median(drawn))
+        return float(np.median(self.poses.evaluations)) if isinstance(self.poses, PaperPoses) else 0.0
 
 
 def see(
@@ -115,7 +116,6 @@ class _Watch:
 def _located(method: str, masks: Masks, mechanism: Mechanism, progress: Progress | None) -> Scene:
     if method == "fast":
         return locate(masks, mechanism, progress=progress)
-    from monodyn.vision.locating.locate import CameraSettings
 
     return locate(
         masks,

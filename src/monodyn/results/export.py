@@ -18,7 +18,7 @@ import numpy as np
 from monodyn.types import Camera, Poses
 
 if TYPE_CHECKING:
-    from monodyn.estimation.identify import Fit
+    from monodyn.estimation.fit import Fit
     from monodyn.results.fill import States
     from monodyn.results.predict import Prediction
     from monodyn.results.torques import Torques

@@ -25,7 +25,7 @@ from monodyn.results.page import Page, page_text
 from monodyn.types import Camera, Poses, Progress
 
 if TYPE_CHECKING:
-    from monodyn.estimation.identify import Fit
+    from monodyn.estimation.fit import Fit
     from monodyn.mechanism import Mechanism
     from monodyn.results.predict import Prediction
     from monodyn.vision.clip.video import Video

@@ -8,11 +8,9 @@ not seen.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
-from monodyn.errors import SettingsError, VideoError
 from monodyn.types import Mask, Poses, Progress
 from monodyn.vision.drawing.follow import follow
 from monodyn.vision.drawing.rig import Rig, rig_of
@@ -20,61 +18,7 @@ from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.keyframes import key_frame
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import limits, place
-
-LIMITS = (
-    ("spacing", 0.5, 100.0),
-    ("reach", 1.0, 200.0),
-    ("first_reach", 1.0, 200.0),
-    ("move", 1e-3, 10.0),
-    ("patience", 1, 10_000),
-    ("move_share", 1e-3, 0.5),
-)
-"""Name, least and greatest value of the settings that are numbers."""
-
-
-@dataclass(frozen=True)
-class TrackSettings:
-    """How the mechanism is followed.
-
-    Attributes:
-        method: ``fast``: Gauss-Newton on sub-pixel edges; ``paper``: least mismatch of the silhouettes within
-            move limits, eq. (5) of the 2012 paper; None is as the whole run, and fast by itself.
-        spacing: Distance between outline samples [px].
-        reach: Search length along the normals once the pose is near [px].
-        first_reach: Search length from the prediction [px].
-        move: Most that a hinge may depart from its prediction in a frame [rad]; a slide may depart by this
-            share of the mechanism's length.
-        matched: Least share of outline samples on an edge in a frame that counts as seen.
-        inside: Least coverage just inside of the outline in a frame that counts as seen.
-        patience: Frames between two searches of the whole picture while the mechanism is lost.
-        move_share: Move limits of ``paper`` as a fraction of each joint's range, to either side; a hinge
-            without limits has a range of one turn.
-        adaptive: Move limits of ``paper`` about where the joints' current velocity leads, narrow where they
-            are slow; off: a fixed share of the range about the last pose.
-    """
-
-    method: Literal["fast", "paper"] | None = None
-    spacing: float = 3.0
-    reach: float = 4.0
-    first_reach: float = 7.0
-    move: float = 0.6
-    matched: float = 0.5
-    inside: float = 0.6
-    patience: int = 3
-    move_share: float = 0.1
-    adaptive: bool = True
-
-    def __post_init__(self) -> None:
-        if self.method is not None and self.method not in METHODS:
-            known = ", ".join(f"'{name}'" for name in METHODS)
-            raise SettingsError(f"track.method: expected one of {known}, got '{self.method}'.")
-        for name, low, high in LIMITS:
-            if not low <= getattr(self, name) <= high:
-                raise SettingsError(f"track.{name}: expected {low:g} to {high:g}, got {getattr(self, name)}.")
-        for name in ("matched", "inside"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise SettingsError(f"track.{name}: expected a share from 0 to 1, got {getattr(self, name)}.")
-
+from monodyn.vision.settings import TrackSettings
 
 CORRELATION = 2.0
 """Neighbouring edge samples share the codec's blocks: their errors count as if there were half as many."""
@@ -100,10 +44,10 @@ class _Found:
     score: float
 
 
-def track(
-    masks: Masks, scene: Scene, settings: TrackSettings | None = None, *, progress: Progress | None = None
+def follow_clip(
+    masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None = None
 ) -> Poses:
-    """Follow the mechanism through the clip.
+    """Move the outline onto the masks' edges from prediction to prediction.
 
     Args:
         masks: The masks of the clip to follow; they are taken anew with the background and the colours that
@@ -115,22 +59,7 @@ def track(
     Returns:
         Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not
         lie on its mask, or that did not decode, are not seen and hold NaN.
-
-    Raises:
-        VideoError: the pictures of ``masks`` have another size than those of the scene.
     """
-    video = masks.video
-    if (video.width, video.height) != (scene.camera.width, scene.camera.height):
-        raise VideoError(
-            f"{video.path}: expected pictures of {scene.camera.width}x{scene.camera.height} like the scene, "
-            f"got {video.width}x{video.height}; locate the mechanism in this clip."
-        )
-    settings = settings or TrackSettings()
-    return METHODS[settings.method or "fast"](masks, scene, settings, progress)
-
-
-def _fast(masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None) -> Poses:
-    """Move the outline onto the masks' edges from prediction to prediction."""
     video = masks.video
     follower = Follower(scene, settings)
     blank = np.full(len(scene.mechanism.joints), np.nan)
@@ -142,28 +71,9 @@ def _fast(masks: Masks, scene: Scene, settings: TrackSettings, progress: Progres
         rows.append((mask.index, mask.time, *follower.step(mask)))
         if progress is not None:
             progress("track", len(rows), video.count)
-    index, time, position, covariance, seen = zip(*rows, strict=True)
+    index, time, position, covariance, seen = (np.array(column) for column in zip(*rows, strict=True))
     joints = tuple(joint.name for joint in scene.mechanism.joints)
-    return Poses(
-        joints,
-        np.array(index),
-        np.array(time),
-        np.array(position),
-        np.array(covariance),
-        np.array(seen),
-        metric=False,
-    )
-
-
-def _paper(masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None) -> Poses:
-    """Minimize the mismatch of the silhouettes within move limits."""
-    from monodyn.paper.track import track_published
-
-    return track_published(masks, scene, settings, progress)
-
-
-METHODS = {"fast": _fast, "paper": _paper}
-"""The ways to follow the mechanism, of one signature."""
+    return Poses(joints, index, time, position, covariance, seen, metric=False)
 
 
 class Follower:

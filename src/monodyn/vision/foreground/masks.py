@@ -19,30 +19,7 @@ from monodyn.types import Frame, Mask, Progress
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
 from monodyn.vision.foreground.palette import Palette, Parts, choose_palette, lingering
-
-
-@dataclass(frozen=True)
-class SegmentSettings:
-    """How the foreground is found.
-
-    Attributes:
-        colour: ``auto`` uses the colour channels only where grey alone does not tell the mechanism from the
-            background (colour has half the resolution); ``grey`` and ``colour`` force it.
-        contrast: Least difference between mechanism and background that counts as seen [grey levels].
-    """
-
-    colour: str = "auto"
-    contrast: float = 14.0
-
-    def __post_init__(self) -> None:
-        from monodyn.errors import SettingsError
-
-        if self.colour not in ("auto", "grey", "colour"):
-            raise SettingsError(f"segment.colour: expected 'auto', 'grey' or 'colour', got '{self.colour}'.")
-        if not 0 < self.contrast <= 255:
-            raise SettingsError(
-                f"segment.contrast: expected more than 0 and at most 255 grey levels, got {self.contrast}."
-            )
+from monodyn.vision.settings import SegmentSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,14 +92,10 @@ class Masks:
         return replace(self, background=background, palette=palette)
 
 
-def segment(
-    video: Video,
-    settings: SegmentSettings | None = None,
-    *,
-    background: str | Path | None = None,
-    progress: Progress | None = None,
+def soft_masks(
+    video: Video, settings: SegmentSettings, background: str | Path | None, progress: Progress | None
 ) -> Masks:
-    """Tell the moving mechanism from the background of a clip.
+    """Find background and colours of a clip; its masks follow from them frame by frame.
 
     Args:
         video: The clip, from ``read``.
@@ -137,7 +110,6 @@ def segment(
     Raises:
         VideoError: fewer than two frames, nothing moves, or the background picture has another size.
     """
-    settings = settings or SegmentSettings()
     samples = sample_frames(video, progress=progress)
     scene = background_of(samples) if background is None else _given(background, video, samples)
     palette = choose_palette(samples.frames, scene, settings.colour, settings.contrast)

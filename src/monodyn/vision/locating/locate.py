@@ -7,16 +7,14 @@ and the refinement repeated on the better masks.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
-from monodyn.errors import SettingsError
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Progress
-from monodyn.vision.drawing.camera import PARAMETERS, with_values
+from monodyn.vision.drawing.camera import with_values
 from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.silhouette import pose_mismatch
@@ -26,6 +24,7 @@ from monodyn.vision.locating.colours import measured_parts
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import Guess, place, search
+from monodyn.vision.settings import LocateSettings
 
 VAGUE_FOCAL, VAGUE_TURN = 0.2, 0.1
 """Spread of the focal length as a share of it, and of a turn [rad], from which it is called vague."""
@@ -38,113 +37,25 @@ REACHES = np.array([8.0, 6.0, 5.0, 4.0, 4.0])
 LAST_REACHES = (5.0, 4.0, 4.0, 4.0, 3.0, 3.0, 3.0, 3.0)
 
 
-@dataclass(frozen=True)
-class LocateSettings:
-    """How camera, sizes and first pose are found.
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """What is to be located.
 
     Attributes:
-        method: ``fast``: a global search, then a refinement on sub-pixel edges over key frames; ``paper``:
-            pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; None is as the
-            whole run, and fast by itself.
-        start: Where the search of ``paper`` starts: poses ``spread`` over the joint ranges, or the ends of an
-            ``evolution``.
-        level: Threshold of the silhouettes of ``paper`` [grey levels]; 0 takes Otsu's.
-        focal: Focal length [px]; 0 takes the picture's longer side, which a common lens has within a third.
-            A camera square to the plane does not show it.
-        search_frames: Key frames of the global search.
-        refine_frames: Key frames of the joint refinement.
-        seed: Seed of the ``evolution``.
-    """
-
-    method: Literal["fast", "paper"] | None = None
-    start: Literal["spread", "evolution"] = "spread"
-    level: float = 0.0
-    focal: float = 0.0
-    search_frames: int = 7
-    refine_frames: int = 32
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        _check_choice("locate.method", self.method, METHODS)
-        _check_choice("locate.start", self.start, ("spread", "evolution"))
-        if self.method == "fast":
-            _check_start(self)
-        if self.seed < 0:
-            raise SettingsError(f"locate.seed: expected 0 or more, got {self.seed}; give a whole number.")
-        if not 0.0 <= self.level < 255.0:
-            raise SettingsError(f"locate.level: expected 0 to 255 grey levels, got {self.level:g}.")
-        if not 0.0 <= self.focal <= 1e6:
-            raise SettingsError(f"locate.focal: expected 0 to 1e6 px, got {self.focal}.")
-        for name in ("search_frames", "refine_frames"):
-            if not 2 <= getattr(self, name) <= 1000:
-                raise SettingsError(
-                    f"locate.{name}: expected 2 to 1000 key frames, got {getattr(self, name)}."
-                )
-
-
-@dataclass(frozen=True)
-class CameraSettings:
-    """How the camera is found.
-
-    Attributes:
-        method: ``fast``: refined on the edges together with sizes and poses; ``paper``: depth from the
-            silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; None is as the
-            whole run, and fast by itself.
-    """
-
-    method: Literal["fast", "paper"] | None = None
-
-    def __post_init__(self) -> None:
-        _check_choice("camera.method", self.method, METHODS)
-
-
-def locate(
-    masks: Masks,
-    mechanism: Mechanism,
-    settings: LocateSettings | None = None,
-    *,
-    camera: CameraSettings | None = None,
-    fix: Mapping[str, float] | None = None,
-    free: Sequence[str] = (),
-    progress: Progress | None = None,
-) -> Scene:
-    """Find camera, sizes and first pose from the topology alone.
-
-    Args:
         masks: The soft foreground of the clip.
         mechanism: Topology, shape kinds and start sizes; its fixed parameters stay as they are.
         settings: How the search goes.
-        camera: How the camera is found.
         fix: Values of ``camera.*`` parameters that must stay.
-        free: ``camera.*`` parameters to estimate besides x, y and depth.
+        free: ``camera.*`` parameters to estimate in addition to x, y and depth.
         progress: Called as the steps go.
-
-    Returns:
-        The scene.
-
-    Raises:
-        SettingsError: a name in ``fix`` or ``free`` is not a camera parameter, or cannot be estimated.
     """
-    settings, fix = settings or LocateSettings(), dict(fix or {})
-    methods = (camera or CameraSettings()).method or "fast", settings.method or "fast"
-    _check_names(mechanism, methods[0], fix, free)
-    if methods[1] == "fast":
-        _check_start(settings)
-    report = progress or (lambda step, done, total: None)
-    return METHODS[methods[1]](_Task(masks, mechanism, settings, methods[0], fix, free, report))
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """What ``locate`` was asked for; ``camera`` is the method by which the camera is found."""
 
     masks: Masks
     mechanism: Mechanism
     settings: LocateSettings
-    camera: str
     fix: Mapping[str, float]
     free: Sequence[str]
-    report: Progress
+    progress: Progress
 
     @property
     def start_camera(self) -> Camera:
@@ -154,94 +65,35 @@ class _Task:
         return with_values(Camera(video.width, video.height, focal), dict(self.fix))
 
 
-def _fast(task: _Task) -> Scene:
-    """Search on reduced key frames, refine on sub-pixel edges; then the paper's camera if wanted."""
-    masks, mechanism, settings, report = task.masks, task.mechanism, task.settings, task.report
-    names = _refined_names(mechanism, task.fix, task.free)
-    pinned = frozenset([*task.fix, *(p.name for p in mechanism.parameters if not p.free)])
+def find_scene(sought: Sought) -> Scene:
+    """Find camera, sizes and first pose from the topology alone.
 
+    Args:
+        sought: The masks, the mechanism, and what is known of the camera.
+
+    Returns:
+        The scene.
+    """
+    masks, mechanism, settings = sought.masks, sought.mechanism, sought.settings
+    names = _refined_names(mechanism, sought.fix, sought.free)
+    pinned = frozenset([*sought.fix, *(p.name for p in mechanism.parameters if not p.free)])
     geoms = len(mechanism.shapes.radius)
-    report("locate", 0, 4)
+    sought.progress("locate", 0, 4)
     frames = key_frames(masks, geoms)
-    guesses = search(frames, mechanism, task.start_camera, pinned, settings.search_frames)
-    report("locate", 1, 4)
+    guesses = search(frames, mechanism, sought.start_camera, pinned, settings.search_frames)
+    sought.progress("locate", 1, 4)
     start = mechanism.values
     guess = min(
         (_settle(g, frames, names, start, settings.search_frames) for g in guesses[:4]), key=lambda g: g.score
     )
-    report("locate", 2, 4)
+    sought.progress("locate", 2, 4)
     masks, frames, guess = _coloured(masks, frames, guess)
     bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, FINE_REACHES)
-    report("locate", 3, 4)
+    sought.progress("locate", 3, 4)
     masks, frames, guess = _uncovered(masks, frames, bundle)
     bundle, picks = _refine_whole(frames, guess, names, start, settings.refine_frames, LAST_REACHES)
-    report("locate", 4, 4)
-    scene = _scene(masks, frames, bundle, picks, settings)
-    if task.camera == "paper":
-        from monodyn.paper.locate import camera_behind
-
-        scene = camera_behind(scene, task.fix, level=settings.level)
-    return scene
-
-
-def _paper(task: _Task) -> Scene:
-    """Solve the problems of the 2012 paper on one silhouette; the camera may be the fast method's."""
-    from monodyn.paper.locate import locate_published, pose_before
-
-    if task.camera == "fast":
-        before = _fast(replace(task, report=lambda step, done, total: task.report(step, done, 5)))
-        scene = pose_before(before, task.fix, level=task.settings.level)
-        task.report("locate", 5, 5)
-        return scene
-    return locate_published(
-        task.masks, task.mechanism, task.start_camera, task.fix, task.settings, progress=task.report
-    )
-
-
-METHODS = {"fast": _fast, "paper": _paper}
-"""The ways to the scene, of one signature."""
-
-
-def _check_choice(name: str, value: str | None, choices: Collection[str]) -> None:
-    """Refuse a word that is no choice of a setting."""
-    if value is not None and value not in choices:
-        known = ", ".join(f"'{choice}'" for choice in choices)
-        raise SettingsError(f"{name}: expected one of {known}, got '{value}'.")
-
-
-def _check_start(settings: LocateSettings) -> None:
-    """Refuse a start that the fast method does not have."""
-    if settings.start != "spread":
-        raise SettingsError(
-            f"locate.start: expected 'spread' with the fast method, got '{settings.start}'; it belongs to "
-            "locate.method paper."
-        )
-
-
-def _check_names(mechanism: Mechanism, method: str, fix: Mapping[str, float], free: Sequence[str]) -> None:
-    """Refuse camera parameters that do not exist, cannot have their value, or cannot be estimated."""
-    for name in (*fix, *free):
-        if name not in PARAMETERS:
-            raise SettingsError(
-                f"parameter '{name}' is not one of the camera's; camera: {', '.join(PARAMETERS)}."
-            )
-    for name, value in fix.items():
-        least = 0.0 if name in ("camera.depth", "camera.focal") else -np.inf
-        if not (np.isfinite(value) and value > least):
-            needed = "a number above 0" if least == 0.0 else "a number"
-            raise SettingsError(f"parameter '{name}': expected {needed}, got {value}.")
-    if "camera.roll" in free and mechanism.joints[0].kind == "hinge":
-        raise SettingsError(
-            "parameter 'camera.roll': a picture does not tell it from the first hinge's angle; level the "
-            "camera, or give the roll with --fix camera.roll=VALUE [rad]."
-        )
-    estimated = ("camera.x", "camera.y", "camera.depth")
-    for name in free:
-        if method == "paper" and name not in estimated:
-            raise SettingsError(
-                f"parameter '{name}': camera.method paper estimates {', '.join(estimated)} alone; leave it "
-                "out of --free, give the value with --fix, or use camera.method fast."
-            )
+    sought.progress("locate", 4, 4)
+    return _scene(masks, frames, bundle, picks, settings)
 
 
 def _refined_names(mechanism: Mechanism, fix: Mapping[str, float], free: Sequence[str]) -> list[str]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from monodyn.mechanism import Mechanism
-from monodyn.paper.subproblems import History
 from monodyn.types import Camera
 from monodyn.vision.foreground.masks import Masks
 
@@ -26,12 +25,8 @@ class Scene:
         key_frames: Numbers of the frames that were refined jointly.
         key_positions: Joint positions there, (key frame, dof).
         spread: Standard deviations of the refined camera parameters by name, the common scale held.
-        rms_px: Root mean square distance between outline and mask edges [px]; of the published method the
-            mismatch by length of the outline.
+        rms_px: Root mean square distance between outline and mask edges [px].
         advice: Sentences for the user.
-        evaluations: Silhouettes drawn by the published method.
-        history: Its sub-problems in the order in which they were solved.
-        level: Threshold of its silhouettes [grey levels], or 0.
     """
 
     mechanism: Mechanism
@@ -44,6 +39,3 @@ class Scene:
     spread: Mapping[str, float]
     rms_px: float
     advice: tuple[str, ...]
-    evaluations: int = 0
-    history: tuple[History, ...] = field(default=(), repr=False)
-    level: float = 0.0

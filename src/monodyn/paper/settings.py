@@ -1,0 +1,110 @@
+"""Settings that only the published method has, in addition to those of each stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Literal, TypeVar
+
+from monodyn.errors import SettingsError
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.vision.settings import LocateSettings, TrackSettings, check_choice
+
+PAPER_GAINS = (0.4, 0.1, 0.05)
+"""Gains of the filter in the paper's Figure 3."""
+
+
+@dataclass(frozen=True)
+class PaperLocateSettings(LocateSettings):
+    """How camera, sizes and first pose are found, with what the published method can be told.
+
+    Attributes:
+        start: Where the search of ``paper`` starts: poses ``spread`` over the joint ranges, or the ends of an
+            ``evolution``.
+        level: Threshold of the silhouettes of ``paper`` [grey levels]; 0 takes Otsu's.
+    """
+
+    start: Literal["spread", "evolution"] = "spread"
+    level: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_choice("locate.start", self.start, ("spread", "evolution"))
+        if self.method == "fast" and self.start != "spread":
+            raise SettingsError(
+                f"locate.start: expected 'spread' with the fast method, got '{self.start}'; it belongs to "
+                "locate.method paper."
+            )
+        if not 0.0 <= self.level < 255.0:
+            raise SettingsError(f"locate.level: expected 0 to 255 grey levels, got {self.level:g}.")
+
+
+@dataclass(frozen=True)
+class PaperTrackSettings(TrackSettings):
+    """How the mechanism is followed, with what the published method can be told.
+
+    Attributes:
+        move_share: Move limits of ``paper`` as a fraction of each joint's range, to either side; a hinge
+            without limits has a range of one turn.
+        adaptive: Move limits of ``paper`` about where the joints' current velocity leads, narrow where they
+            are slow; off: a fixed share of the range about the last pose.
+    """
+
+    move_share: float = 0.1
+    adaptive: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1e-3 <= self.move_share <= 0.5:
+            raise SettingsError(f"track.move_share: expected 0.001 to 0.5, got {self.move_share}.")
+
+
+@dataclass(frozen=True)
+class PaperIdentifySettings(IdentifySettings):
+    """How a mechanism is identified, with what the published method can be told.
+
+    Attributes:
+        gains: Gains alpha, beta, gamma of the filter, eq. (7); for ``paper``.
+        states: What ``paper`` compares the simulated states with: the ``measured`` poses or the ``filtered``.
+        rates: With ``paper`` compare rates as well as angles, weighted with the tracker's covariance.
+    """
+
+    gains: tuple[float, float, float] = PAPER_GAINS
+    states: Literal["measured", "filtered"] = "measured"
+    rates: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_choice("identify.states", self.states, ("measured", "filtered"))
+        if self.method == "fast" and (self.rates or self.states == "filtered"):
+            raise SettingsError(
+                "identify.rates, identify.states: rates and filtered states belong to --identify.method "
+                "paper; the fast method weighs the measured positions with their covariance."
+            )
+        if tuple(self.gains) != PAPER_GAINS:
+            if self.method == "fast":
+                raise SettingsError("identify.gains: the filter belongs to --identify.method paper; add it.")
+            from monodyn.paper.filter import Gains
+
+            Gains.of(self.gains)
+
+
+SETTINGS: dict[str, type] = {
+    "locate": PaperLocateSettings,
+    "track": PaperTrackSettings,
+    "identify": PaperIdentifySettings,
+}
+"""The settings class of each stage with more to set than the default method has."""
+
+Published = TypeVar("Published", PaperLocateSettings, PaperTrackSettings, PaperIdentifySettings)
+
+
+def published(settings: LocateSettings | TrackSettings | IdentifySettings, of: type[Published]) -> Published:
+    """Return settings as the published method takes them: its own options at their usual values if not given.
+
+    Args:
+        settings: The settings of a stage.
+        of: The class wanted.
+    """
+    if isinstance(settings, of):
+        return settings
+    return of(**{field.name: getattr(settings, field.name) for field in fields(settings)})

@@ -1,0 +1,277 @@
+"""The stages from a clip to a fit: one table of methods each, the published method beside the default one.
+
+A method is a function of its stage's signature; the settings of the stage name it. The published method is
+loaded when it is asked for, and the program runs without it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from monodyn.errors import SettingsError, VideoError
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.identify import identify_jointly
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.mechanism import Mechanism
+from monodyn.types import Poses, Progress
+from monodyn.vision.clip.video import Video
+from monodyn.vision.drawing.camera import PARAMETERS
+from monodyn.vision.foreground.masks import Masks, soft_masks
+from monodyn.vision.locating.locate import Sought, find_scene
+from monodyn.vision.locating.scene import Scene
+from monodyn.vision.settings import CameraSettings, LocateSettings, SegmentSettings, TrackSettings
+from monodyn.vision.track import follow_clip
+
+PLACE = ("camera.x", "camera.y", "camera.depth")
+"""Camera parameters that every method estimates."""
+
+
+def _camera_behind(sought: Sought) -> Scene:
+    """Locate by the default method, then find the camera by eq. (1) and (2) of the 2012 paper."""
+    from monodyn.paper.locate import camera_behind
+    from monodyn.paper.settings import PaperLocateSettings, published
+
+    settings = published(sought.settings, PaperLocateSettings)
+    return camera_behind(find_scene(sought), sought.fix, level=settings.level)
+
+
+def _pose_before(sought: Sought) -> Scene:
+    """Find pose and ratios by eq. (3) and (4) of the 2012 paper before the camera of the default method."""
+    from monodyn.paper.locate import pose_before
+    from monodyn.paper.settings import PaperLocateSettings, published
+
+    def report(step: str, done: int, total: int | None) -> None:
+        sought.progress(step, done, 5)
+
+    settings = published(sought.settings, PaperLocateSettings)
+    scene = pose_before(find_scene(replace(sought, progress=report)), sought.fix, level=settings.level)
+    sought.progress("locate", 5, 5)
+    return scene
+
+
+def _locate_published(sought: Sought) -> Scene:
+    """Find camera, pose and ratios by Fig. 2 of the 2012 paper."""
+    from monodyn.paper.locate import locate_published
+    from monodyn.paper.settings import PaperLocateSettings, published
+
+    settings = published(sought.settings, PaperLocateSettings)
+    start = sought.mechanism, sought.start_camera, sought.fix
+    return locate_published(sought.masks, *start, settings, progress=sought.progress)
+
+
+def _track_published(
+    masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None = None
+) -> Poses:
+    """Minimize the mismatch of the silhouettes within move limits, eq. (5) of the 2012 paper."""
+    from monodyn.paper.settings import PaperTrackSettings, published
+    from monodyn.paper.track import track_published
+
+    return track_published(masks, scene, published(settings, PaperTrackSettings), progress)
+
+
+def _identify_published(
+    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
+) -> Fit:
+    """Identify by eq. (14) of the 2012 paper as published."""
+    from monodyn.paper.identify import identify_published
+    from monodyn.paper.settings import PaperIdentifySettings, published
+
+    return identify_published(records, mechanism, published(settings, PaperIdentifySettings), progress)
+
+
+SEGMENT: dict[str, Callable[..., Masks]] = {"fast": soft_masks}
+"""How the foreground is found: (video, settings, background, progress) to masks."""
+
+LOCATE: dict[tuple[str, str], Callable[[Sought], Scene]] = {
+    ("fast", "fast"): find_scene,
+    ("paper", "fast"): _camera_behind,
+    ("fast", "paper"): _pose_before,
+    ("paper", "paper"): _locate_published,
+}
+"""How the scene is found, by the methods of the camera and of pose and sizes."""
+
+TRACK: dict[str, Callable[[Masks, Scene, TrackSettings, Progress | None], Poses]] = {
+    "fast": follow_clip,
+    "paper": _track_published,
+}
+"""How the mechanism is followed."""
+
+IDENTIFY: dict[str, Callable[[tuple[Poses, ...], Mechanism, IdentifySettings, Progress | None], Fit]] = {
+    "fast": identify_jointly,
+    "paper": _identify_published,
+}
+"""How a mechanism is identified, its bodies chosen."""
+
+
+def segment(
+    video: Video,
+    settings: SegmentSettings | None = None,
+    *,
+    background: str | Path | None = None,
+    progress: Progress | None = None,
+) -> Masks:
+    """Tell the moving mechanism from the background of a clip.
+
+    Args:
+        video: The clip, from ``read``.
+        settings: How the foreground is found.
+        background: A picture of the scene without the mechanism, of the clip's size; else it is taken from
+            the clip.
+        progress: Called with the number of frames read.
+
+    Returns:
+        The masks, computed frame by frame as they are iterated over.
+
+    Raises:
+        VideoError: fewer than two frames, nothing moves, or the background picture has another size.
+    """
+    settings = settings or SegmentSettings()
+    return SEGMENT[settings.method or "fast"](video, settings, background, progress)
+
+
+def locate(
+    masks: Masks,
+    mechanism: Mechanism,
+    settings: LocateSettings | None = None,
+    *,
+    camera: CameraSettings | None = None,
+    fix: Mapping[str, float] | None = None,
+    free: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Scene:
+    """Find camera, sizes and first pose from the topology alone.
+
+    Args:
+        masks: The soft foreground of the clip.
+        mechanism: Topology, shape kinds and start sizes; its fixed parameters stay as they are.
+        settings: How the search goes.
+        camera: How the camera is found.
+        fix: Values of ``camera.*`` parameters that must stay.
+        free: ``camera.*`` parameters to estimate in addition to x, y and depth.
+        progress: Called as the steps go.
+
+    Returns:
+        The scene.
+
+    Raises:
+        SettingsError: a name in ``fix`` or ``free`` is not a camera parameter, or cannot be estimated.
+    """
+    settings = settings or LocateSettings()
+    methods = (camera or CameraSettings()).method or "fast", settings.method or "fast"
+    settings = replace(settings, method=methods[1])
+    fix = dict(fix or {})
+    _check_names(mechanism, methods[0], fix, free)
+    report = progress or (lambda step, done, total: None)
+    return LOCATE[methods](Sought(masks, mechanism, settings, fix, free, report))
+
+
+def track(
+    masks: Masks, scene: Scene, settings: TrackSettings | None = None, *, progress: Progress | None = None
+) -> Poses:
+    """Follow the mechanism through the clip.
+
+    Args:
+        masks: The masks of the clip to follow; they are taken anew with the background and the colours that
+            the scene was found with.
+        scene: Camera, sizes and first pose.
+        settings: How the mechanism is followed.
+        progress: Called with the number of frames done.
+
+    Returns:
+        Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not
+        lie on its mask, or that did not decode, are not seen and hold NaN.
+
+    Raises:
+        VideoError: the pictures of ``masks`` have another size than those of the scene.
+    """
+    video = masks.video
+    if (video.width, video.height) != (scene.camera.width, scene.camera.height):
+        raise VideoError(
+            f"{video.path}: expected pictures of {scene.camera.width}x{scene.camera.height} like the scene, "
+            f"got {video.width}x{video.height}; locate the mechanism in this clip."
+        )
+    settings = settings or TrackSettings()
+    return TRACK[settings.method or "fast"](masks, scene, settings, progress)
+
+
+def identify(
+    poses: Poses | Sequence[Poses],
+    mechanism: Mechanism,
+    settings: IdentifySettings | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Fit:
+    """Find the parameters and start states whose simulated motion is closest to the measured one.
+
+    Minimizes sum_t |W_t (q_sim(t; parameters, start) - q_t)|^2 with W_t.W_t the inverse covariance of sample
+    t, plus what the picture knows of the sizes; the torque is what ``settings.torque`` says. Several records
+    share the parameters.
+
+    Args:
+        poses: One record or several.
+        mechanism: Topology, start values, what is free and fixed.
+        settings: How to search.
+        progress: Called as ``progress("identify", done, total)`` with the stages done.
+
+    Returns:
+        The identified mechanism with intervals; ``ok`` is False when it is not to be trusted.
+
+    Raises:
+        VideoError: There is no record, or one that cannot be used.
+        MechanismError: The joints of a record are not those of the mechanism.
+        SettingsError: A setting is out of its range.
+
+    Source:
+        Eq. (14) and Case I (eq. 9, as a torque against the motion) of "Estimating dynamics on-the-fly using
+        monocular video", 2012.
+
+    Example:
+        >>> import numpy as np
+        >>> from monodyn.mechanism import load
+        >>> from monodyn.mechanism.simulate import rollout
+        >>> mechanism, time = load("single"), np.arange(40) / 30
+        >>> start = np.array([0.5]), np.array([0.0])
+        >>> swing, _ = rollout(mechanism.tree, time, *start, substeps=8)
+        >>> std = np.full((40, 1, 1), 1e-3**2)
+        >>> poses = Poses(("joint1",), np.arange(40), time, swing, std, np.ones(40, dtype=bool))
+        >>> fit = identify(poses, mechanism).check()
+        >>> round(fit.parameter("link1.length").value, 3)
+        0.2
+    """
+    began = time.perf_counter()
+    settings = settings or IdentifySettings()
+    method = settings.method or "fast"
+    settings = replace(settings, method=method)
+    records = (poses,) if isinstance(poses, Poses) else tuple(poses)
+    fit = IDENTIFY[method](records, mechanism.with_bodies(settings.bodies), settings, progress)
+    return replace(fit, seconds=time.perf_counter() - began)
+
+
+def _check_names(mechanism: Mechanism, method: str, fix: Mapping[str, float], free: Sequence[str]) -> None:
+    """Refuse camera parameters that do not exist, cannot have their value, or cannot be estimated."""
+    for name in (*fix, *free):
+        if name not in PARAMETERS:
+            raise SettingsError(
+                f"parameter '{name}' is not one of the camera's; camera: {', '.join(PARAMETERS)}."
+            )
+    for name, value in fix.items():
+        least = 0.0 if name in ("camera.depth", "camera.focal") else -np.inf
+        if not (np.isfinite(value) and value > least):
+            needed = "a number above 0" if least == 0.0 else "a number"
+            raise SettingsError(f"parameter '{name}': expected {needed}, got {value}.")
+    if "camera.roll" in free and mechanism.joints[0].kind == "hinge":
+        raise SettingsError(
+            "parameter 'camera.roll': a picture does not tell it from the first hinge's angle; level the "
+            "camera, or give the roll with --fix camera.roll=VALUE [rad]."
+        )
+    for name in free:
+        if method == "paper" and name not in PLACE:
+            raise SettingsError(
+                f"parameter '{name}': camera.method paper estimates {', '.join(PLACE)} alone; leave it "
+                "out of --free, give the value with --fix, or use camera.method fast."
+            )

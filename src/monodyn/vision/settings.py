@@ -1,0 +1,144 @@
+"""How a clip is seen: the settings of each stage alone, for the command line to list."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Literal
+
+from monodyn.errors import SettingsError
+
+METHODS = ("fast", "paper")
+"""What the method of a stage can be called; ``stages`` has the functions."""
+
+
+@dataclass(frozen=True)
+class SegmentSettings:
+    """How the foreground is found.
+
+    Attributes:
+        method: ``fast``: each pixel's coverage from its background and the mechanism's colours.
+        colour: ``auto`` uses the colour channels only where grey alone does not tell the mechanism from the
+            background (colour has half the resolution); ``grey`` and ``colour`` force it.
+        contrast: Least difference between mechanism and background that counts as seen [grey levels].
+    """
+
+    method: Literal["fast"] | None = None
+    colour: str = "auto"
+    contrast: float = 14.0
+
+    def __post_init__(self) -> None:
+        check_choice("segment.method", self.method, ("fast",))
+        check_choice("segment.colour", self.colour, ("auto", "grey", "colour"))
+        if not 0 < self.contrast <= 255:
+            raise SettingsError(
+                f"segment.contrast: expected more than 0 and at most 255 grey levels, got {self.contrast}."
+            )
+
+
+@dataclass(frozen=True)
+class CameraSettings:
+    """How the camera is found.
+
+    Attributes:
+        method: ``fast``: refined on the edges together with sizes and poses; ``paper``: depth from the
+            silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; None is as the
+            whole run, and fast by itself.
+    """
+
+    method: Literal["fast", "paper"] | None = None
+
+    def __post_init__(self) -> None:
+        check_choice("camera.method", self.method, METHODS)
+
+
+@dataclass(frozen=True)
+class LocateSettings:
+    """How camera, sizes and first pose are found.
+
+    Attributes:
+        method: ``fast``: a global search, then a refinement on sub-pixel edges over key frames; ``paper``:
+            pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; None is as the
+            whole run, and fast by itself.
+        focal: Focal length [px]; 0 takes the picture's longer side, which a common lens has within a third.
+            A camera square to the plane does not show it.
+        search_frames: Key frames of the global search.
+        refine_frames: Key frames of the joint refinement.
+        seed: Seed of random starts.
+    """
+
+    method: Literal["fast", "paper"] | None = None
+    focal: float = 0.0
+    search_frames: int = 7
+    refine_frames: int = 32
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_choice("locate.method", self.method, METHODS)
+        if self.seed < 0:
+            raise SettingsError(f"locate.seed: expected 0 or more, got {self.seed}; give a whole number.")
+        if not 0.0 <= self.focal <= 1e6:
+            raise SettingsError(f"locate.focal: expected 0 to 1e6 px, got {self.focal}.")
+        for name in ("search_frames", "refine_frames"):
+            if not 2 <= getattr(self, name) <= 1000:
+                raise SettingsError(
+                    f"locate.{name}: expected 2 to 1000 key frames, got {getattr(self, name)}."
+                )
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """How the mechanism is followed.
+
+    Attributes:
+        method: ``fast``: Gauss-Newton on sub-pixel edges; ``paper``: least mismatch of the silhouettes within
+            move limits, eq. (5) of the 2012 paper; None is as the whole run, and fast by itself.
+        spacing: Distance between outline samples [px].
+        reach: Search length along the normals once the pose is near [px].
+        first_reach: Search length from the prediction [px].
+        move: Most that a hinge may depart from its prediction in a frame [rad]; a slide may depart by this
+            share of the mechanism's length.
+        matched: Least share of outline samples on an edge in a frame that counts as seen.
+        inside: Least coverage just inside of the outline in a frame that counts as seen.
+        patience: Frames between two searches of the whole picture while the mechanism is lost.
+    """
+
+    method: Literal["fast", "paper"] | None = None
+    spacing: float = 3.0
+    reach: float = 4.0
+    first_reach: float = 7.0
+    move: float = 0.6
+    matched: float = 0.5
+    inside: float = 0.6
+    patience: int = 3
+
+    def __post_init__(self) -> None:
+        check_choice("track.method", self.method, METHODS)
+        for name, low, high in (
+            ("spacing", 0.5, 100.0),
+            ("reach", 1.0, 200.0),
+            ("first_reach", 1.0, 200.0),
+            ("move", 1e-3, 10.0),
+            ("patience", 1, 10_000),
+        ):
+            if not low <= getattr(self, name) <= high:
+                raise SettingsError(f"track.{name}: expected {low:g} to {high:g}, got {getattr(self, name)}.")
+        for name in ("matched", "inside"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise SettingsError(f"track.{name}: expected a share from 0 to 1, got {getattr(self, name)}.")
+
+
+def check_choice(name: str, value: str | None, choices: Collection[str]) -> None:
+    """Refuse a word that is no choice of a setting; None is always one.
+
+    Args:
+        name: Name of the setting, for the message.
+        value: What was chosen.
+        choices: What can be.
+
+    Raises:
+        SettingsError: ``value`` is none of them.
+    """
+    if value is not None and value not in choices:
+        known = ", ".join(f"'{choice}'" for choice in choices)
+        raise SettingsError(f"{name}: expected one of {known}, got '{value}'.")
