@@ -1,11 +1,8 @@
-"""Tiny clips, made on the fly: a bright square that moves a known number of pixels a frame."""
+"""Fixtures of the whole suite: tiny clips made on the fly, and the main job run once."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,7 +10,7 @@ import av
 import numpy as np
 import pytest
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+from support import EXAMPLES, ClipMaker, Done, command, square
 
 CODECS = {
     ".mp4": ("libx264", "yuv420p", {"crf": "10", "bf": "2"}),
@@ -24,20 +21,6 @@ CODECS = {
     ".gif": ("gif", "rgb8", {}),
     ".h264": ("libx264", "yuv420p", {"crf": "10", "bf": "0"}),
 }
-
-ClipMaker = Callable[..., Path]
-
-
-def square(index: int, width: int, height: int, size: int = 10) -> np.ndarray:
-    """Draw frame ``index``: a white square on dark grey whose left edge is at column 2 + index."""
-    picture = np.full((height, width), 60, np.uint8)
-    picture[6 : 6 + size, 2 + index : 2 + index + size] = 220
-    return picture
-
-
-def left_edge(luma: np.ndarray) -> int:
-    """Find the left edge of the square [px]."""
-    return int(np.argmax(luma.max(axis=0) > 140))
 
 
 @pytest.fixture
@@ -83,26 +66,6 @@ def make_clip(tmp_path: Path) -> ClipMaker:
         return path
 
     return make
-
-
-@dataclass(frozen=True)
-class Done:
-    """A command that ran: its exit code, what it printed, and its folder."""
-
-    code: int
-    out: str
-    err: str
-    folder: Path
-
-
-def command(*words: object, folder: Path = Path()) -> Done:
-    """Run a command in this process."""
-    from monodyn.cli import main
-
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = main([str(word) for word in words])
-    return Done(code, out.getvalue(), err.getvalue(), folder)
 
 
 @pytest.fixture(scope="session")

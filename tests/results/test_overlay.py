@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from conftest import ClipMaker
 from monodyn.errors import MonodynError
 from monodyn.mechanism import load
 from monodyn.results.overlay import FITTED, PREDICTED, TRACKED, Drawing, Motion, draw, still, write_overlay
 from monodyn.types import Camera, Frame, Poses
 from monodyn.vision.clip.video import read
 from monodyn.vision.drawing.outline import outline
+from support import ClipMaker
 
 BOX = np.array([[20.0, 20.0], [60.0, 20.0], [60.0, 50.0], [20.0, 50.0]])
 

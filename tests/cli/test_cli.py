@@ -14,7 +14,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from conftest import EXAMPLES, ClipMaker, Done, command
 from monodyn.cli import main
 from monodyn.cli.options import frame_range, values
 from monodyn.cli.show import progress_on
@@ -24,6 +23,7 @@ from monodyn.results.checks import check_tracked
 from monodyn.results.folder import FILES, RunFolder
 from monodyn.types import Poses
 from monodyn.vision.clip.video import read
+from support import EXAMPLES, ClipMaker, Done, command
 
 CLIP, MODEL = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import EXAMPLES, command
+from support import EXAMPLES, command
 
 MODEL = EXAMPLES / "double.xml"
 

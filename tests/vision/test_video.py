@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from conftest import ClipMaker, left_edge, square
 from monodyn.errors import VideoError
 from monodyn.vision.clip.video import Video, read
+from support import ClipMaker, left_edge, square
 
 
 def edges(video: Video) -> list[int]:

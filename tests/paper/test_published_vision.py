@@ -41,7 +41,7 @@ from monodyn.vision.settings import CameraSettings, LocateSettings, TrackSetting
 CAMERA = Camera(360, 280, 400.0, x=0.03, y=-0.12, depth=1.1)
 LENGTHS, WIDTHS, THICK = (0.2, 0.15), (0.03, 0.024), 0.006
 POSE = np.array([-0.8, 0.7])
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 FINE = 8
 
 

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import monodyn
-from conftest import Done
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Combination, Estimate, Fit
 from monodyn.estimation.record.tables import read_poses
@@ -26,6 +25,7 @@ from monodyn.results.page import Page, number, page_text, short
 from monodyn.results.predict import predict
 from monodyn.results.report import counted, frame_numbers, metric, trace_of
 from monodyn.types import Poses
+from support import Done
 
 TIME = np.arange(20) / 30.0
 
