@@ -1,4 +1,4 @@
-"""Print how exact Monodyn is on clips with known truth and on real records, beside targets and bounds.
+"""Print how exact Monodyn is on clips with known truth and on real records, next to targets and bounds.
 
 Run: ``MONODYN_DATA=<folder> python benchmarks/accuracy.py [--only NAME ...] [--json FILE] [--gate]``.
 Every clip is run with default settings; of the truth nothing enters the run.
@@ -33,7 +33,7 @@ class Targets:
     Attributes:
         angle: Error of every joint angle over the clip, rms [deg].
         length: Error of every length [%].
-        width: Error of every width [%]; None where nothing is asked.
+        width: Error of every width [%]; None where there is no target.
         ahead: Error of every predicted joint angle, rms [deg].
         slide: Error of the cart's position over the clip, rms [mm].
         slide_ahead: Error of its prediction, rms [mm].

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from clips import Case, Colour, Part
+from spec import Case, Colour, Part
 
 DARK, RED, BLUE, WHITE = (45, 44, 60), (205, 60, 40), (40, 90, 190), (236, 234, 228)
 GREY_WALL = (124, 124, 124)

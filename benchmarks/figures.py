@@ -1,4 +1,4 @@
-"""Measured figures beside their targets: one row each, as a table, as JSON, as an exit code."""
+"""Measured figures next to their targets: one row each, as a table, as JSON, as an exit code."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python-headless")
+"""Libraries whose versions are written down with the figures."""
+BOUND_COLUMN = 4
+NUMBER_COLUMNS = (2, 3, BOUND_COLUMN)
+"""Columns of the table that are numbers: measured, target, bound."""
 
 
 @dataclass(frozen=True)
@@ -23,9 +27,9 @@ class Figure:
         name: What was measured.
         value: The measurement; NaN where there is none.
         unit: Its unit.
-        target: What it must not exceed (or fall below, see ``least``); None where nothing is asked.
+        target: What it must not exceed (or fall below, see ``least``); None where there is no target.
         bound: What the noise alone would leave on average, or None.
-        least: True when ``target`` is the least value, not the most.
+        least: True when ``target`` is the smallest allowed value rather than the largest.
     """
 
     case: str
@@ -38,15 +42,16 @@ class Figure:
 
     @property
     def verdict(self) -> str:
-        """``PASS``, ``MISS``, or nothing where nothing is asked; a missing value is a miss."""
+        """``PASS``, ``MISS``, or nothing where there is no target; a missing value is a miss."""
         if self.target is None:
             return ""
+        # NaN compares false with everything, so that it misses either way
         good = self.value >= self.target if self.least else self.value <= self.target
         return "PASS" if good else "MISS"
 
 
 def table(figures: Sequence[Figure], *, bound: str | None = None) -> str:
-    """Return the figures as lines of text.
+    """Return the figures as lines of text, a blank line between two cases.
 
     Args:
         figures: The rows.
@@ -60,8 +65,8 @@ def table(figures: Sequence[Figure], *, bound: str | None = None) -> str:
         rows.append(
             (figure.case, figure.name, _number(figure.value), target, limit, figure.unit, figure.verdict)
         )
-    columns = [i for i in range(7) if i != 4 or bound]
-    wide = [max(len(row[i]) for row in rows) for i in range(7)]
+    columns = [i for i in range(len(rows[0])) if i != BOUND_COLUMN or bound]
+    wide = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines, last = [], ""
     for row in rows:
         shown = ["" if i == 0 and row[0] == last else row[i] for i in columns]
@@ -69,7 +74,7 @@ def table(figures: Sequence[Figure], *, bound: str | None = None) -> str:
             lines.append("")
         last = row[0]
         cells = [
-            text.rjust(wide[i]) if i in (2, 3, 4) else text.ljust(wide[i])
+            text.rjust(wide[i]) if i in NUMBER_COLUMNS else text.ljust(wide[i])
             for i, text in zip(columns, shown, strict=True)
         ]
         lines.append("  ".join(cells).rstrip())
@@ -77,7 +82,7 @@ def table(figures: Sequence[Figure], *, bound: str | None = None) -> str:
 
 
 def finish(figures: Sequence[Figure], *, to: Path | None, gate: bool) -> int:
-    """Write the figures as JSON where asked, say how many were missed, and return the exit code.
+    """Print how many targets were missed, write the figures as JSON where asked, and return the exit code.
 
     Args:
         figures: The figures.
@@ -90,22 +95,36 @@ def finish(figures: Sequence[Figure], *, to: Path | None, gate: bool) -> int:
     for figure in missed:
         print(f"missed: {figure.case}, {figure.name}: {_number(figure.value)} {figure.unit}")
     if to is not None:
-        rows = [
-            {key: _plain(value) for key, value in {**asdict(figure), "verdict": figure.verdict}.items()}
-            for figure in figures
-        ]
-        document = {
-            "python": platform.python_version(),
-            "machine": f"{platform.system()} {platform.machine()}",
-            "versions": {name: version(name) for name in PACKAGES},
-            "figures": rows,
-        }
-        to.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        save(figures, to)
     return 1 if gate and missed else 0
 
 
+def save(figures: Sequence[Figure], path: Path) -> None:
+    """Write the figures as JSON, with the versions of the libraries.
+
+    Args:
+        figures: The figures.
+        path: The file.
+    """
+    rows = [
+        {key: _finite(value) for key, value in {**asdict(figure), "verdict": figure.verdict}.items()}
+        for figure in figures
+    ]
+    document = {
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}",
+        "versions": {name: version(name) for name in PACKAGES},
+        "figures": rows,
+    }
+    path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+
 def say(text: str) -> None:
-    """Tell on the standard error what is going on."""
+    """Print a line of progress on the standard error.
+
+    Args:
+        text: The line.
+    """
     print(text, file=sys.stderr, flush=True)
 
 
@@ -113,5 +132,6 @@ def _number(value: float) -> str:
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
-def _plain(value: object) -> object:
+def _finite(value: object) -> object:
+    """Return a value as JSON can hold it: None for NaN and infinity."""
     return None if isinstance(value, float) and not math.isfinite(value) else value

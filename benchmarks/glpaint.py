@@ -1,17 +1,21 @@
 """Draw a case with MuJoCo's own renderer, which needs an OpenGL that draws without a screen.
 
-A second opinion beside ``paint``, which every machine can run: lamps, highlights, smooth shading, but only a
-checker or a plain wall and no clutter.
+A second renderer next to ``paint``, which every machine can run. This one has lamps, highlights and smooth
+shading, but only a checker or a plain wall and no clutter.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from clips import Case, Drawer, NoRenderer, mjcf, view
+from spec import Case, Drawer, NoRenderer, mjcf, view
 
 WALL_BEHIND = 0.25
 """Distance of the wall behind the mechanism [m]."""
+DARK_CHECK = 0.9
+"""Light of the darker checks over that of the others."""
+CHECKS = 25
+"""Pairs of checks a metre."""
 
 SCENE = """
 <visual>
@@ -43,11 +47,11 @@ class GlPainter(Drawer):
         light = np.array(case.base) / 255.0
         colours = [
             " ".join(f"{c:.4f}" for c in shade * light)
-            for shade in (1.0, 1.0 if case.wall == "plain" else 0.9)
+            for shade in (1.0, 1.0 if case.wall == "plain" else DARK_CHECK)
         ]
         scene = SCENE.format(
             width=width, height=height, light=colours[0], dark=colours[1], case=case, eye=eye,
-            wall=WALL_BEHIND, repeat=25,
+            wall=WALL_BEHIND, repeat=CHECKS,
         )  # fmt: skip
         self._model = mujoco.MjModel.from_xml_string(
             mjcf(case.parts, case.bolts).replace("<worldbody>", scene, 1)

@@ -13,11 +13,35 @@ import mujoco
 import numpy as np
 from numba import njit
 
-from clips import Case, Drawer, mjcf, view
+from spec import Case, Drawer, mjcf, view
 
-FINE = 4
-LAMP = np.array([-0.35, -0.80, 0.5]) / np.linalg.norm([-0.35, -0.80, 0.5])
 GEOM = mujoco.mjtGeom
+FINE = 4
+"""Fine pixels along the side of a pixel."""
+LAMP = np.array([-0.35, -0.80, 0.5]) / np.linalg.norm([-0.35, -0.80, 0.5])
+"""Direction toward the lamp: left, toward the camera, up."""
+AMBIENT = 0.5
+"""Light on a face that is turned away from the lamp; the lamp adds the rest of 1 on one that faces it."""
+SPOT_PLACE, SPOT_WIDTH = (0.1, 0.15), 0.1
+"""Where a highlight lies from the pivot and how wide it is, as shares of the picture's width and height."""
+BULGE = 24
+"""Rings of a round end."""
+TURNS = 64
+"""Faces around a solid of revolution."""
+CHECKER, CHECKER_PLACE, CHECKER_DARK = 2.1, (0.2, 0.3), 0.08
+"""Checks a picture height, where they begin, and how much darker every other one is."""
+STRIPES, STRIPES_SLOPE, STRIPES_DARK = 9, 4, 0.15
+"""Stripes a picture height along the rows and down the columns, and how much darker every other one is."""
+MOTTLES = ((6, 0.05), (40, 0.03), (160, 0.02))
+"""Spots across the picture and how strong they are, coarse to fine."""
+CORNERS_DARK = 0.12
+"""How much darker the wall is a picture height away from the middle."""
+POST_WIDTH, POST_SHADE = 0.16, 0.55
+"""Width of the post over the reach of the mechanism; its light over the wall's."""
+OBJECTS = 9
+"""Bars and discs of the clutter, all around the pivot."""
+RINGS = {"elsewhere": (1.2, 1.9), "beside": (1.06, 1.3), "under": (0.5, 0.95)}
+"""How far from the pivot they lie, least and most, as shares of the mechanism's reach."""
 
 
 class Painter(Drawer):
@@ -34,9 +58,8 @@ class Painter(Drawer):
         reach_px = case.fill * min(width, height) / 2
         self._wall = backdrop(case, self._rng, self.project(np.zeros((1, 3)))[0], reach_px)
         column, row = np.meshgrid(np.arange(width) / width, np.arange(height) / height)
-        spot = np.exp(
-            -((column - case.pivot[0] - 0.1) ** 2 + (row - case.pivot[1] - 0.15) ** 2) / (2 * 0.1**2)
-        )
+        right, down = column - case.pivot[0] - SPOT_PLACE[0], row - case.pivot[1] - SPOT_PLACE[1]
+        spot = np.exp(-(right**2 + down**2) / (2 * SPOT_WIDTH**2))
         self._gain = (1.0 + case.shine * spot)[..., None].astype(np.float32)
 
     def project(self, points: np.ndarray) -> np.ndarray:
@@ -67,6 +90,7 @@ class Painter(Drawer):
     def _add(self, layer: np.ndarray, q: np.ndarray, share: float) -> None:
         """Add a share of the mechanism at positions ``q`` to a premultiplied layer."""
         faces = self._visible(q)
+        # only what the faces cover is drawn on fine pixels, with room for the rounding
         every = np.concatenate([polygon for polygon, _ in faces])
         height, width = layer.shape[:2]
         low = np.clip(np.floor(every.min(0)) - 2, 0, [width, height]).astype(int)
@@ -76,8 +100,10 @@ class Painter(Drawer):
         size = high - low
         canvas = np.zeros((size[1] * FINE, size[0] * FINE, 4), np.uint8)
         for polygon, colour in faces:
+            # pixel centres are whole numbers: pixel 0 spans the fine pixels 0 to FINE - 1
             fine = (polygon - low) * FINE + (FINE - 1) / 2
             fill_convex(canvas, fine, np.array(colour, dtype=np.uint8))
+        # the mean over the fine pixels has the coverage in its fourth channel and is premultiplied by it
         small = cv2.resize(canvas.astype(np.float32), size.tolist(), interpolation=cv2.INTER_AREA)
         layer[low[1] : high[1], low[0] : high[0]] += share * small
 
@@ -87,13 +113,16 @@ class Painter(Drawer):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         found = []
+        # the bodies are convex and lie in layers: far ones first and near ones over them is exact
         for g in np.argsort(-data.geom_xpos[:, 1], kind="stable"):
             turn, centre = data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g]
             corners, normals = self._faces[g]
             world = corners @ turn.T + centre
             outward = normals @ turn.T
             toward = np.einsum("fk,fk->f", outward, self._eye - world.mean(1)) > 0
-            shade = (0.5 + 0.5 * np.maximum(outward @ LAMP, 0.0)) / (0.5 + 0.5 * -LAMP[1])
+            direct = 1.0 - AMBIENT
+            # normalized so that a face toward the camera has the colour that the case asks for
+            shade = (AMBIENT + direct * np.maximum(outward @ LAMP, 0.0)) / (AMBIENT + direct * -LAMP[1])
             colour = 255.0 * model.geom_rgba[g, :3]
             for corner, light in zip(world[toward], shade[toward], strict=True):
                 found.append((self.project(corner), [*np.clip(colour * light, 0, 255).tolist(), 255.0]))
@@ -114,10 +143,11 @@ def fill_convex(canvas: np.ndarray, polygon: np.ndarray, colour: np.ndarray) -> 
     first = max(0, int(np.ceil(polygon[:, 1].min())))
     last = min(height - 1, int(np.floor(polygon[:, 1].max())))
     for row in range(first, last + 1):
-        low, high = 1e18, -1e18
+        low, high = np.inf, -np.inf
         for i in range(count):
             x0, y0 = polygon[i, 0], polygon[i, 1]
             x1, y1 = polygon[(i + 1) % count, 0], polygon[(i + 1) % count, 1]
+            # a convex polygon meets a row in one interval, whose ends lie on the edges that cross the row
             if y0 != y1 and min(y0, y1) <= row <= max(y0, y1):
                 x = x0 + (x1 - x0) * (row - y0) / (y1 - y0)
                 low, high = min(low, x), max(high, x)
@@ -135,17 +165,19 @@ def _faces(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray]:
         rings = [(0.0, -size[1]), (size[0], -size[1]), (size[0], size[1]), (0.0, size[1])]
         faces = _turned(rings)
     else:
-        bulge = [(np.cos(a), np.sin(a)) for a in np.linspace(-np.pi / 2, np.pi / 2, 24)]
+        bulge = [(np.cos(a), np.sin(a)) for a in np.linspace(-np.pi / 2, np.pi / 2, BULGE)]
         if kind == GEOM.mjGEOM_CAPSULE:
             rings = [(size[0] * c, size[0] * s + (size[1] if s > 0 else -size[1])) for c, s in bulge]
             faces = _turned(rings)
         else:
             radii = size if kind == GEOM.mjGEOM_ELLIPSOID else np.full(3, size[0])
             faces = _turned(bulge) * radii
+    # at a pole the four corners of a face lie on a line, or in one point: such faces have no normal
     diagonals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
     faces = faces[np.linalg.norm(diagonals, axis=1) > 0]
     normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    # the origin lies inside of every geom
     inward = np.einsum("fk,fk->f", normals, faces.mean(1)) < 0
     normals[inward] *= -1.0
     return faces, normals
@@ -164,9 +196,9 @@ def _box(size: np.ndarray) -> np.ndarray:
     return np.array(faces)
 
 
-def _turned(rings: list[tuple[float, float]], count: int = 64) -> np.ndarray:
+def _turned(rings: list[tuple[float, float]]) -> np.ndarray:
     """Return the faces of a solid of revolution about z from its (radius, height) rings, (face, 4, 3)."""
-    angle = np.linspace(0, 2 * np.pi, count + 1)
+    angle = np.linspace(0, 2 * np.pi, TURNS + 1)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     faces = []
     for (r0, z0), (r1, z1) in pairwise(rings):
@@ -181,69 +213,76 @@ def backdrop(case: Case, rng: np.random.Generator, pivot: np.ndarray, reach_px: 
     Args:
         case: Pattern, colours and clutter.
         rng: Of patterns and clutter.
-        pivot: Where the origin appears [px].
+        pivot: Where the origin appears [px], (2,).
         reach_px: Reach of the mechanism [px].
     """
     width, height = case.size
-    column, row = np.meshgrid(np.arange(width) / height, np.arange(height) / height)
-    light = np.ones((height, width))
-    if case.wall == "checker":
-        light -= 0.08 * ((np.floor(column * 2.1 + 0.2) + np.floor(row * 2.1 + 0.3)) % 2)
-    elif case.wall == "stripes":
-        light -= 0.15 * (np.floor(column * 9 + 4 * row) % 2)
-    elif case.wall in ("mottled", "room"):
-        for cells, strength in ((6, 0.05), (40, 0.03), (160, 0.02)):
-            coarse = rng.normal(size=(cells, cells)).astype(np.float32)
-            light += strength * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
-    light *= 1.0 - 0.12 * ((column - width / height / 2) ** 2 + (row - 0.5) ** 2)
+    light = _pattern(case, rng)
     picture = (light[..., None] * np.array(case.base)).clip(0, 255).astype(np.uint8)
+    # things are drawn at twice the size: halving it smooths their edges
     picture = cv2.resize(picture, (2 * width, 2 * height), interpolation=cv2.INTER_LINEAR)
     if case.wall == "room":
         _furnish(picture, rng)
     if case.stand:
-        post = (np.array(case.base) * 0.55).astype(int).tolist()
+        post = (np.array(case.base) * POST_SHADE).astype(int).tolist()
         foot = np.round(2 * pivot).astype(int)
-        cv2.line(picture, foot.tolist(), [int(foot[0]), 0], post, max(2, int(0.16 * reach_px)))
+        cv2.line(picture, foot.tolist(), [int(foot[0]), 0], post, max(2, int(POST_WIDTH * reach_px)))
     _clutter(picture, case, rng, 2 * pivot, 2 * reach_px)
     return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
+def _pattern(case: Case, rng: np.random.Generator) -> np.ndarray:
+    """Return the light on the wall, about 1, (height, width)."""
+    width, height = case.size
+    column, row = np.meshgrid(np.arange(width) / height, np.arange(height) / height)
+    light = np.ones((height, width))
+    if case.wall == "checker":
+        right, down = CHECKER_PLACE
+        odd = (np.floor(column * CHECKER + right) + np.floor(row * CHECKER + down)) % 2
+        light -= CHECKER_DARK * odd
+    elif case.wall == "stripes":
+        light -= STRIPES_DARK * (np.floor(column * STRIPES + STRIPES_SLOPE * row) % 2)
+    elif case.wall in ("mottled", "room"):
+        for cells, strength in MOTTLES:
+            coarse = rng.normal(size=(cells, cells)).astype(np.float32)
+            light += strength * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+    light *= 1.0 - CORNERS_DARK * ((column - width / height / 2) ** 2 + (row - 0.5) ** 2)
+    return light
+
+
 def _furnish(picture: np.ndarray, rng: np.random.Generator) -> None:
-    """Draw a shelf, a poster and a floor line."""
+    """Draw a floor, a poster and a shelf with seven books."""
+    _box_on(picture, (0.0, 0.86), (1.0, 1.0), [120, 98, 76])
+    _box_on(picture, (0.08, 0.1), (0.27, 0.52), [70, 110, 150])
+    shelf = 0.18
+    _box_on(picture, (0.7, shelf), (1.0, 0.22), [90, 62, 40])
     height, width = picture.shape[:2]
-    cv2.rectangle(picture, (0, int(0.86 * height)), (width, height), (120, 98, 76), -1)
-    cv2.rectangle(
-        picture,
-        (int(0.08 * width), int(0.1 * height)),
-        (int(0.27 * width), int(0.52 * height)),
-        (70, 110, 150),
-        -1,
-    )
-    cv2.rectangle(
-        picture, (int(0.7 * width), int(0.18 * height)), (width, int(0.22 * height)), (90, 62, 40), -1
-    )
     for k in range(7):
         left = int((0.72 + 0.035 * k) * width)
         tall = int((0.05 + 0.05 * rng.random()) * height)
         colour = rng.integers(30, 230, 3).tolist()
-        cv2.rectangle(
-            picture,
-            (left, int(0.18 * height) - tall),
-            (left + int(0.03 * width), int(0.18 * height)),
-            colour,
-            -1,
-        )
+        top, foot = int(shelf * height) - tall, int(shelf * height)
+        cv2.rectangle(picture, (left, top), (left + int(0.03 * width), foot), colour, -1)
+
+
+def _box_on(
+    picture: np.ndarray, first: tuple[float, float], last: tuple[float, float], colour: list[int]
+) -> None:
+    """Fill a rectangle between two corners, given as shares of width and height."""
+    height, width = picture.shape[:2]
+    corners = [(int(x * width), int(y * height)) for x, y in (first, last)]
+    cv2.rectangle(picture, corners[0], corners[1], colour, -1)
 
 
 def _clutter(
     picture: np.ndarray, case: Case, rng: np.random.Generator, pivot: np.ndarray, reach: float
 ) -> None:
-    """Draw bars and discs outside of the reach, or in the mechanism's colours beside or under the motion."""
+    """Draw bars and discs outside of the reach, or in the mechanism's colours next to or under the motion."""
     if case.clutter == "none":
         return
-    low, high = {"elsewhere": (1.2, 1.9), "beside": (1.06, 1.3), "under": (0.5, 0.95)}[case.clutter]
-    for k in range(9):
-        angle = 2 * np.pi * (k + rng.random()) / 9
+    low, high = RINGS[case.clutter]
+    for k in range(OBJECTS):
+        angle = 2 * np.pi * (k + rng.random()) / OBJECTS
         place = pivot + reach * rng.uniform(low, high) * np.array([np.cos(angle), np.sin(angle)])
         own = case.parts[k % len(case.parts)].colour
         colour = list(own) if case.clutter != "elsewhere" else rng.integers(20, 235, 3).tolist()

@@ -1,4 +1,4 @@
-"""Figures of real records: two filmed pendulums and encoder logs, beside what is known of them."""
+"""Figures of real records: two filmed pendulums and encoder logs, next to what is known of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import monodyn
-from encoders import COLUMNS
+from encoders import KNOWN_RATIOS
 from figures import Figure, say
 from monodyn.vision.drawing.camera import pixels
 from monodyn.vision.locating.bundle import refine
@@ -104,7 +104,7 @@ def encoders(data: Path) -> list[Figure]:
                 Figure(file.stem, f"{joint} residual", 1e3 * value, "mrad", 3.0 if double else None)
             )
         found = {combination.name: combination for combination in fit.combinations}
-        for name, known in COLUMNS.items() if double else ():
+        for name, known in KNOWN_RATIOS.items() if double else ():
             error = 100.0 * abs(found[name].value / known - 1.0) if name in found else float("nan")
             spread = 100.0 * found[name].std / known if name in found else None
             figures.append(Figure(file.stem, name, error, "%", 2.0, spread))

@@ -22,7 +22,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from cases import CASES
-from clips import Clip, NoRenderer, cached
+from clips import Clip, cached
+from spec import NoRenderer
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism

@@ -118,7 +118,7 @@ def _exceptions(function: Function, section: str, rules: Rules) -> Iterator[str]
         yield f"raises {name}, which 'Raises:' does not list"
     for name in sorted(listed):
         known = getattr(builtins, name, None)
-        if name not in rules.errors and not (isinstance(known, type) and issubclass(known, Exception)):
+        if name not in rules.errors and not (isinstance(known, type) and issubclass(known, BaseException)):
             yield f"'Raises:' lists '{name}', which is no exception class"
 
 

@@ -14,8 +14,9 @@ import monodyn
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 from cases import CASES
-from clips import Case, cached, exposures, simulate, view
+from clips import cached, exposures, simulate
 from paint import Painter, fill_convex
+from spec import Case, view
 
 
 def small(name: str, seconds: float = 2.0) -> Case:
