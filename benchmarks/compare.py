@@ -1,8 +1,8 @@
 """Compare the figures of two runs of a benchmark: a change of the code that must not change a number.
 
 Run: ``python benchmarks/compare.py BEFORE.json AFTER.json [--relative 1e-9]`` on files that ``accuracy.py``,
-``published.py``, ``encoders.py`` or ``speed.py`` wrote with ``--json``. It prints the rows that differ and
-those that only one of the files has. What depends on the machine is left out: times, memory, library versions.
+``published.py``, ``encoders.py`` or ``speed.py`` wrote with ``--json``. Prints the rows that differ and those
+that only one of the files has. What depends on the machine is left out: times, memory, library versions.
 """
 
 from __future__ import annotations
