@@ -3,6 +3,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 DEMO ?= demo-run
+# how many processes share the tests; 0 runs them in this one
+JOBS ?= 2
+PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup
 # the matrices are small: more threads only wait for each other
 export OPENBLAS_NUM_THREADS ?= 1
 
@@ -17,14 +20,14 @@ $(READY): pyproject.toml
 demo: $(READY)  ## the main job on the bundled clip
 	$(BIN)/monodyn run examples/double.mp4 --model examples/double.xml --out $(DEMO) --force
 
-test: $(READY)  ## all tests; MONODYN_DATA names a folder with recordings for the longer ones
-	$(BIN)/python -m pytest
+test: $(READY)  ## all tests but the slow ones
+	$(PYTEST) -m "not slow"
 
-check: $(READY)  ## exactly what CI runs
+check: $(READY)  ## exactly what CI runs: format, lint, types, all tests; MONODYN_DATA names a folder with recordings
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 fmt: $(READY)  ## format and fix what can be fixed
 	$(BIN)/ruff format .
@@ -37,7 +40,7 @@ types: $(READY)
 	$(BIN)/pyright
 
 docs: $(READY)  ## check that the documentation says what the code does
-	$(BIN)/python -m pytest tests/test_docs.py tests/test_architecture.py
+	$(BIN)/python -m pytest tests/test_docs.py tests/test_architecture.py tests/test_messages.py
 
 bench: $(READY)  ## accuracy (needs MONODYN_DATA) and speed tables
 	@if test -n "$$MONODYN_DATA"; then $(BIN)/python benchmarks/accuracy.py && $(BIN)/python benchmarks/published.py; \

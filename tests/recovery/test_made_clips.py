@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +9,6 @@ import numpy as np
 import pytest
 
 import monodyn
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-
 from cases import CASES
 from clips import cached, exposures, simulate
 from paint import Painter, fill_convex
