@@ -66,7 +66,11 @@ RECORDINGS: dict[str, Callable[[Path], list[Figure]]] = {
 
 
 def main() -> int:
-    """Run what was asked for and print the table; 2 when the data are missing."""
+    """Run what was asked for and print the table.
+
+    Returns:
+        The exit code: 1 when a target is missed under ``--gate``, 2 when the data are missing.
+    """
     names = (*CLIPS, *RECORDINGS)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=names, metavar="NAME", help=f"of {', '.join(names)}")
@@ -105,6 +109,9 @@ def rendered(data: Path, name: str) -> list[Figure]:
 
     Returns:
         Its figures.
+
+    Raises:
+        FitError: The fit has no start state to predict from.
     """
     targets = CLIPS[name]
     clip = data / "rendered" / name
@@ -118,6 +125,7 @@ def rendered(data: Path, name: str) -> list[Figure]:
         raise monodyn.FitError(fit.status)
     if not fit.ok:
         say(f"{name}: {fit.status}")
+    # the bound is that of the sizes and the motion that were found: close enough to those of the truth
     least = bounded(fit, fitted, scene.mechanism)
     document = json.loads(clip.with_suffix(".json").read_text(encoding="utf-8"))
     q = np.array(document["q"])
@@ -142,6 +150,9 @@ def over_clip(
         fit: Gives the metric scale of slides.
         poses: What was tracked.
         truth: True joint positions [rad or m], (frame, dof).
+
+    Returns:
+        The rms error of each joint.
     """
     figures = []
     for dof, joint in enumerate(fit.mechanism.joints):
@@ -167,6 +178,9 @@ def sizes(name: str, targets: Targets, fit: monodyn.Fit, least: monodyn.Fit, tru
         fit: The fit of the first frames.
         least: The same with the bound as covariance.
         truth: The clip's truth.
+
+    Returns:
+        The relative error of each size.
     """
     figures = []
     values = fit.mechanism.values
@@ -207,6 +221,9 @@ def prediction(
         least: The same with the bound as covariance.
         times: Time stamps of the predicted frames [s], (frame,).
         truth: True joint positions there [rad or m], (frame, dof).
+
+    Returns:
+        The rms error of each joint.
     """
     future = monodyn.predict(fit, times=times)
     spread = monodyn.predict(least, times=times).std
@@ -235,9 +252,13 @@ def dampings(name: str, most: float, fit: monodyn.Fit, truth: dict) -> list[Figu
         most: Target [%].
         fit: The fit of the whole clip.
         truth: The clip's truth.
+
+    Returns:
+        The relative error of each ratio, from the first joint on.
     """
     found = {combination.name: combination.value for combination in fit.combinations}
     figures, beyond = [], 0.0
+    # from the last link inward: what hangs on a link counts as a point at its end, of the mass summed so far
     for i, (length, width, thickness) in reversed(list(enumerate(truth["links"], start=1))):
         mass = truth["density"] * length * width * thickness
         inertia = mass * (length**2 / 3.0 + width**2 / 12.0) + beyond * length**2

@@ -130,7 +130,7 @@ def exposures(case: Case, states: np.ndarray) -> Iterator[np.ndarray]:
 
     Args:
         case: With its shutter.
-        states: From ``simulate``; the exposure is centred on the frame's time.
+        states: From ``simulate``, (frame, subframe, dof); the exposure is centred on the frame's time.
     """
     flat = states.reshape(-1, states.shape[-1])
     within = np.linspace(-0.5, 0.5, EXPOSURES if case.shutter else 1) * case.shutter * SUBFRAMES
@@ -146,7 +146,7 @@ def write_video(case: Case, states: np.ndarray, path: Path) -> None:
 
     Args:
         case: What it shows.
-        states: From ``simulate``.
+        states: From ``simulate``, (frame, subframe, dof).
         path: The file.
     """
     import av

@@ -24,10 +24,13 @@ Row = tuple[str, str]
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Print the rows that differ; 1 when there is one, 2 when a file cannot be read.
+    """Print the rows that differ.
 
     Args:
         words: Command line; None takes the program's own.
+
+    Returns:
+        The exit code: 1 when a row differs, 2 when a file cannot be read.
     """
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("before", type=Path, metavar="BEFORE.json")

@@ -92,7 +92,11 @@ class Window:
 
 
 def main() -> int:
-    """Fit every window and print a row each; 1 when a required one misses its mark, 2 without data."""
+    """Fit every window and print a row each.
+
+    Returns:
+        The exit code: 1 when a required window misses its mark, 2 when the data are missing.
+    """
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
     options = parser.parse_args()

@@ -82,12 +82,15 @@ def table(figures: Sequence[Figure], *, bound: str | None = None) -> str:
 
 
 def finish(figures: Sequence[Figure], *, to: Path | None, gate: bool) -> int:
-    """Print how many targets were missed, write the figures as JSON where asked, and return the exit code.
+    """Print how many targets were missed and write the figures as JSON where asked.
 
     Args:
         figures: The figures.
         to: File for the JSON, or None.
         gate: True when a missed target is an error.
+
+    Returns:
+        The exit code.
     """
     missed = [figure for figure in figures if figure.verdict == "MISS"]
     asked = sum(1 for figure in figures if figure.verdict)

@@ -63,10 +63,10 @@ class Painter(Drawer):
         self._gain = (1.0 + case.shine * spot)[..., None].astype(np.float32)
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Return pixels, (point, 2), of world points [m], (point, 3).
+        """Return the pixels where world points appear, (point, 2).
 
         Args:
-            points: x right, y away from the camera, z up.
+            points: x right, y away from the camera, z up [m], (point, 3).
         """
         width, height = self._case.size
         x, depth, up = (points - self._eye).T

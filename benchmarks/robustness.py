@@ -89,6 +89,9 @@ def measure(name: str, clips: Path | None, pictures: Path | None) -> Result:
         name: Of the case.
         clips: Folder of the clips; None for the usual one.
         pictures: Folder for a picture of masks and outlines; None for none.
+
+    Returns:
+        What came of it, also when it failed.
     """
     result = Result(name)
     try:
@@ -226,10 +229,13 @@ HEAD = (
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the cases and print the table; returns the number of cases beyond the limits.
+    """Run the cases and print the table.
 
     Args:
         words: Command line; None takes the program's own.
+
+    Returns:
+        The number of cases that do not meet the limits.
     """
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--cases", nargs="+", default=list(CASES), help="names, or starts of names")

@@ -59,7 +59,11 @@ class Ready:
 
 
 def main() -> int:
-    """Measure what was asked for and print the table."""
+    """Measure what was asked for and print the table.
+
+    Returns:
+        The exit code: 1 when a target is missed under ``--gate``, 2 when the clip is missing.
+    """
     parts = {"track": tracking, "fit": fitting, "run": running, "import": importing}
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
@@ -93,6 +97,9 @@ def prepared(clip: Clip) -> Ready:
 
     Args:
         clip: The clip.
+
+    Returns:
+        The tracked clip.
     """
     video = monodyn.read(clip.video)
     scene = monodyn.locate(monodyn.segment(video), monodyn.load(clip.model))
@@ -150,6 +157,9 @@ def fitting(ready: Ready, repeats: int) -> list[Figure]:
     Args:
         ready: The tracked clip.
         repeats: Number of fits.
+
+    Returns:
+        The times of a fit and of a prediction.
     """
     poses, mechanism = ready.poses.part(0, FITTED), ready.scene.mechanism
     settings = monodyn.IdentifySettings(starts=1)
@@ -177,6 +187,9 @@ def running(clip: Clip, repeats: int) -> list[Figure]:
     Args:
         clip: The clip.
         repeats: Runs are repeated up to three times.
+
+    Returns:
+        Wall time, CPU time and peak memory of a run.
     """
     seconds, busy, peaks = [], [], []
     with tempfile.TemporaryDirectory() as folder:
@@ -201,6 +214,9 @@ def importing(_: Clip, repeats: int) -> list[Figure]:
 
     Args:
         repeats: Number of processes.
+
+    Returns:
+        The time of an import.
     """
     code = "import time; t = time.perf_counter(); import monodyn; print(time.perf_counter() - t)"
     found = [

@@ -22,8 +22,9 @@ ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 AXES = (
     "row column sample record piece knot term step entry key pose picture plane colour channel pixel geom "
     "corner face shared block local tied free size unknown variable candidate inequality form way direction M"
+    " subframe exposure"
 )
-"""Array axes of single rooms, in addition to the list in docs/architecture.md that all share."""
+"""Array axes of single rooms and of the benchmarks, in addition to those that docs/architecture.md lists."""
 
 WHOLE = '''
 @dataclass(frozen=True)
@@ -108,7 +109,15 @@ def test_unknown_names_are_refused_with_the_known_ones() -> None:
         monodyn.nothing  # noqa: B018
 
 
-@pytest.mark.parametrize("path", sorted(SOURCE.rglob("*.py")), ids=lambda p: str(p.relative_to(SOURCE)))
+@pytest.mark.parametrize(
+    "path",
+    [
+        path
+        for folder in (SOURCE, ROOT / "benchmarks", ROOT / "examples")
+        for path in sorted(folder.rglob("*.py"))
+    ],
+    ids=lambda path: str(path.relative_to(SOURCE if path.is_relative_to(SOURCE) else ROOT)),
+)
 def test_docstrings_of_public_functions_and_data_are_whole(path: Path) -> None:
     found = violations(path.read_text(encoding="utf-8"), rules())
     assert not found, "\n" + "\n".join(f"{path.relative_to(ROOT)}:{line}" for line in found)
