@@ -30,9 +30,15 @@ if TYPE_CHECKING:
     from monodyn.types import Poses
 
 FIT_SECONDS = 4.0 / 3.0
+"""Time that is fitted, and as much after it that is predicted: 40 frames of 30 a second [s]."""
+STAMP = 1e-6
+"""A frame this much before a time counts as at it: time stamps are rounded [s]."""
 LIMITS = {"angle": 0.3, "slide": 3.0, "length": 1.5, "width": 5.0, "ahead": 2.0, "ahead_slide": 6.0}
-"""Degrees, millimetres and per cent."""
+"""Largest values of the fields of `Result` that pass, in their units: degrees, millimetres and per cent."""
 LEAST_SEEN = 0.9
+"""Smallest share of measured frames that passes."""
+MOST_EXIT = 100
+"""Largest exit code: a process has one byte for it, and codes above 125 mean other things to a shell."""
 
 
 @dataclass
@@ -76,6 +82,7 @@ class Result:
         hinges = any(part.kind == "hinge" for part in kinds)
         slides = any(part.kind == "slide" for part in kinds)
         skip = {*(() if hinges else ("angle", "ahead")), *(() if slides else ("slide", "ahead_slide"))}
+        # written so that NaN fails: a figure that is missing although the case has such joints
         found = [
             name for name, most in LIMITS.items() if name not in skip and not getattr(self, name) <= most
         ]
@@ -134,8 +141,8 @@ def _judge_fit(clip: Clip, mechanism: Mechanism, poses: Poses, hinge: np.ndarray
     import monodyn
 
     truth = monodyn.load(clip.truth).values
-    stop = int(np.searchsorted(poses.time, FIT_SECONDS - 1e-6))
-    last = int(np.searchsorted(poses.time, 2 * FIT_SECONDS - 1e-6))
+    stop = int(np.searchsorted(poses.time, FIT_SECONDS - STAMP))
+    last = int(np.searchsorted(poses.time, 2 * FIT_SECONDS - STAMP))
     began = time.perf_counter()
     fit = monodyn.identify(poses.part(0, stop), mechanism)
     result.seconds.append(time.perf_counter() - began)
@@ -146,6 +153,7 @@ def _judge_fit(clip: Clip, mechanism: Mechanism, poses: Poses, hinge: np.ndarray
     result.width = _sizes(found, truth, ".width")
     if not fit.starts or last <= stop:
         return
+    # a slide's zero is a matter of the camera: its mean error over the fitted frames does not count
     past = monodyn.fill(fit, poses.time[:stop]).position - clip.position[:stop]
     ahead = monodyn.predict(fit, times=poses.time[stop:last]).position - clip.position[stop:last]
     ahead = np.where(hinge, _wrapped(ahead), ahead - past.mean(0))
@@ -161,9 +169,11 @@ def _tracked_errors(found: np.ndarray, truth: np.ndarray, hinge: np.ndarray, res
     for i in range(errors.shape[1]):
         seen = np.isfinite(errors[:, i])
         if not hinge[i]:
+            # a picture leaves scale and zero of a slide open: the straight line of least squares removes both
             line = np.column_stack([found[:count, i][seen], np.ones(seen.sum())])
             best = np.linalg.lstsq(line, truth[:count, i][seen])[0]
             errors[seen, i] = line @ best - truth[:count, i][seen]
+        # one number of whole turns for all frames is a matter of where counting began; a change is an error
         elif len(np.unique(np.round(errors[seen, i] / (2 * np.pi)))) > 1:
             result.notes.append(f"joint {i + 1} lost count of its turns")
     return np.where(hinge, _wrapped(errors), errors)
@@ -267,4 +277,4 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(min(main(), 100))
+    raise SystemExit(min(main(), MOST_EXIT))

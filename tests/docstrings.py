@@ -106,7 +106,8 @@ def _result(function: Function, text: str, sections: dict[str, str], rules: Rule
         return
     described = sections.get("Returns", "") + sections.get("Yields", "")
     if not described and not text.startswith(OPENINGS):
-        yield f"has no 'Returns:', and its first line begins with none of {', '.join(OPENINGS)}"
+        verbs = ", ".join(verb.strip() for verb in OPENINGS)
+        yield f"has no 'Returns:', and its first line begins with none of {verbs}"
     elif is_array(function.returns):
         yield from _shape("the result", described + sections[""], rules)
 
