@@ -6,7 +6,6 @@ Every clip is run with default settings; of the truth nothing enters the run.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
@@ -19,7 +18,7 @@ import numpy as np
 
 import monodyn
 from bound import bounded, spread_of
-from figures import Figure, finish, say, table
+from figures import Figure, command_line, finish, say, table
 from recordings import ball, encoders, links
 
 FITTED, PREDICTED = 40, 80
@@ -72,11 +71,7 @@ def main() -> int:
         The exit code: 1 when a target is missed under ``--gate``, 2 when the data are missing.
     """
     names = (*CLIPS, *RECORDINGS)
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", nargs="+", choices=names, metavar="NAME", help=f"of {', '.join(names)}")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
-    parser.add_argument("--gate", action="store_true", help="exit code 1 when a target is missed")
-    options = parser.parse_args()
+    options = command_line(__doc__, names).parse_args()
     data = Path(os.environ.get("MONODYN_DATA") or "missing")
     if not (data / "rendered").is_dir():
         got = f"'{data}'" if "MONODYN_DATA" in os.environ else "nothing"

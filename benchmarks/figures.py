@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import platform
@@ -79,6 +80,20 @@ def table(figures: Sequence[Figure], *, bound: str | None = None) -> str:
         ]
         lines.append("  ".join(cells).rstrip())
     return "\n".join(lines[1:])
+
+
+def command_line(text: str | None, names: Sequence[str]) -> argparse.ArgumentParser:
+    """Return a parser of the options that benchmarks share: ``--only``, ``--json`` and ``--gate``.
+
+    Args:
+        text: Documentation of the script; its first line is the help.
+        names: What can be measured.
+    """
+    parser = argparse.ArgumentParser(description=(text or "").splitlines()[0])
+    parser.add_argument("--only", nargs="+", choices=names, metavar="NAME", help=f"of {', '.join(names)}")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
+    parser.add_argument("--gate", action="store_true", help="exit code 1 when a target is missed")
+    return parser
 
 
 def finish(figures: Sequence[Figure], *, to: Path | None, gate: bool) -> int:

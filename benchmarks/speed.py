@@ -6,7 +6,6 @@ clip is ``rendered/double_a.mp4`` there, else the demo clip.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -19,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import monodyn
-from figures import Figure, finish, say, table
+from figures import Figure, command_line, finish, say, table
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.track import Follower
 
@@ -65,13 +64,8 @@ def main() -> int:
         The exit code: 1 when a target is missed under ``--gate``, 2 when the clip is missing.
     """
     parts = {"track": tracking, "fit": fitting, "run": running, "import": importing}
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--only", nargs="+", choices=tuple(parts), metavar="NAME", help=f"of {', '.join(parts)}"
-    )
+    parser = command_line(__doc__, tuple(parts))
     parser.add_argument("--repeats", type=int, default=7, metavar="N", help="repeats of everything (7)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
-    parser.add_argument("--gate", action="store_true", help="exit code 1 when a target is missed")
     options = parser.parse_args()
     data = os.environ.get("MONODYN_DATA")
     stem = Path(data) / "rendered" / "double_a" if data else ROOT / "examples" / "double"
