@@ -152,6 +152,14 @@ def test_files_in_the_readme_exist() -> None:
     assert all((ROOT / name).exists() for name in named)
 
 
+def test_the_readme_of_the_benchmarks_names_every_script() -> None:
+    folder = ROOT / "benchmarks"
+    named = set(re.findall(r"(\w+\.py)\b", (folder / "README.md").read_text(encoding="utf-8")))
+    here = {path.name for path in folder.glob("*.py")}
+    scripts = {name for name in here if "__main__" in (folder / name).read_text(encoding="utf-8")}
+    assert scripts <= named <= here
+
+
 def test_verbs_in_the_documents_exist() -> None:
     for name in re.findall(r"monodyn\.(\w+)\(", README + ARCHITECTURE):
         assert name in monodyn.__all__
