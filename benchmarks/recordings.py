@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import monodyn
-from encoders import KNOWN_RATIOS
+from encoders import KNOWN_RATIOS, MOST_OFF, MOST_RESIDUAL, REQUIRED_WINDOW
 from figures import Figure, say
 from monodyn.vision.drawing.camera import pixels
 from monodyn.vision.locating.bundle import refine
@@ -19,7 +19,13 @@ LOOKS = 30
 REACHES = (5.0, 4.0, 4.0, 4.0, 4.0, 4.0)
 """Edge search of these measurements [px]."""
 CLOCK = "time stamps"
-"""Word of the advice that says what lengths depend on."""
+"""Words of the advice that says what lengths depend on."""
+LINKS_PIVOT, LINK_PX = (550.0, 494.0), 151.0
+"""Where the double pendulum's first hinge is and how long its first link is [px]."""
+BALL_PIVOT, CIRCLE_PX = (508.0, 584.0), 333.0
+"""Where the rod pendulum's hinge is and the radius of its ball's circle [px]."""
+NORMAL = 1.4826
+"""Standard deviation of normal numbers over their median absolute deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +59,9 @@ def links(data: Path) -> list[Figure]:
     lengths = _lengths(seen)
     return [
         Figure(name, "frames tracked", _share(seen.poses), "%", 90.0, least=True),
-        Figure(name, "pivot off (550, 494)", _away(seen.pivot, (550.0, 494.0)), "px"),
+        Figure(name, "pivot off (550, 494)", _away(seen.pivot, LINKS_PIVOT), "px"),
         Figure(name, "first link drawn", seen.radius, "px"),
-        Figure(name, "first link off 151 px", 100.0 * abs(seen.radius / 151.0 - 1.0), "%"),
+        Figure(name, "first link off 151 px", 100.0 * abs(seen.radius / LINK_PX - 1.0), "%"),
         Figure(name, f"first link in {len(lengths)} single frames, median", float(np.median(lengths)), "px"),
         Figure(name, "the same, spread over the frames", 100.0 * _scatter(lengths), "%"),
         *_dynamics(name, seen),
@@ -75,9 +81,9 @@ def ball(data: Path) -> list[Figure]:
     seen = _seen(data / "real" / f"{name}.webm", "bob")
     return [
         Figure(name, "frames tracked", _share(seen.poses), "%", 98.0, least=True),
-        Figure(name, "pivot off (508, 584)", _away(seen.pivot, (508.0, 584.0)), "px", 3.0),
+        Figure(name, "pivot off (508, 584)", _away(seen.pivot, BALL_PIVOT), "px", 3.0),
         Figure(name, "radius", seen.radius, "px"),
-        Figure(name, "radius off 333 px", 100.0 * abs(seen.radius / 333.0 - 1.0), "%", 1.0),
+        Figure(name, "radius off 333 px", 100.0 * abs(seen.radius / CIRCLE_PX - 1.0), "%", 1.0),
         *_dynamics(name, seen),
     ]
 
@@ -92,7 +98,10 @@ def encoders(data: Path) -> list[Figure]:
         Residuals and, of the double pendulum, the ratios that are known.
     """
     figures = []
-    for file in [*sorted((data / "encoders").glob("single_*.csv")), data / "encoders" / "double_12.csv"]:
+    for file in [
+        *sorted((data / "encoders").glob("single_*.csv")),
+        data / "encoders" / f"{REQUIRED_WINDOW}.csv",
+    ]:
         mechanism = monodyn.load(file.stem.split("_")[0])
         double = len(mechanism.joints) == 2
         settings = monodyn.IdentifySettings(bodies="free")
@@ -101,13 +110,13 @@ def encoders(data: Path) -> list[Figure]:
             say(f"{file.stem}: {fit.status}")
         for joint, value in fit.rms.items():
             figures.append(
-                Figure(file.stem, f"{joint} residual", 1e3 * value, "mrad", 3.0 if double else None)
+                Figure(file.stem, f"{joint} residual", 1e3 * value, "mrad", MOST_RESIDUAL if double else None)
             )
         found = {combination.name: combination for combination in fit.combinations}
         for name, known in KNOWN_RATIOS.items() if double else ():
             error = 100.0 * abs(found[name].value / known - 1.0) if name in found else float("nan")
             spread = 100.0 * found[name].std / known if name in found else None
-            figures.append(Figure(file.stem, name, error, "%", 2.0, spread))
+            figures.append(Figure(file.stem, name, error, "%", MOST_OFF, spread))
     return figures
 
 
@@ -177,4 +186,4 @@ def _away(point: np.ndarray, place: tuple[float, float]) -> float:
 def _scatter(values: np.ndarray) -> float:
     """Return the standard deviation by the median absolute deviation, against the median."""
     middle = float(np.median(values))
-    return 1.4826 * float(np.median(np.abs(values - middle))) / middle
+    return NORMAL * float(np.median(np.abs(values - middle))) / middle

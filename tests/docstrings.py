@@ -231,7 +231,7 @@ def raised_in(function: Function) -> set[str]:
     waiting: list[ast.AST] = [*function.body]
     while waiting:
         node = waiting.pop()
-        if isinstance(node, (*Function.__args__, ast.Lambda, ast.ClassDef)):
+        if isinstance(node, Function | ast.Lambda | ast.ClassDef):
             continue
         if isinstance(node, ast.Raise) and node.exc is not None:
             raised = node.exc.func if isinstance(node.exc, ast.Call) else node.exc
