@@ -3,9 +3,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 DEMO ?= demo-run
-# how many processes share the tests; 0 runs them in this one
+# how many processes share the tests, a file each at a time (fixtures of a file are made once); 0 runs them in this one
 JOBS ?= 2
-PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup
+PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # the matrices are small: more threads only wait for each other
 export OPENBLAS_NUM_THREADS ?= 1
 

@@ -23,15 +23,6 @@ CODECS = {
 }
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run on one worker what shares something costly: the tests of a file, and those of the main job."""
-    for item in items:
-        file = item.nodeid.partition("::")[0]
-        item.add_marker(
-            pytest.mark.xdist_group("demo" if "demo" in getattr(item, "fixturenames", ()) else file)
-        )
-
-
 @pytest.fixture
 def make_clip(tmp_path: Path) -> ClipMaker:
     """Return a maker of tiny clips; the arguments say what is odd about them."""
