@@ -40,7 +40,7 @@ class Parameter:
     Attributes:
         name: ``<body>.length``, ``<joint>.damping``, ``gravity``, ...
         kind: What it is: ``length``, ``damping``, ``torque`` (a coefficient of a torque over time), ...; the
-            kinds are the rows of ``dimensions.POWERS``.
+            kinds are the rows of ``dimensions.DIMENSIONS``.
         owner: Name of the body or joint that it belongs to; empty for ``gravity`` and the like.
         value: Current value.
         lower: Lower bound.
