@@ -288,7 +288,7 @@ def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int, tick: Cal
         return held.residuals_at(np.clip(at, *bounds)).ravel()
 
     tolerance = float(np.clip(FINE * _noise_cost(held) / max(cost, 1e-300), 1e-10, 1e-4))
-    end = bounded_bfgs(residuals, np.zeros(len(x)), low, high, most=most, tolerance=tolerance)
+    end = bounded_bfgs(residuals, np.zeros(len(x)), (low, high), most=most, tolerance=tolerance)
     best = x + turn @ end.x
     for bound in bounds:
         best = np.where(np.abs(best - bound) < 1e-9 * held.change, bound, best)
