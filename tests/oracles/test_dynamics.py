@@ -142,7 +142,7 @@ def test_energy_falls_by_what_damping_takes() -> None:
     times = np.linspace(0, 1, 2001)
     q, v = rollout(mechanism.tree, times, np.array([0.3, 0.8]), np.zeros(2), substeps=1)
     total = energy(mechanism.tree, q, v)
-    power = (v**2) @ mechanism.tree.links[:, 9]
+    power = (v**2) @ mechanism.tree.links[:, DAMPING]
     taken = np.trapezoid(power, times)
     # The trapezoid rule over 0.5 ms leaves about 1e-6 of the integral.
     assert total[0] - total[-1] == pytest.approx(taken, rel=1e-5)
@@ -346,7 +346,7 @@ def test_derivative_by_the_time_scale_is_that_of_finite_differences(
     name: str, mode: int, tmp_path: Path
 ) -> None:
     """q(s t; s^2 gravity, s damping, s^2 torque, ..., s v0) is q at the stretched stamps, so that one has
-    grow = 2 and drift = 1 by log s."""
+    load = 2 and clock = 1 by log s."""
     mechanism, *_ = _both(ZOO[name], tmp_path)
     n, rng = len(mechanism.joints), np.random.default_rng(SEED)
     drive = _drive(mode, n, rng)
