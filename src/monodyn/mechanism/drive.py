@@ -170,9 +170,9 @@ def fourier_basis(time: np.ndarray, period: float, terms: int, *, derivative: in
 def basis_at(mode, stamps, time, side, value, rate):  # pragma: no cover - compiled
     """Write basis and time derivative by column at ``time``; return the range of columns that are not zero.
 
-    ``value`` and ``rate`` are (column,); columns outside of the range are left as they are. At a knot the limit
-    from the time ``side`` counts, so that a step that ends at a knot and one that begins there each see a
-    smooth torque.
+    ``value`` and ``rate`` are (column,); columns outside of the range are left as they are. At a knot the
+    limit from the time ``side`` counts, so that a step that ends at a knot and one that begins there each see
+    a smooth torque.
     """
     if mode == FOURIER:
         turn = 2.0 * np.pi / stamps[0]
@@ -203,7 +203,7 @@ def basis_at(mode, stamps, time, side, value, rate):  # pragma: no cover - compi
 
 @njit(cache=True, error_model="numpy")
 def torque(mode, stamps, table, time, side, value, rate, tau, slope):  # pragma: no cover - compiled
-    """Write torques ``tau`` and their time derivatives ``slope``, (dof,); return the range of ``basis_at``."""
+    """Write torques ``tau`` and their time derivatives ``slope``, (dof,); return ``basis_at``'s range."""
     low, high = basis_at(mode, stamps, time, side, value, rate)
     for i in range(table.shape[0]):
         tau[i] = 0.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +11,7 @@ import numpy as np
 
 from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import derivatives, links_of, shapes_of, tree_of
-from monodyn.mechanism.parts import NOT_NEGATIVE, POSITIVE, Joint, Link, Parameter
+from monodyn.mechanism.parts import Joint, Link, Parameter
 from monodyn.mechanism.plan import OWNED, Plan, Torques, make_plan, make_torques
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS, Directions, Measured, Shapes, Tree
 
@@ -152,22 +151,15 @@ class Mechanism:
                 first with ``with_choices``.
 
         Raises:
-            MechanismError: A name is unknown, a value is not finite, has the wrong sign, or follows from
-                others.
+            MechanismError: A value follows from others; or, from deeper down, a name is unknown, a value is
+                not finite or has the wrong sign.
         """
         numbers = self.numbers.copy()
         table = self.torques.table
         for name, value in values.items():
             row = self.row(name)
             value = float(value)
-            least = table.sign[row]
-            if not math.isfinite(value):
-                raise MechanismError(f"parameter '{name}': expected a number, got {value}.")
-            if (least == POSITIVE and value <= 0) or (least == NOT_NEGATIVE and value < 0):
-                least_text = "above" if least == POSITIVE else "not below"
-                raise MechanismError(
-                    f"parameter '{name}': expected a value {least_text} 0 {table.unit[row]}, got {value:g}."
-                )
+            table.check(row, value)
             if table.follows[row] and not self.own[row]:
                 raise MechanismError(
                     f"parameter '{name}': follows from the sizes of its body; fix or free it to give it a "

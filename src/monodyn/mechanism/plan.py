@@ -17,8 +17,8 @@ import numpy as np
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import MechanismError
 from monodyn.mechanism.axis import TINY, Axis, Form, Profile, extent, long_axis, main_geom, plus, profile
-from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Joint, Link, Table
-from monodyn.mechanism.solids import KINDS, Solid, geom_solid, given_solid
+from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Joint, Link, Table
+from monodyn.mechanism.solids import KINDS, Naming, Solid, geom_solid, given_solid
 from monodyn.mechanism.tree import ANGLE, AXIS_X, AXIS_Y, COLUMNS, HINGE, REST, SLIDE
 
 OWNED = ("mass", "com_x", "com_y", "inertia")
@@ -101,11 +101,11 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
         depths.append(depth)
     joints = [_enter_joint(link, table) for link in links]
     if gravity > 0:
-        table.add("gravity", gravity, "m/s^2", kind="gravity", free=False)
+        table.add(Entry("gravity", "gravity", "", gravity, "m/s^2"))
     else:
-        limits = (0.0, math.inf)
-        table.add("gravity", 0.0, "m/s^2", kind="gravity", free=False, bounds=limits, sign=NOT_NEGATIVE)
-    table.add("time_scale", 1.0, "1", kind="time_scale", free=False)
+        none = Entry("gravity", "gravity", "", 0.0, "m/s^2", bounds=(0.0, math.inf), sign=NOT_NEGATIVE)
+        table.add(none)
+    table.add(Entry("time_scale", "time_scale", "", 1.0, "1"))
     return _stack(links, table, anchors, solids, joints, depths)
 
 
@@ -125,23 +125,22 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
     main = main_geom(profiles)
     name = ""
     if length > 0:
-        name = table.add(f"{body}.length", length, "m", kind="length", owner=body, free=True)
+        name = table.add(Entry(f"{body}.length", "length", body, length, "m", free=True))
     cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > TINY * length for a in anchors)
     tail, tip = (0.0, 0.0) if cart or not name else _overhang(link, anchors, along, length)
-    bounds = [(0.0, 1e3 * max(extra, length)) for extra in (tail, tip)]
-    names = [
-        table.add(
-            f"{body}.{what}", extra, "m", kind=what, owner=body, free=True, bounds=limits, sign=NOT_NEGATIVE
-        )
-        if extra > 0
-        else ""
-        for what, extra, limits in zip(("tail", "tip"), (tail, tip), bounds, strict=True)
-    ]
+    names = {"tail": "", "tip": ""}
+    for what, extra in (("tail", tail), ("tip", tip)):
+        if extra > 0:
+            limits = (0.0, 1e3 * max(extra, length))
+            names[what] = table.add(
+                Entry(f"{body}.{what}", what, body, extra, "m", free=True, bounds=limits, sign=NOT_NEGATIVE)
+            )
     width = 0.0
     if main is not None:
         width = 2 * _half_across(main, along)
-        table.add(f"{body}.width", width, "m", kind="width", owner=body, free=True)
-    return Axis(along, length, tail, tip, width, (name, names[0], names[1], f"{body}.width" if width else ""))
+        table.add(Entry(f"{body}.width", "width", body, width, "m", free=True))
+    across = f"{body}.width" if width else ""
+    return Axis(along, length, tail, tip, width, (name, names["tail"], names["tip"], across))
 
 
 def _half_across(shape: Profile, along: np.ndarray) -> float:
@@ -186,7 +185,7 @@ def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> 
         return {"": link.offset - links[0].offset}
     body, bounds = link.joint.body, (-reach, reach)
     name = table.add(
-        f"{body}.offset", link.offset, "m", kind="offset", owner=body, free=True, bounds=bounds, sign=ANY
+        Entry(f"{body}.offset", "offset", body, link.offset, "m", free=True, bounds=bounds, sign=ANY)
     )
     return {name: 1.0}
 
@@ -205,13 +204,12 @@ def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Sol
             prefix = f"{owner}." if shape is main else f"{label}."
             # <body>.mass is the mass of all its parts, so one of several parts has its mass by its own name.
             masses = f"{owner}." if alone or (shape is main and owner != body) else f"{label}."
-            solids.append(
-                geom_solid(shape, axis, table, prefix, masses, shape is main and owner == body, depth)
-            )
+            naming = Naming(prefix, masses, shape is main and owner == body)
+            solids.append(geom_solid(shape, axis, table, naming, depth))
     for given in link.givens:
         name = f"{given.body}.mass" if alone or given.body != body else f"{given.body}.inertial.mass"
         bounds = (1e-6 * given.mass, 1e6 * given.mass)
-        table.add(name, given.mass, "kg", kind="mass", owner=given.body, free=True, bounds=bounds)
+        table.add(Entry(name, "mass", given.body, given.mass, "kg", free=True, bounds=bounds))
         solids.append(given_solid(given, axis, name))
     return solids
 
@@ -230,13 +228,11 @@ def _enter_inertia(link: Link, table: Table, reach: float) -> None:
     """Enter mass, centre of mass and inertia of a body, which follow from its solids."""
     body = link.joint.body
     if f"{body}.mass" not in table.names:
-        table.add(f"{body}.mass", 1.0, "kg", kind="mass", owner=body, free=False, follows=True)
+        table.add(Entry(f"{body}.mass", "mass", body, 1.0, "kg", follows=True))
     for what in ("com_x", "com_y"):
-        table.add(
-            f"{body}.{what}", 0.0, "m", kind=what, owner=body, free=False, bounds=(-reach, reach), sign=ANY,
-            follows=True,
-        )  # fmt: skip
-    table.add(f"{body}.inertia", 1.0, "kg m^2", kind="inertia", owner=body, free=False, follows=True)
+        limits = (-reach, reach)
+        table.add(Entry(f"{body}.{what}", what, body, 0.0, "m", bounds=limits, sign=ANY, follows=True))
+    table.add(Entry(f"{body}.inertia", "inertia", body, 1.0, "kg m^2", follows=True))
 
 
 def _enter_joint(link: Link, table: Table) -> list[str]:
@@ -247,9 +243,7 @@ def _enter_joint(link: Link, table: Table) -> list[str]:
     starts = (link.damping or 1e-3, link.friction, link.stiffness, link.armature)
     frees = (True, link.friction > 0, link.stiffness > 0, False)
     return [
-        table.add(
-            f"{name}.{what}", start, unit, kind=what, owner=name, free=free, bounds=limits, sign=NOT_NEGATIVE
-        )
+        table.add(Entry(f"{name}.{what}", what, name, start, unit, free, limits, NOT_NEGATIVE))
         for what, start, unit, free in zip(JOINT, starts, units, frees, strict=True)
     ]
 
@@ -380,7 +374,7 @@ def _enter_series(table: Table, joints: Sequence[Joint], terms: int, period: flo
         raise MechanismError(f"torque.terms: expected 1 or more, got {terms}.")
     if period is None or not 0 < period < math.inf:
         raise MechanismError(f"torque.period: expected a time above 0 s, got {period}.")
-    table.add("torque.period", period, "s", kind="period", free=True)
+    table.add(Entry("torque.period", "period", "", period, "s", free=True))
     waves = [f"{wave}{k}" for k in range(1, terms + 1) for wave in ("cos", "sin")]
     rows = [[_enter_torque(table, joint, what) for what in ("mean", *waves)] for joint in joints]
     return np.array(rows, dtype=np.int64)
@@ -391,5 +385,5 @@ def _enter_torque(table: Table, joint: Joint, what: str) -> int:
     unit = "N m" if joint.kind == "hinge" else "N"
     name = f"{joint.name}.torque.{what}"
     bounds = (-math.inf, math.inf)
-    table.add(name, 0.0, unit, kind="torque", owner=joint.name, free=True, bounds=bounds, sign=ANY)
+    table.add(Entry(name, "torque", joint.name, 0.0, unit, free=True, bounds=bounds, sign=ANY))
     return len(table.names) - 1
