@@ -13,10 +13,8 @@ from monodyn.mechanism.drive import FOURIER, KNOTS, Drive
 from monodyn.mechanism.simulate import (
     accelerations,
     energy,
-    least_substeps,
     rollout,
     rollout_derivatives,
-    simulate,
 )
 from monodyn.mechanism.tree import DAMPING, STIFFNESS, Directions, Tree
 
@@ -207,34 +205,6 @@ def test_sensitivities_are_those_of_finite_differences(name: str, tmp_path: Path
         )
         # Central differences: 1e-10 of truncation and 1e-11 of rounding, relative to the whole effect.
         assert np.allclose(dq[:, :, k] * value, (high - low) / 2e-5, rtol=1e-6, atol=1e-7)
-
-
-def test_rollout_runs_backwards() -> None:
-    mechanism = load("triple")
-    q0, v0 = np.array([-0.4, 0.2, 0.1]), np.array([1.0, -1.0, 0.5])
-    times = np.linspace(0, 0.5, 16)
-    q, v = rollout(mechanism.tree, times, q0, v0, substeps=64)
-    back, _ = rollout(mechanism.tree, times[::-1], q[-1], v[-1], substeps=64)
-    # The error of RK4 at 0.5 ms, there and back.
-    assert np.allclose(back[::-1], q, rtol=0, atol=1e-8)
-
-
-def test_substeps_keep_the_stated_error() -> None:
-    mechanism = load("double")
-    times = np.linspace(0, 1.3, 40)
-    q0, v0 = np.array([0.2, 1.0]), np.zeros(2)
-    exact, _ = rollout(mechanism.tree, times, q0, v0, substeps=512)
-    for tolerance in (1e-3, 1e-5, 1e-7):
-        steps, _ = least_substeps(
-            lambda k: rollout(mechanism.tree, times, q0, v0, substeps=k)[0], tolerance, 4096
-        )
-        states = simulate(mechanism, times, q0, v0, tolerance=tolerance)
-        error = np.abs(states.position - exact).max()
-        # The estimate is of leading order; the next order is worth some tens of percent at large steps.
-        assert error < 1.5 * tolerance
-        if steps > 1:
-            fewer, _ = rollout(mechanism.tree, times, q0, v0, substeps=steps // 2)
-            assert np.abs(fewer - exact).max() > 0.5 * tolerance
 
 
 def _drive(mode: int, dofs: int, rng: np.random.Generator) -> Drive:

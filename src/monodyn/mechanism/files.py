@@ -100,8 +100,7 @@ def parse(path: Path) -> ET.Element:
         if depth > MAX_DEPTH:
             raise MechanismError(
                 f"{path.name}: expected at most {MAX_DEPTH} elements inside one another, got more; simplify "
-                f"the "
-                f"file."
+                "the file."
             )
 
     def leave(*_: object) -> None:
@@ -166,8 +165,7 @@ def inside(folder: Path, name: str, shown: str) -> Path:
     if not path.is_relative_to(folder):
         raise MechanismError(
             f"file '{shown}': expected a file in the mechanism's own folder, got a path that leads out of "
-            f"it; "
-            f"copy the file there."
+            "it; copy the file there."
         )
     return path
 
@@ -224,8 +222,7 @@ def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
         if tag == "mimic":
             raise MechanismError(
                 f"{where}: joint '{element.get('name', '')}': mimic joints couple joints and are not "
-                f"supported; "
-                f"remove <mimic>."
+                "supported; remove <mimic>."
             )
         for name, value in child.attrib.items():
             if name not in TEXTS and "nan" in value.lower().split():
