@@ -1,4 +1,4 @@
-"""Torques over time at the joints, besides friction and springs: a Fourier series, or values at knots.
+"""Torques over time at the joints, in addition to friction and springs: Fourier series, or values at knots.
 
 Both are linear in a table: tau_i(t) = sum_c table[i, c] basis_c(t). The numba kernels at the end of the file
 give the basis and its derivative by time at one instant, so that rollouts and their derivatives share one
@@ -38,7 +38,7 @@ class Drive:
         table: Coefficients [N m or N], (dof, column), float or complex.
 
     Source: the 2012 paper, eq. (13), and its Case III, which has an unknown torque "at each time instant" and
-        does not say how it runs in between; here it is linear.
+        leaves open how it runs in between; here it is linear.
     """
 
     mode: int

@@ -87,6 +87,7 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
     anchors: list[tuple[Form, Form]] = [({"": float(k.anchor[0])}, {"": float(k.anchor[1])}) for k in links]
     solids: list[list[Solid]] = []
     depths: list[Form] = []
+    # A parent comes before its children, so that anchors of children are forms before they are stacked.
     for i, link in enumerate(links):
         depth: Form = depths[link.parent] if link.parent >= 0 else {}
         solids.append([])
@@ -177,6 +178,7 @@ def _overhang(link: Link, anchors: list[np.ndarray], along: np.ndarray, length: 
 
 def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> Form:
     """Return the form of a body's distance from its parent body, a parameter if that one moves too."""
+    # Massless links of a body with several joints are skipped: the parent is the last link that carries one.
     base = i
     while links[base].parent >= 0 and not links[links[base].parent].carries:
         base = links[base].parent
@@ -259,6 +261,7 @@ def _stack(
     """Turn the forms into matrices."""
     index = {name: row for row, name in enumerate(table.names)}
     forms = [form for pair in anchors for form in pair]
+    # The order of rows that ``assemble`` counts on: two anchors a link, then five forms a solid.
     heavy: list[tuple[tuple[Solid, int], ...]] = []
     for group in solids:
         rows = []

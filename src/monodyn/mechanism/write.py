@@ -36,7 +36,7 @@ from monodyn.mechanism.tree import (
 )  # fmt: skip
 
 FAR = 1000.0
-"""Limit [m] written for a slide without limits, because URDF demands one."""
+"""Limit [m] written for a slide without limits, because URDF requires one."""
 
 MASSLESS = 1e-12
 """Mass [kg] and inertia [kg m^2] of a URDF link between two joints of one body; none at all is refused."""
@@ -58,8 +58,8 @@ class _Look:
 def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as an MJCF file.
 
-    The motion in MuJoCo is that of ``dynamics`` except where friction loss holds a joint: MuJoCo keeps it
-    still, ``dynamics`` lets it creep. Torques over time are not in the file: each joint of a driven
+    The motion in MuJoCo is that of ``simulate`` except where friction loss holds a joint: MuJoCo keeps it
+    still, ``simulate`` lets it creep. Torques over time are not in the file: each joint of a driven
     mechanism has a motor, whose control is the torque [N m or N].
 
     Args:
@@ -115,6 +115,8 @@ def _mjcf_body(mechanism: Mechanism, group: list[int], parent: ET.Element) -> ET
     links = tree.links
     first, last = group[0], group[-1]
     angle = float(links[first, ANGLE])
+    # MuJoCo's body has one frame for all of its joints, ours has a link for each: the body stands where the
+    # last joint is at zero, and the others are placed backwards from there.
     anchors = links[group][:, [ANCHOR_X, ANCHOR_Y]]
     rest = anchors[1:].sum(axis=0)
     x, y = anchors[0] + _turned(rest, angle)
@@ -270,6 +272,7 @@ def _urdf_visual(look: _Look, link: ET.Element) -> None:
     elif look.kind in ("capsule", "cylinder"):
         axis = _world(np.array([*(look.along * look.direction), look.deep]))
         length = float(np.linalg.norm(axis))
+        # the roll and pitch that turn URDF's cylinder axis, z, into the axis
         x, y, z = axis / length
         turn = (math.asin(max(-1.0, min(1.0, -y))), math.atan2(x, z), 0.0)
         ET.SubElement(
