@@ -10,19 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from monodyn.mechanism.plan import Plan
+from monodyn.mechanism.plan import JOINT_COLUMNS, Plan
 from monodyn.mechanism.solids import BLOCK, CYLINDER, SPHERE, Solid
 from monodyn.mechanism.tree import (
     ANCHOR_X,
     ANCHOR_Y,
-    ARMATURE,
     COM_X,
     COM_Y,
-    DAMPING,
-    FRICTION,
     INERTIA,
     MASS,
-    STIFFNESS,
     Shapes,
     Tree,
 )  # fmt: skip
@@ -41,7 +37,7 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
             (param,).
 
     Returns:
-        (dof, 14), or (dof, 14, step).
+        (dof, column), or (dof, column, step).
     """
     rest = values.shape[1:]
     rows: Any = plan.forms[:, :-1] @ values + plan.forms[:, -1].reshape(-1, *(1,) * len(rest))
@@ -51,11 +47,9 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
         rows, numbers = rows.tolist(), values.tolist()
     links = np.empty((*plan.template.shape, *rest), dtype=values.dtype)
     links[...] = plan.template.reshape(*plan.template.shape, *(1,) * len(rest))
+    links[:, JOINT_COLUMNS] = values[plan.joints]
     for i in range(len(plan.links)):
         links[i, ANCHOR_X], links[i, ANCHOR_Y] = rows[2 * i], rows[2 * i + 1]
-        d, f, k, a = plan.joints[i]
-        links[i, DAMPING], links[i, FRICTION] = numbers[d], numbers[f]
-        links[i, STIFFNESS], links[i, ARMATURE] = numbers[k], numbers[a]
         owned = plan.owned[i]
         if owned is not None:
             mass, x, y, inertia = _body(plan, i, rows, numbers)
@@ -155,7 +149,7 @@ def derivatives(
         rows: Rows of the parameters, int (param,).
 
     Returns:
-        Derivatives of the links, (param, dof, 14), and of gravity, (param, 2).
+        Derivatives of the links, (param, dof, column), and of gravity, (param, 2).
 
     Source: complex-step differentiation; Squire and Trapp, Using complex variables to estimate derivatives of
         real functions, 1998.

@@ -6,6 +6,7 @@ These are start values: ``plan`` turns them into maps from parameter values to t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -122,11 +123,8 @@ class Link:
         offset: Distance of the body from its parent body toward the camera [m].
         geoms: Its geoms.
         givens: Inertials stated for its body or for bodies welded to it.
-        damping: Viscous damping [N m s/rad or N s/m].
-        friction: Friction loss [N m or N].
-        stiffness: Spring [N m/rad or N/m].
         rest: Position at which the spring is slack [rad or m].
-        armature: Rotor inertia [kg m^2 or kg].
+        terms: Start values of the joint's own parameters by kind (``plan.JOINT``): damping, friction, ...
     """
 
     joint: Joint
@@ -138,11 +136,8 @@ class Link:
     offset: float
     geoms: tuple[Geom, ...]
     givens: tuple[Given, ...]
-    damping: float
-    friction: float
-    stiffness: float
     rest: float
-    armature: float
+    terms: Mapping[str, float]
 
 
 POSITIVE, NOT_NEGATIVE, ANY = 0, 1, 2

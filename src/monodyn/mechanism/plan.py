@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,10 +20,41 @@ from monodyn.errors import MechanismError
 from monodyn.mechanism.axis import TINY, Axis, Form, Profile, extent, long_axis, main_geom, plus, profile
 from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Joint, Link, Table
 from monodyn.mechanism.solids import KINDS, Naming, Solid, geom_solid, given_solid
-from monodyn.mechanism.tree import ANGLE, AXIS_X, AXIS_Y, COLUMNS, HINGE, REST, SLIDE
+from monodyn.mechanism.tree import (
+    ANGLE,
+    ARMATURE,
+    AXIS_X,
+    AXIS_Y,
+    COLUMNS,
+    DAMPING,
+    FRICTION,
+    HINGE,
+    REST,
+    SLIDE,
+    STIFFNESS,
+)  # fmt: skip
 
 OWNED = ("mass", "com_x", "com_y", "inertia")
-JOINT = ("damping", "friction", "stiffness", "armature")
+
+
+class JointTerm(NamedTuple):
+    """A parameter of every joint: its column in ``Tree.links``, its unit at a hinge and at a slide."""
+
+    column: int
+    at_hinge: str
+    at_slide: str
+
+
+JOINT = {
+    "damping": JointTerm(DAMPING, "N m s/rad", "N s/m"),
+    "friction": JointTerm(FRICTION, "N m", "N"),
+    "stiffness": JointTerm(STIFFNESS, "N m/rad", "N/m"),
+    "armature": JointTerm(ARMATURE, "kg m^2", "kg"),
+}
+"""The parameters of every joint by kind, in the order in which they are entered."""
+JOINT_COLUMNS = [term.column for term in JOINT.values()]
+LEAST_DAMPING = 1e-3
+"""Damping at which a joint starts that has none in the file [N m s/rad or N s/m]."""
 TORQUES = ("friction", "fourier", "free")
 
 
@@ -36,13 +68,13 @@ class Plan:
         index: Row of each parameter.
         parent: int64 (dof,).
         kind: int64 (dof,).
-        template: ``Tree.links`` with the constant columns filled, (dof, 14).
+        template: ``Tree.links`` with the constant columns filled, (dof, column).
         forms: Rows of the linear map on (values, 1): two anchor rows a link, then five rows a solid (along,
             across, deep, centre x, centre y), (row, param + 1).
         solids: By link, the solids that weigh something, with their first row in ``forms``.
         weights: For each of those the row of its density or mass parameter, by link.
         owned: By link, the rows of mass, com_x, com_y, inertia of its body, or None for a massless link.
-        joints: Rows of damping, friction, stiffness, armature by joint, int (dof, 4).
+        joints: Rows of the parameters of each joint, in the order of ``JOINT``, int (dof, term).
         drawn: The solids that can be seen, in order of the shapes.
         shape_link: Link of each shape.
         first: First point of each shape, (geom + 1,).
@@ -238,16 +270,17 @@ def _enter_inertia(link: Link, table: Table, reach: float) -> None:
 
 
 def _enter_joint(link: Link, table: Table) -> list[str]:
-    """Enter damping, friction, stiffness and armature of a joint."""
-    name, hinge = link.joint.name, link.joint.kind == "hinge"
-    limits = (0.0, math.inf)
-    units = ("N m s/rad", "N m", "N m/rad", "kg m^2") if hinge else ("N s/m", "N", "N/m", "kg")
-    starts = (link.damping or 1e-3, link.friction, link.stiffness, link.armature)
-    frees = (True, link.friction > 0, link.stiffness > 0, False)
-    return [
-        table.add(Entry(f"{name}.{what}", what, name, start, unit, free, limits, NOT_NEGATIVE))
-        for what, start, unit, free in zip(JOINT, starts, units, frees, strict=True)
-    ]
+    """Enter the parameters of a joint: what the file has is free, and damping always is; armature never."""
+    name, limits, names = link.joint.name, (0.0, math.inf), []
+    for kind, term in JOINT.items():
+        start = link.terms[kind]
+        free = kind == "damping" or (start > 0 and kind != "armature")
+        if kind == "damping":
+            start = start or LEAST_DAMPING
+        unit = term.at_hinge if link.joint.kind == "hinge" else term.at_slide
+        entry = Entry(f"{name}.{kind}", kind, name, start, unit, free, limits, NOT_NEGATIVE)
+        names.append(table.add(entry))
+    return names
 
 
 def _stack(

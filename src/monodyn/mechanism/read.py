@@ -168,11 +168,13 @@ class _File:
             offset=frame.height - below,
             geoms=self._geoms(body, frame) if carries else (),
             givens=self._givens(body, frame) if carries else (),
-            damping=float(model.dof_damping[j]) if damper else 0.0,
-            friction=float(model.dof_frictionloss[j]) if friction else 0.0,
-            stiffness=float(model.jnt_stiffness[j]) if spring else 0.0,
             rest=float(model.qpos_spring[j]),
-            armature=float(model.dof_armature[j]),
+            terms={
+                "damping": float(model.dof_damping[j]) if damper else 0.0,
+                "friction": float(model.dof_frictionloss[j]) if friction else 0.0,
+                "stiffness": float(model.jnt_stiffness[j]) if spring else 0.0,
+                "armature": float(model.dof_armature[j]),
+            },
         )
 
     def _welded(self, body: int) -> list[int]:

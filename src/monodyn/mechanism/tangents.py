@@ -261,9 +261,9 @@ def rollout_tangents(
 ):  # pragma: no cover - compiled  # fmt: skip
     """Integrate motion and tangents; return positions, rates and the derivatives of both.
 
-    ``dpar`` (dof, 14, param) and ``dgpar`` (2, param) are the derivatives of ``links`` and ``gravity``. The
-    directions are the parameters, then ``q0``, then ``v0``; column k in here is column ``order[k]`` of what
-    is returned, (frame, dof, param + 2 dof), and at frame f only the first ``live[f]`` of them differ from 0.
+    ``dpar`` (dof, column, param) and ``dgpar`` (2, param) are the derivatives of ``links`` and ``gravity``.
+    The directions are the parameters, then ``q0``, then ``v0``; column k in here is column ``order[k]`` of
+    what is returned, (frame, dof, param + 2 dof). At frame f only the first ``live[f]`` of them are not zero.
     """
     # Directions that never begin are not carried at all; their columns of the result stay zero.
     n, params = parent.size, dpar.shape[2]

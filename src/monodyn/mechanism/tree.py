@@ -20,6 +20,8 @@ SLIDE = 1
 ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, MASS, COM_X, COM_Y, INERTIA = range(9)
 DAMPING, FRICTION, STIFFNESS, REST, ARMATURE = range(9, 14)
 COLUMNS = 14
+PASSIVE = (DAMPING, FRICTION, STIFFNESS)
+"""Columns of what acts at a joint by itself, in proportion to the column."""
 
 CREEP = 0.01
 """Friction loss is ``friction * tanh(rate / CREEP)`` [rad/s or m/s]: full (to 1e-12) beyond 0.14, smooth at
@@ -43,7 +45,7 @@ class Tree:
     Attributes:
         parent: Row of the parent link, -1 for the world, int64 (dof,); a parent comes before its children.
         kind: ``HINGE`` or ``SLIDE``, int64 (dof,).
-        links: float64 (dof, 14), or complex128 for a complex step.
+        links: float64 (dof, column), or complex128 for a complex step.
         gravity: Acceleration of free fall [m/s^2], (2,), of the type of ``links``.
     """
 
@@ -88,7 +90,7 @@ class Directions:
     + load[p] tau_i + clock[p] t dtau_i/dt.
 
     Attributes:
-        links: Derivative of ``Tree.links``, (dof, 14, param).
+        links: Derivative of ``Tree.links``, (dof, column, param).
         gravity: Derivative of ``Tree.gravity``, (2, param).
         entry: Parameter that an entry of the drive's table is, -1 where none, int64 (dof, column).
         load: Derivative of the logarithm of all torques of the drive, (param,).

@@ -14,7 +14,7 @@ from monodyn.estimation.shooting.shoot import Route, choose_substeps
 from monodyn.estimation.shooting.starts import starts
 from monodyn.estimation.shooting.unknowns import kind_of
 from monodyn.estimation.verdict.trust import motion_sizes
-from monodyn.mechanism.tree import DAMPING, FRICTION, STIFFNESS
+from monodyn.mechanism.tree import PASSIVE
 from monodyn.optimize import Minimum, SearchSettings
 from monodyn.paper.fixed_start import Held
 from monodyn.paper.torque import fourier_coefficients, inverse_dynamics
@@ -359,7 +359,7 @@ def _loads(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> tuple[n
     """Typical torque of weight and inertia [N m or N] and rate [rad/s or m/s] of each joint, (dof,)."""
     mechanism = held.mechanism_at(x)
     links = mechanism.tree.links.copy()
-    links[:, [DAMPING, FRICTION, STIFFNESS]] = 0.0
+    links[:, PASSIVE] = 0.0
     bare = replace(mechanism.tree, links=links)
     floating = replace(bare, gravity=np.zeros(2))
     squares, rates, rows = np.zeros(len(links)), np.zeros(len(links)), 0
