@@ -16,6 +16,8 @@ import numpy as np
 
 from monodyn.mechanism.axis import Form
 from monodyn.mechanism.model import Mechanism
+from monodyn.mechanism.parts import Joint
+from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.solids import Solid
 from monodyn.mechanism.tree import (
     ANCHOR_X,
@@ -37,6 +39,9 @@ from monodyn.mechanism.tree import (
 
 FAR = 1000.0
 """Limit [m] written for a slide without limits, because URDF requires one."""
+
+NOT_IN_URDF = ("stiffness", "armature")
+"""Kinds of parameters of a joint that URDF has no place for."""
 
 MASSLESS = 1e-12
 """Mass [kg] and inertia [kg m^2] of a URDF link between two joints of one body; none at all is refused."""
@@ -305,14 +310,7 @@ def _urdf_joint(mechanism: Mechanism, i: int, names: dict[int, str], root: ET.El
     z = _depth(mechanism, i) - _depth(mechanism, parent)
     limited = joint.lower > -math.inf or joint.upper < math.inf
     kind = ("revolute" if limited else "continuous") if joint.kind == "hinge" else "prismatic"
-    lost = [
-        f"{what} {row[column]:g} {unit}"
-        for what, column, unit in (
-            ("stiffness", STIFFNESS, f"N m/rad about {row[REST]:g} rad" if joint.kind == "hinge" else "N/m"),
-            ("armature", ARMATURE, "kg m^2" if joint.kind == "hinge" else "kg"),
-        )
-        if row[column]
-    ]
+    lost = [_lost(kind, joint, row) for kind in NOT_IN_URDF if row[JOINT[kind].column]]
     if lost:
         root.append(ET.Comment(f" not in URDF: {' and '.join(lost)} of the next joint "))
     element = ET.SubElement(root, "joint", name=joint.name, type=kind)
@@ -328,6 +326,13 @@ def _urdf_joint(mechanism: Mechanism, i: int, names: dict[int, str], root: ET.El
             element, "limit", lower=_numbers(lower), upper=_numbers(upper), effort="1000", velocity="1000"
         )
     ET.SubElement(element, "dynamics", damping=_numbers(row[DAMPING]), friction=_numbers(row[FRICTION]))
+
+
+def _lost(kind: str, joint: Joint, row: np.ndarray) -> str:
+    """Return what URDF cannot hold of a joint as text."""
+    term, hinge = JOINT[kind], joint.kind == "hinge"
+    about = f" about {row[REST]:g} rad" if kind == "stiffness" and hinge else ""
+    return f"{kind} {row[term.column]:g} {term.at_hinge if hinge else term.at_slide}{about}"
 
 
 def _axis(kind: int, row: np.ndarray) -> str:
