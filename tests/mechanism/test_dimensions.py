@@ -82,6 +82,8 @@ def test_other_units_leave_the_motion_as_it_is(units: dict[str, float], bodies: 
             f"{slide}.stiffness": 0.5,
             f"{hinge}.armature": 1e-4,
             f"{slide}.armature": 0.05,
+            f"{slide}.drag": 0.02,
+            f"{hinge}.drag": 1e-4,
         }
     )
     k = 1.7
@@ -98,7 +100,8 @@ def test_other_units_leave_the_motion_as_it_is(units: dict[str, float], bodies: 
 
 def test_mass_kinds_are_what_the_scale_of_masses_changes() -> None:
     assert set(MASS_KINDS) == {
-        "thickness", "density", "mass", "inertia", "damping", "friction", "stiffness", "armature", "torque"
+        "thickness", "density", "mass", "inertia", "damping", "friction", "stiffness", "armature", "drag",
+        "torque",
     }  # fmt: skip
     for kind in DIMENSIONS:
         held = {power(kind, mass=1), power(kind, mass=1, thickness=1)}
@@ -112,7 +115,7 @@ def test_longer_in_more_gravity() -> None:
         assert {kind for kind, p in at.items() if p == 1.0} == {
             "length", "width", "tail", "tip", "offset", "com_x", "com_y", "gravity"
         }  # fmt: skip
-        kinds = ("damping", "friction", "stiffness", "armature", "torque", "inertia")
+        kinds = ("damping", "friction", "stiffness", "armature", "drag", "torque", "inertia")
         assert all(at[kind] == weighted for kind in kinds)
         assert at["mass"] == masses
         assert at["thickness"] == at["time_scale"] == at["period"] == 0.0

@@ -25,9 +25,9 @@ from support import refuses
             "m.xml: expected at least one joint, got none; add a hinge or a slide.",
         ),
         (
-            mjcf(body_with('<joint name="j1" axis="0 -1 0" damping="1 2 0"/>')),
-            "m.xml: joint 'j1': expected linear damping and stiffness, got higher terms; give one "
-            "number each.",
+            mjcf(body_with('<joint name="j1" axis="0 -1 0" damping="1 0 2"/>')),
+            "m.xml: joint 'j1': expected linear and quadratic damping and linear stiffness, got higher "
+            "terms; give one or two numbers of damping and one of stiffness.",
         ),
         (
             mjcf(SINGLE.replace('name="a"', 'name="a" gravcomp="1"')),
@@ -44,6 +44,10 @@ from support import refuses
         (
             mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 1e308 0"')),
             "m.xml: joint 'j1': expected an axis with a direction, got one without; correct it.",
+        ),
+        (
+            mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 -1 0" damping="0.1 -0.1"')),
+            "m.xml: joints: expected damping and stiffness not below 0, got a negative one; correct it.",
         ),
         (
             mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 -1 0" damping="-0.1"')),

@@ -92,6 +92,37 @@ def test_friction_loss_is_that_of_mujoco_on_fast_motion(tmp_path: Path) -> None:
         assert np.allclose(ours, data.qacc, rtol=1e-7, atol=1e-7 * np.abs(data.qacc).max())
 
 
+@pytest.mark.parametrize("name", ["double", "cart_branches"])
+def test_drag_is_a_force_that_mujoco_is_given(name: str, tmp_path: Path) -> None:
+    """tau = -c |v| v, written into MuJoCo's applied forces at every stage of its steps."""
+    mechanism, model, data = _both(ZOO[name], tmp_path)
+    rng = np.random.default_rng(SEED)
+    drag = rng.uniform(1e-4, 1e-3, model.nv)
+    q0, v0 = rng.uniform(-1, 1, model.nq), rng.uniform(-8, 8, model.nv)
+    data.qpos[:], data.qvel[:] = q0, v0
+
+    def hold(_: mujoco.MjModel, now: mujoco.MjData) -> None:
+        now.qfrc_applied[:] = -drag * np.abs(now.qvel) * now.qvel
+
+    mujoco.set_mjcb_control(hold)
+    try:
+        theirs = [q0]
+        for _ in range(50):
+            for _ in range(5):
+                mujoco.mj_step(model, data)
+            theirs.append(data.qpos.copy())
+    finally:
+        mujoco.set_mjcb_control(None)
+    dragged = mechanism.with_values(
+        {f"{j.name}.drag": float(c) for j, c in zip(mechanism.joints, drag, strict=True)}
+    )
+    times = np.arange(51) * 5 * model.opt.timestep
+    q, _ = rollout(dragged.tree, times, q0, v0, substeps=5)
+    # Same method and step: rounding, grown by 250 steps of a motion that may be chaotic.
+    assert np.allclose(q, theirs, rtol=0, atol=1e-8)
+    assert np.abs(q - rollout(mechanism.tree, times, q0, v0, substeps=5)[0]).max() > 1e-3
+
+
 def test_double_pendulum_is_the_closed_form() -> None:
     """Eq. (8) of the 2012 paper, with cos(theta1 + theta2) in g1 and g2 and tau_i = -b_i rate_i."""
     mechanism = load("double").with_values(

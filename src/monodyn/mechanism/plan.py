@@ -27,6 +27,7 @@ from monodyn.mechanism.tree import (
     AXIS_Y,
     COLUMNS,
     DAMPING,
+    DRAG,
     FRICTION,
     HINGE,
     REST,
@@ -50,6 +51,7 @@ JOINT = {
     "friction": JointTerm(FRICTION, "N m", "N"),
     "stiffness": JointTerm(STIFFNESS, "N m/rad", "N/m"),
     "armature": JointTerm(ARMATURE, "kg m^2", "kg"),
+    "drag": JointTerm(DRAG, "N m s^2/rad^2", "N s^2/m^2"),
 }
 """The parameters of every joint by kind, in the order in which they are entered."""
 JOINT_COLUMNS = [term.column for term in JOINT.values()]

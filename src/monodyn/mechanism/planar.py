@@ -31,6 +31,7 @@ from monodyn.mechanism.tree import (
     COM_Y,
     CREEP,
     DAMPING,
+    DRAG,
     FRICTION,
     HINGE,
     INERTIA,
@@ -164,6 +165,9 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
         )
         if links[i, FRICTION] != 0.0:
             a[i] -= links[i, FRICTION] * _friction(v[i])
+        if links[i, DRAG] != 0.0:
+            # |v| v is analytic on either side of 0, which a complex step needs; abs() of a complex is not
+            a[i] -= links[i, DRAG] * (v[i] * v[i] if v[i].real > 0.0 else -v[i] * v[i])
         # Composite rigid body: (turn, px, py) is the force that moves the rigid subtree with a unit
         # acceleration of joint i; its projection on the subspaces of the joints inward is a row of M(q).
         px = w[i, M] * w[i, SX] - w[i, SW] * w[i, MY]

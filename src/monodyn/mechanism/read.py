@@ -174,6 +174,7 @@ class _File:
                 "friction": float(model.dof_frictionloss[j]) if friction else 0.0,
                 "stiffness": float(model.jnt_stiffness[j]) if spring else 0.0,
                 "armature": float(model.dof_armature[j]),
+                "drag": float(model.dof_dampingpoly[j, 0]) if damper else 0.0,
             },
         )
 

@@ -61,7 +61,7 @@ def refuse_unsupported(
 
 
 def _refuse_joint(model: Any, j: int, shown: str, urdf: bool, *, reserved: bool) -> None:
-    """Raise for a joint that is no hinge or slide with linear damping and stiffness, or has a bad name."""
+    """Raise for a joint that is no hinge or slide, has other forces than the dynamics know, or a bad name."""
     if reserved:
         raise MechanismError(
             f"{shown}: expected a name other than {', '.join(RESERVED)}, which are columns of the tables of "
@@ -72,16 +72,18 @@ def _refuse_joint(model: Any, j: int, shown: str, urdf: bool, *, reserved: bool)
         free = "floating" if urdf else "free"
         got = free if kind == FREE_TYPE else "ball"
         raise MechanismError(f"{shown}: expected a hinge or a slide, got a {got} joint; replace it.")
-    dof = int(model.jnt_dofadr[j])
-    bent = np.any(model.dof_dampingpoly[dof]) or np.any(model.jnt_stiffnesspoly[j])
+    # MuJoCo's damping is -(b + b1 |v| + b2 v^2) v: b1 is the quadratic drag.
+    bent = np.any(model.dof_dampingpoly[int(model.jnt_dofadr[j]), 1:]) or np.any(model.jnt_stiffnesspoly[j])
     if bent or np.any(model.jnt_springyield[j]):
         raise MechanismError(
-            f"{shown}: expected linear damping and stiffness, got higher terms; give one number each."
+            f"{shown}: expected linear and quadratic damping and linear stiffness, got higher terms; "
+            "give one or two numbers of damping and one of stiffness."
         )
 
 
 def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
     """Raise for numbers that no mechanism has and no arithmetic survives."""
+    damping = np.column_stack([model.dof_damping, model.dof_dampingpoly])
     groups = {
         "gravity": model.opt.gravity,
         "body positions": model.body_pos,
@@ -92,7 +94,7 @@ def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
         "joint references": np.concatenate([model.qpos0, model.qpos_spring]),
         "joint axes": model.jnt_axis,
         "damping, friction, stiffness or armature": np.concatenate(
-            [model.dof_damping, model.dof_frictionloss, model.jnt_stiffness, model.dof_armature]
+            [damping.ravel(), model.dof_frictionloss, model.jnt_stiffness, model.dof_armature]
         ),
     }
     for what, numbers in groups.items():
@@ -108,7 +110,7 @@ def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
             raise MechanismError(
                 f"{where}: joint '{name}': expected an axis with a direction, got one without; correct it."
             )
-    if np.any(model.dof_damping < 0) or np.any(model.jnt_stiffness < 0):
+    if np.any(damping < 0) or np.any(model.jnt_stiffness < 0):
         raise MechanismError(
             f"{where}: joints: expected damping and stiffness not below 0, got a negative one; correct it."
         )

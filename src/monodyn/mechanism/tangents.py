@@ -53,6 +53,7 @@ from monodyn.mechanism.tree import (
     COM_Y,
     CREEP,
     DAMPING,
+    DRAG,
     FRICTION,
     HINGE,
     INERTIA,
@@ -218,6 +219,8 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: 
         else:
             grip = np.tanh(x)
             slope = links[i, FRICTION] * (1.0 - grip * grip) / CREEP
+        if links[i, DRAG] != 0.0:
+            slope += 2.0 * links[i, DRAG] * abs(v[i])
         for k in range(live):
             da[i, k] = -(
                 w[i, SW] * t[i, DFN, k]
@@ -229,6 +232,7 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: 
                 + dlinks[i, DAMPING, k] * v[i]
                 + (links[i, DAMPING] + slope) * dv[i, k]
                 + dlinks[i, FRICTION, k] * grip
+                + dlinks[i, DRAG, k] * abs(v[i]) * v[i]
                 + dlinks[i, STIFFNESS, k] * (q[i] - links[i, REST])
                 + links[i, STIFFNESS] * (dq[i, k] - dlinks[i, REST, k])
             )

@@ -18,9 +18,9 @@ HINGE = 0
 SLIDE = 1
 
 ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, MASS, COM_X, COM_Y, INERTIA = range(9)
-DAMPING, FRICTION, STIFFNESS, REST, ARMATURE = range(9, 14)
-COLUMNS = 14
-PASSIVE = (DAMPING, FRICTION, STIFFNESS)
+DAMPING, FRICTION, STIFFNESS, REST, ARMATURE, DRAG = range(9, 15)
+COLUMNS = 15
+PASSIVE = (DAMPING, FRICTION, STIFFNESS, DRAG)
 """Columns of what acts at a joint by itself, in proportion to the column."""
 
 CREEP = 0.01
@@ -40,7 +40,7 @@ class Tree:
       turns counter-clockwise) and 0;
     * ``MASS`` [kg], ``COM_X, COM_Y`` centre of mass in the link's frame [m], ``INERTIA`` about it [kg m^2];
     * ``DAMPING`` [N m s/rad or N s/m], ``FRICTION`` [N m or N], ``STIFFNESS`` [N m/rad or N/m] about ``REST``
-      [rad or m], ``ARMATURE`` [kg m^2 or kg].
+      [rad or m], ``ARMATURE`` [kg m^2 or kg], ``DRAG`` c of the torque -c |v| v [N m s^2/rad^2 or N s^2/m^2].
 
     Attributes:
         parent: Row of the parent link, -1 for the world, int64 (dof,); a parent comes before its children.

@@ -29,6 +29,7 @@ from monodyn.mechanism.tree import (
     COM_X,
     COM_Y,
     DAMPING,
+    DRAG,
     FRICTION,
     HINGE,
     INERTIA,
@@ -40,7 +41,7 @@ from monodyn.mechanism.tree import (
 FAR = 1000.0
 """Limit [m] written for a slide without limits, because URDF requires one."""
 
-NOT_IN_URDF = ("stiffness", "armature")
+NOT_IN_URDF = ("stiffness", "armature", "drag")
 """Kinds of parameters of a joint that URDF has no place for."""
 
 MASSLESS = 1e-12
@@ -139,7 +140,10 @@ def _mjcf_body(mechanism: Mechanism, group: list[int], parent: ET.Element) -> ET
             element.set("pos", _numbers(back[0], 0, back[1]))
         columns = {"damping": DAMPING, "frictionloss": FRICTION, "stiffness": STIFFNESS, "armature": ARMATURE}
         for name, column in columns.items():
-            if row[column]:
+            if name == "damping" and row[DRAG]:
+                # MuJoCo's damping is -(b + b1 |v| + ...) v: its second number is the drag
+                element.set(name, _numbers(row[DAMPING], row[DRAG]))
+            elif row[column]:
                 element.set(name, _numbers(row[column]))
         if row[STIFFNESS]:
             element.set("springref", _numbers(row[REST]))
@@ -208,9 +212,9 @@ def _value(mechanism: Mechanism, form: Form) -> float:
 def write_urdf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as a URDF file.
 
-    URDF has no springs and no rotor inertia: where the mechanism has them, a comment in the file says what is
-    missing and the motion differs. Gravity is written in the ``<mujoco>`` element, which other readers
-    ignore. Ellipsoids and meshes are shown as boxes of their extents. A slide without limits gets limits of
+    URDF has no place for the kinds ``NOT_IN_URDF``: where the mechanism has them, a comment in the file says
+    what is missing and the motion differs. Gravity is written in the ``<mujoco>`` element, which other
+    readers ignore. Ellipsoids and meshes are shown as boxes of their extents. A slide without limits gets limits of
     1000 m.
 
     Args:
