@@ -214,8 +214,8 @@ def write_urdf(mechanism: Mechanism, path: str | Path) -> None:
 
     URDF has no place for the kinds ``NOT_IN_URDF``: where the mechanism has them, a comment in the file says
     what is missing and the motion differs. Gravity is written in the ``<mujoco>`` element, which other
-    readers ignore. Ellipsoids and meshes are shown as boxes of their extents. A slide without limits gets limits of
-    1000 m.
+    readers ignore. Ellipsoids and meshes are shown as boxes of their extents. A slide without limits gets
+    limits of 1000 m.
 
     Args:
         mechanism: The mechanism.
