@@ -33,8 +33,7 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
     Args:
         plan: The mechanism's plan.
         values: Parameter values, (param,), or (param, step) for many at once.
-        own: True where a mass, centre of mass or inertia is its own value instead of following, bool
-            (param,).
+        own: True (param,) where a mass, centre of mass or inertia is a value of its own instead of following.
 
     Returns:
         (dof, column), or (dof, column, step).
@@ -119,7 +118,7 @@ def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
     Args:
         plan: The mechanism's plan.
         values: Parameter values, (param,).
-        own: As in ``links_of``.
+        own: As in ``links_of``, (param,).
     """
     gravity = np.array([0.0, -values[plan.index["gravity"]]])
     return Tree(plan.parent, plan.kind, links_of(plan, values, own), gravity)
@@ -145,7 +144,7 @@ def derivatives(
     Args:
         plan: The mechanism's plan.
         values: Parameter values, (param,).
-        own: As in ``links_of``.
+        own: As in ``links_of``, (param,).
         rows: Rows of the parameters, int (param,).
 
     Returns:
