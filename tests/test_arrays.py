@@ -1,10 +1,10 @@
 """Shape checks: what is copied, what is refused."""
 
 import numpy as np
-from support import refuses
 
 from monodyn.arrays import frozen, increasing, plain
 from monodyn.errors import MonodynError, SettingsError
+from support import refuses
 
 
 def test_a_frozen_array_is_a_copy_that_cannot_change() -> None:
