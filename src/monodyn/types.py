@@ -132,7 +132,12 @@ class Poses:
         return len(self.time)
 
     def part(self, first: int, stop: int) -> Poses:
-        """Return rows ``first`` to ``stop - 1``."""
+        """Return a stretch of the rows.
+
+        Args:
+            first: First row.
+            stop: Row after the last one.
+        """
         rows = slice(first, stop)
         return Poses(
             self.joints, self.frame[rows], self.time[rows], self.position[rows], self.covariance[rows],

@@ -159,12 +159,12 @@ def test_drive_entries_are_the_entries_that_a_parameter_changes(model: str) -> N
     mechanism = load("double").with_torque(model, terms=2, knots=KNOT_TIMES, period=1.0)
     torques = [p.name for p in mechanism.parameters if ".torque." in p.name]
     names = ["gravity", *torques[::-1][:-1]]
-    way = mechanism.drive_entries(names)
-    assert way.shape == mechanism.drive.table.shape
+    entry = mechanism.drive_entries(names)
+    assert entry.shape == mechanism.drive.table.shape
     for k, name in enumerate(names):
         changed = mechanism.with_values({name: 0.5}).drive.table != mechanism.drive.table
-        assert np.array_equal(way == k, changed)
-    assert np.sum(way == -1) == 1
+        assert np.array_equal(entry == k, changed)
+    assert np.sum(entry == -1) == 1
     assert np.array_equal(load("double").drive_entries(names[:1]), np.zeros((2, 0)))
 
 

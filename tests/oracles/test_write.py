@@ -9,6 +9,7 @@ from zoo import FRICTION, ZOO
 
 from monodyn.mechanism import BUNDLED, Mechanism, load, write_mjcf, write_urdf
 from monodyn.mechanism.simulate import rollout
+from monodyn.mechanism.write import NOT_IN_URDF
 
 SEED = 20120802
 NAMES = [*ZOO, *(f"bundled {name}" for name in BUNDLED if name != "chain:N"), "bundled chain:10"]
@@ -67,7 +68,7 @@ def test_mjcf_moves_the_same(name: str, tmp_path: Path) -> None:
 def test_urdf_moves_the_same(name: str, tmp_path: Path) -> None:
     mechanism = _mechanism(name, tmp_path)
     # URDF knows neither springs nor rotor inertia.
-    lost = {f"{j.name}.{what}": 0.0 for j in mechanism.joints for what in ("stiffness", "armature")}
+    lost = {f"{j.name}.{what}": 0.0 for j in mechanism.joints for what in NOT_IN_URDF}
     mechanism = mechanism.with_values(lost)
     write_urdf(mechanism, tmp_path / "model.urdf")
     q0, v0 = _start(mechanism)

@@ -10,19 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from monodyn.mechanism.plan import Plan
+from monodyn.mechanism.plan import JOINT_COLUMNS, Plan
 from monodyn.mechanism.solids import BLOCK, CYLINDER, SPHERE, Solid
 from monodyn.mechanism.tree import (
     ANCHOR_X,
     ANCHOR_Y,
-    ARMATURE,
     COM_X,
     COM_Y,
-    DAMPING,
-    FRICTION,
     INERTIA,
     MASS,
-    STIFFNESS,
     Shapes,
     Tree,
 )  # fmt: skip
@@ -37,28 +33,27 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
     Args:
         plan: The mechanism's plan.
         values: Parameter values, (param,), or (param, step) for many at once.
-        own: True where a mass, centre of mass or inertia is its own value instead of following, bool
-            (param,).
+        own: True (param,) where a mass, centre of mass or inertia is a value of its own instead of following.
 
     Returns:
-        (dof, 14), or (dof, 14, step).
+        (dof, column), or (dof, column, step).
     """
     rest = values.shape[1:]
     rows: Any = plan.forms[:, :-1] @ values + plan.forms[:, -1].reshape(-1, *(1,) * len(rest))
     numbers: Any = values
+    # Plain floats are several times as fast as numpy scalars in the formulas below.
     if not rest:
         rows, numbers = rows.tolist(), values.tolist()
     links = np.empty((*plan.template.shape, *rest), dtype=values.dtype)
     links[...] = plan.template.reshape(*plan.template.shape, *(1,) * len(rest))
+    links[:, JOINT_COLUMNS] = values[plan.joints]
     for i in range(len(plan.links)):
         links[i, ANCHOR_X], links[i, ANCHOR_Y] = rows[2 * i], rows[2 * i + 1]
-        d, f, k, a = plan.joints[i]
-        links[i, DAMPING], links[i, FRICTION] = numbers[d], numbers[f]
-        links[i, STIFFNESS], links[i, ARMATURE] = numbers[k], numbers[a]
         owned = plan.owned[i]
         if owned is not None:
             mass, x, y, inertia = _body(plan, i, rows, numbers)
             m, cx, cy, j = owned
+            # A mass of its own keeps the shape's radius of gyration, unless the inertia is given as well.
             if own[m]:
                 inertia = inertia * (numbers[m] / mass)
                 mass = numbers[m]
@@ -77,9 +72,11 @@ def _body(plan: Plan, i: int, rows: Any, numbers: Any) -> tuple[Any, Any, Any, A
         volume, gyration = _solid(solid, along, across, deep)
         mass = numbers[weight] * volume if solid.dense else numbers[weight]
         parts.append((mass, x, y, gyration))
+    # The general formula gives the same for one part, at the price of a division by its own mass.
     if len(parts) == 1:
         mass, x, y, gyration = parts[0]
         return mass, x, y, mass * gyration
+    # Parallel axes: every part turns about its own centre and moves with it about the common one.
     mass = sum(part[0] for part in parts)
     x = sum(part[0] * part[1] for part in parts) / mass
     y = sum(part[0] * part[2] for part in parts) / mass
@@ -99,6 +96,8 @@ def _solid(solid: Solid, along: Any, across: Any, deep: Any) -> tuple[Any, Any]:
     square = across * across
     if solid.kind == SPHERE:
         return np.pi / 6 * across * square, square / 10
+    # A rod whose axis leaves the plane: moments about the axis and square to it, mixed by the squares of the
+    # direction cosines, which are flat and rise over their sum.
     flat, rise = along * along, deep * deep
     length = np.sqrt(flat + rise)
     bar = np.pi / 4 * square * length
@@ -119,7 +118,7 @@ def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
     Args:
         plan: The mechanism's plan.
         values: Parameter values, (param,).
-        own: As in ``links_of``.
+        own: As in ``links_of``, (param,).
     """
     gravity = np.array([0.0, -values[plan.index["gravity"]]])
     return Tree(plan.parent, plan.kind, links_of(plan, values, own), gravity)
@@ -145,12 +144,16 @@ def derivatives(
     Args:
         plan: The mechanism's plan.
         values: Parameter values, (param,).
-        own: As in ``links_of``.
-        rows: Rows of the parameters, int (way,).
+        own: As in ``links_of``, (param,).
+        rows: Rows of the parameters, int (param,).
 
     Returns:
-        Derivatives of the links, (way, dof, 14), and of gravity, (way, 2).
+        Derivatives of the links, (param, dof, column), and of gravity, (param, 2).
+
+    Source: complex-step differentiation; Squire and Trapp, Using complex variables to estimate derivatives of
+        real functions, 1998.
     """
+    # One column of values for each parameter, stepped in that parameter alone; all are computed at once.
     steps = np.repeat(values[:, None].astype(complex), len(rows), axis=1)
     steps[rows, np.arange(len(rows))] += 1j * STEP
     links = np.moveaxis(np.imag(links_of(plan, steps, own)) / STEP, -1, 0)

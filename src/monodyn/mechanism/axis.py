@@ -76,6 +76,7 @@ def corners(geom: Geom) -> np.ndarray:
     else:
         turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)
         ring = np.stack([np.cos(turn), np.sin(turn), np.zeros(48)], axis=1)
+        # An ellipsoid that lies flat is drawn by its equator; a tilted one needs points all over.
         flat = int(np.argmax(np.abs(geom.axes[2])))
         if abs(geom.axes[2, flat]) > 1 - 1e-12:
             local = np.roll(ring, flat + 1, axis=1) * geom.size
@@ -95,6 +96,7 @@ def profile(geom: Geom) -> Profile:
     centre = geom.centre[:2]
     if geom.kind == "sphere":
         return Profile(geom, centre, None, (geom.size[0], geom.size[0]), 2 * geom.size[0])
+    # A rod seen along its axis is round; otherwise its shadow is a bar of its diameter.
     if geom.kind in ("capsule", "cylinder"):
         axis, flat = geom.axes[:, 2], float(np.hypot(*geom.axes[:2, 2]))
         if flat < TINY:
@@ -110,6 +112,8 @@ def profile(geom: Geom) -> Profile:
     deep = (
         float(np.ptp(points[:, 2])) if geom.kind != "ellipsoid" else 2 * _reach(geom, np.array([0, 0, 1.0]))
     )
+    # A block with an edge along z has its other edges in the plane; a tilted one takes the direction in which
+    # its shadow spreads most.
     upright = int(np.argmax(np.abs(geom.axes[2])))
     if abs(geom.axes[2, upright]) > 1 - 1e-9:
         first = geom.axes[:2, (upright + 1) % 3]
@@ -246,12 +250,14 @@ def long_axis(link: Link, anchors: list[np.ndarray], profiles: list[Profile]) ->
     size = max([math.hypot(*a) for a in anchors] + [p.half[0] for p in profiles], default=0.0)
     far = max(anchors, key=lambda a: math.hypot(*a), default=np.zeros(2))
     reach = math.hypot(*far)
+    # A cart is as long as its main geom, whichever way it slides; its origin may lie anywhere along it.
     if link.joint.kind == "slide" and main is not None and main.long is not None:
         along = main.long if main.long[np.argmax(np.abs(main.long))] > 0 else -main.long
         reach = float(far @ along)
         if abs(reach) <= TINY * size:
             return along, 2 * main.half[0]
         return (along, reach) if reach > 0 else (-along, -reach)
+    # A link with a child is as long as from hinge to hinge; the last one reaches to the end of its geom.
     if reach > TINY * size:
         return far / reach, reach
     if main is None:

@@ -1,7 +1,9 @@
-"""Torques over time at the joints, besides friction and springs: a Fourier series, or values at knots.
+"""Torques over time at the joints, in addition to friction and springs: Fourier series, or values at knots.
 
-Both are linear in a table: tau_i(t) = sum_c table[i, c] basis_c(t). The kernels below give the basis and its
-derivative by time, so that rollouts and their derivatives share one formula.
+Both are linear in a table: tau_i(t) = sum_c table[i, c] basis_c(t). The numba kernels at the end of the file
+give the basis and its derivative by time at one instant, so that rollouts and their derivatives share one
+formula. ``fourier_basis`` is the same series for whole arrays of times and for any derivative, for fits that
+are linear in the coefficients and need no mechanism; a test compares the two.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from monodyn.mechanism.tree import Directions
 NONE, FOURIER, KNOTS = range(3)
 
 SIDE = 1e-7
-"""Share of the way into its own step by which a time is moved to tell on which side of a knot it is."""
+"""Share of its own step by which a time is moved inward to decide on which side of a knot it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +38,7 @@ class Drive:
         table: Coefficients [N m or N], (dof, column), float or complex.
 
     Source: the 2012 paper, eq. (13), and its Case III, which has an unknown torque "at each time instant" and
-        does not say how it runs in between; here it is linear.
+        leaves open how it runs in between; here it is linear.
     """
 
     mode: int
@@ -89,7 +91,7 @@ class Drive:
         return _torques(self.mode, self.times, self.table, np.asarray(times, dtype=np.float64))
 
     def basis(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what a one in each column of the table adds to the torque, and its time derivative.
+        """Return the torque that a one in each column of the table adds, and its time derivative.
 
         Args:
             times: True times [s], (row,).
@@ -98,6 +100,7 @@ class Drive:
             Values and rates [1/s], each (row, column).
         """
         values, rates = np.zeros((2, len(times), self.table.shape[1]))
+        # A time that is a knot counts as inside: the first and the last knot have a torque.
         middle = float(np.mean(self.times)) if len(self.times) else 0.0
         for row, time in enumerate(times):
             basis_at(self.mode, self.times, time, middle, values[row], rates[row])
@@ -107,7 +110,7 @@ class Drive:
         """Differentiate the torque by parameters.
 
         Args:
-            directions: What each parameter changes in the drive.
+            directions: How each parameter changes the drive.
             times: True times [s], (row,).
 
         Returns:
@@ -167,14 +170,17 @@ def fourier_basis(time: np.ndarray, period: float, terms: int, *, derivative: in
 def basis_at(mode, stamps, time, side, value, rate):  # pragma: no cover - compiled
     """Write basis and time derivative by column at ``time``; return the range of columns that are not zero.
 
-    Columns outside of the range are left as they are. At a knot the limit from the time ``side`` counts, so
-    that a step which ends at a knot and one which begins there each see a smooth torque.
+    ``value`` and ``rate`` are (column,); columns outside of the range are left as they are. At a knot the
+    limit from the time ``side`` counts, so that a step that ends at a knot and one that begins there each see
+    a smooth torque.
     """
     if mode == FOURIER:
         turn = 2.0 * np.pi / stamps[0]
         c, s = np.cos(turn * time), np.sin(turn * time)
         value[0], rate[0] = 1.0, 0.0
         ck, sk = c, s
+        # (ck, sk) are cosine and sine of k times the angle, by the addition theorem: one pair of library
+        # calls whatever the number of harmonics; rounding grows only with k.
         for k in range(1, (value.size + 1) // 2):
             value[2 * k - 1], rate[2 * k - 1] = ck, -k * turn * sk
             value[2 * k], rate[2 * k] = sk, k * turn * ck
@@ -185,6 +191,7 @@ def basis_at(mode, stamps, time, side, value, rate):  # pragma: no cover - compi
         within = time + SIDE * (side - time)
         if within < stamps[0] or within > stamps[last]:
             return 0, 0
+        # Two hats overlap between knots j and j + 1; all others are zero there.
         j = min(np.searchsorted(stamps, within, side="right") - 1, last - 1)
         width = stamps[j + 1] - stamps[j]
         part = min(max((time - stamps[j]) / width, 0.0), 1.0)
@@ -196,7 +203,7 @@ def basis_at(mode, stamps, time, side, value, rate):  # pragma: no cover - compi
 
 @njit(cache=True, error_model="numpy")
 def torque(mode, stamps, table, time, side, value, rate, tau, slope):  # pragma: no cover - compiled
-    """Write torques and their derivative by time; return the range of columns as ``basis_at`` does."""
+    """Write torques ``tau`` and their time derivatives ``slope``, (dof,); return ``basis_at``'s range."""
     low, high = basis_at(mode, stamps, time, side, value, rate)
     for i in range(table.shape[0]):
         tau[i] = 0.0
@@ -209,6 +216,7 @@ def torque(mode, stamps, table, time, side, value, rate, tau, slope):  # pragma:
 
 @njit(cache=True, error_model="numpy")
 def _torques(mode, stamps, table, times):  # pragma: no cover - compiled
+    """Return the torques at every time, (frame, dof)."""
     value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
     tau = np.empty((times.size, table.shape[0]), table.dtype)
     slope = np.empty(table.shape[0], table.dtype)

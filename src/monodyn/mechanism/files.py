@@ -68,7 +68,7 @@ def read_mechanism(path: Path) -> tuple[str, bool, dict[str, bytes]]:
 
 
 def _keep_looks(root: ET.Element) -> None:
-    """Tell MuJoCo to keep a URDF's visual geometry and its fixed links."""
+    """Make MuJoCo keep a URDF's visual geometry and its fixed links."""
     extra = root.find("mujoco")
     extra = ET.SubElement(root, "mujoco") if extra is None else extra
     compiler = extra.find("compiler")
@@ -92,6 +92,7 @@ def parse(path: Path) -> ET.Element:
             f"{path.name}: document types and entities are not supported; remove <!DOCTYPE>."
         )
 
+    # Expat is asked first, because ElementTree would resolve entities and recurse before anybody can refuse.
     depth = 0
 
     def enter(*_: object) -> None:
@@ -100,8 +101,7 @@ def parse(path: Path) -> ET.Element:
         if depth > MAX_DEPTH:
             raise MechanismError(
                 f"{path.name}: expected at most {MAX_DEPTH} elements inside one another, got more; simplify "
-                f"the "
-                f"file."
+                "the file."
             )
 
     def leave(*_: object) -> None:
@@ -166,8 +166,7 @@ def inside(folder: Path, name: str, shown: str) -> Path:
     if not path.is_relative_to(folder):
         raise MechanismError(
             f"file '{shown}': expected a file in the mechanism's own folder, got a path that leads out of "
-            f"it; "
-            f"copy the file there."
+            "it; copy the file there."
         )
     return path
 
@@ -193,6 +192,7 @@ def _include(element: ET.Element, folder: Path, count: list[int], depth: int = 0
                 f"includes itself."
             )
         included = parse(inside(folder, child.get("file", ""), child.get("file", "")))
+        # ``place`` stays: what has been put in may be an include itself.
         element[place : place + 1] = list(included)
 
 
@@ -224,8 +224,7 @@ def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
         if tag == "mimic":
             raise MechanismError(
                 f"{where}: joint '{element.get('name', '')}': mimic joints couple joints and are not "
-                f"supported; "
-                f"remove <mimic>."
+                "supported; remove <mimic>."
             )
         for name, value in child.attrib.items():
             if name not in TEXTS and "nan" in value.lower().split():
@@ -266,6 +265,7 @@ def _take_meshes(root: ET.Element, where: str, folder: Path) -> dict[str, bytes]
                 raise MechanismError(f"{where}: <{element.tag}>: files are read for meshes only; remove it.")
             plain = re.sub(r"^(package://[^/]*/|file://)", "", given)
             path = inside(folder, str(Path(meshdir) / plain) if root.tag == "mujoco" else plain, given)
+            # MuJoCo sees neither paths nor folders, only these names and the bytes that go with them.
             key = f"mesh{len(meshes)}{path.suffix.lower()}"
             meshes[key] = read_bytes(path, MAX_MESH_BYTES, f"mesh '{given}'")
             if root.tag == "mujoco" and "name" not in element.attrib:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +11,7 @@ import numpy as np
 
 from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import derivatives, links_of, shapes_of, tree_of
-from monodyn.mechanism.parts import NOT_NEGATIVE, POSITIVE, Joint, Link, Parameter
+from monodyn.mechanism.parts import Joint, Link, Parameter
 from monodyn.mechanism.plan import OWNED, Plan, Torques, make_plan, make_torques
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS, Directions, Measured, Shapes, Tree
 
@@ -24,7 +23,7 @@ COLUMNS_OWNED = (MASS, COM_X, COM_Y, INERTIA)
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """A planar mechanism: what its file says of its topology, and values, bounds and choices by parameter.
+    """A planar mechanism: the topology of its file, and values, bounds and choices by parameter.
 
     Made by ``load``; changed copies come from the ``with_...`` methods.
 
@@ -74,7 +73,7 @@ class Mechanism:
 
     @property
     def torque(self) -> str:
-        """What acts at the joints besides springs: ``"friction"``, ``"fourier"`` or ``"free"``."""
+        """What acts at the joints in addition to springs: ``"friction"``, ``"fourier"`` or ``"free"``."""
         return self.torques.model
 
     @cached_property
@@ -91,6 +90,7 @@ class Mechanism:
     def _current(self) -> np.ndarray:
         """Values with those that follow filled in, (param,)."""
         values = self.numbers.copy()
+        # What follows stands in the tree; what is a value of its own stands there unchanged.
         for i, rows in enumerate(self.plan.owned):
             if rows is not None:
                 values[list(rows)] = self.tree.links[i, COLUMNS_OWNED]
@@ -152,22 +152,15 @@ class Mechanism:
                 first with ``with_choices``.
 
         Raises:
-            MechanismError: A name is unknown, a value is not finite, has the wrong sign, or follows from
-                others.
+            MechanismError: A value follows from others; or, from deeper down, a name is unknown, a value is
+                not finite or has the wrong sign.
         """
         numbers = self.numbers.copy()
         table = self.torques.table
         for name, value in values.items():
             row = self.row(name)
             value = float(value)
-            least = table.sign[row]
-            if not math.isfinite(value):
-                raise MechanismError(f"parameter '{name}': expected a number, got {value}.")
-            if (least == POSITIVE and value <= 0) or (least == NOT_NEGATIVE and value < 0):
-                least_text = "above" if least == POSITIVE else "not below"
-                raise MechanismError(
-                    f"parameter '{name}': expected a value {least_text} 0 {table.unit[row]}, got {value:g}."
-                )
+            table.check(row, value)
             if table.follows[row] and not self.own[row]:
                 raise MechanismError(
                     f"parameter '{name}': follows from the sizes of its body; fix or free it to give it a "
@@ -190,8 +183,8 @@ class Mechanism:
             bounds: Lower and upper bound by name.
 
         Raises:
-            MechanismError: A name is unknown or both fixed and freed, a value is not finite, has the wrong
-                sign or lies outside its bounds, or bounds are reversed.
+            MechanismError: A name is both fixed and freed, or bounds are reversed; or, from deeper down, a
+                name is unknown, or a value is not finite, has the wrong sign or lies outside its bounds.
         """
         fix, bounds = dict(fix or {}), dict(bounds or {})
         lower, upper = self.lower.copy(), self.upper.copy()
@@ -207,6 +200,7 @@ class Mechanism:
             row = self.row(name)
             if name in fix and name in free:
                 raise MechanismError(f"parameter '{name}': is both fixed and freed; choose one of them.")
+            # A value that followed so far becomes one of its own, and begins as what it was.
             if self.torques.table.follows[row] and not own[row]:
                 own[row], numbers[row] = True, self._current[row]
             frees[row] = name in free
@@ -255,10 +249,10 @@ class Mechanism:
         knots: np.ndarray | None = None,
         period: float | None = None,
     ) -> Mechanism:
-        """Return a copy with torques over time at its joints, besides friction and springs.
+        """Return a copy with torques over time at its joints, in addition to friction and springs.
 
-        A parameter that the mechanism has already keeps its value, bounds and freedom, torques at knots only
-        if the knots are the same; new coefficients start at 0.
+        A parameter that the mechanism has already keeps its value, bounds and freedom (torques at knots only
+        if the knots are the same); new coefficients start at 0.
 
         Args:
             model: ``"friction"``: none. ``"fourier"``: a Fourier series with the parameters ``torque.period``
@@ -269,8 +263,8 @@ class Mechanism:
             period: Start value of the period [s], where the mechanism has none yet.
 
         Raises:
-            MechanismError: The model is unknown, has no term, no period above 0 or fewer than two knots, or
-                the knots do not increase.
+            MechanismError: From ``make_torques``: the model is unknown, has no term, no period above 0 or
+                fewer than two knots, or the knots do not increase.
 
         Example:
             >>> import monodyn.mechanism
@@ -285,28 +279,32 @@ class Mechanism:
         same = model == "fourier" or np.array_equal(torques.knots, old.knots)
         kept = [name for name in table.names[count:] if same and name in old.index]
         to, since = [torques.index[name] for name in kept], [old.index[name] for name in kept]
-        columns = []
-        for start, now in (
-            (table.start, self.numbers), (table.lower, self.lower), (table.upper, self.upper),
-            (table.free, self.free), ([False] * len(table.names), self.own),
-        ):  # fmt: skip
+
+        def merged(start: list, now: np.ndarray) -> np.ndarray:
+            # parameters of the plan come first in both tables
             column = np.array(start, dtype=now.dtype)
             column[:count], column[to] = now[:count], now[since]
-            columns.append(column)
-        numbers, lower, upper, free, own = columns
+            return column
+
         return replace(
-            self, torques=torques, numbers=numbers, lower=lower, upper=upper, free=free, own=own,
+            self,
+            torques=torques,
+            numbers=merged(table.start, self.numbers),
+            lower=merged(table.lower, self.lower),
+            upper=merged(table.upper, self.upper),
+            free=merged(table.free, self.free),
+            own=merged([False] * len(table.names), self.own),
             chosen=frozenset(n for n in self.chosen if n in self.plan.index or n in kept),
-        )  # fmt: skip
+        )
 
     def with_measured(self, measured: Measured) -> Mechanism:
-        """Return a copy that carries what the picture knows about its sizes.
+        """Return a copy that carries the information of the picture about its sizes.
 
         Args:
             measured: Names and information matrix.
 
         Raises:
-            MechanismError: A name is unknown.
+            MechanismError: From ``row``: a name is unknown.
         """
         for name in measured.names:
             self.row(name)
@@ -322,7 +320,7 @@ class Mechanism:
             The derivatives by ``names``.
 
         Raises:
-            MechanismError: A name is unknown or its value follows from others.
+            MechanismError: The value of a parameter follows from others; or, from ``row``, a name is unknown.
         """
         rows = np.array([self.row(name) for name in names], dtype=np.int64)
         following = [name for name, row in zip(names, rows, strict=True) if self._follows[row]]
@@ -330,6 +328,7 @@ class Mechanism:
             raise MechanismError(
                 f"parameter '{following[0]}': follows from the sizes of its body; fix or free it first."
             )
+        # Rows beyond the plan are torques: they change the drive alone.
         links, gravity = np.zeros((len(rows), *self.plan.template.shape)), np.zeros((len(rows), 2))
         inner = rows < len(self.plan_numbers)
         if inner.any():
@@ -352,7 +351,7 @@ class Mechanism:
             Place in ``names``, -1 where none of them, int64 (dof, column).
 
         Raises:
-            MechanismError: A name is unknown.
+            MechanismError: From ``row``: a name is unknown.
         """
         place = np.full(len(self.numbers), -1, dtype=np.int64)
         place[[self.row(name) for name in names]] = np.arange(len(names))

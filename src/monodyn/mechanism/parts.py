@@ -5,6 +5,8 @@ These are start values: ``plan`` turns them into maps from parameter values to t
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -40,7 +42,7 @@ class Parameter:
     Attributes:
         name: ``<body>.length``, ``<joint>.damping``, ``gravity``, ...
         kind: What it is: ``length``, ``damping``, ``torque`` (a coefficient of a torque over time), ...; the
-            kinds are the rows of ``dimensions.POWERS``.
+            kinds are the rows of ``dimensions.DIMENSIONS``.
         owner: Name of the body or joint that it belongs to; empty for ``gravity`` and the like.
         value: Current value.
         lower: Lower bound.
@@ -121,11 +123,8 @@ class Link:
         offset: Distance of the body from its parent body toward the camera [m].
         geoms: Its geoms.
         givens: Inertials stated for its body or for bodies welded to it.
-        damping: Viscous damping [N m s/rad or N s/m].
-        friction: Friction loss [N m or N].
-        stiffness: Spring [N m/rad or N/m].
         rest: Position at which the spring is slack [rad or m].
-        armature: Rotor inertia [kg m^2 or kg].
+        terms: Start values of the joint's own parameters by kind (``plan.JOINT``): damping, friction, ...
     """
 
     joint: Joint
@@ -137,19 +136,43 @@ class Link:
     offset: float
     geoms: tuple[Geom, ...]
     givens: tuple[Given, ...]
-    damping: float
-    friction: float
-    stiffness: float
     rest: float
-    armature: float
+    terms: Mapping[str, float]
 
 
 POSITIVE, NOT_NEGATIVE, ANY = 0, 1, 2
 
 
+@dataclass(frozen=True)
+class Entry:
+    """A parameter as it is entered into the table.
+
+    Attributes:
+        name: Its name.
+        kind: What it is, as in `Parameter`.
+        owner: Body or joint that it belongs to, or empty.
+        start: Start value.
+        unit: Unit.
+        free: True if it is estimated by default.
+        bounds: Lower and upper bound; None for start * [1e-3, 1e3], which suits a positive quantity.
+        sign: ``POSITIVE``, ``NOT_NEGATIVE`` or ``ANY``.
+        follows: True if the value follows from others by default.
+    """
+
+    name: str
+    kind: str
+    owner: str
+    start: float
+    unit: str
+    free: bool = False
+    bounds: tuple[float, float] | None = None
+    sign: int = POSITIVE
+    follows: bool = False
+
+
 @dataclass
 class Table:
-    """The parameters while a plan is made: one entry a name, in order of entry."""
+    """The parameters while a plan is made: one entry a name, in order of entry, kept by column."""
 
     names: list[str] = field(default_factory=list)
     kind: list[str] = field(default_factory=list)
@@ -162,51 +185,51 @@ class Table:
     follows: list[bool] = field(default_factory=list)
     sign: list[int] = field(default_factory=list)
 
-    def add(
-        self,
-        name: str,
-        start: float,
-        unit: str,
-        *,
-        kind: str,
-        owner: str = "",
-        free: bool,
-        bounds: tuple[float, float] | None = None,
-        sign: int = POSITIVE,
-        follows: bool = False,
-    ) -> str:
+    def add(self, entry: Entry) -> str:
         """Enter a parameter and return its name.
 
         Args:
-            name: Its name; must be new.
-            start: Start value.
-            unit: Unit.
-            kind: What it is, as in `Parameter`.
-            owner: Body or joint that it belongs to.
-            free: True if it is estimated by default.
-            bounds: Lower and upper bound; a positive quantity has start * [1e-3, 1e3] by default.
-            sign: ``POSITIVE``, ``NOT_NEGATIVE`` or ``ANY``.
-            follows: True if the value follows from others by default.
+            entry: The parameter; its name must be new.
 
         Raises:
             MechanismError: The name has been entered before.
         """
-        if name in self.names:
+        if entry.name in self.names:
             raise MechanismError(
-                f"parameter '{name}': expected one part of that name, got two; rename a body, geom or joint."
+                f"parameter '{entry.name}': expected one part of that name, got two; rename a body, geom or "
+                "joint."
             )
-        lower, upper = bounds if bounds is not None else (1e-3 * start, 1e3 * start)
-        self.names.append(name)
-        self.kind.append(kind)
-        self.owner.append(owner)
-        self.start.append(float(start))
+        lower, upper = entry.bounds or (1e-3 * entry.start, 1e3 * entry.start)
+        self.names.append(entry.name)
+        self.kind.append(entry.kind)
+        self.owner.append(entry.owner)
+        self.start.append(float(entry.start))
         self.lower.append(float(lower))
         self.upper.append(float(upper))
-        self.unit.append(unit)
-        self.free.append(free)
-        self.follows.append(follows)
-        self.sign.append(sign)
-        return name
+        self.unit.append(entry.unit)
+        self.free.append(entry.free)
+        self.follows.append(entry.follows)
+        self.sign.append(entry.sign)
+        return entry.name
+
+    def check(self, row: int, value: float) -> None:
+        """Raise unless a value is a number of the sign that its parameter has.
+
+        Args:
+            row: Row of the parameter.
+            value: The value.
+
+        Raises:
+            MechanismError: The value is not finite or has the wrong sign.
+        """
+        name, sign = self.names[row], self.sign[row]
+        if not math.isfinite(value):
+            raise MechanismError(f"parameter '{name}': expected a number, got {value}.")
+        if (sign == POSITIVE and value <= 0) or (sign == NOT_NEGATIVE and value < 0):
+            least = "above" if sign == POSITIVE else "not below"
+            raise MechanismError(
+                f"parameter '{name}': expected a value {least} 0 {self.unit[row]}, got {value:g}."
+            )
 
     def copy(self) -> Table:
         """Return a table with the same entries that can take further ones."""

@@ -11,18 +11,52 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import MechanismError
 from monodyn.mechanism.axis import TINY, Axis, Form, Profile, extent, long_axis, main_geom, plus, profile
-from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Joint, Link, Table
-from monodyn.mechanism.solids import KINDS, Solid, geom_solid, given_solid
-from monodyn.mechanism.tree import ANGLE, AXIS_X, AXIS_Y, COLUMNS, HINGE, REST, SLIDE
+from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Joint, Link, Table
+from monodyn.mechanism.solids import KINDS, Naming, Solid, geom_solid, given_solid
+from monodyn.mechanism.tree import (
+    ANGLE,
+    ARMATURE,
+    AXIS_X,
+    AXIS_Y,
+    COLUMNS,
+    DAMPING,
+    DRAG,
+    FRICTION,
+    HINGE,
+    REST,
+    SLIDE,
+    STIFFNESS,
+)  # fmt: skip
 
 OWNED = ("mass", "com_x", "com_y", "inertia")
-JOINT = ("damping", "friction", "stiffness", "armature")
+
+
+class JointTerm(NamedTuple):
+    """A parameter of every joint: its column in ``Tree.links``, its unit at a hinge and at a slide."""
+
+    column: int
+    at_hinge: str
+    at_slide: str
+
+
+JOINT = {
+    "damping": JointTerm(DAMPING, "N m s/rad", "N s/m"),
+    "friction": JointTerm(FRICTION, "N m", "N"),
+    "stiffness": JointTerm(STIFFNESS, "N m/rad", "N/m"),
+    "armature": JointTerm(ARMATURE, "kg m^2", "kg"),
+    "drag": JointTerm(DRAG, "N m s^2/rad^2", "N s^2/m^2"),
+}
+"""The parameters of every joint by kind, in the order in which they are entered."""
+JOINT_COLUMNS = [term.column for term in JOINT.values()]
+LEAST_DAMPING = 1e-3
+"""Damping at which a joint starts that has none in the file [N m s/rad or N s/m]."""
 TORQUES = ("friction", "fourier", "free")
 
 
@@ -36,13 +70,13 @@ class Plan:
         index: Row of each parameter.
         parent: int64 (dof,).
         kind: int64 (dof,).
-        template: ``Tree.links`` with the constant columns filled, (dof, 14).
+        template: ``Tree.links`` with the constant columns filled, (dof, column).
         forms: Rows of the linear map on (values, 1): two anchor rows a link, then five rows a solid (along,
             across, deep, centre x, centre y), (row, param + 1).
         solids: By link, the solids that weigh something, with their first row in ``forms``.
         weights: For each of those the row of its density or mass parameter, by link.
         owned: By link, the rows of mass, com_x, com_y, inertia of its body, or None for a massless link.
-        joints: Rows of damping, friction, stiffness, armature by joint, int (dof, 4).
+        joints: Rows of the parameters of each joint, in the order of ``JOINT``, int (dof, term).
         drawn: The solids that can be seen, in order of the shapes.
         shape_link: Link of each shape.
         first: First point of each shape, (geom + 1,).
@@ -87,6 +121,7 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
     anchors: list[tuple[Form, Form]] = [({"": float(k.anchor[0])}, {"": float(k.anchor[1])}) for k in links]
     solids: list[list[Solid]] = []
     depths: list[Form] = []
+    # A parent comes before its children, so that anchors of children are forms before they are stacked.
     for i, link in enumerate(links):
         depth: Form = depths[link.parent] if link.parent >= 0 else {}
         solids.append([])
@@ -101,11 +136,11 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
         depths.append(depth)
     joints = [_enter_joint(link, table) for link in links]
     if gravity > 0:
-        table.add("gravity", gravity, "m/s^2", kind="gravity", free=False)
+        table.add(Entry("gravity", "gravity", "", gravity, "m/s^2"))
     else:
-        limits = (0.0, math.inf)
-        table.add("gravity", 0.0, "m/s^2", kind="gravity", free=False, bounds=limits, sign=NOT_NEGATIVE)
-    table.add("time_scale", 1.0, "1", kind="time_scale", free=False)
+        none = Entry("gravity", "gravity", "", 0.0, "m/s^2", bounds=(0.0, math.inf), sign=NOT_NEGATIVE)
+        table.add(none)
+    table.add(Entry("time_scale", "time_scale", "", 1.0, "1"))
     return _stack(links, table, anchors, solids, joints, depths)
 
 
@@ -125,23 +160,22 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
     main = main_geom(profiles)
     name = ""
     if length > 0:
-        name = table.add(f"{body}.length", length, "m", kind="length", owner=body, free=True)
+        name = table.add(Entry(f"{body}.length", "length", body, length, "m", free=True))
     cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > TINY * length for a in anchors)
     tail, tip = (0.0, 0.0) if cart or not name else _overhang(link, anchors, along, length)
-    bounds = [(0.0, 1e3 * max(extra, length)) for extra in (tail, tip)]
-    names = [
-        table.add(
-            f"{body}.{what}", extra, "m", kind=what, owner=body, free=True, bounds=limits, sign=NOT_NEGATIVE
-        )
-        if extra > 0
-        else ""
-        for what, extra, limits in zip(("tail", "tip"), (tail, tip), bounds, strict=True)
-    ]
+    names = {"tail": "", "tip": ""}
+    for what, extra in (("tail", tail), ("tip", tip)):
+        if extra > 0:
+            limits = (0.0, 1e3 * max(extra, length))
+            names[what] = table.add(
+                Entry(f"{body}.{what}", what, body, extra, "m", free=True, bounds=limits, sign=NOT_NEGATIVE)
+            )
     width = 0.0
     if main is not None:
         width = 2 * _half_across(main, along)
-        table.add(f"{body}.width", width, "m", kind="width", owner=body, free=True)
-    return Axis(along, length, tail, tip, width, (name, names[0], names[1], f"{body}.width" if width else ""))
+        table.add(Entry(f"{body}.width", "width", body, width, "m", free=True))
+    across = f"{body}.width" if width else ""
+    return Axis(along, length, tail, tip, width, (name, names["tail"], names["tip"], across))
 
 
 def _half_across(shape: Profile, along: np.ndarray) -> float:
@@ -178,6 +212,7 @@ def _overhang(link: Link, anchors: list[np.ndarray], along: np.ndarray, length: 
 
 def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> Form:
     """Return the form of a body's distance from its parent body, a parameter if that one moves too."""
+    # Massless links of a body with several joints are skipped: the parent is the last link that carries one.
     base = i
     while links[base].parent >= 0 and not links[links[base].parent].carries:
         base = links[base].parent
@@ -186,7 +221,7 @@ def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> 
         return {"": link.offset - links[0].offset}
     body, bounds = link.joint.body, (-reach, reach)
     name = table.add(
-        f"{body}.offset", link.offset, "m", kind="offset", owner=body, free=True, bounds=bounds, sign=ANY
+        Entry(f"{body}.offset", "offset", body, link.offset, "m", free=True, bounds=bounds, sign=ANY)
     )
     return {name: 1.0}
 
@@ -205,13 +240,12 @@ def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Sol
             prefix = f"{owner}." if shape is main else f"{label}."
             # <body>.mass is the mass of all its parts, so one of several parts has its mass by its own name.
             masses = f"{owner}." if alone or (shape is main and owner != body) else f"{label}."
-            solids.append(
-                geom_solid(shape, axis, table, prefix, masses, shape is main and owner == body, depth)
-            )
+            naming = Naming(prefix, masses, shape is main and owner == body)
+            solids.append(geom_solid(shape, axis, table, naming, depth))
     for given in link.givens:
         name = f"{given.body}.mass" if alone or given.body != body else f"{given.body}.inertial.mass"
         bounds = (1e-6 * given.mass, 1e6 * given.mass)
-        table.add(name, given.mass, "kg", kind="mass", owner=given.body, free=True, bounds=bounds)
+        table.add(Entry(name, "mass", given.body, given.mass, "kg", free=True, bounds=bounds))
         solids.append(given_solid(given, axis, name))
     return solids
 
@@ -230,28 +264,25 @@ def _enter_inertia(link: Link, table: Table, reach: float) -> None:
     """Enter mass, centre of mass and inertia of a body, which follow from its solids."""
     body = link.joint.body
     if f"{body}.mass" not in table.names:
-        table.add(f"{body}.mass", 1.0, "kg", kind="mass", owner=body, free=False, follows=True)
+        table.add(Entry(f"{body}.mass", "mass", body, 1.0, "kg", follows=True))
     for what in ("com_x", "com_y"):
-        table.add(
-            f"{body}.{what}", 0.0, "m", kind=what, owner=body, free=False, bounds=(-reach, reach), sign=ANY,
-            follows=True,
-        )  # fmt: skip
-    table.add(f"{body}.inertia", 1.0, "kg m^2", kind="inertia", owner=body, free=False, follows=True)
+        limits = (-reach, reach)
+        table.add(Entry(f"{body}.{what}", what, body, 0.0, "m", bounds=limits, sign=ANY, follows=True))
+    table.add(Entry(f"{body}.inertia", "inertia", body, 1.0, "kg m^2", follows=True))
 
 
 def _enter_joint(link: Link, table: Table) -> list[str]:
-    """Enter damping, friction, stiffness and armature of a joint."""
-    name, hinge = link.joint.name, link.joint.kind == "hinge"
-    limits = (0.0, math.inf)
-    units = ("N m s/rad", "N m", "N m/rad", "kg m^2") if hinge else ("N s/m", "N", "N/m", "kg")
-    starts = (link.damping or 1e-3, link.friction, link.stiffness, link.armature)
-    frees = (True, link.friction > 0, link.stiffness > 0, False)
-    return [
-        table.add(
-            f"{name}.{what}", start, unit, kind=what, owner=name, free=free, bounds=limits, sign=NOT_NEGATIVE
-        )
-        for what, start, unit, free in zip(JOINT, starts, units, frees, strict=True)
-    ]
+    """Enter the parameters of a joint: what the file has is free, and damping always is; armature never."""
+    name, limits, names = link.joint.name, (0.0, math.inf), []
+    for kind, term in JOINT.items():
+        start = link.terms[kind]
+        free = kind == "damping" or (start > 0 and kind != "armature")
+        if kind == "damping":
+            start = start or LEAST_DAMPING
+        unit = term.at_hinge if link.joint.kind == "hinge" else term.at_slide
+        entry = Entry(f"{name}.{kind}", kind, name, start, unit, free, limits, NOT_NEGATIVE)
+        names.append(table.add(entry))
+    return names
 
 
 def _stack(
@@ -265,6 +296,7 @@ def _stack(
     """Turn the forms into matrices."""
     index = {name: row for row, name in enumerate(table.names)}
     forms = [form for pair in anchors for form in pair]
+    # The order of rows that ``assemble`` counts on: two anchors a link, then five forms a solid.
     heavy: list[tuple[tuple[Solid, int], ...]] = []
     for group in solids:
         rows = []
@@ -380,7 +412,7 @@ def _enter_series(table: Table, joints: Sequence[Joint], terms: int, period: flo
         raise MechanismError(f"torque.terms: expected 1 or more, got {terms}.")
     if period is None or not 0 < period < math.inf:
         raise MechanismError(f"torque.period: expected a time above 0 s, got {period}.")
-    table.add("torque.period", period, "s", kind="period", free=True)
+    table.add(Entry("torque.period", "period", "", period, "s", free=True))
     waves = [f"{wave}{k}" for k in range(1, terms + 1) for wave in ("cos", "sin")]
     rows = [[_enter_torque(table, joint, what) for what in ("mean", *waves)] for joint in joints]
     return np.array(rows, dtype=np.int64)
@@ -391,5 +423,5 @@ def _enter_torque(table: Table, joint: Joint, what: str) -> int:
     unit = "N m" if joint.kind == "hinge" else "N"
     name = f"{joint.name}.torque.{what}"
     bounds = (-math.inf, math.inf)
-    table.add(name, 0.0, unit, kind="torque", owner=joint.name, free=True, bounds=bounds, sign=ANY)
+    table.add(Entry(name, "torque", joint.name, 0.0, unit, free=True, bounds=bounds, sign=ANY))
     return len(table.names) - 1

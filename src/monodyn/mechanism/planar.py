@@ -1,4 +1,4 @@
-"""numba kernels: planar multibody dynamics of any joint tree (with ``branches`` and ``tangents``).
+"""Numba kernels: planar multibody dynamics of any joint tree (with ``branches`` and ``tangents``).
 
 All quantities are planar spatial vectors about one fixed point, the first joint's place at q = 0: a motion is
 (turn rate, velocity at that point), a force is (moment about it, force), an inertia is (m, m c_x, m c_y, J).
@@ -31,6 +31,7 @@ from monodyn.mechanism.tree import (
     COM_Y,
     CREEP,
     DAMPING,
+    DRAG,
     FRICTION,
     HINGE,
     INERTIA,
@@ -40,6 +41,8 @@ from monodyn.mechanism.tree import (
 )  # fmt: skip
 
 C, S, PHI, OX, OY, SW, SX, SY, VW, VX, VY, M, MX, MY, J, FN, FX, FY, AW, AX, AY = range(21)
+"""Columns of the scratch ``w``, one row a link: cosine, sine and angle of its frame; its origin; the motion
+that a unit rate of its joint is (S), its own motion (V), inertia (M to J), force (F), acceleration (A)."""
 WORK = 21
 
 
@@ -51,16 +54,23 @@ def _friction(rate):  # pragma: no cover - compiled
         return x * 0.0 + 1.0
     if x.real < -20.0:
         return x * 0.0 - 1.0
+    # tanh(x) by exp(-2 x), which serves real and complex rates alike
     e = np.exp(-2.0 * x)
     return (1.0 - e) / (1.0 + e)
 
 
 @njit(cache=True, error_model="numpy")
 def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
-    """Fill pose, motion subspace, velocity and inertia of every link (columns C to J of ``w``), outward."""
+    """Fill pose, motion subspace, velocity and inertia of every link (columns C to J of ``w``), outward.
+
+    ``q`` and ``v`` are (dof,), ``w`` is (dof, WORK).
+    """
+    # A parent comes before its children, so that its row is complete when a child reads it.
     for i in range(parent.size):
         p = parent[i]
         if p < 0:
+            # Everything is about the first joint's place, near the mechanism: about a point far away the
+            # moments of all links would be large and nearly cancel.
             ox = links[i, ANCHOR_X] - links[0, ANCHOR_X]
             oy = links[i, ANCHOR_Y] - links[0, ANCHOR_Y]
             phi = links[i, ANGLE]
@@ -73,6 +83,7 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
             phi += sign * q[i]
             w[i, C] = np.cos(phi)
             w[i, S] = np.sin(phi)
+            # A turn about the hinge at (ox, oy) moves the fixed point by -turn x origin.
             w[i, SW] = sign
             w[i, SX] = sign * oy
             w[i, SY] = -sign * ox
@@ -83,9 +94,11 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
             dy = w[i, S] * links[i, AXIS_X] + w[i, C] * links[i, AXIS_Y]
             ox += dx * q[i]
             oy += dy * q[i]
+            # A slide moves every point alike, whatever the point of reference is.
             w[i, SW] = 0.0
             w[i, SX] = dx
             w[i, SY] = dy
+        # All motions are about one point, so that velocities simply add up from the root outward.
         w[i, PHI] = phi
         w[i, OX] = ox
         w[i, OY] = oy
@@ -98,6 +111,7 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
             w[i, VY] += w[p, VY]
         x = ox + w[i, C] * links[i, COM_X] - w[i, S] * links[i, COM_Y]
         y = oy + w[i, S] * links[i, COM_X] + w[i, C] * links[i, COM_Y]
+        # Mass, first and second moment about the fixed point: in this form inertias of links add up.
         w[i, M] = links[i, MASS]
         w[i, MX] = links[i, MASS] * x
         w[i, MY] = links[i, MASS] * y
@@ -106,17 +120,23 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
 
 @njit(cache=True, error_model="numpy")
 def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
-    """Fill the force (FN, FX, FY) that each link needs when every joint acceleration is zero."""
+    """Fill the force (FN, FX, FY) that each link needs when every joint acceleration is zero.
+
+    ``gravity`` is (2,), ``v`` is (dof,), ``w`` is (dof, WORK) as ``place`` leaves it.
+    """
     for i in range(parent.size):
         p = parent[i]
         if p < 0:
+            # A ground that accelerates upward in place of gravity: it reaches every link by itself.
             w[i, AW] = 0.0
             w[i, AX] = -gravity[0]
             w[i, AY] = -gravity[1]
         else:
+            # The subspace is carried along by the parent: its rate of change is V_parent x S, times v.
             w[i, AW] = w[p, AW]
             w[i, AX] = w[p, AX] + v[i] * (w[i, SW] * w[p, VY] - w[p, VW] * w[i, SY])
             w[i, AY] = w[p, AY] + v[i] * (w[p, VW] * w[i, SX] - w[i, SW] * w[p, VX])
+        # f = I A + V x* (I V), where (px, py) is the momentum; the moment of momentum drops out in a plane.
         px = w[i, M] * w[i, VX] - w[i, VW] * w[i, MY]
         py = w[i, M] * w[i, VY] + w[i, VW] * w[i, MX]
         w[i, FN] = (
@@ -128,9 +148,14 @@ def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
 
 @njit(cache=True, error_model="numpy")
 def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cover - compiled
-    """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch."""
+    """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch.
+
+    ``q``, ``v``, ``tau`` and ``a`` are (dof,), ``h`` is (dof, dof), ``w`` is (dof, WORK).
+    """
     place(parent, kind, links, q, v, w)
     _bias(parent, gravity, v, w)
+    # Inward: when link i is reached, all of its subtree has been added to it, so that its inertia and its
+    # force are those of the whole subtree that its joint carries.
     for i in range(parent.size - 1, -1, -1):
         a[i] = (
             tau[i]
@@ -140,6 +165,11 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
         )
         if links[i, FRICTION] != 0.0:
             a[i] -= links[i, FRICTION] * _friction(v[i])
+        if links[i, DRAG] != 0.0:
+            # |v| v is analytic on either side of 0, which a complex step needs; abs() of a complex is not
+            a[i] -= links[i, DRAG] * (v[i] * v[i] if v[i].real > 0.0 else -v[i] * v[i])
+        # Composite rigid body: (turn, px, py) is the force that moves the rigid subtree with a unit
+        # acceleration of joint i; its projection on the subspaces of the joints inward is a row of M(q).
         px = w[i, M] * w[i, SX] - w[i, SW] * w[i, MY]
         py = w[i, M] * w[i, SY] + w[i, SW] * w[i, MX]
         turn = w[i, J] * w[i, SW] + w[i, MX] * w[i, SY] - w[i, MY] * w[i, SX]
@@ -153,6 +183,7 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
             w[j, FN] += w[i, FN]
             w[j, FX] += w[i, FX]
             w[j, FY] += w[i, FY]
+        # Only joints between here and the root: the others have no common link, and ``factor`` skips them.
         while j >= 0:
             h[i, j] = w[j, SW] * turn + w[j, SX] * px + w[j, SY] * py
             j = parent[j]
@@ -175,7 +206,11 @@ def accelerations(parent, kind, links, gravity, q, v, tau):  # pragma: no cover 
 def rollout(
     parent, kind, links, gravity, times, substeps, q0, v0, mode, stamps, table
 ):  # pragma: no cover - compiled
-    """Integrate by Runge-Kutta steps of order four; return positions and rates, each (frame, dof)."""
+    """Integrate by Runge-Kutta steps of order four; return positions and rates, each (frame, dof).
+
+    ``times`` is (frame,), ``q0`` and ``v0`` are (dof,), ``stamps`` and ``table`` those of the drive.
+    """
+    # Row 0 of x, u, a is the start of a step, rows 1 to 3 the other stages; nothing is allocated inside.
     n = parent.size
     value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
     slope = np.empty(n, links.dtype)
@@ -203,6 +238,7 @@ def rollout(
                     for i in range(n):
                         x[k, i] = x[0, i] + part * u[k - 1, i]
                         u[k, i] = u[0, i] + part * a[k - 1, i]
+                # The middle of the step says on which side of a knot its ends are.
                 if mode != NONE:
                     torque(mode, stamps, table, begin + part, begin + 0.5 * step, value, rate, tau, slope)
                 forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
@@ -217,12 +253,13 @@ def rollout(
 
 @njit(cache=True, error_model="numpy")
 def energy(parent, kind, links, gravity, q, v):  # pragma: no cover - compiled
-    """Return kinetic, height and spring energy in every row, (frame,)."""
+    """Return kinetic, height and spring energy in every row of ``q`` and ``v`` (frame, dof), (frame,)."""
     w = np.empty((parent.size, WORK), links.dtype)
     total = np.zeros(q.shape[0], links.dtype)
     for f in range(q.shape[0]):
         place(parent, kind, links, q[f], v[f], w)
         for i in range(parent.size):
+            # Twice the kinetic energy is V.(I V); (MX, MY) holds m c, so that gravity needs no positions.
             px = w[i, M] * w[i, VX] - w[i, VW] * w[i, MY]
             py = w[i, M] * w[i, VY] + w[i, VW] * w[i, MX]
             turn = w[i, J] * w[i, VW] + w[i, MX] * w[i, VY] - w[i, MY] * w[i, VX]

@@ -66,20 +66,19 @@ def find_plane(
     """
     z = axes[np.argmax(hinges)] if hinges.any() else _slide_normal(axes, gravity)
     for name, hinge, axis in zip(names, hinges, axes, strict=True):
-        text = " ".join(f"{x:.4g}" for x in axis + 0.0)
+        text = _axis_text(axis)
         if hinge and np.linalg.norm(np.cross(axis, z)) > PARALLEL:
             first = names[int(np.argmax(hinges))]
             raise MechanismError(
                 f"{where}: joint '{name}': expected a hinge axis parallel to that of '{first}', got {text} "
-                f"in the "
-                f"world; only planar mechanisms are supported, so make the axes parallel."
+                "in the world; only planar mechanisms are supported, so make the axes parallel."
             )
         if not hinge and abs(axis @ z) > PARALLEL:
             raise MechanismError(
                 f"{where}: joint '{name}': expected a slide in the plane square to {_axis_text(z)}, got "
-                f"axis {text} "
-                f"in the world; only planar mechanisms are supported, so turn it into the plane."
+                f"axis {text} in the world; only planar mechanisms are supported, so turn it into the plane."
             )
+    # The part of gravity along the hinges is borne by them: only the rest pulls in the plane.
     up = -gravity + (gravity @ z) * z
     pull = float(np.linalg.norm(up))
     if pull <= PARALLEL * max(1.0, float(np.linalg.norm(gravity))):

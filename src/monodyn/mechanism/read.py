@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,15 +14,11 @@ from monodyn.mechanism.files import read_mechanism
 from monodyn.mechanism.model import Mechanism, assemble
 from monodyn.mechanism.parts import Geom, Given, Joint, Link
 from monodyn.mechanism.plane import Plane, find_plane
+from monodyn.mechanism.supported import refuse_unsupported
 from monodyn.mechanism.tree import INERTIA, MASS
 
-WILD = 1e9
-"""Largest number [SI] that a mechanism file may hold."""
-
-RESERVED = ("time", "frame", "seen")
-"""Columns of the tables of positions that no joint may be named after."""
-
-KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
+GEOM_KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
+"""Kinds of geoms by MuJoCo's number."""
 
 
 def load(source: str | Path) -> Mechanism:
@@ -81,8 +77,16 @@ def _mechanism(text: str, urdf: bool, meshes: dict[str, bytes], where: str) -> M
     return assemble(name.encode("utf-8", "replace").decode("utf-8"), *file.links())
 
 
+class _Frame(NamedTuple):
+    """The frame of a link in the plane frame: origin [m] (2,), turn [rad], height of its body [m]."""
+
+    origin: np.ndarray
+    angle: float
+    height: float
+
+
 class _File:
-    """A compiled model while it is read."""
+    """A compiled model while it is read, with its joints at zero."""
 
     def __init__(self, mujoco: Any, spec: Any, model: Any, where: str, urdf: bool) -> None:
         self.model, self.where, self.urdf = model, where, urdf
@@ -94,8 +98,7 @@ class _File:
         self.body_names = [name or f"body{b}" for b, name in enumerate(names)]
         names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(model.njnt)]
         self.joint_names = [name or f"joint{j + 1}" for j, name in enumerate(names)]
-        self._refuse(mujoco)
-        self._refuse_wild_numbers()
+        refuse_unsupported(model, where, self.joint_names, self.body_names, urdf=urdf)
         self.data.qpos[:] = 0.0
         mujoco.mj_kinematics(model, self.data)
         mujoco.mj_comPos(model, self.data)
@@ -113,28 +116,38 @@ class _File:
         """Return the links in dof order and gravity in the plane [m/s^2]."""
         links: list[Link] = []
         last: dict[int, int] = {}
-        frames: dict[int, tuple[np.ndarray, float]] = {-1: (np.zeros(2), 0.0)}
+        frames = {-1: _Frame(np.zeros(2), 0.0, 0.0)}
         for j in range(self.model.njnt):
             body = int(self.model.jnt_bodyid[j])
             above = int(self.model.body_weldid[self.model.body_parentid[body]])
+            # Joints of one body follow one another; the first of them hangs on the body above.
             parent = last.get(body, last.get(above, -1))
-            links.append(self._link(j, body, above, parent, frames))
+            frames[j] = self._frame(j, frames[parent])
+            links.append(self._link(j, parent, frames[parent], frames[j]))
             last[body] = j
         self._compare(links)
         return links, self.plane.gravity
 
-    def _link(self, j: int, body: int, above: int, parent: int, frames: dict[int, Any]) -> Link:
-        """Return one joint's link and enter its frame."""
-        model, plane = self.model, self.plane
-        hinge = bool(plane.hinges[j])
-        start, turn = frames[parent]
+    def _frame(self, j: int, parent: _Frame) -> _Frame:
+        """Return the frame of one joint's link: at the joint, turned as its body is."""
+        body, plane = int(self.model.jnt_bodyid[j]), self.plane
         angle = plane.angle(self.data.xmat[body].reshape(3, 3))
-        angle = turn if angle is None else angle
-        origin = plane.place(self.data.xanchor[j] if hinge else self.data.xpos[body])[:2]
-        frames[j] = (origin, angle)
+        # A body that is also tilted out of the plane has no angle of its own; any constant one will do.
+        angle = parent.angle if angle is None else angle
+        place = self.data.xanchor[j] if plane.hinges[j] else self.data.xpos[body]
+        return _Frame(plane.place(place)[:2], angle, float(plane.place(self.data.xpos[body])[2]))
+
+    def _link(self, j: int, parent: int, start: _Frame, frame: _Frame) -> Link:
+        """Return one joint's link, between the frame of its parent and its own."""
+        model, plane = self.model, self.plane
+        hinge, body = bool(plane.hinges[j]), int(model.jnt_bodyid[j])
+        above = int(model.body_weldid[model.body_parentid[body]])
         carries = j + 1 == model.njnt or int(model.jnt_bodyid[j + 1]) != body
-        axis = np.array([plane.signs[j], 0.0]) if hinge else _turned(plane.axes @ self.data.xaxis[j], -angle)
-        height = float(plane.place(self.data.xpos[body])[2])
+        axis = (
+            np.array([plane.signs[j], 0.0])
+            if hinge
+            else _turned(plane.axes @ self.data.xaxis[j], -frame.angle)
+        )
         below = float(plane.place(self.data.xpos[above])[2]) if above > 0 else 0.0
         limited = bool(model.jnt_limited[j])
         damper, friction, spring = self.switches
@@ -149,17 +162,20 @@ class _File:
             ),
             parent=parent,
             carries=carries,
-            anchor=_turned(origin - start, -turn),
-            angle=float(np.arctan2(np.sin(angle - turn), np.cos(angle - turn))),
+            anchor=_turned(frame.origin - start.origin, -start.angle),
+            angle=float(np.arctan2(np.sin(frame.angle - start.angle), np.cos(frame.angle - start.angle))),
             axis=axis[:2],
-            offset=height - below,
-            geoms=self._geoms(body, origin, angle, height) if carries else (),
-            givens=self._givens(body, origin, angle) if carries else (),
-            damping=float(model.dof_damping[j]) if damper else 0.0,
-            friction=float(model.dof_frictionloss[j]) if friction else 0.0,
-            stiffness=float(model.jnt_stiffness[j]) if spring else 0.0,
+            offset=frame.height - below,
+            geoms=self._geoms(body, frame) if carries else (),
+            givens=self._givens(body, frame) if carries else (),
             rest=float(model.qpos_spring[j]),
-            armature=float(model.dof_armature[j]),
+            terms={
+                "damping": float(model.dof_damping[j]) if damper else 0.0,
+                "friction": float(model.dof_frictionloss[j]) if friction else 0.0,
+                "stiffness": float(model.jnt_stiffness[j]) if spring else 0.0,
+                "armature": float(model.dof_armature[j]),
+                "drag": float(model.dof_dampingpoly[j, 0]) if damper else 0.0,
+            },
         )
 
     def _welded(self, body: int) -> list[int]:
@@ -170,31 +186,33 @@ class _File:
         """True if the file states the inertia of a body."""
         return bool(self.bodies[body].explicitinertial) and not self.from_geoms
 
-    def _geoms(self, body: int, origin: np.ndarray, angle: float, height: float) -> tuple[Geom, ...]:
+    def _geoms(self, body: int, frame: _Frame) -> tuple[Geom, ...]:
         """Return the geoms that move with a body, in the frame of its link."""
         found = []
         for b in self._welded(body):
             first, count = int(self.model.body_geomadr[b]), int(self.model.body_geomnum[b])
             rows = list(range(first, first + count))
+            # MuJoCo keeps a URDF's visual geometry in group 1 without contacts; where there is any, the
+            # collision geometry, which nobody sees, is left out.
             looks = [g for g in rows if self.urdf and self.geoms[g].group == 1 and self.geoms[g].contype == 0]
-            found += [self._geom(g, b, origin, angle, height, bool(looks)) for g in (looks or rows)]
+            found += [self._geom(g, b, frame, bool(looks)) for g in (looks or rows)]
         return tuple(found)
 
-    def _geom(self, g: int, body: int, origin: np.ndarray, angle: float, height: float, look: bool) -> Geom:
+    def _geom(self, g: int, body: int, frame: _Frame, look: bool) -> Geom:
         """Return one geom in the frame of its link; ``look`` if it is URDF geometry for looks."""
         model, given = self.model, self.geoms[g]
-        kind = KINDS.get(int(model.geom_type[g]))
+        kind = GEOM_KINDS.get(int(model.geom_type[g]))
         name = given.name
         if kind is None:
             raise MechanismError(
                 f"{self.where}: body '{self.body_names[body]}': expected geoms that are box, capsule, "
-                f"cylinder, "
-                f"sphere, ellipsoid or mesh, got type '{str(given.type).split('GEOM_')[-1].lower()}'; "
-                f"replace it."
+                f"cylinder, sphere, ellipsoid or mesh, got type "
+                f"'{str(given.type).split('GEOM_')[-1].lower()}'; replace it."
             )
         centre = self.plane.place(self.data.geom_xpos[g])
         axes = self.plane.axes @ self.data.geom_xmat[g].reshape(3, 3)
-        turn = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+        c, s = np.cos(frame.angle), np.sin(frame.angle)
+        turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
         vertices = np.zeros((0, 3))
         if kind == "mesh":
             mesh = int(model.geom_dataid[g])
@@ -206,7 +224,7 @@ class _File:
             body=self.body_names[body],
             name=name,
             kind=kind,
-            centre=turn @ (centre - np.array([*origin, height])),
+            centre=turn @ (centre - np.array([*frame.origin, frame.height])),
             axes=turn @ axes,
             size=np.array(model.geom_size[g]),
             vertices=vertices,
@@ -215,7 +233,7 @@ class _File:
             mass=float(given.mass) if weighs and not np.isnan(given.mass) else None,
         )
 
-    def _givens(self, body: int, origin: np.ndarray, angle: float) -> tuple[Given, ...]:
+    def _givens(self, body: int, frame: _Frame) -> tuple[Given, ...]:
         """Return the inertials stated for a body and what is welded to it."""
         found = []
         for b in self._welded(body):
@@ -225,7 +243,7 @@ class _File:
                     Given(
                         self.body_names[b],
                         float(self.model.body_mass[b]),
-                        _turned(com - origin, -angle),
+                        _turned(com - frame.origin, -frame.angle),
                         inertia,
                     )
                 )
@@ -236,114 +254,32 @@ class _File:
         axes = self.plane.axes[2] @ self.data.ximat[body].reshape(3, 3)
         return self.plane.place(self.data.xipos[body])[:2], float(axes**2 @ self.model.body_inertia[body])
 
+    def _whole(self, body: int) -> tuple[float, float]:
+        """Return mass [kg] and inertia [kg m^2] by MuJoCo of a body and what is welded to it."""
+        parts = [(float(self.model.body_mass[b]), *self._planar_inertial(b)) for b in self._welded(body)]
+        mass = sum(m for m, _, _ in parts)
+        com = sum(m * place for m, place, _ in parts) / mass
+        return mass, sum(own + m * float((place - com) @ (place - com)) for m, place, own in parts)
+
     def _compare(self, links: list[Link]) -> None:
-        """Raise if MuJoCo makes another mass or inertia of a body than its geoms say."""
+        """Raise if MuJoCo makes another mass or inertia of a body than its geoms have.
+
+        Options such as ``settotalmass`` and ``shellinertia`` change what the geoms weigh, and a mesh that is
+        not convex weighs less than its hull; the formulas of this room know nothing of them.
+        """
         tree = assemble("", links, self.plane.gravity).tree
         for j, link in enumerate(links):
             body = int(self.model.jnt_bodyid[j])
             if not link.carries or self.urdf:
                 continue
-            mass = inertia = 0.0
-            for b in self._welded(body):
-                mass += float(self.model.body_mass[b])
-            moment = sum(
-                float(self.model.body_mass[b]) * self._planar_inertial(b)[0] for b in self._welded(body)
-            )
-            com = moment / mass
-            for b in self._welded(body):
-                place, own = self._planar_inertial(b)
-                inertia += own + float(self.model.body_mass[b]) * float((place - com) @ (place - com))
+            mass, inertia = self._whole(body)
             ours = tree.links[j, [MASS, INERTIA]]
             if not np.allclose(ours, (mass, inertia), rtol=1e-6, atol=0):
                 raise MechanismError(
                     f"{self.where}: body '{link.joint.body}': expected the mass and inertia of solid convex "
-                    f"geoms "
-                    f"({ours[0]:.6g} kg, {ours[1]:.6g} kg m^2), got {mass:.6g} kg, {inertia:.6g} kg m^2 by "
-                    f"the "
-                    f"file's settings; state them with <inertial>."
+                    f"geoms ({ours[0]:.6g} kg, {ours[1]:.6g} kg m^2), got {mass:.6g} kg, {inertia:.6g} "
+                    "kg m^2 by the file's settings; state them with <inertial>."
                 )
-
-    def _refuse(self, mujoco: Any) -> None:
-        """Raise for whatever the planar dynamics do not know."""
-        model = self.model
-        if model.njnt == 0:
-            raise MechanismError(
-                f"{self.where}: expected at least one joint, got none; add a hinge or a slide."
-            )
-        for name in self.joint_names:
-            if name in RESERVED:
-                raise MechanismError(
-                    f"{self.where}: joint '{name}': expected a name other than {', '.join(RESERVED)}, which "
-                    "are columns of the tables of positions; rename it."
-                )
-        for j, kind in enumerate(model.jnt_type):
-            if kind not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
-                free = "floating" if self.urdf else "free"
-                got = free if kind == int(mujoco.mjtJoint.mjJNT_FREE) else "ball"
-                raise MechanismError(
-                    f"{self.where}: joint '{self.joint_names[j]}': expected a hinge or a slide, got a {got} "
-                    f"joint; "
-                    f"replace it."
-                )
-            bent = np.any(model.dof_dampingpoly[j]) or np.any(model.jnt_stiffnesspoly[j])
-            if bent or np.any(model.jnt_springyield[j]):
-                raise MechanismError(
-                    f"{self.where}: joint '{self.joint_names[j]}': expected linear damping and stiffness, "
-                    f"got "
-                    f"higher terms; give one number each."
-                )
-        for b in range(model.nbody):
-            if model.body_gravcomp[b]:
-                raise MechanismError(
-                    f"{self.where}: body '{self.body_names[b]}': gravity compensation is not supported; "
-                    f"remove gravcomp."
-                )
-        if model.opt.density or model.opt.viscosity:
-            raise MechanismError(
-                f"{self.where}: option: forces of a surrounding fluid are not supported; remove density and "
-                f"viscosity."
-            )
-        if model.neq or model.ntendon:
-            raise MechanismError(
-                f"{self.where}: closed loops and coupled joints are not supported; remove equality and "
-                f"tendon."
-            )
-
-    def _refuse_wild_numbers(self) -> None:
-        """Raise for numbers that no mechanism has and no arithmetic survives."""
-        model = self.model
-        groups = {
-            "gravity": model.opt.gravity,
-            "body positions": model.body_pos,
-            "masses and inertias": np.concatenate([model.body_mass, model.body_inertia.ravel()]),
-            "geom positions": model.geom_pos,
-            "geom sizes": model.geom_size,
-            "joint positions": model.jnt_pos,
-            "joint references": np.concatenate([model.qpos0, model.qpos_spring]),
-            "joint axes": model.jnt_axis,
-            "damping, friction, stiffness or armature": np.concatenate(
-                [model.dof_damping, model.dof_frictionloss, model.jnt_stiffness, model.dof_armature]
-            ),
-        }
-        for what, numbers in groups.items():
-            wild = ~(np.abs(np.asarray(numbers)) <= WILD)
-            if wild.any():
-                raise MechanismError(
-                    f"{self.where}: {what}: expected numbers up to {WILD:g}, got "
-                    f"{np.asarray(numbers)[wild][0]:g}; "
-                    f"correct it."
-                )
-        for name, axis in zip(self.joint_names, model.jnt_axis, strict=True):
-            if abs(float(axis @ axis) - 1) > 1e-6:
-                raise MechanismError(
-                    f"{self.where}: joint '{name}': expected an axis with a direction, got one without; "
-                    f"correct it."
-                )
-        if np.any(model.dof_damping < 0) or np.any(model.jnt_stiffness < 0):
-            raise MechanismError(
-                f"{self.where}: joints: expected damping and stiffness not below 0, got a negative one; "
-                f"correct it."
-            )
 
 
 def _turned(vector: np.ndarray, angle: float) -> np.ndarray:

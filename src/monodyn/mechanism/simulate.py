@@ -1,8 +1,10 @@
 """The one door to motion: accelerations, rollouts and their derivatives of a mechanism's tree and drive.
 
-Nothing outside of this room calls the kernels behind it, so that another engine can stand here one day. A
-rollout takes equal Runge-Kutta steps between time stamps; `simulate` chooses their number from a stated error
-bound.
+Nothing outside of this room calls the kernels behind it, so that another engine can stand here one day. What
+an engine has to offer is what the functions below promise: accelerations by joint, energy, a rollout over
+given time stamps with a given number of steps between them, and the exact derivatives of that very rollout.
+Arrays are checked and made contiguous here, because the kernels read them without looking. A rollout takes
+equal Runge-Kutta steps between time stamps; `simulate` chooses their number from a stated error bound.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.tree import Directions, Tree
 
 MOST_SUBSTEPS = 4096
+"""Steps between two time stamps at most: beyond, long chaotic motion gains nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,8 @@ def simulate(
         Positions and rates at the time stamps.
 
     Raises:
-        MechanismError: A time does not increase, or a start state has another length than the joints.
+        MechanismError: From the checks of arrays: a time does not increase, or a start state has another
+            length than the joints.
 
     Example:
         >>> import numpy as np
@@ -87,9 +91,10 @@ def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, mos
     """Double the integration steps until the motion stays within a bound of its error.
 
     Args:
-        positions: Gives the motion integrated with a number of steps between two time stamps [rad or m].
+        positions: Gives the motion [rad or m] that a number of steps between two time stamps integrates, an
+            array of the same shape for every number.
         tolerance: Largest error of any position [rad or m].
-        most: Where to stop doubling; returned too if the bound is out of reach, as in long chaotic motion.
+        most: Where to stop doubling; returned also if the bound is out of reach, as in long chaotic motion.
 
     Returns:
         Steps between two time stamps, the least power of two that keeps the bound; and the largest error with
@@ -102,6 +107,7 @@ def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, mos
     steps, change = 1, np.inf
     coarse = positions(1)
     while steps < most:
+        # The finer motion of this round is the coarser one of the next: each number is integrated once.
         fine = positions(2 * steps)
         with np.errstate(invalid="ignore", over="ignore"):
             change = float(np.max(np.abs(fine - coarse), initial=0.0))
@@ -118,13 +124,13 @@ def accelerations(tree: Tree, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> 
         tree: The joint tree.
         q: Joint positions [rad or m], (frame, dof).
         v: Joint rates [rad/s or m/s], (frame, dof).
-        tau: Joint torques or forces besides the tree's own friction and springs [N m or N], (frame, dof).
+        tau: Joint torques or forces in addition to friction and springs of the tree [N m or N], (frame, dof).
 
     Returns:
         Joint accelerations [rad/s^2 or m/s^2], (frame, dof).
 
     Raises:
-        MechanismError: The arrays are not those of the tree's joints.
+        MechanismError: From ``_agree``: an array is not of the tree's joints.
     """
     from monodyn.mechanism import planar
 
@@ -145,7 +151,7 @@ def energy(tree: Tree, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         Energy [J], (frame,).
 
     Raises:
-        MechanismError: The arrays are not those of the tree's joints.
+        MechanismError: From ``_agree``: an array is not of the tree's joints.
     """
     from monodyn.mechanism import planar
 
@@ -172,13 +178,13 @@ def rollout(
         q0: Joint positions at ``times[0]`` [rad or m], (dof,).
         v0: Joint rates there [rad/s or m/s], (dof,).
         substeps: Equal steps between two stamps.
-        drive: Torques over time besides friction and springs, or None.
+        drive: Torques over time in addition to friction and springs, or None.
 
     Returns:
         Joint positions and rates, each (frame, dof).
 
     Raises:
-        MechanismError: The arrays are not those of the tree's joints.
+        MechanismError: From ``_agree``: an array is not of the tree's joints.
     """
     from monodyn.mechanism import planar
 
@@ -211,14 +217,14 @@ def rollout_derivatives(
         q0: Joint positions at ``times[0]`` [rad or m], (dof,).
         v0: Joint rates there [rad/s or m/s], (dof,).
         substeps: Equal steps between two stamps.
-        drive: Torques over time besides friction and springs, or None.
+        drive: Torques over time in addition to friction and springs, or None.
 
     Returns:
         Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
         the parameters, then by ``q0``, then by ``v0``.
 
     Raises:
-        MechanismError: The arrays are not those of the tree's joints.
+        MechanismError: From ``_agree``: an array is not of the tree's joints.
     """
     from monodyn.mechanism import tangents
 
@@ -228,8 +234,8 @@ def rollout_derivatives(
     times = plain(times, f8)
     begin = np.zeros(params + 2 * dofs, dtype=np.int64)
     if drive.mode == KNOTS:
-        # a torque at a knot costs time only from where it begins to act: the kernel takes the directions in
-        # that order, and at each frame only so many of them as act by then
+        # A torque at a knot costs time only from where it begins to act: the kernel takes the directions in
+        # that order, and at each frame only so many of them as act by then.
         always = directions.links.any(axis=(0, 1)) | directions.gravity.any(axis=0)
         always |= (directions.load != 0) | (directions.clock != 0)
         begin[:params] = np.where(always, 0, _begins(drive.times, times, directions.entry, params))
@@ -255,6 +261,7 @@ def _begins(stamps: np.ndarray, times: np.ndarray, entry: np.ndarray, params: in
     Returns:
         int64 (param,); 0 for a parameter that is at no knot, the number of frames for one that never acts.
     """
+    # A knot's torque is a hat between the knots next to it; at the ends it is half a hat.
     early = np.concatenate((stamps[:1], stamps[:-1]))
     late = np.concatenate((stamps[1:], stamps[-1:]))
     low, high = np.minimum(times[:-1], times[1:]), np.maximum(times[:-1], times[1:])
@@ -268,7 +275,7 @@ def _begins(stamps: np.ndarray, times: np.ndarray, entry: np.ndarray, params: in
 
 
 def _agree(tree: Tree, *joints: np.ndarray) -> None:
-    """Raise unless the last axis of each array is that of the tree's joints: the kernels do not look."""
+    """Raise unless the last axis of each array is that of the tree's joints: the kernels do not check."""
     dofs = len(tree.parent)
     for array in joints:
         if np.shape(array)[-1:] != (dofs,):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.mechanism.axis import TINY, Axis, Form, Profile, corners, extent, plus, times
-from monodyn.mechanism.parts import Given, Table
+from monodyn.mechanism.parts import Entry, Geom, Given, Table
 
 BLOCK, CAPSULE, CYLINDER, SPHERE = range(4)
 KINDS = {"capsule": CAPSULE, "cylinder": CYLINDER, "sphere": SPHERE}
@@ -68,6 +68,64 @@ class Look:
     middle: tuple[Form, Form, Form]
 
 
+@dataclass(frozen=True)
+class Naming:
+    """How the parameters of a geom are named.
+
+    Attributes:
+        prefix: Start of the names of its sizes, with the dot.
+        masses: Start of the name of a given mass, with the dot.
+        main: True for the main geom of its link, whose width and length are those of the body.
+    """
+
+    prefix: str
+    masses: str
+    main: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Extents:
+    """Where a geom is and how far it extends, as forms.
+
+    Attributes:
+        axis: Long axis of its link.
+        direction: In-plane direction of ``along``, (2,).
+        middle: Forms of the place of its middle along and across the axis [m].
+        along: Form of the extent along ``direction`` [m].
+        across: Form of the extent across it [m].
+        deep: Form of the extent along z [m].
+        z: Form of the height of its middle [m].
+    """
+
+    axis: Axis
+    direction: np.ndarray
+    middle: tuple[Form, Form]
+    along: Form
+    across: Form
+    deep: Form
+    z: Form
+
+    @property
+    def side(self) -> np.ndarray:
+        """Direction of ``across``, a quarter turn counter-clockwise from ``direction``, (2,)."""
+        return np.array([-self.direction[1], self.direction[0]])
+
+    def point(self, steps: tuple[tuple[np.ndarray, Form], ...]) -> tuple[Form, Form]:
+        """Return x and y of the middle moved by directions times forms."""
+        x, y = self.axis.combine(*self.middle)
+        for direction, form in steps:
+            x, y = plus(x, times(form, float(direction[0]))), plus(y, times(form, float(direction[1])))
+        return x, y
+
+
+@dataclass(frozen=True)
+class _Weight:
+    """The parameter that weighs a geom: its name, or empty; and whether it is a density or a mass."""
+
+    name: str
+    dense: bool
+
+
 def given_solid(given: Given, axis: Axis, weight: str) -> Solid:
     """Return a given inertial: its centre moves with the link, its inertia grows with mass length^2.
 
@@ -82,52 +140,51 @@ def given_solid(given: Given, axis: Axis, weight: str) -> Solid:
     )  # fmt: skip
 
 
-def geom_solid(
-    shape: Profile, axis: Axis, table: Table, prefix: str, masses: str, main: bool, depth: Form
-) -> Solid:
+def geom_solid(shape: Profile, axis: Axis, table: Table, naming: Naming, depth: Form) -> Solid:
     """Return a geom as forms and enter its own parameters (sizes, density) into the table.
 
     Args:
         shape: The geom.
         axis: Long axis of its link.
         table: The parameters so far; the main geom's width must be in it.
-        prefix: Start of its parameters' names, with the dot.
-        masses: Start of the name of a given mass, with the dot.
-        main: True for the link's main geom.
+        naming: How its parameters are named.
         depth: Form of the z of its link's body.
     """
-    geom = shape.geom
-    direction, middle, along, across_half = _span(shape, axis, table, prefix, main)
-    if not main:
-        table.add(prefix + "width", 2 * across_half, "m", kind="width", owner=geom.body, free=True)
+    geom, prefix = shape.geom, naming.prefix
+    direction, middle, along, across_half = _span(shape, axis, table, naming)
+    if not naming.main:
+        table.add(Entry(prefix + "width", "width", geom.body, 2 * across_half, "m", free=True))
     across: Form = {prefix + "width": 1.0}
     if shape.long is None:
         along = {} if geom.kind != "sphere" else across
     z = plus(depth, times(axis.scale(), float(geom.centre[2])))
     free = geom.mass is None and bool(geom.density)
+    # The picture shows no size along the line of sight, unless that of a round geom is its diameter or lies
+    # along an axis that is seen: only then does it follow; else it is a parameter of its own.
     if geom.kind == "sphere" or (geom.kind in KINDS and shape.long is not None):
         deep = times(axis.scale(), shape.deep) if geom.kind != "sphere" else across
     else:
-        name = prefix + "thickness"
-        deep = {table.add(name, abs(shape.deep), "m", kind="thickness", owner=geom.body, free=free): 1.0}
-    weight, dense = "", False
+        thickness = Entry(prefix + "thickness", "thickness", geom.body, abs(shape.deep), "m", free=free)
+        deep = {table.add(thickness): 1.0}
+    extents = _Extents(axis, direction, middle, along, across, deep, z)
+    weight = _weight(geom, table, naming)
+    return _rod(shape, extents, weight) if geom.kind in KINDS else _block(shape, extents, weight)
+
+
+def _weight(geom: Geom, table: Table, naming: Naming) -> _Weight:
+    """Enter the mass or the density of a geom that has one."""
     if geom.mass:
         bounds = (1e-6 * geom.mass, 1e6 * geom.mass)
-        weight = table.add(
-            masses + "mass", geom.mass, "kg", kind="mass", owner=geom.body, free=True, bounds=bounds
-        )
-    elif geom.density and geom.mass is None:
-        dense = True
-        weight = table.add(
-            prefix + "density", geom.density, "kg/m^3", kind="density", owner=geom.body, free=False
-        )
-    if geom.kind in KINDS:
-        return _rod(shape, axis, direction, middle, along, across, deep, z, weight, dense)
-    return _block(shape, axis, direction, middle, along, across, deep, z, weight, dense)
+        mass = Entry(naming.masses + "mass", "mass", geom.body, geom.mass, "kg", free=True, bounds=bounds)
+        return _Weight(table.add(mass), False)
+    if geom.density and geom.mass is None:
+        name = naming.prefix + "density"
+        return _Weight(table.add(Entry(name, "density", geom.body, geom.density, "kg/m^3")), True)
+    return _Weight("", False)
 
 
 def _span(
-    shape: Profile, axis: Axis, table: Table, prefix: str, main: bool
+    shape: Profile, axis: Axis, table: Table, naming: Naming
 ) -> tuple[np.ndarray, tuple[Form, Form], Form, float]:
     """Return direction, middle (forms along and across the axis), extent and half extent across."""
     t, s = float(shape.centre @ axis.along), float(shape.centre @ axis.across)
@@ -145,87 +202,60 @@ def _span(
     if turn < TINY:
         low, high = axis.at(t - a), axis.at(t + a)
         return axis.along, (times(plus(low, high), 0.5), axis.beside(s)), plus(high, times(low, -1.0)), b
-    if main:
+    if naming.main:
         return shape.long, (axis.at(t), axis.beside(s)), times(axis.scale(), 2 * a), b
-    own = table.add(prefix + "length", 2 * a, "m", kind="length", owner=shape.geom.body, free=True)
+    own = table.add(Entry(naming.prefix + "length", "length", shape.geom.body, 2 * a, "m", free=True))
     return shape.long, (axis.at(t), axis.beside(s)), {own: 1.0}, b
 
 
-def _point(
-    axis: Axis, middle: tuple[Form, Form], steps: tuple[tuple[np.ndarray, Form], ...]
-) -> tuple[Form, Form]:
-    """Return x and y of the middle moved by directions times forms."""
-    x, y = axis.combine(*middle)
-    for direction, form in steps:
-        x, y = plus(x, times(form, float(direction[0]))), plus(y, times(form, float(direction[1])))
-    return x, y
-
-
-def _rod(
-    shape: Profile, axis: Axis, direction: np.ndarray, middle: tuple[Form, Form], along: Form, across: Form,
-    deep: Form, z: Form, weight: str, dense: bool,
-) -> Solid:  # fmt: skip
+def _rod(shape: Profile, extents: _Extents, weight: _Weight) -> Solid:
     """Return a capsule, cylinder or sphere."""
-    kind = shape.geom.kind
-    side = np.array([-direction[1], direction[0]])
+    kind, direction, across = shape.geom.kind, extents.direction, extents.across
     points: list[tuple[Form, Form, Form]] = []
     ends = (-0.5, 0.5) if kind != "sphere" else (0.0,)
     tilt = float(np.arctan2(shape.deep, 2 * shape.half[0])) if shape.long is not None else np.pi / 2
     for end in ends:
-        x, y = _point(axis, middle, ((direction, times(along, end)),))
-        height = plus(z, times(deep, end))
+        x, y = extents.point(((direction, times(extents.along, end)),))
+        height = plus(extents.z, times(extents.deep, end))
         if kind != "cylinder":
             points.append((x, y, height))
             continue
+        # the rim of an end face is a circle square to the axis, which leaves the plane by ``tilt``
         for turn in np.linspace(0, 2 * np.pi, RIM, endpoint=False):
-            rim = 0.5 * (np.cos(turn) * side - np.sin(turn) * np.sin(tilt) * direction)
+            rim = 0.5 * (np.cos(turn) * extents.side - np.sin(turn) * np.sin(tilt) * direction)
             rise = 0.5 * float(np.sin(turn) * np.cos(tilt))
             points.append((
                 plus(x, times(across, float(rim[0]))), plus(y, times(across, float(rim[1]))),
                 plus(height, times(across, rise)),
             ))  # fmt: skip
-    look = Look(kind, direction, (*axis.combine(*middle), z)) if shape.geom.drawn else None
+    place = extents.point(())
+    look = Look(kind, direction, (*place, extents.z)) if shape.geom.drawn else None
     return Solid(
-        KINDS[kind], shape.geom.body, axis.combine(*middle), along if kind != "sphere" else {}, across, deep,
-        1.0, (0.0, 0.0), weight, dense, tuple(points), {} if kind == "cylinder" else times(across, 0.5), look,
+        KINDS[kind], shape.geom.body, place, extents.along if kind != "sphere" else {}, across, extents.deep,
+        1.0, (0.0, 0.0), weight.name, weight.dense, tuple(points),
+        {} if kind == "cylinder" else times(across, 0.5), look,
     )  # fmt: skip
 
 
-def _block(
-    shape: Profile, axis: Axis, direction: np.ndarray, middle: tuple[Form, Form], along: Form, across: Form,
-    deep: Form, z: Form, weight: str, dense: bool,
-) -> Solid:  # fmt: skip
+def _block(shape: Profile, extents: _Extents, weight: _Weight) -> Solid:
     """Return a box, ellipsoid or mesh: an affine image of its start shape."""
-    geom = shape.geom
-    side = np.array([-direction[1], direction[0]])
+    geom, direction, side = shape.geom, extents.direction, extents.side
+    along, across, deep = extents.along, extents.across, extents.deep
     points, com, volume, gyration, lift = _unit_shape(shape, direction, side)
-    z = plus(z, times(deep, lift))
+    z = plus(extents.z, times(deep, lift))
     outline = []
     for a, b, c in points:
-        x, y = _point(axis, middle, ((direction, times(along, float(a))), (side, times(across, float(b)))))
+        x, y = extents.point(((direction, times(along, float(a))), (side, times(across, float(b)))))
         outline.append((x, y, plus(z, times(deep, float(c)))))
-    place = _point(
-        axis, middle, ((direction, times(along, float(com[0]))), (side, times(across, float(com[1]))))
-    )
+    place = extents.point(((direction, times(along, float(com[0]))), (side, times(across, float(com[1])))))
+    # A block whose edges leave the plane has no size of a box or an ellipsoid: it is written as its hull.
     tilted = float(np.max(np.abs(geom.axes[2]))) < 1 - 1e-9
-    look = (
-        Look("mesh" if tilted else geom.kind, direction, (*axis.combine(*middle), z)) if geom.drawn else None
-    )
+    kind = "mesh" if tilted else geom.kind
+    look = Look(kind, direction, (*extents.point(()), z)) if geom.drawn else None
     return Solid(
-        BLOCK,
-        geom.body,
-        place,
-        along,
-        across,
-        deep,
-        volume,
-        gyration,
-        weight,
-        dense,
-        tuple(outline),
-        {},
-        look,
-    )
+        BLOCK, geom.body, place, along, across, deep, volume, gyration, weight.name, weight.dense,
+        tuple(outline), {}, look,
+    )  # fmt: skip
 
 
 def _unit_shape(

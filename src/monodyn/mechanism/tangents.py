@@ -1,10 +1,13 @@
-"""numba kernels: derivatives of a rollout along many directions at once, the forward-mode twin of ``planar``.
+"""Numba kernels: derivatives of a rollout along many directions at once, the forward-mode twin of ``planar``.
 
 With tau = M(q) a + bias(q, v) solved for a, a direction d obeys M da = dtau - (dM a + dbias): the inverse
 dynamics at fixed a, differentiated by hand, then one solve with the factors already at hand. The same
 Runge-Kutta steps are taken for the motion and its derivatives, so these are the exact derivatives of what
 ``rollout`` returns. A direction costs time only from where it begins to change the motion: that of a knot of
 the drive from the knot before on.
+
+Names: ``d...`` is a derivative, with the direction as its last axis; ``entry``, ``load`` and ``clock`` are
+those of ``Directions``; ``live`` counts the directions that have begun.
 """
 
 from __future__ import annotations
@@ -50,6 +53,7 @@ from monodyn.mechanism.tree import (
     COM_Y,
     CREEP,
     DAMPING,
+    DRAG,
     FRICTION,
     HINGE,
     INERTIA,
@@ -59,12 +63,18 @@ from monodyn.mechanism.tree import (
 )  # fmt: skip
 
 DPHI, DOX, DOY, DSX, DSY, DVW, DVX, DVY, DAW, DAX, DAY, DFN, DFX, DFY = range(14)
+"""Columns of the scratch ``t`` (dof, TANGENT, direction): derivatives of those columns of the scratch of
+``planar`` that depend on the directions; SW, the sign of a hinge, does not."""
 TANGENT = 14
 
 
 @njit(cache=True, error_model="numpy")
 def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
-    """Fill A (AW..AY) and force (FN..FY) of each link at the accelerations ``a``; sum forces inward."""
+    """Fill A (AW..AY) and force (FN..FY) of each link at the accelerations ``a``; sum forces inward.
+
+    ``v`` and ``a`` are (dof,), ``w`` is (dof, WORK) as ``place`` leaves it. This is ``_bias`` with the actual
+    accelerations: the derivative of the inverse dynamics needs A and the force of the actual motion.
+    """
     for i in range(parent.size):
         p = parent[i]
         w[i, AW] = w[i, SW] * a[i]
@@ -94,7 +104,11 @@ def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
 
 @njit(cache=True, error_model="numpy")
 def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no cover - compiled
-    """Differentiate ``place``: origins, motion subspaces and velocities of every link, outward."""
+    """Differentiate ``place``: origins, motion subspaces and velocities of every link, outward.
+
+    ``dq`` and ``dv`` are (dof, direction). Cosines and sines need no column: their derivatives are those of a
+    turn of the frame, so that a vector R r changes by R (dr + dphi e x r).
+    """
     for i in range(parent.size):
         p = parent[i]
         ax, ay = links[i, ANCHOR_X], links[i, ANCHOR_Y]
@@ -110,10 +124,11 @@ def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no 
                 doy = t[p, DOY, k] + w[p, S] * dx + w[p, C] * dy
                 dphi += turn
             if kind[i] == HINGE:
-                dphi += w[i, SW] * dq[i, k]
+                dphi += w[i, SW] * dq[i, k]  # SW is the sign of the hinge
                 t[i, DSX, k] = w[i, SW] * doy
                 t[i, DSY, k] = -w[i, SW] * dox
             else:
+                # the direction of a slide turns with its frame; its origin moves by d(S q)
                 dx = dlinks[i, AXIS_X, k] - dphi * links[i, AXIS_Y]
                 dy = dlinks[i, AXIS_Y, k] + dphi * links[i, AXIS_X]
                 t[i, DSX, k] = w[i, C] * dx - w[i, S] * dy
@@ -137,7 +152,10 @@ def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no 
 
 @njit(cache=True, error_model="numpy")
 def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no cover - compiled
-    """Differentiate each link's acceleration and force, outward; ``w`` holds single-link inertias."""
+    """Differentiate each link's acceleration and force, outward; ``w`` holds single-link inertias.
+
+    The accelerations ``a`` (dof,) are held: their own change is what is solved for in the end.
+    """
     for i in range(parent.size):
         p = parent[i]
         m, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]
@@ -148,6 +166,7 @@ def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no 
         aw, ax, ay = w[i, AW], w[i, AX], w[i, AY]
         px, py = m * vx - vw * w[i, MY], m * vy + vw * w[i, MX]
         for k in range(live):
+            # A_i = A_p + S_i a_i + v_i (V_p x S_i), term by term by the product rule
             daw = 0.0
             dax = t[i, DSX, k] * a[i]
             day = t[i, DSY, k] * a[i]
@@ -161,6 +180,7 @@ def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no 
                 day += t[p, DAY, k] + dv[i, k] * (w[p, VW] * w[i, SX] - w[i, SW] * w[p, VX])
                 day += v[i] * (t[p, DVW, k] * w[i, SX] + w[p, VW] * t[i, DSX, k] - w[i, SW] * t[p, DVX, k])
             t[i, DAW, k], t[i, DAX, k], t[i, DAY, k] = daw, dax, day
+            # first and second moments about the fixed point follow the centre of mass, (dx, dy) its change
             bx, by = dlinks[i, COM_X, k] - t[i, DPHI, k] * cy, dlinks[i, COM_Y, k] + t[i, DPHI, k] * cx
             dx = t[i, DOX, k] + c * bx - s * by
             dy = t[i, DOY, k] + s * bx + c * by
@@ -168,6 +188,7 @@ def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no 
             dmx = dm * x + m * dx
             dmy = dm * y + m * dy
             dj = dlinks[i, INERTIA, k] + dmx * x + dmy * y + m * (x * dx + y * dy)
+            # f = I A + V x* p with the momentum p = I V, term by term
             dvw, dvx, dvy = t[i, DVW, k], t[i, DVX, k], t[i, DVY, k]
             dpx = dm * vx + m * dvx - dvw * w[i, MY] - vw * dmy
             dpy = dm * vy + m * dvy + dvw * w[i, MX] + vw * dmx
@@ -179,9 +200,15 @@ def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no 
 
 @njit(cache=True, error_model="numpy")
 def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: no cover - compiled
-    """Sum the force derivatives inward and write the joint-space right-hand side into ``da``."""
+    """Sum the force derivatives inward and write the joint-space right-hand side into ``da``.
+
+    Row i of the equation of motion is S_i.F_i + armature a_i = tau_i - friction(v_i) - spring(q_i) with the
+    force F_i of the whole subtree; ``da`` (dof, direction) receives minus the derivative of all terms at
+    fixed ``a``, without that of the drive.
+    """
     for i in range(parent.size - 1, -1, -1):
         p = parent[i]
+        # the smoothed sign of the rate and its slope; beyond 20 both are constant to rounding
         slope = 0.0
         grip = 0.0
         x = v[i] / CREEP
@@ -192,6 +219,8 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: 
         else:
             grip = np.tanh(x)
             slope = links[i, FRICTION] * (1.0 - grip * grip) / CREEP
+        if links[i, DRAG] != 0.0:
+            slope += 2.0 * links[i, DRAG] * abs(v[i])
         for k in range(live):
             da[i, k] = -(
                 w[i, SW] * t[i, DFN, k]
@@ -203,9 +232,11 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: 
                 + dlinks[i, DAMPING, k] * v[i]
                 + (links[i, DAMPING] + slope) * dv[i, k]
                 + dlinks[i, FRICTION, k] * grip
+                + dlinks[i, DRAG, k] * abs(v[i]) * v[i]
                 + dlinks[i, STIFFNESS, k] * (q[i] - links[i, REST])
                 + links[i, STIFFNESS] * (dq[i, k] - dlinks[i, REST, k])
             )
+            # children come after their parents, so F of this link is complete, as in ``forward``
             if p >= 0:
                 t[p, DFN, k] += t[i, DFN, k]
                 t[p, DFX, k] += t[i, DFX, k]
@@ -213,31 +244,42 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: 
 
 
 @njit(cache=True, error_model="numpy")
-def _add_torque(tau, slope, time, value, span, slot, grow, drift, da, live):  # pragma: no cover - compiled
-    """Add the derivative of the torque to ``da``; ``slot`` holds the column of ``da`` by table entry."""
+def _add_torque(tau, slope, time, value, span, slot, load, clock, da, live):  # pragma: no cover - compiled
+    """Add the derivative of the torque to ``da``; ``slot`` holds the column of ``da`` by table entry.
+
+    The torque is linear in its table, so that an entry's derivative is its basis function, which is zero
+    outside of the columns ``span``.
+    """
     for i in range(tau.size):
         for c in range(span[0], span[1]):
             if slot[i, c] >= 0:
                 da[i, slot[i, c]] += value[c]
         for k in range(live):
-            da[i, k] += grow[k] * tau[i] + drift[k] * time * slope[i]
+            da[i, k] += load[k] * tau[i] + clock[k] * time * slope[i]
 
 
 @njit(cache=True, error_model="numpy")
 def rollout_tangents(
-    parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, table, way, grow, drift,
-    order, live,
+    parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, table, entry, load,
+    clock, order, live,
 ):  # pragma: no cover - compiled  # fmt: skip
-    """Integrate motion and tangents; column k in here is column ``order[k]`` of what is returned, and at
-    frame f only the first ``live[f]`` of them differ from zero."""
+    """Integrate motion and tangents; return positions, rates and the derivatives of both.
+
+    ``dpar`` (dof, column, param) and ``dgpar`` (2, param) are the derivatives of ``links`` and ``gravity``.
+    The directions are the parameters, then ``q0``, then ``v0``; column k in here is column ``order[k]`` of
+    what is returned, (frame, dof, param + 2 dof). At frame f only the first ``live[f]`` of them are not zero.
+    """
+    # Directions that never begin are not carried at all; their columns of the result stay zero.
     n, params = parent.size, dpar.shape[2]
-    ways = live[-1] if times.size > 0 else 0
-    dlinks, dgravity = np.zeros((n, dpar.shape[1], ways)), np.zeros((2, ways))
-    grows, drifts = np.zeros(ways), np.zeros(ways)
-    slot = np.full(way.shape, -1)
+    count = live[-1] if times.size > 0 else 0
+    dlinks, dgravity = np.zeros((n, dpar.shape[1], count)), np.zeros((2, count))
+    loads, clocks = np.zeros(count), np.zeros(count)
+    slot = np.full(entry.shape, -1)
     x, u, a = np.empty((4, n)), np.empty((4, n)), np.empty((4, n))
-    dx, du, da = np.zeros((4, n, ways)), np.zeros((4, n, ways)), np.empty((4, n, ways))
-    for k in range(ways):
+    dx, du, da = np.zeros((4, n, count)), np.zeros((4, n, count)), np.empty((4, n, count))
+    # A start state's direction begins as a one in the state and changes no parameter; a parameter's begins as
+    # zeros in the state.
+    for k in range(count):
         p = order[k]
         if p >= params + n:
             du[0, p - params - n, k] = 1.0
@@ -245,19 +287,21 @@ def rollout_tangents(
             dx[0, p - params, k] = 1.0
         else:
             dlinks[:, :, k], dgravity[:, k] = dpar[:, :, p], dgpar[:, p]
-            grows[k], drifts[k] = grow[p], drift[p]
+            loads[k], clocks[k] = load[p], clock[p]
             for i in range(n):
-                for c in range(way.shape[1]):
-                    if way[i, c] == p:
+                for c in range(entry.shape[1]):
+                    if entry[i, c] == p:
                         slot[i, c] = k
     w, h, tau, slope = np.empty((n, WORK)), np.empty((n, n)), np.zeros(n), np.zeros(n)
     value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
-    t = np.empty((n, TANGENT, ways))
+    t = np.empty((n, TANGENT, count))
     q, v = np.empty((times.size, n)), np.empty((times.size, n))
     dq, dv = np.zeros((times.size, n, order.size)), np.zeros((times.size, n, order.size))
     if times.size == 0:
         return q, v, dq, dv
     x[0], u[0] = q0, v0
+    # Frame 0 takes no step and only writes the start. A direction that begins in an interval has zero
+    # tangents until then, which is what its rows of dx and du hold.
     for f in range(times.size):
         many = live[f]
         step = (times[f] - times[f - 1]) / substeps if f > 0 else 0.0
@@ -275,6 +319,8 @@ def rollout_tangents(
                 time, span = begin + part, (0, 0)
                 if mode != NONE:
                     span = torque(mode, stamps, table, time, begin + 0.5 * step, value, rate, tau, slope)
+                # ``forward`` leaves the factors of M in h and sums of subtrees in w; the tangents need the
+                # inertia of each link alone, which ``place`` restores.
                 forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
                 place(parent, kind, links, x[r], u[r], w)
                 _needed_forces(parent, gravity, u[r], a[r], w)
@@ -282,7 +328,8 @@ def rollout_tangents(
                 _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
                 _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
                 if mode != NONE:
-                    _add_torque(tau, slope, time, value, span, slot, grows, drifts, da[r], many)
+                    _add_torque(tau, slope, time, value, span, slot, loads, clocks, da[r], many)
+                # da holds dtau - (dM a + dbias); M is that of this stage
                 solve_all(parent, h, da[r], many)
             for i in range(n):
                 x[0, i] += step / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])

@@ -18,8 +18,10 @@ HINGE = 0
 SLIDE = 1
 
 ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, MASS, COM_X, COM_Y, INERTIA = range(9)
-DAMPING, FRICTION, STIFFNESS, REST, ARMATURE = range(9, 14)
-COLUMNS = 14
+DAMPING, FRICTION, STIFFNESS, REST, ARMATURE, DRAG = range(9, 15)
+COLUMNS = 15
+PASSIVE = (DAMPING, FRICTION, STIFFNESS, DRAG)
+"""Columns of what acts at a joint by itself, in proportion to the column."""
 
 CREEP = 0.01
 """Friction loss is ``friction * tanh(rate / CREEP)`` [rad/s or m/s]: full (to 1e-12) beyond 0.14, smooth at
@@ -38,12 +40,12 @@ class Tree:
       turns counter-clockwise) and 0;
     * ``MASS`` [kg], ``COM_X, COM_Y`` centre of mass in the link's frame [m], ``INERTIA`` about it [kg m^2];
     * ``DAMPING`` [N m s/rad or N s/m], ``FRICTION`` [N m or N], ``STIFFNESS`` [N m/rad or N/m] about ``REST``
-      [rad or m], ``ARMATURE`` [kg m^2 or kg].
+      [rad or m], ``ARMATURE`` [kg m^2 or kg], ``DRAG`` c of the torque -c |v| v [N m s^2/rad^2 or N s^2/m^2].
 
     Attributes:
         parent: Row of the parent link, -1 for the world, int64 (dof,); a parent comes before its children.
         kind: ``HINGE`` or ``SLIDE``, int64 (dof,).
-        links: float64 (dof, 14), or complex128 for a complex step.
+        links: float64 (dof, column), or complex128 for a complex step.
         gravity: Acceleration of free fall [m/s^2], (2,), of the type of ``links``.
     """
 
@@ -88,7 +90,7 @@ class Directions:
     + load[p] tau_i + clock[p] t dtau_i/dt.
 
     Attributes:
-        links: Derivative of ``Tree.links``, (dof, 14, param).
+        links: Derivative of ``Tree.links``, (dof, column, param).
         gravity: Derivative of ``Tree.gravity``, (2, param).
         entry: Parameter that an entry of the drive's table is, -1 where none, int64 (dof, column).
         load: Derivative of the logarithm of all torques of the drive, (param,).

@@ -16,6 +16,8 @@ import numpy as np
 
 from monodyn.mechanism.axis import Form
 from monodyn.mechanism.model import Mechanism
+from monodyn.mechanism.parts import Joint
+from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.solids import Solid
 from monodyn.mechanism.tree import (
     ANCHOR_X,
@@ -27,6 +29,7 @@ from monodyn.mechanism.tree import (
     COM_X,
     COM_Y,
     DAMPING,
+    DRAG,
     FRICTION,
     HINGE,
     INERTIA,
@@ -36,7 +39,10 @@ from monodyn.mechanism.tree import (
 )  # fmt: skip
 
 FAR = 1000.0
-"""Limit [m] written for a slide without limits, because URDF demands one."""
+"""Limit [m] written for a slide without limits, because URDF requires one."""
+
+NOT_IN_URDF = ("stiffness", "armature", "drag")
+"""Kinds of parameters of a joint that URDF has no place for."""
 
 MASSLESS = 1e-12
 """Mass [kg] and inertia [kg m^2] of a URDF link between two joints of one body; none at all is refused."""
@@ -58,8 +64,8 @@ class _Look:
 def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as an MJCF file.
 
-    The motion in MuJoCo is that of ``dynamics`` except where friction loss holds a joint: MuJoCo keeps it
-    still, ``dynamics`` lets it creep. Torques over time are not in the file: each joint of a driven
+    The motion in MuJoCo is that of ``simulate`` except where friction loss holds a joint: MuJoCo keeps it
+    still, ``simulate`` lets it creep. Torques over time are not in the file: each joint of a driven
     mechanism has a motor, whose control is the torque [N m or N].
 
     Args:
@@ -115,6 +121,8 @@ def _mjcf_body(mechanism: Mechanism, group: list[int], parent: ET.Element) -> ET
     links = tree.links
     first, last = group[0], group[-1]
     angle = float(links[first, ANGLE])
+    # MuJoCo's body has one frame for all of its joints, ours has a link for each: the body stands where the
+    # last joint is at zero, and the others are placed backwards from there.
     anchors = links[group][:, [ANCHOR_X, ANCHOR_Y]]
     rest = anchors[1:].sum(axis=0)
     x, y = anchors[0] + _turned(rest, angle)
@@ -132,7 +140,10 @@ def _mjcf_body(mechanism: Mechanism, group: list[int], parent: ET.Element) -> ET
             element.set("pos", _numbers(back[0], 0, back[1]))
         columns = {"damping": DAMPING, "frictionloss": FRICTION, "stiffness": STIFFNESS, "armature": ARMATURE}
         for name, column in columns.items():
-            if row[column]:
+            if name == "damping" and row[DRAG]:
+                # MuJoCo's damping is -(b + b1 |v| + ...) v: its second number is the drag
+                element.set(name, _numbers(row[DAMPING], row[DRAG]))
+            elif row[column]:
                 element.set(name, _numbers(row[column]))
         if row[STIFFNESS]:
             element.set("springref", _numbers(row[REST]))
@@ -201,10 +212,10 @@ def _value(mechanism: Mechanism, form: Form) -> float:
 def write_urdf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as a URDF file.
 
-    URDF has no springs and no rotor inertia: where the mechanism has them, a comment in the file says what is
-    missing and the motion differs. Gravity is written in the ``<mujoco>`` element, which other readers
-    ignore. Ellipsoids and meshes are shown as boxes of their extents. A slide without limits gets limits of
-    1000 m.
+    URDF has no place for the kinds ``NOT_IN_URDF``: where the mechanism has them, a comment in the file says
+    what is missing and the motion differs. Gravity is written in the ``<mujoco>`` element, which other
+    readers ignore. Ellipsoids and meshes are shown as boxes of their extents. A slide without limits gets
+    limits of 1000 m.
 
     Args:
         mechanism: The mechanism.
@@ -270,6 +281,7 @@ def _urdf_visual(look: _Look, link: ET.Element) -> None:
     elif look.kind in ("capsule", "cylinder"):
         axis = _world(np.array([*(look.along * look.direction), look.deep]))
         length = float(np.linalg.norm(axis))
+        # the roll and pitch that turn URDF's cylinder axis, z, into the axis
         x, y, z = axis / length
         turn = (math.asin(max(-1.0, min(1.0, -y))), math.atan2(x, z), 0.0)
         ET.SubElement(
@@ -302,14 +314,7 @@ def _urdf_joint(mechanism: Mechanism, i: int, names: dict[int, str], root: ET.El
     z = _depth(mechanism, i) - _depth(mechanism, parent)
     limited = joint.lower > -math.inf or joint.upper < math.inf
     kind = ("revolute" if limited else "continuous") if joint.kind == "hinge" else "prismatic"
-    lost = [
-        f"{what} {row[column]:g} {unit}"
-        for what, column, unit in (
-            ("stiffness", STIFFNESS, f"N m/rad about {row[REST]:g} rad" if joint.kind == "hinge" else "N/m"),
-            ("armature", ARMATURE, "kg m^2" if joint.kind == "hinge" else "kg"),
-        )
-        if row[column]
-    ]
+    lost = [_lost(kind, joint, row) for kind in NOT_IN_URDF if row[JOINT[kind].column]]
     if lost:
         root.append(ET.Comment(f" not in URDF: {' and '.join(lost)} of the next joint "))
     element = ET.SubElement(root, "joint", name=joint.name, type=kind)
@@ -325,6 +330,13 @@ def _urdf_joint(mechanism: Mechanism, i: int, names: dict[int, str], root: ET.El
             element, "limit", lower=_numbers(lower), upper=_numbers(upper), effort="1000", velocity="1000"
         )
     ET.SubElement(element, "dynamics", damping=_numbers(row[DAMPING]), friction=_numbers(row[FRICTION]))
+
+
+def _lost(kind: str, joint: Joint, row: np.ndarray) -> str:
+    """Return what URDF cannot hold of a joint as text."""
+    term, hinge = JOINT[kind], joint.kind == "hinge"
+    about = f" about {row[REST]:g} rad" if kind == "stiffness" and hinge else ""
+    return f"{kind} {row[term.column]:g} {term.at_hinge if hinge else term.at_slide}{about}"
 
 
 def _axis(kind: int, row: np.ndarray) -> str:

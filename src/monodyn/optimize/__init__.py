@@ -6,14 +6,16 @@ from monodyn.optimize.evolution import evolve
 from monodyn.optimize.lagrangian import augmented_lagrangian
 from monodyn.optimize.least_squares import Solution, minimize
 from monodyn.optimize.levenberg import Arrow, ArrowSolution, SearchSettings, minimize_arrow
-from monodyn.optimize.minimum import Minimum
+from monodyn.optimize.minimum import Bounds, DirectSettings, Minimum
 from monodyn.optimize.multistart import first_good, scatter
 from monodyn.optimize.powell import powell
 
 __all__ = [
     "Arrow",
     "ArrowSolution",
+    "Bounds",
     "Bracket",
+    "DirectSettings",
     "Found",
     "Minimum",
     "SearchSettings",

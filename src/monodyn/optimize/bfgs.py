@@ -1,4 +1,4 @@
-"""Bounded least squares by a quasi-Newton search with active set."""
+"""Bounded least squares by a quasi-Newton search with an active set."""
 
 from __future__ import annotations
 
@@ -6,65 +6,49 @@ from collections.abc import Callable
 
 import numpy as np
 
-from monodyn.optimize.minimum import (
-    EXHAUSTED,
-    NOT_EVALUABLE,
-    REACHED,
-    Minimum,
-    as_history,
-    checked_bounds,
-    checked_sizes,
-)
+from monodyn.optimize.minimum import UNBOUNDED, Bounds, Minimum, as_history, checked_bounds
+from monodyn.optimize.status import EDGE, EXHAUSTED, NOT_EVALUABLE, REACHED, STALLED
 
 FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
-STALLED = "No smaller value was found along the search direction."
-EDGE = "The search ended at the edge of where the residuals exist; choose another start."
+PENALTY = 1e3
+"""Value where the residuals do not exist, in values at the start."""
+DIFFERENCE = 1e-7
+"""Step of the differences, in units of an unknown or as a share of it, whichever is larger."""
+RESTARTS = 5
+"""Searches from the best point at most, after the first."""
 
 
 def bounded_bfgs(
     residuals: Callable[[np.ndarray], np.ndarray],
     start: np.ndarray,
-    lower: np.ndarray | float = -np.inf,
-    upper: np.ndarray | float = np.inf,
+    bounds: Bounds = UNBOUNDED,
     *,
-    scale: np.ndarray | float = 1.0,
-    jacobian: Callable[[np.ndarray], np.ndarray] | None = None,
-    norm: bool = False,
-    penalty: float = 1e3,
-    difference: float = 1e-7,
     tolerance: float = 1e-10,
     most: int = 10000,
-    restarts: int = 5,
 ) -> Minimum:
-    """Minimize 1/2 r(x).r(x), or its root |r|, subject to lower <= x <= upper.
+    """Minimize 1/2 r(x).r(x) within bounds.
 
     scipy's SLSQP (Kraft 1988) does it: sequential quadratic programming with Powell's damped BFGS update of
-    the Hessian and an active set in the quadratic subproblem: the paper's active-set method with BFGS. It
-    works on unknowns in units of their scale and on the value in units of that at the start. Where the
-    residuals do not exist (not finite, or the function raises ArithmeticError, ValueError or LinAlgError)
-    the value is a large finite penalty, so that the line search turns back. The search begins again at its
-    best point, with a fresh Hessian, as long as that lowers the value.
+    the Hessian and an active set in the quadratic subproblem. It works on the value in units of that at the
+    start, with forward differences, each counted as an evaluation. Where the residuals do not exist (not
+    finite, or the function raises ArithmeticError, ValueError or LinAlgError) the value is a large finite
+    penalty, so that the line search turns back. The search begins again at its best point, with a fresh
+    Hessian, as long as that lowers the value.
 
     Args:
         residuals: Gives r (row,) at x (param,); never called outside of the bounds.
-        start: First x, (param,), inside the bounds; the residuals must exist there.
-        lower: Lower bounds, (param,) or one for all; may be infinite.
-        upper: Upper bounds, (param,) or one for all; may be infinite.
-        scale: Typical size of each unknown, (param,) or one for all; above 0.
-        jacobian: Gives dr/dx (row, param); default forward differences, each counted as an evaluation.
-        norm: Minimize |r| in place of 1/2 r.r; the minimum is the same.
-        penalty: Value where the residuals do not exist, in values at the start.
-        difference: Step of the differences, in scales.
+        start: First x, (param,), inside the bounds; the residuals must exist there. The unknowns should be
+            in units of their typical size.
+        bounds: Lower and upper bounds, (param,) each or one for all; may be infinite.
         tolerance: Done when the value changes by less than this share of that at the start.
-        most: Evaluations of the residuals at the most.
-        restarts: Searches from the best point at the most, after the first.
+        most: Evaluations of the residuals at most.
 
     Returns:
-        The best point where the residuals exist; the value is 1/2 r.r or |r|. A search whose last steps met
-            points without residuals is not converged: it may have stopped at their edge.
+        The best point where the residuals exist, with the value 1/2 r.r. A search whose last steps met points
+            without residuals is not converged: it may have stopped at their edge.
 
     Raises:
-        SettingsError: The bounds are reversed, the start lies outside them, or a scale is not above 0.
+        SettingsError: The bounds are reversed, or the start lies outside them.
 
     Source:
         The paper's solver of eq. 14 and its penalty on systems that cannot be simulated; Kraft, A software
@@ -73,22 +57,22 @@ def bounded_bfgs(
     Example:
         >>> def valley(x):
         ...     return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]])
-        >>> found = bounded_bfgs(valley, np.zeros(2), -2.0, 2.0)
+        >>> found = bounded_bfgs(valley, np.zeros(2), (-2.0, 2.0))
         >>> [round(float(x), 4) for x in found.x]
         [1.0, 1.0]
     """
-    start, lower, upper = checked_bounds(start, lower, upper)
-    scale = checked_sizes(scale, len(start), "scale")
-    fit = _Fit(residuals, jacobian, (lower, upper), scale, norm, penalty, difference, most)
+    start, lower, upper = checked_bounds(start, bounds)
+    fit = _Fit(residuals, (lower, upper), most)
     first = fit.evaluate(start)
     if first is None:
         return Minimum(start, np.inf, fit.evaluations, False, as_history(fit.history), NOT_EVALUABLE)
     converged, status = False, EXHAUSTED
     fit.unit = fit.best[1] or 1.0
     try:
-        for _ in range(restarts + 1):
+        for _ in range(RESTARTS + 1):
             before, failures = fit.best[1], fit.failures
             done = fit.search(tolerance)
+            # The penalty is flat, so a search that met it has no slope back: its end may be no minimum.
             edge = fit.failures > failures and fit.best[1] > tolerance * fit.unit
             converged = done and not edge
             status = REACHED if converged else EDGE if edge else STALLED
@@ -105,19 +89,23 @@ class _Exhausted(Exception):
 
 
 class _Fit:
-    """Value and slope in scaled unknowns; counts, and keeps the best point."""
+    """Value and slope in units of the value at the start; counts, and keeps the best point."""
 
-    def __init__(self, residuals, jacobian, bounds, scale, norm, penalty, difference, most) -> None:
-        self.residuals, self.jacobian = residuals, jacobian
+    def __init__(
+        self,
+        residuals: Callable[[np.ndarray], np.ndarray],
+        bounds: tuple[np.ndarray, np.ndarray],
+        most: int,
+    ) -> None:
+        self.residuals, self.most = residuals, most
         self.lower, self.upper = bounds
-        self.scale, self.norm, self.penalty, self.difference = scale, norm, penalty, difference
-        self.most, self.evaluations, self.failures, self.unit = most, 0, 0, 1.0
+        self.evaluations, self.failures, self.unit = 0, 0, 1.0
         self.best: tuple[np.ndarray, float] = (np.zeros(0), np.inf)
         self.history: list[tuple[int, float]] = []
         self.last: tuple[np.ndarray, np.ndarray | None] | None = None
 
     def evaluate(self, x: np.ndarray) -> np.ndarray | None:
-        """Give the residuals at x, or None where they do not exist."""
+        """Return the residuals at x (param,), (row,), or None where they do not exist."""
         if self.evaluations >= self.most:
             raise _Exhausted
         self.evaluations += 1
@@ -125,7 +113,7 @@ class _Fit:
             found = np.asarray(self.residuals(x.copy()), dtype=float)
         except FAILURES:
             found = np.full(1, np.nan)
-        value = self.value(found)
+        value = _half_square(found)
         if not value < np.inf:
             self.failures += 1
             return None
@@ -134,49 +122,46 @@ class _Fit:
             self.history.append((self.evaluations, value))
         return found
 
-    def value(self, residual: np.ndarray) -> float:
-        """Give 1/2 r.r or |r|."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            square = float(residual @ residual)
-        return square**0.5 if self.norm else 0.5 * square
-
     def search(self, tolerance: float) -> bool:
         """Search once from the best point; True when the method says that it is done."""
-        from scipy.optimize import Bounds, minimize
+        from scipy.optimize import Bounds as ScipyBounds
+        from scipy.optimize import minimize
 
-        bounds = Bounds(self.lower / self.scale, self.upper / self.scale)  # pyright: ignore[reportArgumentType]
+        bounds = ScipyBounds(self.lower, self.upper)  # pyright: ignore[reportArgumentType]
         found = minimize(
-            self.scaled_value, self.best[0] / self.scale, jac=self.slope, method="SLSQP", bounds=bounds,
+            self.value, self.best[0], jac=self.slope, method="SLSQP", bounds=bounds,
             options={"ftol": tolerance, "maxiter": self.most},
         )  # fmt: skip
         return bool(found.success)
 
     def at(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """Give x and the residuals there, from the last call where it is the same point."""
-        x = np.clip(z * self.scale, self.lower, self.upper)
+        """Return x (param,) inside the bounds and the residuals there (row,) or None.
+
+        SLSQP asks for value and slope at the same point in turn: the last point is kept.
+        """
+        x = np.clip(z, self.lower, self.upper)
         if self.last is None or not np.array_equal(self.last[0], x):
             self.last = x, self.evaluate(x)
         return self.last
 
-    def scaled_value(self, z: np.ndarray) -> float:
-        """Give the value in values at the start; the penalty where there are no residuals."""
+    def value(self, z: np.ndarray) -> float:
+        """Return the value at z (param,) in values at the start; the penalty where there are no residuals."""
         residual = self.at(z)[1]
-        return self.penalty if residual is None else min(self.value(residual) / self.unit, self.penalty)
+        return PENALTY if residual is None else min(_half_square(residual) / self.unit, PENALTY)
 
     def slope(self, z: np.ndarray) -> np.ndarray:
-        """Give the slope of the scaled value; 0 where there are no residuals."""
+        """Return the slope of the value at z (param,), (param,); 0 where there are no residuals."""
         x, residual = self.at(z)
-        if residual is None:
-            return np.zeros(len(x))
-        along = self.differences(x, residual) if self.jacobian is None else self.jacobian(x).T @ residual
-        length = self.value(residual) if self.norm else 1.0
-        return along * self.scale / (self.unit * (length or 1.0))
+        return np.zeros(len(x)) if residual is None else self.differences(x, residual) / self.unit
 
     def differences(self, x: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        """Give the slope of 1/2 r.r by differences, backward where forward leaves the bounds or fails."""
+        """Return the slope of 1/2 r.r by differences, (param,).
+
+        They are forward, and backward where forward leaves the bounds or meets no residuals.
+        """
         along = np.zeros(len(x))
         for i in np.flatnonzero(self.upper > self.lower):
-            size = self.difference * max(self.scale[i], abs(x[i]))
+            size = DIFFERENCE * max(1.0, abs(x[i]))
             for step in (size, -size):
                 moved = x.copy()
                 moved[i] = min(max(x[i] + step, self.lower[i]), self.upper[i])
@@ -187,3 +172,9 @@ class _Fit:
                     along[i] = (other - residual) @ residual / (moved[i] - x[i])
                     break
         return along
+
+
+def _half_square(residual: np.ndarray) -> float:
+    """Return 1/2 r.r of (row,); what overflows is infinite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return 0.5 * float(residual @ residual)

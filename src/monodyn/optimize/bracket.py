@@ -8,9 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.errors import SettingsError
+from monodyn.optimize.minimum import DirectSettings
 
-GOLDEN = 0.5 * (3.0 - 5.0**0.5)  # share of the longer part at which it is cut
+GOLDEN = 0.5 * (3.0 - 5.0**0.5)
+"""Share of the longer part at which it is cut."""
 MOST = 200
+"""Evaluations along a line at most, unless the caller says otherwise."""
+LINE = DirectSettings(tolerance=1e-6, evaluations=MOST)
+
+Span = tuple[float, float]
+"""Lower and upper end of an interval."""
+WHOLE_LINE: Span = (-np.inf, np.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +61,7 @@ def swann(
     function: Callable[[float], float],
     start: float,
     step: float,
-    lower: float = -np.inf,
-    upper: float = np.inf,
+    bounds: Span = WHOLE_LINE,
     *,
     value: float | None = None,
     most: int = MOST,
@@ -68,10 +75,9 @@ def swann(
         function: The function of one unknown.
         start: First x.
         step: Length of the first step, above 0.
-        lower: Lower bound.
-        upper: Upper bound.
+        bounds: Lower and upper bound.
         value: The function at the start, where it is known.
-        most: Evaluations at the most.
+        most: Evaluations at most.
 
     Returns:
         The interval, with the best point evaluated as its middle.
@@ -88,6 +94,7 @@ def swann(
         >>> found.low, found.middle, found.high
         (1.0, 3.0, 7.0)
     """
+    lower, upper = bounds
     if not step > 0:
         raise SettingsError(f"swann: expected a step above 0, got {step:g}.")
     if not lower <= start <= upper:
@@ -102,16 +109,19 @@ def swann(
     above = _number(function(ahead)) if ahead > start else np.inf
     calls += ahead > start
     if not above < value:
+        # Upward is not lower, so the start is the middle of what lies between there and one step downward.
         behind, sign = ahead, -1.0
         ahead = max(start - step, lower)
         allowed = ahead < start and calls < most
         above = _number(function(ahead)) if allowed else np.inf
         calls += allowed
+    # Here and after each turn: f(middle) <= f(behind), and the search goes on as long as f(ahead) is lower
+    # still. Three places in a row of which the middle one is lowest enclose a least value.
     while above < value and calls < most:
         behind, middle, value = middle, ahead, above
         step *= 2.0
         ahead = min(max(middle + sign * step, lower), upper)
-        if ahead == middle:
+        if ahead == middle:  # the best point is a bound: it closes the interval itself
             above = np.inf
             break
         above = _number(function(ahead))
@@ -124,55 +134,53 @@ def swann(
 
 def golden_section(
     function: Callable[[float], float],
-    low: float,
-    high: float,
+    ends: Span,
     tolerance: float,
     *,
-    middle: float | None = None,
-    value: float | None = None,
+    inside: tuple[float, float] | None = None,
     most: int = MOST,
 ) -> Found:
     """Close in on the least value of a function with one valley between two ends.
 
-    The longer part beside the best point is cut in the golden ratio; the worse end is dropped. The best point
-    ever evaluated stays inside, whatever the function is. The ends themselves are not evaluated.
+    The longer part next to the best point is cut in the golden ratio; the worse end is dropped. The best
+    point ever evaluated stays inside, whatever the function is. The ends themselves are not evaluated.
 
     Args:
         function: The function of one unknown.
-        low: Lower end.
-        high: Upper end.
+        ends: Lower and upper end.
         tolerance: Done when the interval is not longer than this.
-        middle: A point between the ends or on one, such as a bracket's; default the golden section.
-        value: The function at the middle, where it is known.
-        most: Evaluations at the most.
+        inside: A point between the ends or on one, such as a bracket's middle, and the function there;
+            default the golden section.
+        most: Evaluations at most.
 
     Returns:
         The best point evaluated.
 
     Raises:
-        SettingsError: The ends are reversed, or the middle is not between them.
+        SettingsError: The ends are reversed, or the point inside is not between them.
 
     Source:
         Kiefer, Sequential minimax search for a maximum, 1953; the paper's line search.
 
     Example:
-        >>> round(golden_section(lambda x: (x - 2.0) ** 2, 0.0, 5.0, 1e-6).x, 5)
+        >>> round(golden_section(lambda x: (x - 2.0) ** 2, (0.0, 5.0), 1e-6).x, 5)
         2.0
     """
-    best = low + GOLDEN * (high - low) if middle is None else middle
+    low, high = ends
+    best = low + GOLDEN * (high - low) if inside is None else inside[0]
     if not low <= best <= high:
         raise SettingsError(f"golden_section: expected {low:g} <= {best:g} <= {high:g}; order the points.")
-    calls = 0
-    if value is None or middle is None:
-        value, calls = _number(function(best)), 1
+    value, calls = (_number(function(best)), 1) if inside is None else (inside[1], 0)
     while high - low > tolerance and calls < most:
+        # The longer part is cut, so that the interval shrinks by the golden ratio even where the best point
+        # is not at that ratio, as that of a bracket is not.
         above = high - best > best - low
         x = best + GOLDEN * ((high - best) if above else (low - best))
         if x in (low, best, high):  # the interval is as short as numbers are
             break
         trial = _number(function(x))
         calls += 1
-        if trial < value:
+        if trial < value:  # the new point is the best; the old one becomes the end on the other side
             low, high = (best, high) if above else (low, best)
             best, value = x, trial
         elif above:
@@ -186,12 +194,10 @@ def line_search(
     function: Callable[[float], float],
     start: float,
     step: float,
-    lower: float = -np.inf,
-    upper: float = np.inf,
-    tolerance: float = 1e-6,
+    bounds: Span = WHOLE_LINE,
     *,
     value: float | None = None,
-    most: int = MOST,
+    settings: DirectSettings = LINE,
 ) -> Found:
     """Find a least value along a line: Swann's bounding, then the golden section.
 
@@ -199,11 +205,9 @@ def line_search(
         function: The function of one unknown.
         start: First x.
         step: Length of the first step, above 0.
-        lower: Lower bound.
-        upper: Upper bound.
-        tolerance: Done when the interval is not longer than this.
+        bounds: Lower and upper bound.
         value: The function at the start, where it is known.
-        most: Evaluations at the most.
+        settings: When to stop; the tolerance is the length of the last interval.
 
     Returns:
         The best point evaluated; never worse than the start.
@@ -214,15 +218,19 @@ def line_search(
     Source:
         The paper's search in one dimension: golden section with Swann's bounding.
     """
-    bracket = swann(function, start, step, lower, upper, value=value, most=most)
+    bracket = swann(function, start, step, bounds, value=value, most=settings.evaluations)
     if not bracket.closed:
         return Found(bracket.middle, bracket.value, bracket.evaluations)
-    left = most - bracket.evaluations
     found = golden_section(
-        function, bracket.low, bracket.high, tolerance, middle=bracket.middle, value=bracket.value, most=left
+        function,
+        (bracket.low, bracket.high),
+        settings.tolerance,
+        inside=(bracket.middle, bracket.value),
+        most=settings.evaluations - bracket.evaluations,
     )
     return Found(found.x, found.value, found.evaluations + bracket.evaluations)
 
 
 def _number(value: float) -> float:
+    """Return infinity in place of NaN."""
     return value if value == value else np.inf

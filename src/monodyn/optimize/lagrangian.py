@@ -7,39 +7,44 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from monodyn.optimize.minimum import (
-    EXHAUSTED,
-    NOT_EVALUABLE,
-    REACHED,
+    UNBOUNDED,
+    Bounds,
+    DirectSettings,
     Minimum,
     as_history,
     checked_bounds,
     checked_sizes,
 )
-from monodyn.optimize.powell import powell
+from monodyn.optimize.powell import USUAL, powell
+from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED, UNMET, VIOLATED
 
-STIFFNESS = 20.0  # first penalty of one step's violation, in changes of the function over one step
-LEAST_REACH = 4.0  # first step of a later round, in tolerances, at the least
-GROWTH = 5.0  # of the penalty where a round of multipliers did not lower the violation enough
-ENOUGH = 0.25  # share to which a round of multipliers should lower the violation
-UNMET = "The rounds of multipliers were over before the constraints were met to the tolerance."
-VIOLATED = "No point within the inequalities was found; begin from one."
+STIFFNESS = 20.0
+"""First penalty of one step's violation, in changes of the function over one step."""
+LEAST_REACH = 4.0
+"""First step of a later round at least, in tolerances."""
+GROWTH = 5.0
+"""Growth of the penalty where a round of multipliers did not lower the violation enough."""
+ENOUGH = 0.25
+"""Share to which a round of multipliers should lower the violation."""
+ROUNDS = 30
+"""Rounds of multipliers at most."""
+OUTSIDE = 1.0
+"""f is taken as infinite, and not called, where a constraint is violated by more steps than this (or than at
+the start)."""
+
+Inequalities = Callable[[np.ndarray], Sequence[float] | np.ndarray]
 
 
 def augmented_lagrangian(
     function: Callable[[np.ndarray], float],
     start: np.ndarray,
-    lower: np.ndarray | float = -np.inf,
-    upper: np.ndarray | float = np.inf,
+    bounds: Bounds = UNBOUNDED,
     *,
-    inequalities: Callable[[np.ndarray], Sequence[float] | np.ndarray] | None = None,
     step: np.ndarray | float,
-    tolerance: float = 1e-3,
-    outside: float = 1.0,
-    most: int = 2000,
-    rounds: int = 30,
-    decrease: float = 0.0,
+    inequalities: Inequalities | None = None,
+    settings: DirectSettings = USUAL,
 ) -> Minimum:
-    """Minimize f(x) subject to lower <= x <= upper and g(x) <= 0 by the method of multipliers.
+    """Minimize f(x) within bounds and with g(x) <= 0 by the method of multipliers.
 
     Each round minimizes f(x) + r/2 sum_j (max(0, g_j(x) + m_j / r)^2 - (m_j / r)^2) without constraints, and
     then takes m_j = max(0, m_j + r g_j(x)). The bounds are constraints too, in steps. The penalty r is taken
@@ -47,22 +52,15 @@ def augmented_lagrangian(
     active the first round is the last.
 
     The function is evaluated outside of its bounds too, mostly by a small part of a step and never by more
-    than ``outside``; where it does not exist it gives NaN or infinity. An unknown with equal bounds stays
-    there.
+    than one; where it does not exist it gives NaN or infinity. An unknown with equal bounds stays there.
 
     Args:
         function: Gives f at x (param,).
         start: First x, (param,), inside the bounds.
-        lower: Lower bounds, (param,) or one for all; may be infinite.
-        upper: Upper bounds, (param,) or one for all; may be infinite.
-        inequalities: Gives g at x, (inequality,), each of a size near 1 for a violation as large as one step.
+        bounds: Lower and upper bounds, (param,) each or one for all; may be infinite.
         step: First step of each unknown, (param,) or one for all; above 0.
-        tolerance: Accuracy of x and largest violation of g, in steps.
-        outside: f is taken as infinite, and not called, where a constraint is violated by more steps than
-            this (or than at the start).
-        most: Evaluations of f at the most.
-        rounds: Rounds of multipliers at the most.
-        decrease: An inner search is done also when it lowers its function by no more than this.
+        inequalities: Gives g at x, (inequality,), each of a size near 1 for a violation as large as one step.
+        settings: When to stop; the tolerance, of x and of the largest violation of g, is in steps.
 
     Returns:
         The best point inside the bounds exactly and inside the inequalities to the tolerance, with the
@@ -78,38 +76,46 @@ def augmented_lagrangian(
     Example:
         >>> def bowl(x):
         ...     return (x[0] - 2.0) ** 2 + (x[1] - 1.0) ** 2
-        >>> found = augmented_lagrangian(bowl, np.zeros(2), -1.0, 1.5, step=0.5, tolerance=1e-4)
-        >>> [round(float(x), 3) for x in found.x]
+        >>> found = augmented_lagrangian(bowl, np.zeros(2), (-1.0, 1.5), step=0.5)
+        >>> [round(float(x), 2) for x in found.x]
         [1.5, 1.0]
     """
-    start, lower, upper = checked_bounds(start, lower, upper)
+    start, lower, upper = checked_bounds(start, bounds)
     step = checked_sizes(step, len(start), "step")
-    problem = _Problem(function, start, lower, upper, inequalities, step, tolerance)
-    problem.limit(outside)
-    x, inner_step = start[problem.free], step[problem.free]
+    problem = _Problem(function, start, (lower, upper), step, inequalities, settings.tolerance)
+    x = start[problem.free]
     value = problem(x)
     if not value < np.inf:
         return problem.end(False, NOT_EVALUABLE)
     if not len(x):
         return problem.end(True, REACHED)
     problem.penalty = STIFFNESS * problem.change_over_a_step(x, value)
-    worst, converged, status = np.inf, False, UNMET
-    for _ in range(rounds):
-        left = most - problem.evaluations - 1  # one is kept for the point put inside the bounds
+    return _rounds(problem, x, settings)
+
+
+def _rounds(problem: _Problem, x: np.ndarray, settings: DirectSettings) -> Minimum:
+    """Alternate searches without constraints and new multipliers, from x (free,)."""
+    tolerance, step = settings.tolerance, problem.step[problem.free]
+    inner_step, worst, converged, status = step, np.inf, False, UNMET
+    for _ in range(ROUNDS):
+        left = settings.evaluations - problem.evaluations - 1  # one is kept for the point put inside
         if left < 1:
             status = EXHAUSTED
             break
-        inner = powell(problem, x, inner_step, tolerance=tolerance, most=left, decrease=decrease)
+        inner = powell(problem, x, inner_step, settings=DirectSettings(tolerance, left))
         x = inner.x
         violation = problem.update(x)
+        # Half the tolerance for the violation leaves the other half to the inner search.
         converged = inner.converged and violation <= 0.5 * tolerance
         if converged:
             status = REACHED
             break
+        # Multipliers alone converge linearly, at a rate that falls with the penalty: raise it only where they
+        # are slow, because a high penalty makes narrow valleys.
         if violation > ENOUGH * worst:
             problem.stiffen()
         worst = min(worst, violation)
-        inner_step = step[problem.free] * min(max(2.0 * violation, LEAST_REACH * tolerance), 1.0)
+        inner_step = step * min(max(2.0 * violation, LEAST_REACH * tolerance), 1.0)
     problem.inside(x)
     return problem.end(converged, status)
 
@@ -117,23 +123,33 @@ def augmented_lagrangian(
 class _Problem:
     """The augmented Lagrangian of the unknowns that can move; it counts, and keeps the best allowed point."""
 
-    def __init__(self, function, start, lower, upper, inequalities, step, tolerance) -> None:
+    def __init__(
+        self,
+        function: Callable[[np.ndarray], float],
+        start: np.ndarray,
+        bounds: tuple[np.ndarray, np.ndarray],
+        step: np.ndarray,
+        inequalities: Inequalities | None,
+        tolerance: float,
+    ) -> None:
         self.function, self.inequalities = function, inequalities
-        self.start, self.lower, self.upper, self.step, self.tolerance = start, lower, upper, step, tolerance
+        self.start, self.step, self.tolerance = start, step, tolerance
+        self.lower, self.upper = lower, upper = bounds
         self.free = np.flatnonzero(upper > lower)
         self.all_free = len(self.free) == len(start)
         sides = [(i, -1.0, float(lower[k]), 1.0 / float(step[k])) for i, k in enumerate(self.free)]
         sides += [(i, 1.0, float(upper[k]), 1.0 / float(step[k])) for i, k in enumerate(self.free)]
         self.sides = [side for side in sides if np.isfinite(side[2])]
         others = len(np.atleast_1d(inequalities(start))) if inequalities else 0
-        self.penalty, self.outside = 0.0, np.inf
+        self.penalty = 0.0
         self.shifts = [0.0] * (len(self.sides) + others)  # multipliers / penalty
         self.evaluations = 0
         self.x, self.value = start, np.inf
         self.history: list[tuple[int, float]] = []
+        self.outside = max(OUTSIDE, max(self.constraints(start[self.free], start)[0], default=0.0))
 
     def __call__(self, z: np.ndarray) -> float:
-        """Evaluate f and its penalty at the free unknowns."""
+        """Return f and its penalty at the free unknowns (free,)."""
         x = self.embed(z)
         excess, allowed = self.constraints(z, x)
         if not allowed and max(excess) > self.outside:
@@ -152,13 +168,8 @@ class _Problem:
             total -= shift * shift
         return value + 0.5 * self.penalty * total
 
-    def limit(self, outside: float) -> None:
-        """Never evaluate f where a constraint is violated by more than this and more than at the start."""
-        excess, _ = self.constraints(self.start[self.free], self.start)
-        self.outside = max(outside, max(excess, default=0.0))
-
     def embed(self, z: np.ndarray) -> np.ndarray:
-        """Give all unknowns from the free ones."""
+        """Return all unknowns (param,) from the free ones (free,)."""
         if self.all_free:
             return z
         x = self.start.copy()
@@ -166,7 +177,7 @@ class _Problem:
         return x
 
     def constraints(self, z: np.ndarray, x: np.ndarray) -> tuple[list[float], bool]:
-        """Give every constraint, bounds in steps first, and whether the point is allowed."""
+        """Return every constraint, bounds in steps first, and whether the point is allowed."""
         point = z.tolist()
         excess = [sign * (point[i] - bound) * inverse for i, sign, bound, inverse in self.sides]
         allowed = not excess or max(excess) <= 0.0
@@ -192,7 +203,10 @@ class _Problem:
         return largest or abs(value) or 1.0
 
     def update(self, z: np.ndarray) -> float:
-        """Take the next multipliers; how far z is from satisfying the constraints and their complements."""
+        """Take the next multipliers; return how far z is from the conditions of a constrained minimum.
+
+        Each constraint is met or its multiplier is zero: max(g, -m) vanishes for both.
+        """
         excess, _ = self.constraints(z, self.embed(z))
         worst = max((abs(max(g, -m)) for g, m in zip(excess, self.shifts, strict=True)), default=0.0)
         self.shifts = [max(0.0, m + g) for g, m in zip(excess, self.shifts, strict=True)]
@@ -212,7 +226,7 @@ class _Problem:
             self.x = np.array(self.embed(nearest))
 
     def end(self, converged: bool, status: str) -> Minimum:
-        """Give the best allowed point; without any, the last one, as not converged."""
+        """Return the best allowed point; without any, the last one, as not converged."""
         value, violation = self.value, 0.0
         excess, _ = self.constraints(self.x[self.free], self.x)
         violation = max(0.0, max(excess, default=0.0))
@@ -227,7 +241,7 @@ class _Problem:
         )  # fmt: skip
 
     def multipliers(self) -> np.ndarray:
-        """Give the multipliers of lower bounds, upper bounds and inequalities, (2 param + inequality,)."""
+        """Return the multipliers of lower bounds, upper bounds, inequalities, (2 param + inequality,)."""
         size = len(self.start)
         found = np.zeros(2 * size + len(self.shifts) - len(self.sides))
         for (i, sign, _, _), shift in zip(self.sides, self.shifts, strict=False):

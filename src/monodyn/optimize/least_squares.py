@@ -9,6 +9,7 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.optimize.levenberg import USUAL, Arrow, SearchSettings, minimize_arrow
+from monodyn.optimize.minimum import UNBOUNDED, Bounds, checked_bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,21 +40,19 @@ class Solution:
 def minimize(
     residuals_and_jacobian: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     start: np.ndarray,
-    lower: np.ndarray | float = -np.inf,
-    upper: np.ndarray | float = np.inf,
+    bounds: Bounds = UNBOUNDED,
     *,
     settings: SearchSettings = USUAL,
     reach: np.ndarray | float = np.inf,
 ) -> Solution:
-    """Minimize 1/2 r(x).r(x) subject to lower <= x <= upper.
+    """Minimize 1/2 r(x).r(x) within bounds.
 
     Residuals that are NaN or infinite make a rejected step; a Jacobian of any rank will do.
 
     Args:
         residuals_and_jacobian: Gives r (row,) and dr/dx (row, param) at x (param,).
         start: First x, (param,), inside the bounds.
-        lower: Lower bounds, (param,) or one for all.
-        upper: Upper bounds, (param,) or one for all.
+        bounds: Lower and upper bounds, (param,) each or one for all.
         settings: When to stop.
         reach: Longest step of each unknown, (param,) or one for all.
 
@@ -61,7 +60,7 @@ def minimize(
         The best point found; its status says why the search ended.
 
     Raises:
-        SettingsError: The bounds are reversed, the start lies outside them, or a longest step is not above 0.
+        SettingsError: A longest step is not above 0, the bounds are reversed or the start lies outside them.
 
     Source:
         Marquardt 1963, Moré 1978 (see `monodyn.optimize.levenberg`).
@@ -73,13 +72,15 @@ def minimize(
         >>> [round(float(x), 6) for x in minimize(line, np.zeros(2)).x]
         [2.0, 1.0]
     """
-    start = np.array(start, dtype=float)
-    lower, upper = np.broadcast_to(lower, start.shape), np.broadcast_to(upper, start.shape)
+    start, lower, upper = checked_bounds(start, bounds)
     reach = np.broadcast_to(reach, start.shape)
-    _check(start, lower, upper, reach)
+    for i, far in enumerate(reach.tolist()):
+        if not far > 0:
+            raise SettingsError(f"unknown {i}: expected a longest step above 0, got {far:g}.")
 
     def evaluate(x: np.ndarray, _: np.ndarray) -> Arrow:
         residual, jacobian = residuals_and_jacobian(x)
+        # A cost that is infinite makes the search reject the step; the blocks need only be there.
         finite = bool(np.isfinite(residual).all())
         return Arrow(
             0.5 * float(residual @ residual) if finite else float("inf"),
@@ -88,23 +89,9 @@ def minimize(
             np.zeros((0, len(x), 0)), np.zeros((0, 0, 0)), np.zeros((0, 0)), (residual, jacobian),
         )  # fmt: skip
 
-    found = minimize_arrow(evaluate, start, np.zeros((0, 0)), lower, upper, settings=settings, reach=reach)
+    found = minimize_arrow(evaluate, start, np.zeros((0, 0)), (lower, upper), settings=settings, reach=reach)
     residual, jacobian = found.model.kept
     return Solution(
         found.shared, found.model.cost, residual, jacobian, found.status, found.converged, found.evaluations,
         found.at_bound,
     )  # fmt: skip
-
-
-def _check(start: np.ndarray, lower: np.ndarray, upper: np.ndarray, reach: np.ndarray) -> None:
-    for i, (x, a, b, far) in enumerate(zip(start, lower, upper, reach, strict=True)):
-        if a > b:
-            raise SettingsError(
-                f"unknown {i}: the lower bound {a:g} is above the upper bound {b:g}; swap them."
-            )
-        if not a <= x <= b:
-            raise SettingsError(
-                f"unknown {i}: the start {x:g} is outside its bounds {a:g} to {b:g}; move it inside."
-            )
-        if not far > 0:
-            raise SettingsError(f"unknown {i}: expected a longest step above 0, got {far:g}.")

@@ -14,6 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED, STALLED
+
+LEAST_DAMPING = 1e-10
+MOST_DAMPING = 1e12
+LEAST_GAIN = 1e-4
+"""A step is taken when the cost falls by at least this share of what the model promised."""
+
 
 @dataclass(frozen=True)
 class SearchSettings:
@@ -87,26 +94,16 @@ class ArrowSolution:
     at_bound: np.ndarray
 
 
-CONVERGED = "The minimum is reached."
-STALLED = "No smaller cost was found along any damped step."
-EXHAUSTED = "The evaluations ran out before the minimum was reached."
-NOT_EVALUABLE = "The residuals are not finite at the start; choose another start."
-
-LEAST_DAMPING = 1e-10
-MOST_DAMPING = 1e12
-
-
 def minimize_arrow(
     evaluate: Callable[[np.ndarray, np.ndarray], Arrow | None],
     shared: np.ndarray,
     local: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
     *,
     settings: SearchSettings = USUAL,
     reach: np.ndarray | float = np.inf,
 ) -> ArrowSolution:
-    """Minimize 1/2 r(shared, local).r subject to lower <= shared <= upper.
+    """Minimize 1/2 r(shared, local).r with bounds on the shared unknowns.
 
     Each step solves (H + damping D) dx = -g with D the largest diagonal of H seen so far; shared unknowns
     that the step carries over a bound, or further than ``reach``, are put there and the others solved again,
@@ -117,8 +114,7 @@ def minimize_arrow(
         evaluate: Gives the model at (shared, local), or None where the residuals do not exist.
         shared: Start of the shared unknowns, (shared,), inside the bounds.
         local: Start of the local unknowns, (block, local); without bounds.
-        lower: Lower bounds of the shared unknowns, (shared,).
-        upper: Upper bounds of the shared unknowns, (shared,).
+        bounds: Lower and upper bounds of the shared unknowns, (shared,) each.
         settings: When to stop.
         reach: Longest step of each shared unknown, (shared,) or one for all; above 0. A logarithm whose
             derivative fades in one direction needs one: a single step of the model can carry it so far that
@@ -129,37 +125,49 @@ def minimize_arrow(
 
     Source:
         Marquardt, An algorithm for least-squares estimation of nonlinear parameters, 1963; the scaling by the
-        largest diagonal is Moré's, 1978.
+        largest diagonal is that of Moré, 1978.
     """
-    shared, local = np.array(shared, dtype=float), np.array(local, dtype=float)
+    shared, local, (lower, upper) = np.array(shared, dtype=float), np.array(local, dtype=float), bounds
     model = evaluate(shared, local)
-    evaluations = 1
+    evaluations, converged, status = 1, False, EXHAUSTED
     if model is None or not model.finite:
-        size, (blocks, width) = len(shared), local.shape
-        empty = Arrow(
-            float("inf"), np.zeros((size, size)), np.zeros(size), np.zeros((blocks, size, width)),
-            np.zeros((blocks, width, width)), np.zeros((blocks, width)), model.kept if model else None,
-        )  # fmt: skip
-        return _end(shared, local, empty, NOT_EVALUABLE, False, evaluations, lower, upper)
+        model = _nowhere(len(shared), local.shape, model.kept if model else None)
+        return ArrowSolution(
+            shared, local, model, NOT_EVALUABLE, False, 1, (shared <= lower) | (shared >= upper)
+        )
     damping, scale = settings.damping, _diagonals(model)
     while evaluations < settings.evaluations:
         room = np.maximum(lower - shared, -reach), np.minimum(upper - shared, reach)
         with np.errstate(over="ignore", invalid="ignore"):  # a step that overflows is rejected below
             step, local_step, promised = damped_step(model, damping, scale, *room)
         if promised <= settings.decrease + max(settings.relative, 1e-15) * model.cost:
-            done = damping < 1.0
-            return _end(shared, local, model, CONVERGED if done else STALLED, done, evaluations, lower, upper)
+            # Much damping makes every promise small, so that only a step with little of it proves a minimum.
+            converged = damping < 1.0
+            status = REACHED if converged else STALLED
+            break
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
         trial = evaluate(at, local_at) if np.isfinite(promised) else None
         evaluations += 1
         gain = (model.cost - trial.cost) / promised if trial is not None and trial.finite else -np.inf
         damping = _next_damping(damping, gain)
-        if gain > 1e-4 and trial is not None:
+        if gain > LEAST_GAIN and trial is not None:
             shared, local, model = at, local_at, trial
+            # The scale never shrinks: a column that fades for a while does not get a longer step for it.
             scale = _largest(scale, _diagonals(model))
         elif damping > MOST_DAMPING:
-            return _end(shared, local, model, STALLED, False, evaluations, lower, upper)
-    return _end(shared, local, model, EXHAUSTED, False, evaluations, lower, upper)
+            status = STALLED
+            break
+    at_bound = (shared <= lower) | (shared >= upper)
+    return ArrowSolution(shared, local, model, status, converged, evaluations, at_bound)
+
+
+def _nowhere(size: int, local: tuple[int, ...], kept: Any) -> Arrow:
+    """Return the model of a start that cannot be evaluated: infinite cost, nothing in the blocks."""
+    blocks, width = local
+    return Arrow(
+        float("inf"), np.zeros((size, size)), np.zeros(size), np.zeros((blocks, size, width)),
+        np.zeros((blocks, width, width)), np.zeros((blocks, width)), kept,
+    )  # fmt: skip
 
 
 def damped_step(
@@ -181,6 +189,8 @@ def damped_step(
     Returns:
         Shared step (shared,), local step (block, local), and the decrease of the cost the model promises.
     """
+    # With A the shared, C the local and B the cross block, the local step is -C^-1 (c + B' d), so that the
+    # shared step solves the Schur complement (A - B C^-1 B') d = -(a - B C^-1 c): C is inverted by blocks.
     hessian = model.hessian + np.diag(damping * scale[0])
     local = model.local_hessian + (damping * scale[1])[:, :, None] * np.eye(scale[1].shape[1])
     right = np.concatenate((np.swapaxes(model.cross, 1, 2), model.local_gradient[:, :, None]), axis=2)
@@ -190,6 +200,7 @@ def damped_step(
     gradient = model.gradient - np.einsum("bsl,bl->s", model.cross, solved[:, :, size])
     step = _bounded_solve(reduced, gradient, room_below, room_above)
     local_step = -solved[:, :, size] - solved[:, :, :size] @ step
+    # The promise is that of the undamped model: the damping is no part of the cost.
     promised = -(model.gradient @ step + np.sum(model.local_gradient * local_step)) - 0.5 * (
         step @ model.hessian @ step
         + 2.0 * np.einsum("s,bsl,bl->", step, model.cross, local_step)
@@ -207,6 +218,7 @@ def _bounded_solve(
         Primal active sets: Nocedal and Wright, Numerical Optimization, 2006, section 16.5.
     """
     step = np.zeros_like(gradient)
+    # Unknowns that lie on a bound and are pulled outward begin in the active set, all others are free.
     held = ((room_below >= 0) & (gradient > 0)) | ((room_above <= 0) & (gradient < 0))
     unit = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     for _ in range(4 * len(gradient) + 1):
@@ -221,11 +233,15 @@ def _bounded_solve(
         share[moving] = (bound[moving] - step[moving]) / move[moving]
         first = float(share.min(initial=np.inf))
         if first < 1.0:
+            # The free minimum lies beyond a bound: go as far as the nearest one and hold it from there on.
+            # The value has not risen, because the way leads toward the minimum of a convex function.
             step += max(first, 0.0) * move
             step[share <= first] = bound[share <= first]
             held |= share <= first
             continue
         step += move
+        # At the minimum of this active set, release the held unknown that is pulled inward most; when there
+        # is none, the multipliers have the right sign and the step is the best one of the whole box.
         slope = (gradient + hessian @ step) / unit
         fixed = room_below == room_above
         inward = np.where(held & ~fixed, np.where(step <= room_below, -slope, slope), 0.0)
@@ -264,11 +280,6 @@ def _next_damping(damping: float, gain: float) -> float:
         return max(0.1 * damping, LEAST_DAMPING)
     if gain > 0.25:
         return max(0.5 * damping, LEAST_DAMPING)
-    if gain > 1e-4:
+    if gain > LEAST_GAIN:
         return 2.0 * damping
     return max(8.0 * damping, 1e-6)
-
-
-def _end(shared, local, model, status, converged, evaluations, lower, upper) -> ArrowSolution:
-    at_bound = (shared <= lower) | (shared >= upper)
-    return ArrowSolution(shared, local, model, status, converged, evaluations, at_bound)

@@ -1,4 +1,4 @@
-"""What every search of a least value gives back, and the checks that they share."""
+"""The noun that every search of a least value returns, and the checks that the searches share."""
 
 from __future__ import annotations
 
@@ -9,9 +9,22 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 
-REACHED = "The minimum is reached."
-EXHAUSTED = "The evaluations ran out before the minimum was reached."
-NOT_EVALUABLE = "The function is not finite at the start; choose another start."
+Bounds = tuple[np.ndarray | float, np.ndarray | float]
+"""Lower and upper bounds of the unknowns, (param,) each or one for all."""
+UNBOUNDED: Bounds = (-np.inf, np.inf)
+
+
+@dataclass(frozen=True)
+class DirectSettings:
+    """When a search without derivatives stops.
+
+    Attributes:
+        tolerance: Accuracy of the unknowns: in steps of each where there are several, as it is along a line.
+        evaluations: The function is evaluated at most so often.
+    """
+
+    tolerance: float = 1e-3
+    evaluations: int = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +63,14 @@ class Tally:
         self.value = np.inf
 
     def __call__(self, x: np.ndarray) -> float:
-        """Evaluate the function at x (param,)."""
+        """Evaluate the function.
+
+        Args:
+            x: Where, (param,).
+
+        Returns:
+            The value, infinite in place of NaN, so that comparisons with it are never false on both sides.
+        """
         self.evaluations += 1
         value = float(self.function(x))
         if value < self.value:
@@ -59,19 +79,23 @@ class Tally:
 
 
 def as_history(entries: Sequence[tuple[int, float]]) -> np.ndarray:
-    """Give rows of evaluations and value as an array, (entry, 2)."""
+    """Return pairs of evaluations and value as an array.
+
+    Args:
+        entries: Evaluations so far and best value so far, in the order of time.
+
+    Returns:
+        The same, (entry, 2), also where there is none.
+    """
     return np.array(entries, dtype=float).reshape(-1, 2)
 
 
-def checked_bounds(
-    start: np.ndarray, lower: np.ndarray | float, upper: np.ndarray | float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give start and bounds as arrays of one length, (param,).
+def checked_bounds(start: np.ndarray, bounds: Bounds) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return start and bounds as arrays of one length.
 
     Args:
         start: First x, (param,).
-        lower: Lower bounds, (param,) or one for all.
-        upper: Upper bounds, (param,) or one for all.
+        bounds: Lower and upper bounds, (param,) each or one for all.
 
     Returns:
         Start, lower and upper bounds, (param,) each.
@@ -80,8 +104,7 @@ def checked_bounds(
         SettingsError: The bounds are reversed or NaN, or the start lies outside them.
     """
     start = np.array(start, dtype=float)
-    lower = np.array(np.broadcast_to(lower, start.shape), dtype=float)
-    upper = np.array(np.broadcast_to(upper, start.shape), dtype=float)
+    lower, upper = (np.array(np.broadcast_to(side, start.shape), dtype=float) for side in bounds)
     for i, (x, a, b) in enumerate(zip(start.tolist(), lower.tolist(), upper.tolist(), strict=True)):
         if not a <= b:
             raise SettingsError(
@@ -95,7 +118,7 @@ def checked_bounds(
 
 
 def checked_sizes(sizes: np.ndarray | float, count: int, name: str) -> np.ndarray:
-    """Give one size for each unknown, (param,).
+    """Return one size for each unknown.
 
     Args:
         sizes: Sizes, (param,) or one for all.

@@ -7,20 +7,18 @@ from collections.abc import Callable
 import numpy as np
 
 from monodyn.optimize.bracket import line_search
-from monodyn.optimize.minimum import (
-    EXHAUSTED,
-    NOT_EVALUABLE,
-    REACHED,
-    Minimum,
-    Tally,
-    as_history,
-    checked_sizes,
-)
+from monodyn.optimize.minimum import DirectSettings, Minimum, Tally, as_history, checked_sizes
+from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED
 
-LEAST_DETERMINANT = 1e-3  # of unit directions; below it the set counts as collapsed
-LEAST_REACH = 4.0  # first step along a line, in tolerances, at the least
-SHRINK = 0.1  # share of its last first step that a line keeps when it did not move
-LOOSE = 0.2  # a line is searched to this share of its first step, as long as that is above the tolerance
+USUAL = DirectSettings()
+LEAST_DETERMINANT = 1e-3
+"""Determinant of the unit directions below which the set counts as collapsed."""
+LEAST_REACH = 4.0
+"""First step along a line at least, in tolerances."""
+SHRINK = 0.1
+"""Share of its last first step that a line keeps when it did not move."""
+LOOSE = 0.2
+"""A line is searched to this share of its first step, as long as that is above the tolerance."""
 
 
 def powell(
@@ -28,26 +26,22 @@ def powell(
     start: np.ndarray,
     step: np.ndarray | float,
     *,
-    tolerance: float = 1e-3,
-    most: int = 2000,
-    decrease: float = 0.0,
+    settings: DirectSettings = USUAL,
 ) -> Minimum:
     """Minimize a function by line searches along directions that become conjugate.
 
     A round searches each direction in turn and then, where Powell's test promises it, the direction from the
     round's start to its end, which replaces the direction of the largest decrease. Nearly dependent
-    directions give way to the axes. Where a round does not move, another set is tried before the search is
-    taken as done (the axes, or the ones between them): along a kink no axis may go down. NaN counts as
+    directions are replaced by the axes. Where a round does not move, another set is tried before the search
+    is taken as done (the axes, or the ones between them): along a kink no axis may go down. NaN counts as
     infinite. A single unknown takes one line.
 
     Args:
         function: Gives the value at x (param,).
         start: First x, (param,).
         step: First step of each unknown, (param,) or one for all; above 0.
-        tolerance: Done when a round moves no unknown further than this share of its step; lines are searched
-            to the same share.
-        most: Evaluations at the most, exceeded by none.
-        decrease: Done also when a round lowers the value by no more than this.
+        settings: When to stop. The tolerance is a share of each unknown's step: done when a round moves none
+            further, and lines are searched to the same share. The evaluations are never exceeded.
 
     Returns:
         The best point evaluated, with the value after each line search.
@@ -60,13 +54,14 @@ def powell(
         calculating derivatives, 1964; the paper's inner search.
 
     Example:
-        >>> found = powell(lambda x: (x[0] - 1.0) ** 2 + (x[0] + x[1]) ** 2, np.zeros(2), 0.5, tolerance=1e-5)
-        >>> [round(float(x), 4) for x in found.x]
+        >>> found = powell(lambda x: (x[0] - 1.0) ** 2 + (x[0] + x[1]) ** 2, np.zeros(2), 0.5)
+        >>> [round(float(x), 2) for x in found.x]
         [1.0, -1.0]
     """
     x = np.array(start, dtype=float)
     step = checked_sizes(step, len(x), "step")
-    lines = _Lines(Tally(function), x, step, tolerance, most)
+    tolerance, most = settings.tolerance, settings.evaluations
+    lines = _Lines(Tally(function), x, step, settings)
     if not np.isfinite(lines.value):
         return lines.end(False, NOT_EVALUABLE)
     if len(x) == 1:
@@ -77,11 +72,12 @@ def powell(
         before, x_before = lines.value, lines.x
         tight = lines.round()
         moved = float(np.max(np.abs(lines.x - x_before) / step, initial=0.0))
-        small = moved <= tolerance or before - lines.value <= decrease
-        if not small:
+        if moved > tolerance and lines.value < before:
             lines.stalled = False
             lines.conjugate(x_before, before)
         elif lines.tally.evaluations < most:
+            # A round that stood still proves little while its lines were searched loosely, or along one set
+            # of directions alone: search them to the tolerance, then other directions, and only then end.
             if tight and lines.stalled:
                 return lines.end(True, REACHED)
             lines.shorten()
@@ -96,8 +92,9 @@ class _Lines:
     Directions have unit length in steps; a place along one is in steps as well.
     """
 
-    def __init__(self, tally: Tally, x: np.ndarray, step: np.ndarray, tolerance: float, most: int) -> None:
-        self.tally, self.step, self.tolerance, self.most = tally, step, tolerance, most
+    def __init__(self, tally: Tally, x: np.ndarray, step: np.ndarray, settings: DirectSettings) -> None:
+        self.tally, self.step = tally, step
+        self.tolerance, self.most = settings.tolerance, settings.evaluations
         self.x, self.value = x, tally(x)
         self.history = [(tally.evaluations, self.value)]
         self.directions = np.eye(len(x))
@@ -122,19 +119,26 @@ class _Lines:
         left = self.most - self.tally.evaluations
         if left <= 0:
             return 0.0, 0.0
-        before, origin, way = self.value, self.x, direction * self.step
+        before, origin, move = self.value, self.x, direction * self.step
         found = line_search(
-            lambda t: self.tally(origin + t * way), 0.0, reach, tolerance=tolerance, value=before, most=left
+            lambda t: self.tally(origin + t * move),
+            0.0,
+            reach,
+            value=before,
+            settings=DirectSettings(tolerance, left),
         )
         if found.value < before:
-            self.x, self.value = origin + found.x * way, found.value
+            self.x, self.value = origin + found.x * move, found.value
         self.history.append((self.tally.evaluations, self.value))
         return before - self.value, found.x
 
     def conjugate(self, x_before: np.ndarray, before: float) -> None:
-        """Replace the direction of the largest fall by the round's own where Powell's test asks for it."""
+        """Replace the direction of the largest fall by the round's own where Powell's test requires it."""
         if self.tally.evaluations >= self.most:
             return
+        # The round's own direction takes the place of that of the largest fall, unless the value rises beyond
+        # the round's end (then it adds nothing) or that fall was most of the round's (then the two directions
+        # nearly agree and the new set would be dependent), which the inequality below says in one.
         move = (self.x - x_before) / self.step
         length = float(np.linalg.norm(move))
         beyond = self.tally(2.0 * self.x - x_before)
@@ -165,14 +169,14 @@ class _Lines:
         self.stalled = True
 
     def end(self, converged: bool, status: str) -> Minimum:
-        """Give the best point evaluated."""
+        """Return the best point evaluated."""
         x = self.x if self.tally.x is None else self.tally.x
         value = min(self.value, self.tally.value)
         return Minimum(x, value, self.tally.evaluations, converged, as_history(self.history), status)
 
 
 def _between_axes(size: int) -> np.ndarray:
-    """Give orthogonal unit directions that mix the axes (cosine transform), (size, size)."""
+    """Return orthogonal unit directions that mix the axes (cosine transform), (size, size)."""
     k = np.arange(size)
     mixed = np.cos(np.pi * np.outer(k, k + 0.5) / size)
     return mixed / np.linalg.norm(mixed, axis=1, keepdims=True)

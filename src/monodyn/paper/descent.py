@@ -14,7 +14,7 @@ from monodyn.estimation.shooting.shoot import Route, choose_substeps
 from monodyn.estimation.shooting.starts import starts
 from monodyn.estimation.shooting.unknowns import kind_of
 from monodyn.estimation.verdict.trust import motion_sizes
-from monodyn.mechanism.tree import DAMPING, FRICTION, STIFFNESS
+from monodyn.mechanism.tree import PASSIVE
 from monodyn.optimize import Minimum, SearchSettings
 from monodyn.paper.fixed_start import Held
 from monodyn.paper.torque import fourier_coefficients, inverse_dynamics
@@ -288,7 +288,7 @@ def _minimum(held: Held, x: np.ndarray, bounds: np.ndarray, most: int, tick: Cal
         return held.residuals_at(np.clip(at, *bounds)).ravel()
 
     tolerance = float(np.clip(FINE * _noise_cost(held) / max(cost, 1e-300), 1e-10, 1e-4))
-    end = bounded_bfgs(residuals, np.zeros(len(x)), low, high, most=most, tolerance=tolerance)
+    end = bounded_bfgs(residuals, np.zeros(len(x)), (low, high), most=most, tolerance=tolerance)
     best = x + turn @ end.x
     for bound in bounds:
         best = np.where(np.abs(best - bound) < 1e-9 * held.change, bound, best)
@@ -359,7 +359,7 @@ def _loads(held: Held, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> tuple[n
     """Typical torque of weight and inertia [N m or N] and rate [rad/s or m/s] of each joint, (dof,)."""
     mechanism = held.mechanism_at(x)
     links = mechanism.tree.links.copy()
-    links[:, [DAMPING, FRICTION, STIFFNESS]] = 0.0
+    links[:, PASSIVE] = 0.0
     bare = replace(mechanism.tree, links=links)
     floating = replace(bare, gravity=np.zeros(2))
     squares, rates, rows = np.zeros(len(links)), np.zeros(len(links)), 0

@@ -98,9 +98,7 @@ def evolved_starts(image: Seen, view: View, count: int = SEEDS, *, seed: int = 0
 
     starts, drawings = [], 0
     for own in range(count * seed, count * (seed + 1)):
-        found = evolve(
-            gaps, lower, upper, seed=own, population=12 * len(lower), generations=GENERATIONS, many=True
-        )
+        found = evolve(gaps, (lower, upper), seed=own, population=12 * len(lower), generations=GENERATIONS)
         pose, sizes = found.x[:dofs].copy(), _bounded(view, np.exp(found.x[dofs:]))
         place = _ranked(image, view, sizes, pose[np.newaxis])[1]
         starts.append(_start(view, sizes, pose, place[0]))

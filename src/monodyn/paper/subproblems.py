@@ -16,6 +16,7 @@ import numpy as np
 
 from monodyn.optimize.bracket import line_search
 from monodyn.optimize.lagrangian import augmented_lagrangian
+from monodyn.optimize.minimum import DirectSettings
 from monodyn.paper.placed import NOWHERE, drawn, placed_mismatch
 from monodyn.paper.view import DEPTH, Seen, View, X, Y
 from monodyn.vision.drawing.rig import Rig
@@ -114,7 +115,9 @@ def fit_depth(
         calls.append(area_gap(image, rig.before(_with(camera, {DEPTH: value})), view.position))
         return calls[-1]
 
-    found = line_search(gap, depth, step * depth, lower, upper, tolerance * depth)
+    found = line_search(
+        gap, depth, step * depth, (lower, upper), settings=DirectSettings(tolerance * depth, 200)
+    )
     falling = np.minimum.accumulate(calls)
     history = History("depth", np.arange(1, len(calls) + 1), falling)
     return view.before(_with(camera, {DEPTH: found.x})), history
@@ -153,7 +156,7 @@ def fit_place(
         )
 
     found = augmented_lagrangian(
-        gap, start, lower, upper, step=step_px * scale, tolerance=tolerance_px / step_px, most=300
+        gap, start, (lower, upper), step=step_px * scale, settings=DirectSettings(tolerance_px / step_px, 300)
     )
     moved = _with(camera, dict(zip(columns, found.x, strict=True)))
     return view.before(moved), _history("place", found.history, found.evaluations)
@@ -212,7 +215,7 @@ def fit_pose(
 
     found = augmented_lagrangian(
         gap, np.zeros(len(free)), inequalities=beyond if limited else None, step=step_px,
-        tolerance=tolerance_px / step_px, most=most,
+        settings=DirectSettings(tolerance_px / step_px, most),
     )  # fmt: skip
     pose = np.clip(start + directions @ found.x, low, high)
     history = _history("pose", found.history, found.evaluations, view)
@@ -288,7 +291,7 @@ def fit_ratios(
         return mismatch(image, rig, view.position)
 
     found = augmented_lagrangian(
-        gap, start, lower, view.upper, step=step * typical, tolerance=tolerance, most=most
+        gap, start, (lower, view.upper), step=step * typical, settings=DirectSettings(tolerance, most)
     )
     found_view = replace(view, sizes=found.x)
     return followed(image, found_view), _history("ratios", found.history, found.evaluations, view)

@@ -11,6 +11,7 @@ import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.estimation.record.tables import write_poses
+from monodyn.mechanism.write import NOT_IN_URDF
 from monodyn.results.export import (
     Trace,
     fit_document,
@@ -191,7 +192,7 @@ def lost_in_urdf(mechanism: Mechanism) -> list[str]:
     lost = [
         name
         for joint in mechanism.joints
-        for name in (f"{joint.name}.stiffness", f"{joint.name}.armature")
+        for name in (f"{joint.name}.{kind}" for kind in NOT_IN_URDF)
         if values.get(name, 0.0) != 0.0
     ]
     if not lost:

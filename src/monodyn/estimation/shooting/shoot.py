@@ -153,7 +153,7 @@ def fit_pieces(
         ahead = None
         return problem.model(at, rows, pieces, limit)
 
-    found = minimize_arrow(evaluate, x, states, lower, upper, settings=search, reach=problem.unknowns.reach)
+    found = minimize_arrow(evaluate, x, states, (lower, upper), settings=search, reach=problem.unknowns.reach)
     residuals = found.model.kept
     return Grown(
         found.shared, found.local, pieces, substeps, residuals, found.model.cost,

@@ -71,7 +71,7 @@ def matched(problem: Problem, motion: Motion) -> np.ndarray:
 def _match(problem: Problem, motion: Motion, x: np.ndarray) -> np.ndarray:
     unknowns = problem.unknowns
     found = minimize(
-        lambda at: problem.acceleration_rows(at, motion), x, unknowns.lower, unknowns.upper, settings=MATCH,
+        lambda at: problem.acceleration_rows(at, motion), x, (unknowns.lower, unknowns.upper), settings=MATCH,
         reach=unknowns.reach,
     )  # fmt: skip
     return found.x

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from monodyn.errors import MechanismError
-from monodyn.mechanism import BUNDLED, Measured, Mechanism, load
-from monodyn.mechanism.solids import box_moments, hull_moments
+from monodyn.mechanism import Measured, Mechanism, load
 
 BOX = '<geom type="box" size="0.05 0.0025 0.01" pos="0.05 0 0" density="2700"/>'
 HINGE = '<joint name="{}" axis="0 -1 0" damping="0.001"/>'
@@ -44,14 +43,6 @@ def test_parameters_of_the_double_pendulum() -> None:
     assert (length.lower, length.upper, length.unit) == pytest.approx((0.0002, 200.0, "m"))
     assert mechanism.parameter("link1.tip").value == pytest.approx(0.015, rel=1e-12)
     assert mechanism.parameter("link1.mass").value == pytest.approx(2700 * 0.23 * 0.03 * 0.006, rel=1e-12)
-
-
-@pytest.mark.parametrize("name", [*(n for n in BUNDLED if n != "chain:N"), "chain:1", "chain:10"])
-def test_every_bundled_mechanism_loads(name: str) -> None:
-    mechanism = load(name)
-    assert all(p.lower <= p.value <= p.upper for p in mechanism.parameters)
-    assert mechanism.name == name
-    assert len(mechanism.shapes.body) >= len(mechanism.bodies)
 
 
 def test_a_longer_link_moves_what_hangs_on_it() -> None:
@@ -220,35 +211,6 @@ def test_branches_tail_and_parts_of_a_body(tmp_path) -> None:
     assert changed.shapes.points[:8, 0].max() == pytest.approx(0.23, rel=1e-12)
 
 
-def test_masses_of_solids_are_those_of_mujoco(tmp_path) -> None:
-    """A mesh and a box tilted out of the plane, with ``load`` comparing mass and inertia itself (to 1e-6)."""
-    mechanism = _load(
-        tmp_path,
-        f'<body name="a">{HINGE.format("ja")}<geom type="mesh" mesh="w"/>'
-        '<geom type="box" size=".03 .01 .005" pos=".05 0 0" euler="20 30 40"/>'
-        '<geom type="ellipsoid" size=".03 .01 .005" pos=".05 0 0.03" euler="20 30 40"/>'
-        '<geom type="capsule" size=".01" fromto="0 0 0 .05 .03 .02"/>'
-        '<geom type="cylinder" size=".01" fromto="0 0 0 .05 .03 .02"/></body>',
-        asset='<asset><mesh name="w" vertex="0 -.01 -.02 0 .01 -.02 0 -.01 .02 0 .01 .02 .12 0 0"/></asset>',
-    )
-    assert [p.name for p in mechanism.parameters if p.name.endswith("width")] == [
-        "a.width", "a.box.width", "a.ellipsoid.width", "a.capsule.width", "a.cylinder.width",
-    ]  # fmt: skip
-
-
-def test_moments_of_a_tilted_box_are_those_of_its_hull() -> None:
-    """The closed form against the integral over the hull, on random boxes."""
-    rng = np.random.default_rng(3)
-    cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    for _ in range(5):
-        axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        half = rng.uniform(0.01, 0.1, size=3)
-        points = (cube * half) @ axes.T
-        hull = hull_moments(points / np.ptp(points, axis=0))
-        for ours, theirs in zip(box_moments(axes, half), hull, strict=True):
-            np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-15)  # rounding
-
-
 def test_values_take_little_time_to_change() -> None:
     """Not a clock: the tree of a changed copy is made without reading the file again."""
     mechanism = load("triple")
@@ -267,7 +229,7 @@ SINGLE_NAMES = (
     "'link1.length', 'link1.tail', 'link1.width', 'link1.thickness', 'link1.density', "
     "'link1.mass', 'link1.com_x', "
     "'link1.com_y', 'link1.inertia', 'joint1.damping', 'joint1.friction', 'joint1.stiffness', "
-    "'joint1.armature', "
+    "'joint1.armature', 'joint1.drag', "
     "'gravity', 'time_scale'"
 )
 

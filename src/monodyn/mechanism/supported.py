@@ -1,0 +1,116 @@
+"""What a compiled model may hold: whatever the planar dynamics do not know is refused by name.
+
+MuJoCo has read the file by then, so that defaults, classes and copies are resolved; what must be refused
+before it reads anything stands in ``files``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from monodyn.errors import MechanismError
+
+WILD = 1e9
+"""Largest number [SI] that a mechanism file may hold."""
+
+RESERVED = ("time", "frame", "seen")
+"""Columns of the tables of positions that no joint may be named after."""
+
+HINGE_TYPE, SLIDE_TYPE = 3, 2
+FREE_TYPE = 0
+"""MuJoCo's numbers of the joint types."""
+
+
+def refuse_unsupported(
+    model: Any, where: str, joints: Sequence[str], bodies: Sequence[str], *, urdf: bool
+) -> None:
+    """Raise for whatever the planar dynamics do not know.
+
+    Args:
+        model: The compiled model.
+        where: Name of the file, for messages.
+        joints: Names of the joints.
+        bodies: Names of the bodies, the world first.
+        urdf: True for a URDF file, whose words differ.
+
+    Raises:
+        MechanismError: There is no joint, or a body, option or constraint is not supported.
+    """
+    if model.njnt == 0:
+        raise MechanismError(f"{where}: expected at least one joint, got none; add a hinge or a slide.")
+    for j, name in enumerate(joints):
+        _refuse_joint(model, j, f"{where}: joint '{name}'", urdf, reserved=name in RESERVED)
+    for b in range(model.nbody):
+        if model.body_gravcomp[b]:
+            raise MechanismError(
+                f"{where}: body '{bodies[b]}': gravity compensation is not supported; remove gravcomp."
+            )
+    if model.opt.density or model.opt.viscosity:
+        raise MechanismError(
+            f"{where}: option: forces of a surrounding fluid are not supported; remove density and viscosity."
+        )
+    # Those that act have been refused by name already; an equality that is not active can be switched on.
+    if model.neq or model.ntendon:
+        raise MechanismError(
+            f"{where}: closed loops and coupled joints are not supported; remove equality and tendon."
+        )
+    _refuse_wild_numbers(model, where, joints)
+
+
+def _refuse_joint(model: Any, j: int, shown: str, urdf: bool, *, reserved: bool) -> None:
+    """Raise for a joint that is no hinge or slide, has other forces than the dynamics know, or a bad name."""
+    if reserved:
+        raise MechanismError(
+            f"{shown}: expected a name other than {', '.join(RESERVED)}, which are columns of the tables of "
+            "positions; rename it."
+        )
+    kind = int(model.jnt_type[j])
+    if kind not in (HINGE_TYPE, SLIDE_TYPE):
+        free = "floating" if urdf else "free"
+        got = free if kind == FREE_TYPE else "ball"
+        raise MechanismError(f"{shown}: expected a hinge or a slide, got a {got} joint; replace it.")
+    # MuJoCo's damping is -(b + b1 |v| + b2 v^2) v: b1 is the quadratic drag.
+    bent = np.any(model.dof_dampingpoly[int(model.jnt_dofadr[j]), 1:]) or np.any(model.jnt_stiffnesspoly[j])
+    if bent or np.any(model.jnt_springyield[j]):
+        raise MechanismError(
+            f"{shown}: expected linear and quadratic damping and linear stiffness, got higher terms; "
+            "give one or two numbers of damping and one of stiffness."
+        )
+
+
+def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
+    """Raise for numbers that no mechanism has and no arithmetic survives."""
+    damping = np.column_stack([model.dof_damping, model.dof_dampingpoly])
+    groups = {
+        "gravity": model.opt.gravity,
+        "body positions": model.body_pos,
+        "masses and inertias": np.concatenate([model.body_mass, model.body_inertia.ravel()]),
+        "geom positions": model.geom_pos,
+        "geom sizes": model.geom_size,
+        "joint positions": model.jnt_pos,
+        "joint references": np.concatenate([model.qpos0, model.qpos_spring]),
+        "joint axes": model.jnt_axis,
+        "damping, friction, stiffness or armature": np.concatenate(
+            [damping.ravel(), model.dof_frictionloss, model.jnt_stiffness, model.dof_armature]
+        ),
+    }
+    for what, numbers in groups.items():
+        # written so that NaN, which is not below anything, counts as wild
+        wild = ~(np.abs(np.asarray(numbers)) <= WILD)
+        if wild.any():
+            raise MechanismError(
+                f"{where}: {what}: expected numbers up to {WILD:g}, got {np.asarray(numbers)[wild][0]:g}; "
+                "correct it."
+            )
+    for name, axis in zip(joints, model.jnt_axis, strict=True):
+        if abs(float(axis @ axis) - 1) > 1e-6:
+            raise MechanismError(
+                f"{where}: joint '{name}': expected an axis with a direction, got one without; correct it."
+            )
+    if np.any(damping < 0) or np.any(model.jnt_stiffness < 0):
+        raise MechanismError(
+            f"{where}: joints: expected damping and stiffness not below 0, got a negative one; correct it."
+        )

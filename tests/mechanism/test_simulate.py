@@ -1,0 +1,85 @@
+"""The door to motion: substeps from a stated error, what it refuses."""
+
+import numpy as np
+import pytest
+
+from monodyn.errors import MechanismError
+from monodyn.mechanism import load
+from monodyn.mechanism.drive import UNDRIVEN
+from monodyn.mechanism.simulate import (
+    Trajectory,
+    accelerations,
+    energy,
+    least_substeps,
+    rollout,
+    rollout_derivatives,
+    simulate,
+)
+from support import refuses
+
+
+def test_substeps_keep_the_stated_error() -> None:
+    mechanism = load("double")
+    times = np.linspace(0, 1.3, 40)
+    q0, v0 = np.array([0.2, 1.0]), np.zeros(2)
+    exact, _ = rollout(mechanism.tree, times, q0, v0, substeps=512)
+    for tolerance in (1e-3, 1e-5, 1e-7):
+        steps, _ = least_substeps(
+            lambda k: rollout(mechanism.tree, times, q0, v0, substeps=k)[0], tolerance, 4096
+        )
+        states = simulate(mechanism, times, q0, v0, tolerance=tolerance)
+        error = np.abs(states.position - exact).max()
+        # The estimate is of leading order; the next order is worth some tens of percent at large steps.
+        assert error < 1.5 * tolerance
+        if steps > 1:
+            fewer, _ = rollout(mechanism.tree, times, q0, v0, substeps=steps // 2)
+            assert np.abs(fewer - exact).max() > 0.5 * tolerance
+
+
+def test_rollout_runs_backwards() -> None:
+    mechanism = load("triple")
+    q0, v0 = np.array([-0.4, 0.2, 0.1]), np.array([1.0, -1.0, 0.5])
+    times = np.linspace(0, 0.5, 16)
+    q, v = rollout(mechanism.tree, times, q0, v0, substeps=64)
+    back, _ = rollout(mechanism.tree, times[::-1], q[-1], v[-1], substeps=64)
+    # The error of RK4 at 0.5 ms, there and back.
+    assert np.allclose(back[::-1], q, rtol=0, atol=1e-8)
+
+
+def test_a_bound_out_of_reach_ends_the_doubling() -> None:
+    assert least_substeps(lambda steps: np.array([1.0 / steps]), 1e-9, 8) == (8, pytest.approx(0.125 / 15))
+    assert least_substeps(lambda steps: np.array([np.nan]), 1e-3, 4) == (4, np.inf)
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (3, 3)])
+def test_arrays_of_other_joints_are_refused(shape: tuple[int, ...]) -> None:
+    """The kernels do not look: another length would read other memory."""
+    double, bad, good = load("double"), np.zeros(shape), np.zeros((3, 2))
+    tree, times = double.tree, np.arange(3.0)
+    entry = double.directions(["gravity"])
+    message = (
+        f"simulate: expected arrays of the tree's 2 joints, got one of shape {shape}; give one value a joint."
+    )
+    for call in (
+        lambda: accelerations(tree, good, bad, good),
+        lambda: energy(tree, bad, good),
+        lambda: rollout(tree, times, bad, good[0], substeps=1),
+        lambda: rollout_derivatives(tree, entry, times, good[0], bad, substeps=1),
+    ):
+        with refuses(MechanismError, message):
+            call()
+    with refuses(
+        MechanismError,
+        "simulate: expected arrays of the tree's 2 joints, got one of shape (0, 3); give one value a joint.",
+    ):
+        rollout(tree, times, good[0], good[0], substeps=1, drive=UNDRIVEN(3))
+
+
+def test_simulate_checks_what_it_is_given() -> None:
+    double, still = load("double"), np.zeros(2)
+    with refuses(MechanismError, "simulate.times: must increase, but sample 1 is 0 s after 1 s."):
+        simulate(double, np.array([1.0, 0.0]), still, still)
+    with refuses(MechanismError, "simulate.q0: expected an array of shape (2), got (1,)."):
+        simulate(double, np.arange(2.0), np.zeros(1), still)
+    with refuses(MechanismError, "Trajectory.velocity: expected an array of shape (2, any), got (3, 2)."):
+        Trajectory(np.arange(2.0), np.zeros((2, 2)), np.zeros((3, 2)))

@@ -1,0 +1,79 @@
+"""What a compiled model may hold: every refusal."""
+
+from pathlib import Path
+
+import pytest
+
+from models import SINGLE, body_with, mjcf, read
+from monodyn.errors import MechanismError
+from support import refuses
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            mjcf('<body name="a"><freejoint name="f"/><geom size=".1"/></body>'),
+            "m.xml: joint 'f': expected a hinge or a slide, got a free joint; replace it.",
+        ),
+        (
+            mjcf('<body name="a"><joint name="b" type="ball"/><geom size=".1"/></body>'),
+            "m.xml: joint 'b': expected a hinge or a slide, got a ball joint; replace it.",
+        ),
+        (
+            mjcf(""),
+            "m.xml: expected at least one joint, got none; add a hinge or a slide.",
+        ),
+        (
+            mjcf(body_with('<joint name="j1" axis="0 -1 0" damping="1 0 2"/>')),
+            "m.xml: joint 'j1': expected linear and quadratic damping and linear stiffness, got higher "
+            "terms; give one or two numbers of damping and one of stiffness.",
+        ),
+        (
+            mjcf(SINGLE.replace('name="a"', 'name="a" gravcomp="1"')),
+            "m.xml: body 'a': gravity compensation is not supported; remove gravcomp.",
+        ),
+        (
+            mjcf(SINGLE, '<option viscosity="0.1"/>'),
+            "m.xml: option: forces of a surrounding fluid are not supported; remove density and viscosity.",
+        ),
+        (
+            mjcf(SINGLE, '<option gravity="0 0 1e300"/>'),
+            "m.xml: gravity: expected numbers up to 1e+09, got 1e+300; correct it.",
+        ),
+        (
+            mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 1e308 0"')),
+            "m.xml: joint 'j1': expected an axis with a direction, got one without; correct it.",
+        ),
+        (
+            mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 -1 0" damping="0.1 -0.1"')),
+            "m.xml: joints: expected damping and stiffness not below 0, got a negative one; correct it.",
+        ),
+        (
+            mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 -1 0" damping="-0.1"')),
+            "m.xml: joints: expected damping and stiffness not below 0, got a negative one; correct it.",
+        ),
+    ],
+)
+def test_what_the_dynamics_do_not_know_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with refuses(MechanismError, message):
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize("name", ["time", "frame", "seen"])
+def test_a_joint_is_not_named_after_a_column(tmp_path: Path, name: str) -> None:
+    with refuses(
+        MechanismError,
+        f"m.xml: joint '{name}': expected a name other than time, frame, seen, which are columns of the "
+        "tables of positions; rename it.",
+    ):
+        read(tmp_path, mjcf(body_with(f'<joint name="{name}" axis="0 1 0"/>')))
+
+
+def test_an_equality_that_is_switched_off_is_refused_too(tmp_path: Path) -> None:
+    loop = '<equality><connect body1="a" anchor="0 0 0" active="false"/></equality></mujoco>'
+    with refuses(
+        MechanismError,
+        "m.xml: closed loops and coupled joints are not supported; remove equality and tendon.",
+    ):
+        read(tmp_path, mjcf(SINGLE).replace("</mujoco>", loop))
