@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import monodyn
-from monodyn.cli.options import COMMANDS, parsed
+from monodyn.cli.options import COMMANDS
+from monodyn.cli.parse import parsed
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "monodyn"

@@ -14,12 +14,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from monodyn.checks import check_tracked
 from monodyn.cli import main
-from monodyn.cli.options import frame_range, values
+from monodyn.cli.forms import frame_range, values
 from monodyn.cli.show import progress_on
 from monodyn.errors import FitError, SettingsError
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.results.checks import check_tracked
 from monodyn.results.folder import FILES, RunFolder
 from monodyn.types import Poses
 from monodyn.vision.clip.video import read
@@ -448,13 +448,13 @@ def test_help_of_every_command_shows_an_example() -> None:
 
 
 def test_frame_range_and_values() -> None:
-    assert frame_range("3:9") == (3, 9)
-    assert frame_range(":9") == (0, 9)
-    assert frame_range("3:") == (3, None)
-    assert frame_range(None) is None
-    assert values((("a=1", "b=-2.5e3"), ("c=0",))) == {"a": 1.0, "b": -2500.0, "c": 0.0}
+    assert frame_range("fit-frames", "3:9") == (3, 9)
+    assert frame_range("fit-frames", ":9") == (0, 9)
+    assert frame_range("fit-frames", "3:") == (3, None)
+    assert frame_range("fit-frames", None) is None
+    assert values("fix", (("a=1", "b=-2.5e3"), ("c=0",))) == {"a": 1.0, "b": -2500.0, "c": 0.0}
     with pytest.raises(SettingsError):
-        values((("a=1=2",),))
+        values("fix", (("a=1=2",),))
 
 
 # inputs inside the folder, streams and names

@@ -86,7 +86,8 @@ def _dispatch(words: list[str]) -> int:
     note = keep_compiled()
     if note and "--quiet" not in words:
         _fail(note)
-    from monodyn.cli.options import COMMANDS, parsed
+    from monodyn.cli.options import COMMANDS
+    from monodyn.cli.parse import parsed
 
     if words[0] not in COMMANDS:
         _fail(f"expected a command, got '{words[0]}'; commands: {', '.join(COMMANDS)}.")

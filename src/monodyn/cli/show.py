@@ -111,11 +111,11 @@ def show(outcome: Outcome, *, as_json: bool, quiet: bool) -> int:
 
 def _show(outcome: Outcome, code: int, as_json: bool, quiet: bool) -> None:
     if as_json:
-        from monodyn.results.export import plain
+        from monodyn.results.export import jsonable
 
         document = {**outcome.document, "out": None if outcome.folder is None else str(outcome.folder)}
         ascii_only = "utf" not in (getattr(sys.stdout, "encoding", None) or "utf").lower()
-        print(json.dumps(plain(document), indent=2, ensure_ascii=ascii_only, allow_nan=False))
+        print(json.dumps(jsonable(document), indent=2, ensure_ascii=ascii_only, allow_nan=False))
     elif quiet:
         if code:
             print(f"monodyn: {outcome.document['status']}", file=sys.stderr)
@@ -147,11 +147,11 @@ def _show_tracking(outcome: Outcome) -> None:
 
 
 def _show_fit(outcome: Outcome) -> None:
-    from monodyn.results.page import listed
+    from monodyn.results.findings import listed_rows
 
     console = _console()
     document, fit = outcome.document, outcome.fit
-    names = {row.name for row in fit.parameters if listed(fit, row)} if fit is not None else set()
+    names = set() if fit is None else {row.name for row in listed_rows(fit)}
     if names:
         console.print(_parameters([row for row in document["parameters"] if row["name"] in names]))
     if document["combinations"]:
@@ -178,7 +178,7 @@ def _table(*columns: str, left: int = 1) -> Table:
 
 
 def _parameters(rows: list[dict[str, Any]]) -> Table:
-    from monodyn.results.page import number
+    from monodyn.results.numbers import number
 
     table = _table("parameter", "value", "95 % interval", "unit")
     for row in rows:
@@ -196,7 +196,7 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
 
 
 def _combinations(rows: list[dict[str, Any]]) -> Table:
-    from monodyn.results.page import number, short
+    from monodyn.results.numbers import number, short
 
     table = _table("combination", "value", "standard deviation")
     for row in rows:

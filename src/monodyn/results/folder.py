@@ -37,8 +37,8 @@ ASIDE = "replaced"
 
 
 @dataclass(frozen=True)
-class Content:
-    """What a folder holds.
+class FolderKind:
+    """What an output folder holds.
 
     Attributes:
         word: What it is called in messages.
@@ -51,7 +51,7 @@ class Content:
     whole: bool = False
 
 
-RUN = Content("run", FILES)
+RUN = FolderKind("run", FILES)
 
 
 class RunFolder:
@@ -59,9 +59,9 @@ class RunFolder:
 
     Attributes:
         path: The folder the user asked for.
-        content: What it holds.
+        kind: What it holds.
         stage: Folder the files are written to; another one than ``path`` while an old run is being replaced,
-            and until the end where the content is ``whole``.
+            and until the end where its kind is ``whole``.
         written: Names of the files written so far.
     """
 
@@ -71,7 +71,7 @@ class RunFolder:
         *,
         force: bool = False,
         inputs: Sequence[object] = (),
-        content: Content = RUN,
+        kind: FolderKind = RUN,
     ) -> None:
         """Check that the folder can take a run and create it.
 
@@ -79,27 +79,27 @@ class RunFolder:
             path: The folder; it is created with its parents when it does not exist.
             force: Replace a run that is already there.
             inputs: Files that are read; none may be one that the run would replace.
-            content: What the folder is to hold.
+            kind: What the folder is to hold.
 
         Raises:
             SettingsError: the path is a file, holds a run and ``force`` is not set, holds an input under a
                 name of ours, or cannot be created.
         """
-        self.path, self.content = Path(path), content
+        self.path, self.kind = Path(path), kind
         if not str(path):
             raise SettingsError("out: expected the name of a folder, got an empty one; give one with --out.")
         self.written: list[str] = []
         self._spare(inputs)
         if self.path.exists() and not self.path.is_dir():
             raise SettingsError(f"out '{self.path}': expected a folder, got a file; give another name.")
-        old = [name for name in content.files if (self.path / name).exists()]
+        old = [name for name in kind.files if (self.path / name).exists()]
         if old and not force:
-            article = "an" if content.word[0] in "aeiou" else "a"
+            article = "an" if kind.word[0] in "aeiou" else "a"
             raise SettingsError(
-                f"out '{self.path}': expected a folder without {article} {content.word}, it holds {old[0]}; "
-                f"give another folder, or --force to replace the {content.word}."
+                f"out '{self.path}': expected a folder without {article} {kind.word}, it holds {old[0]}; "
+                f"give another folder, or --force to replace the {kind.word}."
             )
-        self.stage = self.path / STAGE if old or content.whole else self.path
+        self.stage = self.path / STAGE if old or kind.whole else self.path
         if self.stage != self.path:
             self._clear(self.stage)
         self._made = [folder for folder in (self.stage, *self.stage.parents) if not folder.exists()]
@@ -110,25 +110,25 @@ class RunFolder:
 
     def _spare(self, inputs: Sequence[object]) -> None:
         """Raise if an input is a file that this run would replace or remove."""
-        places = [self.path / sub / name for sub in ("", STAGE, ASIDE) for name in self.content.files]
+        places = [self.path / sub / name for sub in ("", STAGE, ASIDE) for name in self.kind.files]
         for given in (Path(str(given)) for given in inputs if given is not None):
             if given.is_file() and any(place.exists() and place.samefile(given) for place in places):
                 raise SettingsError(
                     f"out '{self.path}': expected another folder than that of the inputs, got the one of "
-                    f"'{given}', which the {self.content.word} would replace; give another with --out."
+                    f"'{given}', which the {self.kind.word} would replace; give another with --out."
                 )
 
     def write(self, name: str, writer: Callable[[Path], None]) -> None:
         """Write one file; it appears under its name only when it is whole.
 
         Args:
-            name: One of the names in ``content.files``.
+            name: One of the names in ``kind.files``.
             writer: Writes the file at the path it is given.
 
         Raises:
             SettingsError: the file cannot be written (disk full, no permission).
         """
-        if name not in self.content.files:
+        if name not in self.kind.files:
             raise AssertionError(f"{name} is not among the files of this folder")
         part = self.stage / f".{name}.part"
         try:
@@ -147,7 +147,7 @@ class RunFolder:
         """Write one text file.
 
         Args:
-            name: One of the names in ``content.files``.
+            name: One of the names in ``kind.files``.
             text: Its content.
 
         Raises:
@@ -167,7 +167,7 @@ class RunFolder:
         self._clear(aside)
         try:
             aside.mkdir(exist_ok=True)
-            for name in self.content.files:
+            for name in self.kind.files:
                 if (self.path / name).exists():
                     os.replace(self.path / name, aside / name)
             for name in self.written:
@@ -175,7 +175,7 @@ class RunFolder:
         except BaseException as error:
             self._put_back(aside)
             if isinstance(error, OSError):
-                raise self._cannot(f"replace the old {self.content.word}", error) from error
+                raise self._cannot(f"replace the old {self.kind.word}", error) from error
             raise
         unfinished, self.stage = self.stage, self.path
         self._clear(aside)
@@ -189,7 +189,7 @@ class RunFolder:
             for name in self.written:
                 if not (self.stage / name).exists():
                     os.replace(self.path / name, self.stage / name)
-            for name in self.content.files:
+            for name in self.kind.files:
                 if (aside / name).exists():
                     os.replace(aside / name, self.path / name)
             aside.rmdir()
@@ -201,7 +201,7 @@ class RunFolder:
         if not folder.is_dir():
             return
         try:
-            for name in self.content.files:
+            for name in self.kind.files:
                 (folder / name).unlink(missing_ok=True)
                 (folder / f".{name}.part").unlink(missing_ok=True)
             if not any(folder.iterdir()):
@@ -216,7 +216,7 @@ class RunFolder:
         Raises:
             SettingsError: a file cannot be moved.
         """
-        assert self.content.whole
+        assert self.kind.whole
         try:
             yield
             self.finish()

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from monodyn.errors import MonodynError
-from monodyn.results.export import json_text, plain
+from monodyn.results.export import json_text, jsonable
 from monodyn.results.folder import RunFolder
 
 PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python-headless")
@@ -25,7 +25,7 @@ class RunLog:
     Attributes:
         command: Name of the command.
         inputs: Given files by their part, with size and SHA-256.
-        settings: Settings as plain values.
+        settings: Settings as values of JSON.
         versions: Versions by package.
         seconds: Wall time by stage [s].
         notes: Sentences about the input.
@@ -42,7 +42,7 @@ class RunLog:
         self.command = command
         self.inputs = {part: _fingerprint(value) for part, value in inputs.items()}
         values = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
-        self.settings: dict[str, Any] = plain(values)
+        self.settings: dict[str, Any] = jsonable(values)
         self.versions = versions()
         self.seconds: dict[str, float] = {}
         self.notes: list[str] = []
@@ -112,7 +112,7 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
 
 
 def _is_interrupt(error: BaseException | None) -> bool:
-    """Tell whether Ctrl-C is behind an error; within a compiled function it comes out as a SystemError."""
+    """Return whether Ctrl-C is behind an error; within a compiled function it comes out as a SystemError."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt):
             return True

@@ -55,7 +55,7 @@ class Drawing:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class DrawnMotion:
     """The motion to draw: the identified mechanism at every frame of a clip.
 
     Attributes:
@@ -106,7 +106,7 @@ class Motion:
 
 
 def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float = 2.0) -> bool:
-    """Tell whether two sets of outlines differ by more than ``least_px`` in a box corner."""
+    """Return whether two sets of outlines differ by more than ``least_px`` in a box corner."""
     return any(
         np.max(np.abs(a.min(0) - b.min(0))) > least_px or np.max(np.abs(a.max(0) - b.max(0))) > least_px
         for a, b in zip(model, tracked, strict=True)
@@ -114,7 +114,7 @@ def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float =
 
 
 def write_overlay(
-    path: str | Path, video: Video, motion: Motion, *, progress: Progress | None = None
+    path: str | Path, video: Video, motion: DrawnMotion, *, progress: Progress | None = None
 ) -> list[tuple[bytes, str]]:
     """Write the clip with the mechanism drawn over it, H.264 with the clip's own time stamps.
 
@@ -202,9 +202,9 @@ def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
     planes = np.empty((height * 3 // 2, width), np.uint8)
     luma = planes[:height]
     blue, red = planes[height:].reshape(2, height // 2, width // 2)
-    _fill(luma, frame.luma)
+    _copy_plane(luma, frame.luma)
     for target, plane in zip((blue, red), frame.chroma or (), strict=False):
-        _fill(target, plane)
+        _copy_plane(target, plane)
     if frame.chroma is None:
         planes[height:] = 128
     scale = height / 480.0
@@ -217,11 +217,11 @@ def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
         cv2.polylines(blue, coarse, True, ink.blue, max(1, (thick + 1) // 2), cv2.LINE_8, 4)
         cv2.polylines(red, coarse, True, ink.red, max(1, (thick + 1) // 2), cv2.LINE_8, 4)
     if drawing.caption:
-        _write(luma, drawing.caption, scale)
+        _write_caption(luma, drawing.caption, scale)
     return planes
 
 
-def _fill(target: np.ndarray, plane: np.ndarray) -> None:
+def _copy_plane(target: np.ndarray, plane: np.ndarray) -> None:
     """Copy a plane and repeat its last row and column where the target is larger."""
     rows, columns = min(target.shape[0], plane.shape[0]), min(target.shape[1], plane.shape[1])
     target[:rows, :columns] = plane[:rows, :columns]
@@ -229,7 +229,7 @@ def _fill(target: np.ndarray, plane: np.ndarray) -> None:
     target[:, columns:] = target[:, columns - 1 : columns]
 
 
-def _write(luma: np.ndarray, text: str, scale: float) -> None:
+def _write_caption(luma: np.ndarray, text: str, scale: float) -> None:
     """Write a caption into the lower left corner, light on dark."""
     import cv2
 
