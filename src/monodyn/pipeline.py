@@ -49,7 +49,7 @@ class Outcome:
         document: The content of ``fit.json``, or of ``run.json`` where nothing was fitted.
         poses: The tracked clip, or the first record.
         fit: The fit, or None where nothing was fitted.
-        traces: The records beside their motion.
+        traces: The records next to their motion.
         notes: What the user should know about clip, camera and tracking.
         seconds: Wall time by stage [s].
     """

@@ -1,4 +1,4 @@
-"""The stages from a clip to a fit: one table of methods each, the published method beside the default one.
+"""The stages from a clip to a fit: one table of methods each, the published method next to the default one.
 
 A method is a function of its stage's signature; the settings of the stage name it. The published method is
 loaded only when it is chosen, and the program runs without it.

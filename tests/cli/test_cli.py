@@ -16,11 +16,10 @@ import pytest
 
 from monodyn.checks import check_tracked
 from monodyn.cli import main
-from monodyn.cli.forms import frame_range, values
 from monodyn.cli.show import progress_on
-from monodyn.errors import FitError, SettingsError
+from monodyn.errors import FitError
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.results.folder import FILES, RunFolder
+from monodyn.results.folder import FILES
 from monodyn.types import Poses
 from monodyn.vision.clip.video import read
 from support import EXAMPLES, ClipMaker, Done, command
@@ -246,57 +245,6 @@ def test_ctrl_c_while_replacing_a_run_leaves_the_old_one(
     assert json.loads((tmp_path / "unfinished" / "run.json").read_text())["status"] == "interrupted"
 
 
-def test_force_replaces_our_own_files_alone(tmp_path: Path) -> None:
-    (tmp_path / "poses.csv").write_text("old")
-    (tmp_path / "overlay.mp4").write_text("old")
-    (tmp_path / "mine.txt").write_text("mine")
-    folder = RunFolder(tmp_path, force=True)
-    folder.write_text("poses.csv", "new")
-    assert (tmp_path / "poses.csv").read_text() == "old"
-    folder.finish()
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
-        "poses.csv": "new",
-        "mine.txt": "mine",
-    }
-
-
-@pytest.mark.parametrize("stop", range(4))
-@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
-def test_a_swap_that_is_stopped_leaves_the_old_run_whole(
-    stop: int, error: type[BaseException], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    old = {"poses.csv": "old", "overlay.mp4": "old"}
-    for name, text in old.items():
-        (tmp_path / name).write_text(text)
-    folder = RunFolder(tmp_path, force=True)
-    folder.write_text("poses.csv", "new")
-    folder.write_text("run.json", "new")
-    move, moves = os.replace, []
-
-    def stopped(source: Path, target: Path) -> None:
-        moves.append(source)
-        if len(moves) == stop + 1:
-            raise error
-        move(source, target)
-
-    monkeypatch.setattr(os, "replace", stopped)
-    with pytest.raises(SettingsError if error is OSError else error):
-        folder.finish()
-    assert {path.name: path.read_text() for path in tmp_path.iterdir() if path.is_file()} == old
-    assert {path.name for path in tmp_path.iterdir() if path.is_dir()} == {"unfinished"}
-    kept = {path.name: path.read_text() for path in (tmp_path / "unfinished").iterdir()}
-    assert kept == {"poses.csv": "new", "run.json": "new"}
-
-
-def test_what_an_interrupted_run_left_does_not_get_into_the_next(tmp_path: Path) -> None:
-    (tmp_path / "poses.csv").write_text("old")
-    (tmp_path / "unfinished").mkdir()
-    for name in ("fit.json", ".poses.csv.part"):
-        (tmp_path / "unfinished" / name).write_text("interrupted")
-    RunFolder(tmp_path, force=True)
-    assert list((tmp_path / "unfinished").iterdir()) == []
-
-
 def test_full_disk_is_one_line_and_leaves_no_half_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -445,16 +393,6 @@ def test_help_of_every_command_shows_an_example() -> None:
         assert "xample" in done.out
     assert command().code == 2
     assert command("--version").out.startswith("monodyn ")
-
-
-def test_frame_range_and_values() -> None:
-    assert frame_range("fit-frames", "3:9") == (3, 9)
-    assert frame_range("fit-frames", ":9") == (0, 9)
-    assert frame_range("fit-frames", "3:") == (3, None)
-    assert frame_range("fit-frames", None) is None
-    assert values("fix", (("a=1", "b=-2.5e3"), ("c=0",))) == {"a": 1.0, "b": -2500.0, "c": 0.0}
-    with pytest.raises(SettingsError):
-        values("fix", (("a=1=2",),))
 
 
 # inputs inside the folder, streams and names

@@ -1,8 +1,8 @@
 """The commands: ``run``, ``track``, ``identify``, ``models``, ``reproduce``. The only place that prints.
 
-Each command is a frozen dataclass whose fields are its options. What a command is asked for is checked by the
-stages themselves; here their errors become one line on the error stream and an exit code: 0 done, 1 the fit
-is not to be trusted, 2 bad input or usage, 130 interrupted.
+``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
+command into them. The stages themselves check the values; here their errors become one line on the error
+stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted.
 """
 
 from __future__ import annotations

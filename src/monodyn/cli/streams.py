@@ -128,7 +128,7 @@ def _writable(folder: Path) -> bool:
 
 
 def _private(folder: Path) -> bool:
-    """Tell whether a folder, made if need be, is ours alone: compiled functions are code that is run."""
+    """Return whether a folder, made if need be, is ours alone: compiled functions are code that is run."""
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()

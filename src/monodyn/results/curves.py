@@ -49,7 +49,7 @@ def motion_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
 
 
 def torque_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, Any]]:
-    """Return the data of one figure per joint for the torques besides friction; none without a drive.
+    """Return the data of one figure per joint for the torques other than friction; none without a drive.
 
     Args:
         fit: The fit.

@@ -23,7 +23,7 @@ class Findings:
 
     Attributes:
         fit: The fit.
-        traces: The records beside their motion; none where nothing was identified.
+        traces: The records next to their motion; none where nothing was identified.
         title: Heading of the page.
         subtitle: One line under it.
         notes: Sentences after the fit's own advice (from the clip, the camera, the tracking).

@@ -1,10 +1,10 @@
 """The run folder: which files are ours, and how they get there without ever destroying anything.
 
-Every file is written beside its place and renamed into it when it is whole. A folder that already holds a run
-is refused unless it may be replaced; then the new run grows in the sub-folder ``unfinished`` and takes the
-old one's place only when it is complete, so a full disk or Ctrl-C leaves the old run as it was. The swap
-moves all of the old run aside (``replaced``) before the first new file comes: whatever stops it, the folder
-never holds files of two runs. Other things than runs, with other files, get into their folders the same way.
+Every file is written under another name and renamed when it is whole. A folder that already holds a run is
+refused unless it may be replaced. Then the new run is written into the sub-folder ``unfinished`` and takes
+the place of the old one only when it is complete, so that a full disk or Ctrl-C leaves the old run as it was.
+The swap moves all of the old run aside (``replaced``) before the first new file arrives: whatever stops it,
+the folder never holds files of two runs. Results of other kinds get into their folders in the same way.
 """
 
 from __future__ import annotations
@@ -99,9 +99,11 @@ class RunFolder:
                 f"out '{self.path}': expected a folder without {article} {kind.word}, it holds {old[0]}; "
                 f"give another folder, or --force to replace the {kind.word}."
             )
+        # the old run stays readable until the new one is complete
         self.stage = self.path / STAGE if old or kind.whole else self.path
         if self.stage != self.path:
             self._clear(self.stage)
+        # only what this run creates may be removed again when nothing comes of it
         self._made = [folder for folder in (self.stage, *self.stage.parents) if not folder.exists()]
         try:
             self.stage.mkdir(parents=True, exist_ok=True)
@@ -166,6 +168,7 @@ class RunFolder:
         aside = self.path / ASIDE
         self._clear(aside)
         try:
+            # first all old files out, then all new files in: at no time are files of both runs in the folder
             aside.mkdir(exist_ok=True)
             for name in self.kind.files:
                 if (self.path / name).exists():
@@ -184,8 +187,10 @@ class RunFolder:
     def _put_back(self, aside: Path) -> None:
         """Undo a swap that was stopped: where the files are says how far it came."""
         try:
+            # the last new file is in place: the swap was complete, only the clearing up was stopped
             if all(not (self.stage / name).exists() for name in self.written):
                 return
+            # the new files go back first, or an old file would overwrite one of them
             for name in self.written:
                 if not (self.stage / name).exists():
                     os.replace(self.path / name, self.stage / name)
@@ -194,6 +199,7 @@ class RunFolder:
                     os.replace(aside / name, self.path / name)
             aside.rmdir()
         except OSError:
+            # both runs are still on the disk, in ``replaced`` and ``unfinished``; the first error is reported
             return
 
     def _clear(self, folder: Path) -> None:
@@ -250,4 +256,5 @@ def _write_text(path: Path, text: str) -> None:
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
         file.write(text)
         file.flush()
+        # without it a power failure after the renaming may leave an empty file
         os.fsync(file.fileno())

@@ -113,6 +113,7 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
 
 def _is_interrupt(error: BaseException | None) -> bool:
     """Return whether Ctrl-C is behind an error; within a compiled function it comes out as a SystemError."""
+    # numba raises a SystemError from a KeyboardInterrupt that it met within a kernel
     while error is not None:
         if isinstance(error, KeyboardInterrupt):
             return True
@@ -123,6 +124,7 @@ def _is_interrupt(error: BaseException | None) -> bool:
 def _record_failure(folder: RunFolder, log: RunLog, error: BaseException, interrupted: bool) -> None:
     """Write ``run.json`` of a run that did not come to its end."""
     message = str(error) if isinstance(error, MonodynError) else type(error).__name__
+    # bad input of which nothing was written leaves no trace, not even an empty folder
     if folder.written or interrupted:
         status = "interrupted" if interrupted else "failed"
         with suppress(MonodynError):

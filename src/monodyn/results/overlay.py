@@ -135,6 +135,7 @@ def write_overlay(
     import av
     import av.error
 
+    # stills of the report: first, middle and last frame
     kept = {0, (video.count - 1) // 2, video.count - 1}
     stills: list[tuple[bytes, str]] = []
     size = (video.width + video.width % 2, video.height + video.height % 2)
@@ -153,6 +154,7 @@ def write_overlay(
                     stills.append((still(frame, drawing), f"Frame {frame.index}, {drawing.caption}"))
                 planes = draw(frame, drawing)
                 picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+                # the encoder takes increasing stamps only: two frames in one tick are one tick apart
                 last = max(last + 1, round((frame.time - video.times[0]) * slower * TICKS))
                 picture.pts = last
                 picture.time_base = Fraction(1, TICKS)
@@ -208,6 +210,8 @@ def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
     if frame.chroma is None:
         planes[height:] = 128
     scale = height / 480.0
+    # OpenCV takes fixed-point vertices: 4 fractional bits are sixteenths of a pixel; the chroma planes have
+    # half the resolution, and their pixel centres lie half a luma pixel further
     for polygon, ink in drawing.outlines:
         thick = max(1, round(ink.width * scale))
         fine = [np.round(polygon * 16).astype(np.int32)]

@@ -1,4 +1,4 @@
-"""A record beside its motion under the identified dynamics, and how far the two are apart."""
+"""A record next to its motion under the identified dynamics, and how far the two are apart."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One record beside its motion under the identified dynamics.
+    """One record next to its motion under the identified dynamics.
 
     Attributes:
         name: What the record is called, e.g. its file name.
@@ -31,7 +31,7 @@ class Trace:
         rows: First fitted row of ``poses`` and the one after the last.
         future: Prediction from the end of the fitted rows, or None.
         future_frame: Frame numbers of the prediction, int (frame,).
-        torques: Torques at ``poses.time`` besides friction, or None where there are none.
+        torques: Torques at ``poses.time`` other than friction, or None where there are none.
     """
 
     name: str
@@ -75,7 +75,7 @@ def rms_of(joints: Sequence[str], error: np.ndarray) -> dict[str, float | None]:
 def trace_of(
     fit: Fit, poses: Poses, future: Prediction | None = None, *, name: str = "", record: int = 0
 ) -> Trace:
-    """Put a record beside its motion under the identified dynamics.
+    """Put a record next to its motion under the identified dynamics.
 
     Args:
         fit: The fit.
@@ -93,6 +93,7 @@ def trace_of(
     from monodyn.results.fill import fill
     from monodyn.results.torques import torques
 
+    # the fitted rows are found by time, because a record may go on before and after them
     fitted = fit.time[record]
     first = int(np.searchsorted(poses.time, fitted[0] - 1e-9))
     stop = first + len(fitted)
@@ -157,6 +158,7 @@ def frame_numbers(times: np.ndarray, known: np.ndarray, numbers: np.ndarray) -> 
         numbers: Its frame numbers.
     """
     step = float(np.median(np.diff(known))) if len(known) > 1 else 1.0
+    # within the record by interpolation, which also numbers missing frames; after it by the usual step
     count = np.interp(times, known, numbers)
     beyond = np.maximum(times - known[-1], 0.0) / step
     return np.round(count + beyond).astype(np.int64)
