@@ -4,24 +4,15 @@ from __future__ import annotations
 
 import csv
 import errno
-import io
 import json
-import os
-import sys
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from monodyn.checks import check_tracked
-from monodyn.cli import main
-from monodyn.cli.show import progress_on
-from monodyn.errors import FitError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.folder import FILES
-from monodyn.types import Poses
-from monodyn.vision.clip.video import read
 from support import EXAMPLES, ClipMaker, Done, command
 
 CLIP, MODEL = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
@@ -412,52 +403,6 @@ def test_a_run_never_replaces_its_own_input(tmp_path: Path, sub: str) -> None:
     assert poses.exists()
 
 
-class Closed(io.StringIO):
-    """A stream whose other end is in trouble."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
-
-    def write(self, text: str) -> int:
-        raise OSError(self.number, os.strerror(self.number))
-
-
-def test_a_lost_error_stream_drops_the_progress_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    from monodyn.cli.streams import safe
-
-    monkeypatch.setattr(sys, "stderr", Closed(errno.EPIPE))
-    with safe(), progress_on(sys.stderr, quiet=False) as progress:
-        assert progress is not None
-        progress("track", 1, 2)
-        progress("identify", 1, 2)
-
-
-@pytest.mark.parametrize("words", [["models"], ["--help"], ["run", "--help"]])
-def test_a_reader_that_has_gone_away_is_no_error(monkeypatch: pytest.MonkeyPatch, words: list[str]) -> None:
-    monkeypatch.setattr(sys, "stdout", Closed(errno.EPIPE))
-    assert main(words) == 0
-    monkeypatch.setattr(sys, "stdout", Closed(errno.ENOSPC))
-    monkeypatch.setattr(sys, "stderr", err := io.StringIO())
-    assert main(words) == 2
-    assert err.getvalue().startswith("monodyn: standard output: cannot print the result (No space left")
-
-
-def test_compiled_functions_go_to_a_temporary_folder_when_no_other_can_be_written(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    from monodyn.cli import streams
-
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    monkeypatch.setattr(streams.tempfile, "gettempdir", lambda: str(tmp_path))
-    assert "are kept in" in streams.keep_compiled()
-    chosen = Path(os.environ["NUMBA_CACHE_DIR"])
-    assert chosen.parent == tmp_path
-    assert chosen.stat().st_mode & 0o077 == 0
-    assert streams.keep_compiled() == ""
-
-
 @pytest.mark.parametrize(
     ("words", "part"),
     [
@@ -471,14 +416,3 @@ def test_compiled_functions_go_to_a_temporary_folder_when_no_other_can_be_writte
 def test_settings_beyond_all_limits_are_refused(tmp_path: Path, words: list[str], part: str) -> None:
     assert part in refused("run", CLIP, "--model", MODEL, "--out", tmp_path / "run", *words)
     assert not (tmp_path / "run").exists()
-
-
-def test_a_clip_without_the_mechanism_says_so(make_clip: ClipMaker, tmp_path: Path) -> None:
-    poses = Poses(
-        ("joint1",), np.arange(3), np.arange(3) / 30, np.full((3, 1), np.nan), np.full((3, 1, 1), np.nan),
-        np.zeros(3, bool),
-    )  # fmt: skip
-    with pytest.raises(
-        FitError, match=r"clip '.*': expected the mechanism in frames 0 to 2, tracked it in n"
-    ):
-        check_tracked(poses, read(make_clip()), ["Light it better."])

@@ -152,6 +152,12 @@ def test_an_old_run_that_cannot_be_moved_says_so(tmp_path: Path, monkeypatch: py
     assert (tmp_path / "fit.json").read_text() == "old"
 
 
+def stop(path: Path) -> None:
+    """Write half of a file and be interrupted."""
+    path.write_text("half a f")
+    raise KeyboardInterrupt
+
+
 def test_a_whole_kind_comes_to_its_names_at_once(tmp_path: Path) -> None:
     out = tmp_path / "new"
     folder = RunFolder(out, kind=OTHER)
@@ -161,8 +167,7 @@ def test_a_whole_kind_comes_to_its_names_at_once(tmp_path: Path) -> None:
     assert {path.name for path in out.iterdir()} == {"page.html"}
     broken = RunFolder(tmp_path / "broken", kind=OTHER)
     with pytest.raises(KeyboardInterrupt), broken.filling():
-        broken.write_text("page.html", "text")
-        raise KeyboardInterrupt
+        broken.write("page.html", stop)
     assert not (tmp_path / "broken").exists()
 
 

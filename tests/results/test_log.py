@@ -40,8 +40,8 @@ def test_a_run_that_ends_records_its_inputs_and_settings(tmp_path: Path) -> None
 
 def test_a_failure_records_why(tmp_path: Path) -> None:
     folder, log = made(tmp_path)
+    folder.write_text("poses.csv", "frame")
     with pytest.raises(FitError), recorded(folder, log):
-        folder.write_text("poses.csv", "frame")
         raise FitError("It does not move.")
     assert (read(folder)["status"], read(folder)["message"]) == ("failed", "It does not move.")
 

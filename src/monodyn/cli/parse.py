@@ -66,6 +66,7 @@ def _refuse_empty(command: str, options: type[Any], words: Sequence[str]) -> Non
 
 def _one_line(complaint: str, command: str, words: list[str]) -> str:
     """Bring a boxed complaint about the command line into one sentence."""
+    # tyro draws a box around its complaint and adds hints below it; both go, the words between them stay
     text = re.sub(r"[\u2500-\u257f]|-{4,}", " ", complaint)
     text = " ".join(text.split())
     text = re.split(r"For full helptext|Argument helptext|Got errors|Perhaps you meant", text)[0].strip()
@@ -81,7 +82,7 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
     choice = re.search(r"invalid choice '(.*?)' for argument '(.*?)'. Expected one of \((.*?)\)", text)
     if choice:
         return f"{command}: {choice[2]}: expected {choice[3]}, got '{choice[1]}'; {see}"
-    value = re.search(r"Error parsing (\S+): .*?from \['?(.*?)'?\]", text)
+    value = re.search(r"Error parsing (\S+): .*?(?:from \[|base 10: )'?(.*?)'?(?:\]|$)", text)
     if value:
         return f"{command}: {value[1]}: expected another kind of value, got '{value[2]}'; {see}"
     return f"{command}: {text.rstrip('.')}; {see}"
