@@ -74,6 +74,7 @@ def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool =
             raise SettingsError(
                 f"bounds of '{name}': expected a parameter of the mechanism; give the camera's with fix."
             )
+    # the camera is no part of the mechanism; its parameters go to ``locate`` on their own
     fix, free = camera_choices(settings)
     for name in (*fix, *free):
         if not camera:
@@ -139,6 +140,7 @@ def fitted_range(wanted: tuple[int, int | None] | None, count: int) -> tuple[int
     Raises:
         SettingsError: the range lies outside the clip or holds fewer than two frames.
     """
+    # the last quarter is held out, to be compared with the prediction
     first, stop = wanted if wanted is not None else (0, count - count // 4)
     stop = count if stop is None else stop
     if first < 0 or stop > count or stop < first + 2:
@@ -172,6 +174,7 @@ def prediction_times(video: Video, stop: int, until: float | None) -> np.ndarray
             f"until: expected a time after the last fitted frame at {last:.3f} s, got {until:g} s."
         )
     step = float(np.median(np.diff(video.times)))
+    # a typing error in the time must not fill the disk
     most = min(end + 10.0 * (end - float(video.times[0])) + 60.0, end + MOST_ROWS * step)
     if until > most:
         raise SettingsError(

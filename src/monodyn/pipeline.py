@@ -135,6 +135,7 @@ def run(
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         scene, poses = see(job, video, mechanism)
+        # the fit must not see the frames that it will be compared with
         part = poses.part(*np.searchsorted(poses.frame, [first, stop]))
         check_tracked(part, video, log.notes)
         with log.stage("identify"):
@@ -142,6 +143,7 @@ def run(
         with log.stage("predict"):
             future = predict(fit, times=times) if fit.starts and len(times) else None
             traces = [trace_of(fit, poses, future, name=video.path.name)] if fit.starts else []
+        # only the fit has the metric scale: the poses are written again with their slides in metres
         filmed = filmed_of(fit, scene, poses)
         findings = Findings(
             fit, traces, video.path.name, _about(video, mechanism), log.notes,
@@ -180,6 +182,7 @@ def track_clip(
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
+        # a table without a pose is written all the same: it shows in which frames the search ended
         _, poses = see(job, video, mechanism)
     check_tracked(poses, video, log.notes)
     return job.outcome(log.document("done", folder.written), poses)
@@ -209,6 +212,7 @@ def identify_tables(
     """
     settings = settings or RunSettings()
     mechanism = chosen_mechanism(model, settings, camera=False)
+    # all tables are read before the folder is made
     records = [read_poses(table, mechanism) for table in tables]
     names = [Path(table).name for table in tables]
     inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
@@ -247,6 +251,7 @@ def see(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scene, Poses]:
             masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, progress=progress
         )
     with log.stage("track"):
+        # the scene's masks, not the first ones: their colours were measured on the located mechanism
         poses = track(scene.masks, scene, settings.track, progress=progress)
     log.notes += [*scene.advice, *video.notes, *untracked(poses)]
     job.write_poses(poses)

@@ -103,6 +103,7 @@ class RunSettings:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
+        # every range is checked here or in the class of the stage, before the first frame is decoded
         check_choice("method", self.method, ("fast", "paper"))
         if self.rate is not None and not RATES[0] <= self.rate <= RATES[1]:
             raise SettingsError(

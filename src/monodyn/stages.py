@@ -52,6 +52,7 @@ def _pose_before(sought: Sought) -> Scene:
 
     settings = published(sought.settings, PaperLocateSettings)
     scene = pose_before(find_scene(replace(sought, progress=report)), sought.fix, level=settings.level)
+    # the default search counts four steps, the published one is the fifth
     sought.progress("locate", 5, 5)
     return scene
 
@@ -106,8 +107,8 @@ TRACK_METHODS: dict[str, Callable[[Masks, Scene, TrackSettings, Progress | None]
 }
 """How the mechanism is followed."""
 
-Identify = Callable[[tuple[Poses, ...], Mechanism, IdentifySettings, Progress | None], Fit]
-IDENTIFY_METHODS: dict[str, Identify] = {
+IdentifyMethod = Callable[[tuple[Poses, ...], Mechanism, IdentifySettings, Progress | None], Fit]
+IDENTIFY_METHODS: dict[str, IdentifyMethod] = {
     "fast": identify_jointly,
     "paper": _identify_published,
 }
@@ -172,6 +173,7 @@ def locate(
     settings = replace(settings, method=methods[1])
     fix = dict(fix or {})
     check_camera(mechanism, methods[0], fix, free)
+    # methods report their steps without asking whether somebody listens
     report = progress or (lambda step, done, total: None)
     return LOCATE_METHODS[methods](Sought(masks, mechanism, settings, fix, free, report))
 
@@ -195,6 +197,7 @@ def track(
     Raises:
         VideoError: the pictures of ``masks`` have another size than those of the scene.
     """
+    # tracking may go on in another clip of the same camera, but not at another size
     video = masks.video
     if (video.width, video.height) != (scene.camera.width, scene.camera.height):
         raise VideoError(
@@ -215,11 +218,10 @@ def identify(
     """Find the parameters and start states whose simulated motion is closest to the measured one.
 
     Minimizes sum_t |W_t (q_sim(t; parameters, start) - q_t)|^2 with W_t.W_t the inverse covariance of sample
-    t, plus what the picture knows of the sizes; the torque is what ``settings.torque`` says. Several records
-    share the parameters.
+    t, plus what the picture knows of the sizes; the torque is what ``settings.torque`` says.
 
     Args:
-        poses: One record or several.
+        poses: One record, or several that share the parameters.
         mechanism: Topology, start values, what is free and fixed.
         settings: How to search.
         progress: Called as ``progress("identify", done, total)`` with the stages done.
@@ -254,6 +256,7 @@ def identify(
     method = settings.method or "fast"
     settings = replace(settings, method=method)
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
+    # whether masses are free belongs to the mechanism: methods see it, and nothing of the setting
     fit = IDENTIFY_METHODS[method](records, mechanism.with_bodies(settings.bodies), settings, progress)
     return replace(fit, seconds=time.perf_counter() - began)
 
@@ -281,6 +284,7 @@ def check_camera(mechanism: Mechanism, method: str, fix: Mapping[str, float], fr
             raise SettingsError(f"parameter '{name}': is both fixed and freed; choose one of them.")
     for name, value in fix.items():
         _check_value(name, float(value))
+    # a turn of the picture and a turn of the first hinge look the same; the direction of a slide shows the roll
     if "camera.roll" in free and mechanism.joints[0].kind == "hinge":
         raise SettingsError(
             "parameter 'camera.roll': the picture does not distinguish it from the angle of the first hinge; "

@@ -44,7 +44,7 @@ def test_several_records_have_a_start_each() -> None:
 
 
 def test_single_torques_are_not_listed_but_what_free_torques_hold_is() -> None:
-    mechanism = monodyn.load("single").with_torque("free", times=np.arange(3) / 30.0)
+    mechanism = monodyn.load("single").with_torque("free", knots=np.arange(3) / 30.0)
 
     def row(name: str, unit: str, *, free: bool, identifiable: bool) -> Estimate:
         return Estimate(name, 1.0, math.inf, 0.0, 2.0, unit, free, identifiable, False)

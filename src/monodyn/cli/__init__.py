@@ -65,6 +65,7 @@ def _main(words: list[str]) -> int:
         _fail(str(error))
         return 2
     except OSError as error:
+        # a name that is too long is what the error is about: its ends are enough to find it
         name = str(error.filename or "a file")
         name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
         _fail(
@@ -83,6 +84,7 @@ def _dispatch(words: list[str]) -> int:
             version = bool(words) and words[0] in ("-V", "--version")
             print(f"monodyn {monodyn.__version__}\n" if version else HELP, end="")
         return 0 if words else 2
+    # before the first import of numba, which chooses the folder when it is loaded
     note = keep_compiled()
     if note and "--quiet" not in words:
         _fail(note)

@@ -114,6 +114,7 @@ def _assigned(option: str, words: Sequence[Sequence[str]]) -> list[tuple[str, st
     return parts
 
 
+# the key is the annotation of the field, so a new setting of the same type needs nothing here
 FORMS: dict[Any, Form] = {
     tuple[int, int | None] | None: Form(str | None, None, "A:B", frame_range),
     Mapping[str, float]: Form(Words, (), "NAME=VALUE ...", values),

@@ -55,6 +55,7 @@ class CommonOptions:
         Raises:
             SettingsError: an option cannot be read, or has a value that the settings refuse.
         """
+        # a command that does not take a setting has no attribute for it, and the run its usual value
         given = {}
         for name, kind in get_type_hints(RunSettings).items():
             if hasattr(self, name):
@@ -220,11 +221,13 @@ def options_class(command: Command) -> type[Any]:
     if not issubclass(command.options, CommonOptions):
         return command.options
     taken = [setting for setting in fields(RunSettings) if setting.name not in command.without]
+    # the classes are asked for at each call, because they depend on which methods are installed
     hints, stages = get_type_hints(RunSettings), settings_classes()
     made = []
     for setting in taken:
         kind = hints[setting.name]
         if setting.name in stages:
+            # a nested class becomes a group of options: --track.reach and the others
             chosen = _without_shared(stages[setting.name])
             made.append((setting.name, chosen, field(default_factory=chosen)))
         else:
@@ -242,6 +245,7 @@ def options_class(command: Command) -> type[Any]:
 def _option(setting: Field[Any], kind: Any) -> tuple[Any, Any]:
     """Return type and default of the option for a setting of the whole run."""
     metavar, usual = setting.metadata.get("metavar"), setting.default
+    # the default in the form of words; its own value comes back when the words are read
     if kind in FORMS:
         form = FORMS[kind]
         kind, usual, metavar = form.words, form.usual, form.metavar
@@ -257,11 +261,13 @@ def _without_shared(stage: type[Any]) -> type[Any]:
     ]
     if not hidden:
         return stage
+    # the field stays, so that the stage is built as ever; only the command line does not see it
     namespace = {"__doc__": stage.__doc__}
     return make_dataclass(stage.__name__, hidden, bases=(stage,), frozen=True, namespace=namespace)
 
 
 def _help(options: type[Any]) -> str:
     """Return the docstring of a command's options with the lines of the settings: the help texts."""
+    # tyro takes the help of an option from its line under Attributes of the class
     own, settings = inspect.cleandoc(options.__doc__ or ""), inspect.cleandoc(RunSettings.__doc__ or "")
     return f"{own}\n{settings.partition('Attributes:')[2].strip(chr(10))}\n"

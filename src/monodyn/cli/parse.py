@@ -37,6 +37,7 @@ def parsed(command: str, words: Sequence[str]) -> Any:
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
+            # a flag has one form, --force or --track.no-adaptive, not a pair
             return tyro.cli(
                 options,
                 prog=f"monodyn {command}",
@@ -58,6 +59,7 @@ def _refuse_empty(command: str, options: type[Any], words: Sequence[str]) -> Non
         for option in fields(options)
         if option.name == "model" or Path in (hints[option.name], *get_args(hints[option.name]))
     }
+    # both forms count: --out "" and --out=
     for before, word in zip(["", *words], words, strict=False):
         name = before if word == "" else word.removesuffix("=")
         if name in named and (word == "" or word.endswith("=")):
@@ -71,6 +73,7 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
     text = " ".join(text.split())
     text = re.split(r"For full helptext|Argument helptext|Got errors|Perhaps you meant", text)[0].strip()
     see = f"see monodyn {command} --help."
+    # the names are listed in the order of this table, whatever the order of the help
     if text.startswith("Required options"):
         wanted = [
             name for name in ("CLIP", "POSES.csv", "--model", "--out") if re.search(rf"(^|\s){name}\b", text)
@@ -79,6 +82,7 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
     if text.startswith("Unrecognized"):
         odd = re.sub(r"^.*?Unrecognized options:\s*", "", text)
         return f"{command}: expected known options, got {odd.split('. ')[0].strip()}; {see}"
+    # a word for one of several choices, then a word for a number
     choice = re.search(r"invalid choice '(.*?)' for argument '(.*?)'. Expected one of \((.*?)\)", text)
     if choice:
         return f"{command}: {choice[2]}: expected {choice[3]}, got '{choice[1]}'; {see}"

@@ -114,6 +114,7 @@ def _print_outcome(outcome: Outcome, code: int, as_json: bool, quiet: bool) -> N
         from monodyn.results.export import jsonable
 
         document = {**outcome.document, "out": None if outcome.folder is None else str(outcome.folder)}
+        # what cannot be encoded is escaped: a replaced character would be lost to the reader
         ascii_only = "utf" not in (getattr(sys.stdout, "encoding", None) or "utf").lower()
         print(json.dumps(jsonable(document), indent=2, ensure_ascii=ascii_only, allow_nan=False))
     elif quiet:
@@ -210,6 +211,7 @@ def _errors(outcome: Outcome) -> Table:
 
     fit, document = outcome.fit, outcome.document
     table = _table("joint", "fit rms", "prediction rms", "unit")
+    # a joint that was not predicted, or not measured, has no error
     for joint in fit.mechanism.joints if fit is not None else ():
         scale, unit = shown_in(joint)
         cells = [document[name].get(joint.name) for name in ("rms", "heldout_rms")]

@@ -73,6 +73,7 @@ def rows_text(frames: Iterable[int], columns: Sequence[np.ndarray], end: str = "
         columns: Arrays (frame,) or (frame, dof), side by side.
         end: Put at the end of every line.
     """
+    # repr of a float is the shortest text that reads back as the same number
     rows = np.column_stack(columns).tolist()
     return "".join(f"{n},{','.join(map(repr, row))}{end}\n" for n, row in zip(frames, rows, strict=True))
 

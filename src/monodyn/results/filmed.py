@@ -55,6 +55,7 @@ def filmed_of(fit: Fit, scene: Scene, poses: Poses) -> Filmed:
     # the fit of free torques holds the common scale, so nothing determines how far away the camera is
     unit = np.inf if fit.torque == "free" else scale
     std = {name: value * (unit if name in LENGTHS else 1.0) for name, value in scene.spread.items()}
+    # without a fit the located mechanism is drawn, in the scale of its file
     mechanism = fit.mechanism if fit.starts else scene.mechanism
     return Filmed(scene.masks.video, mechanism, camera, metric(poses, mechanism, scale), std)
 
@@ -78,6 +79,7 @@ def write_film(
     """
     from monodyn.results.fill import fill
 
+    # NaN is not drawn
     position = np.full((filmed.video.count, len(fit.mechanism.joints)), np.nan)
     if fit.starts and fit.ok:
         position = fill(fit, filmed.video.times).position

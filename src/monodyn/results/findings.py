@@ -64,6 +64,7 @@ def fit_document(findings: Findings) -> dict[str, Any]:
     """
     fit, filmed = findings.fit, findings.filmed
     joints = [joint.name for joint in fit.mechanism.joints]
+    # one record has its start state itself, several have a list: fit.json is a contract
     starts = [start_row(joints, start) for start in fit.starts]
     return {
         "status": str(fit.status),
@@ -100,6 +101,7 @@ def start_row(joints: Sequence[str], start: Start) -> dict[str, Any]:
         joints: Joint names.
         start: A start of a fit: time, positions and rates with their covariance.
     """
+    # rounding may leave a variance slightly below zero
     std = np.sqrt(np.maximum(np.diagonal(start.covariance), 0.0))
     dofs = len(joints)
     return {

@@ -112,6 +112,7 @@ class RunFolder:
 
     def _spare(self, inputs: Sequence[object]) -> None:
         """Raise if an input is a file that this run would replace or remove."""
+        # in the folders of a swap that was stopped, too: those are emptied
         places = [self.path / sub / name for sub in ("", STAGE, ASIDE) for name in self.kind.files]
         for given in (Path(str(given)) for given in inputs if given is not None):
             if given.is_file() and any(place.exists() and place.samefile(given) for place in places):
@@ -130,8 +131,8 @@ class RunFolder:
         Raises:
             SettingsError: the file cannot be written (disk full, no permission).
         """
-        if name not in self.kind.files:
-            raise AssertionError(f"{name} is not among the files of this folder")
+        assert name in self.kind.files, f"{name} is not among the files of this folder"
+        # in the same folder, because only there is renaming one indivisible step
         part = self.stage / f".{name}.part"
         try:
             writer(part)

@@ -83,6 +83,7 @@ class DrawnMotion:
         kind = "predicted" if index >= stop else "fitted" if index >= first else "before the fit"
         model = self._outlines(self.position[index])
         inks: list[tuple[np.ndarray, Ink]] = []
+        # the tracked outline would cover the model where both agree
         tracked = self._tracked(index)
         if tracked and (not model or _apart(model, tracked)):
             inks += [(polygon, TRACKED) for polygon in tracked]
@@ -92,6 +93,7 @@ class DrawnMotion:
     def _tracked(self, index: int) -> list[np.ndarray]:
         if self.tracked is None:
             return []
+        # a record may lack frames: rows are found by frame number
         row = int(np.searchsorted(self.tracked.frame, index))
         if row >= len(self.tracked) or self.tracked.frame[row] != index or not self.tracked.seen[row]:
             return []
@@ -138,33 +140,38 @@ def write_overlay(
     # stills of the report: first, middle and last frame
     kept = {0, (video.count - 1) // 2, video.count - 1}
     stills: list[tuple[bytes, str]] = []
-    size = (video.width + video.width % 2, video.height + video.height % 2)
+    slower = max(1.0, 1.0 / (FASTEST * _step(video)))
     try:
         with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
-            stream: Any = container.add_stream(
-                "libx264", rate=_rate(video), options={"preset": "ultrafast", "crf": "21"}
-            )
-            stream.width, stream.height = size
-            stream.pix_fmt = "yuv420p"
-            stream.codec_context.time_base = Fraction(1, TICKS)
-            last, slower = -1, max(1.0, 1.0 / (FASTEST * _step(video)))
+            stream = _film_stream(container, video)
+            last = -1
             for done, frame in enumerate(video.frames(), start=1):
                 drawing = motion.drawing(frame.index, frame.time)
                 if frame.index in kept:
                     stills.append((still(frame, drawing), f"Frame {frame.index}, {drawing.caption}"))
-                planes = draw(frame, drawing)
-                picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
-                # the encoder takes increasing stamps only: two frames in one tick are one tick apart
+                picture = av.VideoFrame.from_ndarray(draw(frame, drawing), format="yuv420p")
+                # the encoder takes increasing stamps only: two frames in one tick are put one tick apart
                 last = max(last + 1, round((frame.time - video.times[0]) * slower * TICKS))
-                picture.pts = last
-                picture.time_base = Fraction(1, TICKS)
+                picture.pts, picture.time_base = last, Fraction(1, TICKS)
                 container.mux(stream.encode(picture))
                 if progress is not None:
                     progress("overlay", done, video.count)
+            # what the encoder still holds back
             container.mux(stream.encode())
     except av.error.FFmpegError as error:
         raise OSError(error.errno, error.strerror or str(error)) from error
     return stills
+
+
+def _film_stream(container: Any, video: Video) -> Any:
+    """Add the stream of the film: H.264 with even sizes, in ticks fine enough for every clip."""
+    stream: Any = container.add_stream(
+        "libx264", rate=_rate(video), options={"preset": "ultrafast", "crf": "21"}
+    )
+    stream.width, stream.height = video.width + video.width % 2, video.height + video.height % 2
+    stream.pix_fmt = "yuv420p"
+    stream.codec_context.time_base = Fraction(1, TICKS)
+    return stream
 
 
 def _rate(video: Video) -> Fraction:
@@ -192,11 +199,14 @@ def still(frame: Frame, drawing: Drawing, quality: int = 82) -> bytes:
 
 
 def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
-    """Return a frame with its drawing as stacked planes (I420), uint8 (1.5 height, width), sizes made even.
+    """Return a frame with its drawing as stacked planes (I420), sizes made even.
 
     Args:
         frame: The frame; it is not changed.
         drawing: What to draw over it.
+
+    Returns:
+        Luma above the two chroma planes, uint8 (1.5 height, width).
     """
     import cv2
 
@@ -207,6 +217,7 @@ def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
     _copy_plane(luma, frame.luma)
     for target, plane in zip((blue, red), frame.chroma or (), strict=False):
         _copy_plane(target, plane)
+    # 128 is no colour
     if frame.chroma is None:
         planes[height:] = 128
     scale = height / 480.0

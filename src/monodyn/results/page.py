@@ -41,6 +41,7 @@ def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) ->
     several = len(traces) > 1
     plots = [plot for trace in traces for plot in motion_curves(fit, trace, several=several)]
     listed = listed_rows(fit)
+    # the rest goes into a part of the page that is folded up
     others = [row for row in fit.parameters if not row.free and row not in listed]
     return template("monodyn.results", "report.html.j2").render(
         title=findings.title,
@@ -97,6 +98,7 @@ def plotting_script() -> str:
 
 def _parameter(row: Estimate) -> dict[str, Any]:
     """Return one line of the parameter table."""
+    # the first that applies counts: at a bound the estimate is the bound, whatever else is known
     if row.at_bound:
         source, flag = "at its bound", True
     elif not row.free and not row.identifiable:

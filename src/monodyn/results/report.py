@@ -60,6 +60,7 @@ def report(
         record=None if poses is None else trace.poses,
         filmed=None if scene is None else filmed_of(fit, scene, trace.poses),
     )
+    # only after all that may refuse its input: a folder is made when there is something to write
     folder = RunFolder(to, force=force)
     write_results(folder, findings, progress=progress)
     folder.finish()
@@ -82,6 +83,7 @@ def write_results(
         The content of ``fit.json``.
     """
     fit, traces, record = findings.fit, findings.traces, findings.record
+    # before the documents are made, because fit.json and the page both carry the notes
     findings = replace(findings, notes=[*findings.notes, *lost_in_urdf(fit.mechanism)])
     if record is not None:
         folder.write("poses.csv", lambda path: write_poses(record, path))

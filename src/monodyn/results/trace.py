@@ -136,7 +136,8 @@ def counted(times: np.ndarray) -> np.ndarray:
     """Return the frame numbers of a record whose numbers are not known, int (frame,).
 
     Args:
-        times: Time stamps [s]; where they are evenly spaced and 0 s is one of the places, frame 0 is there.
+        times: Time stamps [s], (frame,); where they are evenly spaced and 0 s is one of the places, frame 0
+            is there.
     """
     count = len(times)
     rows = np.arange(count)
@@ -154,8 +155,11 @@ def frame_numbers(times: np.ndarray, known: np.ndarray, numbers: np.ndarray) -> 
 
     Args:
         times: Time stamps [s], (frame,).
-        known: Time stamps of the record [s].
-        numbers: Its frame numbers.
+        known: Time stamps of the record [s], (frame,).
+        numbers: Its frame numbers, int (frame,).
+
+    Returns:
+        Frame numbers, int (frame,).
     """
     step = float(np.median(np.diff(known))) if len(known) > 1 else 1.0
     # within the record by interpolation, which also numbers missing frames; after it by the usual step
