@@ -284,7 +284,7 @@ def check_camera(mechanism: Mechanism, method: str, fix: Mapping[str, float], fr
             raise SettingsError(f"parameter '{name}': is both fixed and freed; choose one of them.")
     for name, value in fix.items():
         _check_value(name, float(value))
-    # a turn of the picture and a turn of the first hinge look the same; the direction of a slide shows the roll
+    # a turn of the picture looks like a turn of the first hinge; the direction of a first slide shows it
     if "camera.roll" in free and mechanism.joints[0].kind == "hinge":
         raise SettingsError(
             "parameter 'camera.roll': the picture does not distinguish it from the angle of the first hinge; "

@@ -23,6 +23,14 @@ def table(path: Path) -> dict[str, np.ndarray]:
     return {name: np.array([float(row[i]) for row in rows[1:]]) for i, name in enumerate(rows[0])}
 
 
+def first_rows(demo: Done, folder: Path, count: int) -> Path:
+    """Write the first rows of the demo's poses into a folder."""
+    rows = (demo.folder / "poses.csv").read_text().splitlines()[: count + 1]
+    path = folder / "first.csv"
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
 def refused(*words: object) -> str:
     """Run a command that must fail as bad input; return its one line."""
     done = command(*words)
@@ -123,27 +131,30 @@ def test_a_run_is_not_overwritten_without_force(demo: Done) -> None:
 
 
 def test_identify_takes_the_poses_of_a_run(demo: Done, tmp_path: Path) -> None:
-    out = tmp_path / "fit"
-    done = command("identify", demo.folder / "poses.csv", "--model", MODEL, "--out", out, "--quiet")
+    poses, out = first_rows(demo, tmp_path, 60), tmp_path / "fit"
+    done = command("identify", poses, "--model", MODEL, "--out", out, "--quiet")
     assert (done.code, done.out, done.err) == (0, "", "")
     names = {"states.csv", "prediction.csv", "fit.json", "model.xml", "model.urdf", "report.html", "run.json"}
     assert {path.name for path in out.iterdir()} == names
     fit = json.loads((out / "fit.json").read_text())
     assert fit["camera"] is None
-    assert fit["fit_frames"] == [0, 210]
-    printed = command("identify", demo.folder / "poses.csv", "--model", MODEL)
+    assert fit["fit_frames"] == [0, 60]
+    printed = command("identify", poses, "--model", MODEL)
     assert printed.code == 0
     assert "link1.length" in printed.out
     assert "N m s/rad" in printed.out
 
 
 def test_bounds_hold_and_are_recorded(demo: Done, tmp_path: Path) -> None:
-    words = ("identify", demo.folder / "poses.csv", "--model", MODEL, "--out", tmp_path, "--quiet")
+    poses = first_rows(demo, tmp_path, 60)
+    words = ("identify", poses, "--model", MODEL, "--out", tmp_path / "fit", "--quiet")
     # without bounds the length comes out at 0.24 m
     assert command(*words, "--bounds", "link1.length=0.26:0.4").code in (0, 1)
-    log = json.loads((tmp_path / "run.json").read_text())
+    log = json.loads((tmp_path / "fit" / "run.json").read_text())
     assert log["settings"]["bounds"] == {"link1.length": [0.26, 0.4]}
-    found = {row["name"]: row for row in json.loads((tmp_path / "fit.json").read_text())["parameters"]}
+    found = {
+        row["name"]: row for row in json.loads((tmp_path / "fit" / "fit.json").read_text())["parameters"]
+    }
     assert 0.26 * (1 - 1e-9) <= found["link1.length"]["value"] <= 0.4
 
 
@@ -167,9 +178,7 @@ def test_the_seed_that_is_recorded_is_the_one_that_was_used(
 
 
 def test_a_fit_that_cannot_be_trusted_exits_1_and_writes_its_files(demo: Done, tmp_path: Path) -> None:
-    rows = (demo.folder / "poses.csv").read_text().splitlines()[:4]
-    few = tmp_path / "few.csv"
-    few.write_text("\n".join(rows) + "\n")
+    few = first_rows(demo, tmp_path, 3)
     done = command("identify", few, "--model", MODEL, "--out", tmp_path / "fit", "--quiet")
     assert done.code == 1
     assert done.err.count("\n") == 1
