@@ -199,6 +199,18 @@ def test_models_lists_the_bundled_ones() -> None:
 # what stops a run
 
 
+def test_ctrl_c_before_anything_was_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from monodyn import pipeline
+
+    def interrupt(*args: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pipeline, "clip_and_mechanism", interrupt)
+    done = command("run", CLIP, "--model", MODEL, "--out", tmp_path / "run", "--quiet")
+    assert (done.code, done.err) == (130, "monodyn: interrupted; nothing was written.\n")
+    assert not (tmp_path / "run").exists()
+
+
 def test_ctrl_c_within_compiled_code_is_an_interruption_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
