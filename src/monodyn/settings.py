@@ -47,8 +47,7 @@ def published_method() -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        # another missing module is an error of the installation, not the choice of a method
-        if not (error.name or "").startswith("monodyn.paper"):
+        if not _is_published(error):
             raise
         raise SettingsError(
             "method 'paper': the published method is not part of this installation; use the method 'fast'."
@@ -59,9 +58,17 @@ def settings_classes() -> dict[str, type]:
     """Return the settings class of each stage, with the settings of every installed method."""
     try:
         from monodyn.paper.settings import SETTINGS
-    except ImportError:  # a program without the published method
+    except ModuleNotFoundError as error:
+        if not _is_published(error):
+            raise
         return dict(STAGES)
     return STAGES | SETTINGS
+
+
+def _is_published(error: ModuleNotFoundError) -> bool:
+    """Return whether it is the published method that is missing."""
+    # any other missing module is an error of the installation, not a program without that method
+    return (error.name or "").startswith("monodyn.paper")
 
 
 @dataclass(frozen=True)
