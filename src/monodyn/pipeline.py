@@ -128,15 +128,15 @@ def run(
     """
     settings = settings or RunSettings()
     video, mechanism = clip_and_mechanism(clip, model, settings)
-    first, stop = fitted_range(settings.fit_frames, video.count)
-    times = prediction_times(video, stop, settings.until)
+    frames = fitted_range(settings.fit_frames, video.count)
+    times = prediction_times(video, frames[1], settings.until)
     log = RunLog("run", {"clip": clip, "model": model}, settings)
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         scene, poses = see(job, video, mechanism)
         # the fit must not see the frames that it will be compared with
-        part = poses.part(*np.searchsorted(poses.frame, [first, stop]))
+        part = poses.part(*np.searchsorted(poses.frame, frames))
         check_tracked(part, video, log.notes)
         with log.stage("identify"):
             fit = identify(part, scene.mechanism, settings.identify, progress=progress)
@@ -147,7 +147,7 @@ def run(
         filmed = filmed_of(fit, scene, poses)
         findings = Findings(
             fit, traces, video.path.name, _about(video, mechanism), log.notes,
-            record=filmed.tracked, filmed=filmed, fit_frames=(first, stop), log=log,
+            record=filmed.tracked, filmed=filmed, fit_frames=frames, log=log,
         )  # fmt: skip
         with log.stage("results"):
             document = write_results(folder, findings, progress=progress)

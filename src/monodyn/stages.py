@@ -254,10 +254,10 @@ def identify(
     began = time.perf_counter()
     settings = settings or IdentifySettings()
     method = settings.method or "fast"
-    settings = replace(settings, method=method)
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
-    # whether masses are free belongs to the mechanism: methods see it, and nothing of the setting
-    fit = IDENTIFY_METHODS[method](records, mechanism.with_bodies(settings.bodies), settings, progress)
+    # whether masses are free belongs to the mechanism: methods see it there
+    mechanism, settings = mechanism.with_bodies(settings.bodies), replace(settings, method=method)
+    fit = IDENTIFY_METHODS[method](records, mechanism, settings, progress)
     return replace(fit, seconds=time.perf_counter() - began)
 
 
