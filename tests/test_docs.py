@@ -12,7 +12,8 @@ import pytest
 
 import monodyn
 from docstrings import Rules, violations
-from monodyn.cli.options import COMMANDS, parsed
+from monodyn.cli.options import COMMANDS
+from monodyn.cli.parse import parsed
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "monodyn"

@@ -6,27 +6,34 @@ Everything that can be refused is refused before the first frame is decoded and 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monodyn.errors import MechanismError, SettingsError
+from monodyn.checks import (
+    camera_choices,
+    check_tracked,
+    chosen_mechanism,
+    clip_and_mechanism,
+    fitted_range,
+    prediction_times,
+    untracked,
+)
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.tables import read_poses, write_poses
-from monodyn.estimation.settings import USUAL_TERMS
-from monodyn.results.checks import check_camera, check_tracked, fitted_range, prediction_times
-from monodyn.results.export import Trace
+from monodyn.results.filmed import filmed_of
+from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import RunLog, recorded
-from monodyn.results.page import Page
 from monodyn.results.predict import predict
-from monodyn.results.report import result_document, trace_of, view_of, write_results
+from monodyn.results.report import write_results
+from monodyn.results.trace import Trace, trace_of
 from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track
 from monodyn.types import Poses, Progress
-from monodyn.vision.clip.video import Video, read
+from monodyn.vision.clip.video import Video
 from monodyn.vision.locating.scene import Scene
 
 if TYPE_CHECKING:
@@ -42,7 +49,7 @@ class Outcome:
         document: The content of ``fit.json``, or of ``run.json`` where nothing was fitted.
         poses: The tracked clip, or the first record.
         fit: The fit, or None where nothing was fitted.
-        traces: The records beside their motion.
+        traces: The records next to their motion.
         notes: What the user should know about clip, camera and tracking.
         seconds: Wall time by stage [s].
     """
@@ -54,6 +61,44 @@ class Outcome:
     traces: Sequence[Trace] = ()
     notes: Sequence[str] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One run while it goes on.
+
+    Attributes:
+        settings: What to do.
+        log: Takes the seconds of each stage and the notes.
+        folder: Takes the files; None writes none.
+        progress: Called with the frames done by each step.
+    """
+
+    settings: RunSettings
+    log: RunLog
+    folder: RunFolder | None
+    progress: Progress | None
+
+    def write_poses(self, poses: Poses) -> None:
+        """Write ``poses.csv`` as soon as there are poses, so that an interrupted run has them.
+
+        Args:
+            poses: The tracked clip.
+        """
+        if self.folder is not None:
+            self.folder.write("poses.csv", lambda path: write_poses(poses, path))
+
+    def outcome(self, document: dict[str, Any], poses: Poses, findings: Findings | None = None) -> Outcome:
+        """Return what the run found.
+
+        Args:
+            document: The content of ``fit.json``, or of ``run.json`` where nothing was fitted.
+            poses: The tracked clip, or the first record.
+            findings: The fit and its records, or None where nothing was fitted.
+        """
+        path = None if self.folder is None else self.folder.path
+        fit, traces = (None, ()) if findings is None else (findings.fit, findings.traces)
+        return Outcome(path, document, poses, fit, traces, self.log.notes, self.log.seconds)
 
 
 def run(
@@ -78,40 +123,35 @@ def run(
     Returns:
         What was found; a fit that is not to be trusted says so in ``fit.status``.
 
-    Raises:
-        MechanismError: the model, or a parameter named in ``fix`` or ``free``, cannot be used.
-        VideoError: the clip cannot be used.
-        SettingsError: a setting, the frame range or the folder cannot be used.
-
     Example:
         >>> monodyn.run("clip.mp4", "double.xml", "run")  # doctest: +SKIP
     """
     settings = settings or RunSettings()
-    mechanism, video = opened(clip, model, settings)
-    first, stop = fitted_range(settings.fit_frames, video.count)
-    times, numbers = prediction_times(video, stop, settings.until)
+    video, mechanism = clip_and_mechanism(clip, model, settings)
+    frames = fitted_range(settings.fit_frames, video.count)
+    times = prediction_times(video, frames[1], settings.until)
     log = RunLog("run", {"clip": clip, "model": model}, settings)
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
+    job = Job(settings, log, folder, progress)
     with recorded(folder, log):
-        scene, poses = see(folder, log, video, mechanism, settings, progress)
-        part = poses.part(*np.searchsorted(poses.frame, [first, stop]))
+        scene, poses = see(job, video, mechanism)
+        # the fit must not see the frames that it will be compared with
+        part = poses.part(*np.searchsorted(poses.frame, frames))
         check_tracked(part, video, log.notes)
         with log.stage("identify"):
             fit = identify(part, scene.mechanism, settings.identify, progress=progress)
         with log.stage("predict"):
-            traces = []
-            if fit.starts:
-                future = predict(fit, times=times) if len(times) else None
-                trace = trace_of(fit, poses, future, name=video.path.name)
-                traces = [replace(trace, future_frame=numbers)]
-        view = view_of(fit, scene, poses)
-        folder.write("poses.csv", lambda path: write_poses(view.tracked, path))
-        page = Page(video.path.name, _about(video, mechanism), log.notes, log=log)
+            future = predict(fit, times=times) if fit.starts and len(times) else None
+            traces = [trace_of(fit, poses, future, name=video.path.name)] if fit.starts else []
+        # only the fit has the metric scale: the poses are written again with their slides in metres
+        filmed = filmed_of(fit, scene, poses)
+        findings = Findings(
+            fit, traces, video.path.name, _about(video, mechanism), log.notes,
+            record=filmed.tracked, filmed=filmed, fit_frames=frames, log=log,
+        )  # fmt: skip
         with log.stage("results"):
-            document = write_results(
-                folder, fit, traces, page, view=view, fit_frames=(first, stop), progress=progress
-            )
-    return Outcome(folder.path, document, view.tracked, fit, traces, log.notes, log.seconds)
+            document = write_results(folder, findings, progress=progress)
+    return job.outcome(document, filmed.tracked, findings)
 
 
 def track_clip(
@@ -133,21 +173,19 @@ def track_clip(
         force: Replace a run that is already in ``out``.
         progress: Called with the frames done by each step.
 
-    Raises:
-        MechanismError: the model, or a parameter named in ``fix`` or ``free``, cannot be used.
-        VideoError: the clip cannot be used.
-        SettingsError: a setting or the folder cannot be used.
+    Returns:
+        The tracked clip.
     """
     settings = settings or RunSettings()
-    mechanism, video = opened(clip, model, settings)
+    video, mechanism = clip_and_mechanism(clip, model, settings)
     log = RunLog("track", {"clip": clip, "model": model}, settings)
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
+    job = Job(settings, log, folder, progress)
     with recorded(folder, log):
-        _, poses = see(folder, log, video, mechanism, settings, progress)
+        # a table without a pose is written all the same: it shows in which frames the search ended
+        _, poses = see(job, video, mechanism)
     check_tracked(poses, video, log.notes)
-    return Outcome(
-        folder.path, log.document("done", folder.written), poses, notes=log.notes, seconds=log.seconds
-    )
+    return job.outcome(log.document("done", folder.written), poses)
 
 
 def identify_tables(
@@ -169,125 +207,43 @@ def identify_tables(
         force: Replace a run that is already in ``out``.
         progress: Called with the steps done.
 
-    Raises:
-        MechanismError: the model, or a parameter named in ``fix`` or ``free``, cannot be used.
-        VideoError: a table cannot be used.
-        SettingsError: a setting or the folder cannot be used.
+    Returns:
+        What was found; a fit that is not to be trusted says so in ``fit.status``.
     """
     settings = settings or RunSettings()
-    mechanism = chosen(model, settings, camera=False)
+    mechanism = chosen_mechanism(model, settings, camera=False)
+    # all tables are read before the folder is made
     records = [read_poses(table, mechanism) for table in tables]
     names = [Path(table).name for table in tables]
     inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
     log = RunLog("identify", inputs, settings)
     folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables))
+    job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         with log.stage("identify"):
             fit = identify(records, mechanism, settings.identify, progress=progress)
         traces = []
         if fit.starts:
             traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]
-        page = Page(", ".join(names), f"Joint positions with the model {mechanism.name}.", log=log)
-        if folder is None:
-            document = result_document(fit, traces)
-        else:
-            document = write_results(folder, fit, traces, page)
-    return Outcome(
-        None if folder is None else folder.path, document, records[0], fit, traces, (), log.seconds
-    )
+        about = f"Joint positions with the model {mechanism.name}."
+        findings = Findings(fit, traces, ", ".join(names), about, log=log)
+        document = fit_document(findings) if folder is None else write_results(folder, findings)
+    return job.outcome(document, records[0], findings)
 
 
-def opened(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[Mechanism, Video]:
-    """Load the mechanism with the user's choices and open the clip.
-
-    Args:
-        clip: Video file or folder of pictures.
-        model: Mechanism file or bundled name.
-        settings: The user's choices.
-    """
-    mechanism = chosen(model, settings)
-    video = read(clip, rate=settings.rate)
-    if not mechanism.plan.drawn:
-        raise MechanismError(
-            f"mechanism '{mechanism.name}': expected a moving body with a geom that a clip can show, got "
-            "none; add its shape."
-        )
-    if settings.background is not None and not Path(settings.background).is_file():
-        raise SettingsError(
-            f"background '{settings.background}': expected a picture file, found none; check the path."
-        )
-    return mechanism, video
-
-
-def chosen(model: str | Path, settings: RunSettings, *, camera: bool = True) -> Mechanism:
-    """Load a mechanism with the user's choices; those of the camera are only checked, for ``locate``.
-
-    Args:
-        model: Mechanism file or bundled name.
-        settings: The user's choices.
-        camera: False refuses parameters of the camera, where there is none.
-
-    Raises:
-        MechanismError: the model or a choice cannot be used.
-        SettingsError: a choice of a camera parameter cannot be used.
-    """
-    from monodyn.mechanism import load
-
-    if not str(model):
-        raise MechanismError("model: expected a file or a bundled name, got an empty one; name one.")
-    fix, free = settings.fix, settings.free
-    for name in settings.bounds:
-        if name.startswith("camera."):
-            raise SettingsError(
-                f"bounds of '{name}': expected a parameter of the mechanism; give the camera's with fix."
-            )
-    odd = [name for name in (*fix, *free) if name.startswith("camera.")]
-    if odd and not camera:
-        raise SettingsError(
-            f"parameter '{odd[0]}': expected one of the mechanism's; tables of joint positions have no "
-            "camera, leave it out."
-        )
-    check_camera(fix, free)
-    torque = settings.identify.torque
-    mechanism = load(model)
-    if torque == "fourier":  # its parameters are there to be chosen; those of free torques are the record's
-        low, high = settings.bounds.get("torque.period", (1.0, 1.0))
-        period = min(max(1.0, low), high)
-        mechanism = mechanism.with_torque(torque, terms=settings.identify.terms or USUAL_TERMS, period=period)
-    for name in (*fix, *free, *settings.bounds):
-        if torque != "fourier" and name not in mechanism.plan.index and "torque." in name:
-            wanted = "cannot be chosen" if torque == "free" else "belongs to --identify.torque fourier"
-            raise SettingsError(f"parameter '{name}': a torque over time {wanted}; add it or leave it out.")
-    return mechanism.with_choices(
-        fix={name: value for name, value in fix.items() if not name.startswith("camera.")},
-        free=[name for name in free if not name.startswith("camera.")],
-        bounds=settings.bounds,
-    )
-
-
-def see(
-    folder: RunFolder,
-    log: RunLog,
-    video: Video,
-    mechanism: Mechanism,
-    settings: RunSettings,
-    progress: Progress | None,
-) -> tuple[Scene, Poses]:
+def see(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scene, Poses]:
     """Go from the clip to tracked poses, and write them.
 
     Args:
-        folder: Takes ``poses.csv``.
-        log: Takes the seconds of each stage and the notes.
+        job: The run; its log takes the notes on clip, camera and tracking.
         video: The clip.
         mechanism: The mechanism with the user's choices.
-        settings: How.
-        progress: Called with the frames done by each step.
 
     Returns:
         The scene, and the poses of the whole clip.
     """
-    fix = {name: value for name, value in settings.fix.items() if name.startswith("camera.")}
-    free = [name for name in settings.free if name.startswith("camera.")]
+    settings, log, progress = job.settings, job.log, job.progress
+    fix, free = camera_choices(settings)
     with log.stage("segment"):
         masks = segment(video, settings.segment, background=settings.background, progress=progress)
     with log.stage("locate"):
@@ -295,21 +251,11 @@ def see(
             masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, progress=progress
         )
     with log.stage("track"):
+        # the scene's masks, not the first ones: their colours were measured on the located mechanism
         poses = track(scene.masks, scene, settings.track, progress=progress)
-    log.notes += [*scene.advice, *video.notes, *_untracked(poses)]
-    folder.write("poses.csv", lambda path: write_poses(poses, path))
+    log.notes += [*scene.advice, *video.notes, *untracked(poses)]
+    job.write_poses(poses)
     return scene, poses
-
-
-def _untracked(poses: Poses) -> list[str]:
-    """Say when a tenth of the frames or more was not measured."""
-    seen, count = int(np.sum(poses.seen)), len(poses)
-    if seen >= 0.9 * count:
-        return []
-    return [
-        f"Only {seen} of {count} frames were tracked; a steadier background, another --segment.contrast "
-        "or a better start (--fix) may help."
-    ]
 
 
 def _about(video: Video, mechanism: Mechanism) -> str:

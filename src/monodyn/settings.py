@@ -1,17 +1,74 @@
-"""What a run does: the settings of every stage in one place, so that the command line needs nothing else."""
+"""What a run does: the settings of every stage in one place, so that the command line needs nothing else.
+
+A setting is written once, as a field of a stage's settings or of `RunSettings`: its help text is the field's
+line under ``Attributes``, and the command line, ``run.json`` and the report take it from here. Nothing here
+imports more than settings.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.vision.clip.video import RATES
-from monodyn.vision.settings import CameraSettings, LocateSettings, SegmentSettings, TrackSettings
+from monodyn.vision.settings import (
+    RATES,
+    CameraSettings,
+    LocateSettings,
+    SegmentSettings,
+    TrackSettings,
+    check_choice,
+)
+
+STAGES: dict[str, type] = {
+    "segment": SegmentSettings,
+    "camera": CameraSettings,
+    "locate": LocateSettings,
+    "track": TrackSettings,
+    "identify": IdentifySettings,
+}
+"""The settings class of each stage without those of the published method."""
+
+SHARED = ("seed",)
+"""Settings of a stage that always take the value of the whole run."""
+
+
+@contextmanager
+def published_method() -> Iterator[None]:
+    """Import the published method inside; where it is not installed, say so in one sentence.
+
+    Raises:
+        SettingsError: the published method is not installed.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if not _is_published(error):
+            raise
+        raise SettingsError(
+            "method 'paper': the published method is not part of this installation; use the method 'fast'."
+        ) from error
+
+
+def settings_classes() -> dict[str, type]:
+    """Return the settings class of each stage, with the settings of every installed method."""
+    try:
+        from monodyn.paper.settings import SETTINGS
+    except ModuleNotFoundError as error:
+        if not _is_published(error):
+            raise
+        return dict(STAGES)
+    return STAGES | SETTINGS
+
+
+def _is_published(error: ModuleNotFoundError) -> bool:
+    """Return whether it is the published method that is missing."""
+    # any other missing module is an error of the installation, not a program without that method
+    return (error.name or "").startswith("monodyn.paper")
 
 
 @dataclass(frozen=True)
@@ -19,15 +76,15 @@ class RunSettings:
     """What a run does.
 
     Attributes:
-        fit_frames: First frame of the fit and the one after its last; None fits all but the last quarter.
-        until: End of the prediction [s]; None predicts to the end of the clip.
-        fix: Parameter values that are known and not estimated.
-        free: Parameters to estimate that are not by default.
-        bounds: Lower and upper bounds by parameter.
+        fit_frames: Frames to fit, A to B-1; all but the last quarter when left out.
+        until: End of the prediction [s]; the end of the clip when left out.
+        fix: Parameters that are known, e.g. gravity=9.81, or camera.roll=0 of a clip.
+        free: Parameters to estimate that are not by default, e.g. gravity, or camera.focal of a clip.
+        bounds: Lower and upper bounds of parameters, e.g. link1.length=0.1:0.3.
         background: Picture of the scene without the mechanism.
-        rate: Frames a second [Hz] in place of the clip's time stamps.
-        seed: Seed of every random start; it takes the place of those of the stages.
-        method: ``fast``, or ``paper`` for the method of 2012 as published; a stage may have its own.
+        rate: Frames a second [Hz] in place of the time stamps of the clip.
+        seed: Seed of every random start; it replaces the seeds of the stages.
+        method: fast, or paper for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
         camera: How the camera is found.
         locate: How camera, sizes and initial pose are found.
@@ -36,12 +93,12 @@ class RunSettings:
     """
 
     fit_frames: tuple[int, int | None] | None = None
-    until: float | None = None
+    until: float | None = field(default=None, metadata={"metavar": "S"})
     fix: Mapping[str, float] = field(default_factory=dict)
     free: Sequence[str] = ()
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    background: Path | None = None
-    rate: float | None = None
+    background: Path | None = field(default=None, metadata={"metavar": "PICTURE"})
+    rate: float | None = field(default=None, metadata={"metavar": "HZ"})
     seed: int = 0
     method: Literal["fast", "paper"] = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
@@ -53,39 +110,25 @@ class RunSettings:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
-        for name in ("locate", "identify"):
-            object.__setattr__(self, name, replace(getattr(self, name), seed=self.seed))
-        if self.method not in ("fast", "paper"):
-            raise SettingsError(f"method: expected 'fast' or 'paper', got '{self.method}'.")
-        for name in ("camera", "locate", "track", "identify"):
-            stage = getattr(self, name)
-            if stage.method is None:
-                object.__setattr__(self, name, replace(stage, method=self.method))
+        # every range is checked here or in the class of the stage, before the first frame is decoded
+        check_choice("method", self.method, ("fast", "paper"))
         if self.rate is not None and not RATES[0] <= self.rate <= RATES[1]:
             raise SettingsError(
                 f"rate: expected {RATES[0]:g} to {RATES[1]:g} Hz, got {self.rate:g}; "
                 "give the true frames a second."
             )
-        for stage in ("segment", "camera", "locate", "track", "identify"):
-            for name, value in asdict(getattr(self, stage)).items():
-                if isinstance(value, float) and not math.isfinite(value):
-                    raise SettingsError(
-                        f"{stage}.{name}: expected a finite number, got {value}; "
-                        "leave it out for the usual one."
-                    )
+        for stage, kind in settings_classes().items():
+            object.__setattr__(self, stage, self._stage(stage, kind))
 
-
-def settings_classes() -> dict[str, type]:
-    """Return the settings class of each stage, with what every installed method can be told."""
-    classes: dict[str, type] = {
-        "segment": SegmentSettings,
-        "camera": CameraSettings,
-        "locate": LocateSettings,
-        "track": TrackSettings,
-        "identify": IdentifySettings,
-    }
-    try:
-        from monodyn.paper.settings import SETTINGS
-    except ImportError:  # a program without the published method
-        return classes
-    return classes | SETTINGS
+    def _stage(self, stage: str, kind: Any) -> Any:
+        """Return the settings of a stage with what it takes from the run, as an instance of ``kind``."""
+        settings = getattr(self, stage)
+        # the foreground has one method only, so a run as published has nothing to choose there
+        if settings.method is None and stage != "segment":
+            settings = replace(settings, method=self.method)
+        # a run records the settings of every installed method, even where only those of ours were given
+        if settings.method == "paper" or not isinstance(settings, kind):
+            with published_method():
+                from monodyn.paper.settings import published
+            settings = published(settings, kind)
+        return replace(settings, **{name: getattr(self, name) for name in SHARED if hasattr(settings, name)})

@@ -1,23 +1,23 @@
-"""The stages from a clip to a fit: one table of methods each, the published method beside the default one.
+"""The stages from a clip to a fit: one table of methods each, the published method next to the default one.
 
 A method is a function of its stage's signature; the settings of the stage name it. The published method is
-loaded when it is asked for, and the program runs without it.
+loaded only when it is chosen, and the program runs without it.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from monodyn.errors import SettingsError, VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify_jointly
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Mechanism
+from monodyn.settings import published_method
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.camera import PARAMETERS
@@ -33,8 +33,9 @@ PLACE = ("camera.x", "camera.y", "camera.depth")
 
 def _camera_behind(sought: Sought) -> Scene:
     """Locate by the default method, then find the camera by eq. (1) and (2) of the 2012 paper."""
-    from monodyn.paper.locate import camera_behind
-    from monodyn.paper.settings import PaperLocateSettings, published
+    with published_method():
+        from monodyn.paper.locate import camera_behind
+        from monodyn.paper.settings import PaperLocateSettings, published
 
     settings = published(sought.settings, PaperLocateSettings)
     return camera_behind(find_scene(sought), sought.fix, level=settings.level)
@@ -42,22 +43,25 @@ def _camera_behind(sought: Sought) -> Scene:
 
 def _pose_before(sought: Sought) -> Scene:
     """Find pose and ratios by eq. (3) and (4) of the 2012 paper before the camera of the default method."""
-    from monodyn.paper.locate import pose_before
-    from monodyn.paper.settings import PaperLocateSettings, published
+    with published_method():
+        from monodyn.paper.locate import pose_before
+        from monodyn.paper.settings import PaperLocateSettings, published
 
     def report(step: str, done: int, total: int | None) -> None:
         sought.progress(step, done, 5)
 
     settings = published(sought.settings, PaperLocateSettings)
     scene = pose_before(find_scene(replace(sought, progress=report)), sought.fix, level=settings.level)
+    # the default search counts four steps, the published one is the fifth
     sought.progress("locate", 5, 5)
     return scene
 
 
 def _locate_published(sought: Sought) -> Scene:
     """Find camera, pose and ratios by Fig. 2 of the 2012 paper."""
-    from monodyn.paper.locate import locate_published
-    from monodyn.paper.settings import PaperLocateSettings, published
+    with published_method():
+        from monodyn.paper.locate import locate_published
+        from monodyn.paper.settings import PaperLocateSettings, published
 
     settings = published(sought.settings, PaperLocateSettings)
     start = sought.mechanism, sought.start_camera, sought.fix
@@ -68,8 +72,9 @@ def _track_published(
     masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None = None
 ) -> Poses:
     """Minimize the mismatch of the silhouettes within move limits, eq. (5) of the 2012 paper."""
-    from monodyn.paper.settings import PaperTrackSettings, published
-    from monodyn.paper.track import track_published
+    with published_method():
+        from monodyn.paper.settings import PaperTrackSettings, published
+        from monodyn.paper.track import track_published
 
     return track_published(masks, scene, published(settings, PaperTrackSettings), progress)
 
@@ -78,16 +83,17 @@ def _identify_published(
     records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
 ) -> Fit:
     """Identify by eq. (14) of the 2012 paper as published."""
-    from monodyn.paper.identify import identify_published
-    from monodyn.paper.settings import PaperIdentifySettings, published
+    with published_method():
+        from monodyn.paper.identify import identify_published
+        from monodyn.paper.settings import PaperIdentifySettings, published
 
     return identify_published(records, mechanism, published(settings, PaperIdentifySettings), progress)
 
 
-SEGMENT: dict[str, Callable[..., Masks]] = {"fast": soft_masks}
+SEGMENT_METHODS: dict[str, Callable[..., Masks]] = {"fast": soft_masks}
 """How the foreground is found: (video, settings, background, progress) to masks."""
 
-LOCATE: dict[tuple[str, str], Callable[[Sought], Scene]] = {
+LOCATE_METHODS: dict[tuple[str, str], Callable[[Sought], Scene]] = {
     ("fast", "fast"): find_scene,
     ("paper", "fast"): _camera_behind,
     ("fast", "paper"): _pose_before,
@@ -95,13 +101,14 @@ LOCATE: dict[tuple[str, str], Callable[[Sought], Scene]] = {
 }
 """How the scene is found, by the methods of the camera and of pose and sizes."""
 
-TRACK: dict[str, Callable[[Masks, Scene, TrackSettings, Progress | None], Poses]] = {
+TRACK_METHODS: dict[str, Callable[[Masks, Scene, TrackSettings, Progress | None], Poses]] = {
     "fast": follow_clip,
     "paper": _track_published,
 }
 """How the mechanism is followed."""
 
-IDENTIFY: dict[str, Callable[[tuple[Poses, ...], Mechanism, IdentifySettings, Progress | None], Fit]] = {
+IdentifyMethod = Callable[[tuple[Poses, ...], Mechanism, IdentifySettings, Progress | None], Fit]
+IDENTIFY_METHODS: dict[str, IdentifyMethod] = {
     "fast": identify_jointly,
     "paper": _identify_published,
 }
@@ -115,7 +122,7 @@ def segment(
     background: str | Path | None = None,
     progress: Progress | None = None,
 ) -> Masks:
-    """Tell the moving mechanism from the background of a clip.
+    """Separate the moving mechanism from the background of a clip.
 
     Args:
         video: The clip, from ``read``.
@@ -131,7 +138,7 @@ def segment(
         VideoError: fewer than two frames, nothing moves, or the background picture has another size.
     """
     settings = settings or SegmentSettings()
-    return SEGMENT[settings.method or "fast"](video, settings, background, progress)
+    return SEGMENT_METHODS[settings.method or "fast"](video, settings, background, progress)
 
 
 def locate(
@@ -165,9 +172,10 @@ def locate(
     methods = (camera or CameraSettings()).method or "fast", settings.method or "fast"
     settings = replace(settings, method=methods[1])
     fix = dict(fix or {})
-    _check_names(mechanism, methods[0], fix, free)
+    check_camera(mechanism, methods[0], fix, free)
+    # methods report their steps without asking whether somebody listens
     report = progress or (lambda step, done, total: None)
-    return LOCATE[methods](Sought(masks, mechanism, settings, fix, free, report))
+    return LOCATE_METHODS[methods](Sought(masks, mechanism, settings, fix, free, report))
 
 
 def track(
@@ -189,6 +197,7 @@ def track(
     Raises:
         VideoError: the pictures of ``masks`` have another size than those of the scene.
     """
+    # tracking may go on in another clip of the same camera, but not at another size
     video = masks.video
     if (video.width, video.height) != (scene.camera.width, scene.camera.height):
         raise VideoError(
@@ -196,7 +205,7 @@ def track(
             f"got {video.width}x{video.height}; locate the mechanism in this clip."
         )
     settings = settings or TrackSettings()
-    return TRACK[settings.method or "fast"](masks, scene, settings, progress)
+    return TRACK_METHODS[settings.method or "fast"](masks, scene, settings, progress)
 
 
 def identify(
@@ -209,11 +218,10 @@ def identify(
     """Find the parameters and start states whose simulated motion is closest to the measured one.
 
     Minimizes sum_t |W_t (q_sim(t; parameters, start) - q_t)|^2 with W_t.W_t the inverse covariance of sample
-    t, plus what the picture knows of the sizes; the torque is what ``settings.torque`` says. Several records
-    share the parameters.
+    t, plus what the picture knows of the sizes; the torque is what ``settings.torque`` says.
 
     Args:
-        poses: One record or several.
+        poses: One record, or several that share the parameters.
         mechanism: Topology, start values, what is free and fixed.
         settings: How to search.
         progress: Called as ``progress("identify", done, total)`` with the stages done.
@@ -246,28 +254,41 @@ def identify(
     began = time.perf_counter()
     settings = settings or IdentifySettings()
     method = settings.method or "fast"
-    settings = replace(settings, method=method)
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
-    fit = IDENTIFY[method](records, mechanism.with_bodies(settings.bodies), settings, progress)
+    # whether masses are free belongs to the mechanism: methods see it there
+    mechanism, settings = mechanism.with_bodies(settings.bodies), replace(settings, method=method)
+    fit = IDENTIFY_METHODS[method](records, mechanism, settings, progress)
     return replace(fit, seconds=time.perf_counter() - began)
 
 
-def _check_names(mechanism: Mechanism, method: str, fix: Mapping[str, float], free: Sequence[str]) -> None:
-    """Refuse camera parameters that do not exist, cannot have their value, or cannot be estimated."""
+def check_camera(mechanism: Mechanism, method: str, fix: Mapping[str, float], free: Sequence[str]) -> None:
+    """Refuse camera parameters that do not exist, have an impossible value, or cannot be estimated.
+
+    Args:
+        mechanism: The mechanism that is to be located.
+        method: How the camera is found, ``fast`` or ``paper``.
+        fix: Values by parameter name.
+        free: Names of parameters to estimate.
+
+    Raises:
+        SettingsError: there is no such parameter, it is both fixed and freed, its value is impossible, or it
+            cannot be estimated.
+    """
     for name in (*fix, *free):
         if name not in PARAMETERS:
             raise SettingsError(
-                f"parameter '{name}' is not one of the camera's; camera: {', '.join(PARAMETERS)}."
+                f"parameter '{name}': expected one of the camera's ({', '.join(PARAMETERS)}); "
+                "correct the name."
             )
+        if name in fix and name in free:
+            raise SettingsError(f"parameter '{name}': is both fixed and freed; choose one of them.")
     for name, value in fix.items():
-        least = 0.0 if name in ("camera.depth", "camera.focal") else -np.inf
-        if not (np.isfinite(value) and value > least):
-            needed = "a number above 0" if least == 0.0 else "a number"
-            raise SettingsError(f"parameter '{name}': expected {needed}, got {value}.")
+        _check_value(name, float(value))
+    # a turn of the picture looks like a turn of the first hinge; the direction of a first slide shows it
     if "camera.roll" in free and mechanism.joints[0].kind == "hinge":
         raise SettingsError(
-            "parameter 'camera.roll': a picture does not tell it from the first hinge's angle; level the "
-            "camera, or give the roll with --fix camera.roll=VALUE [rad]."
+            "parameter 'camera.roll': the picture does not distinguish it from the angle of the first hinge; "
+            "level the camera, or give the roll with --fix camera.roll=VALUE [rad]."
         )
     for name in free:
         if method == "paper" and name not in PLACE:
@@ -275,3 +296,19 @@ def _check_names(mechanism: Mechanism, method: str, fix: Mapping[str, float], fr
                 f"parameter '{name}': camera.method paper estimates {', '.join(PLACE)} alone; leave it "
                 "out of --free, give the value with --fix, or use camera.method fast."
             )
+
+
+def _check_value(name: str, value: float) -> None:
+    """Refuse a value of a camera parameter that no camera in front of the plane can have."""
+    unit = PARAMETERS[name]
+    if not math.isfinite(value):
+        raise SettingsError(f"parameter '{name}': expected a finite number, got {value}; give it in {unit}.")
+    if name in ("camera.depth", "camera.focal") and value <= 0:
+        raise SettingsError(
+            f"parameter '{name}': expected a value above 0 {unit}, got {value:g}; correct it."
+        )
+    if name in ("camera.pitch", "camera.yaw") and abs(value) >= math.pi / 2:
+        raise SettingsError(
+            f"parameter '{name}': expected less than a quarter turn, got {value:g} rad; "
+            "the camera looks at the plane, give the angle in radians."
+        )

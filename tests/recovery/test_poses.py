@@ -77,8 +77,8 @@ def test_names_that_are_not_the_cameras(scene: Scene) -> None:
     with pytest.raises(SettingsError) as caught:
         monodyn.locate(scene.masks, scene.mechanism, free=("camera.zoom",))
     assert str(caught.value) == (
-        "parameter 'camera.zoom' is not one of the camera's; camera: camera.x, camera.y, camera.depth, "
-        "camera.roll, camera.pitch, camera.yaw, camera.focal."
+        "parameter 'camera.zoom': expected one of the camera's (camera.x, camera.y, camera.depth, "
+        "camera.roll, camera.pitch, camera.yaw, camera.focal); correct the name."
     )
 
 
@@ -135,6 +135,6 @@ def test_roll_is_not_told_by_a_picture(scene: Scene) -> None:
     with pytest.raises(SettingsError) as caught:
         monodyn.locate(scene.masks, scene.mechanism, free=("camera.roll",))
     assert str(caught.value) == (
-        "parameter 'camera.roll': a picture does not tell it from the first hinge's angle; level the camera, "
-        "or give the roll with --fix camera.roll=VALUE [rad]."
+        "parameter 'camera.roll': the picture does not distinguish it from the angle of the first hinge; "
+        "level the camera, or give the roll with --fix camera.roll=VALUE [rad]."
     )

@@ -11,7 +11,16 @@ import pytest
 
 from monodyn.errors import MonodynError
 from monodyn.mechanism import load
-from monodyn.results.overlay import FITTED, PREDICTED, TRACKED, Drawing, Motion, draw, still, write_overlay
+from monodyn.results.overlay import (
+    FITTED,
+    PREDICTED,
+    TRACKED,
+    Drawing,
+    DrawnMotion,
+    draw,
+    still,
+    write_overlay,
+)
 from monodyn.types import Camera, Frame, Poses
 from monodyn.vision.clip.video import read
 from monodyn.vision.drawing.outline import outline
@@ -24,10 +33,10 @@ def grey(height: int = 96, width: int = 128) -> Frame:
     return Frame(0, 0.0, np.full((height, width), 100, np.uint8), None)
 
 
-def motion(count: int, size: tuple[int, int], stop: int, tracked: Poses | None = None) -> Motion:
+def motion(count: int, size: tuple[int, int], stop: int, tracked: Poses | None = None) -> DrawnMotion:
     camera = Camera(width=size[0], height=size[1], focal=100.0, depth=0.6)
     position = np.linspace(-1.5, -1.0, count)[:, None]
-    return Motion(load("single"), camera, position, (0, stop), tracked)
+    return DrawnMotion(load("single"), camera, position, (0, stop), tracked)
 
 
 def test_outlines_are_drawn_and_the_frame_is_left_alone() -> None:
@@ -88,7 +97,7 @@ def test_tracked_outline_is_drawn_where_it_differs_or_alone() -> None:
     scene = motion(4, (128, 96), 4, poses)
     assert [len(scene.drawing(i, 0.0).outlines) for i in range(4)] == [1, 1, 2, 1]
     assert scene.drawing(2, 0.0).outlines[0][1] is TRACKED
-    alone = Motion(scene.mechanism, scene.camera, np.full((4, 1), np.nan), (0, 4), poses)
+    alone = DrawnMotion(scene.mechanism, scene.camera, np.full((4, 1), np.nan), (0, 4), poses)
     assert alone.drawing(0, 1.0).caption == "1.00 s  tracked"
     assert alone.drawing(1, 1.0).caption == "1.00 s  not seen"
 

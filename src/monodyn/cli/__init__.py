@@ -1,8 +1,8 @@
 """The commands: ``run``, ``track``, ``identify``, ``models``, ``reproduce``. The only place that prints.
 
-Each command is a frozen dataclass whose fields are its options. What a command is asked for is checked by the
-stages themselves; here their errors become one line on the error stream and an exit code: 0 done, 1 the fit
-is not to be trusted, 2 bad input or usage, 130 interrupted.
+``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
+command into them. The stages themselves check the values; here their errors become one line on the error
+stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -65,6 +65,7 @@ def _main(words: list[str]) -> int:
         _fail(str(error))
         return 2
     except OSError as error:
+        # a name that is too long is what the error is about: its ends are enough to find it
         name = str(error.filename or "a file")
         name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
         _fail(
@@ -83,10 +84,12 @@ def _dispatch(words: list[str]) -> int:
             version = bool(words) and words[0] in ("-V", "--version")
             print(f"monodyn {monodyn.__version__}\n" if version else HELP, end="")
         return 0 if words else 2
+    # before the first import of numba, which chooses the folder when it is loaded
     note = keep_compiled()
     if note and "--quiet" not in words:
         _fail(note)
-    from monodyn.cli.options import COMMANDS, parsed
+    from monodyn.cli.options import COMMANDS
+    from monodyn.cli.parse import parsed
 
     if words[0] not in COMMANDS:
         _fail(f"expected a command, got '{words[0]}'; commands: {', '.join(COMMANDS)}.")

@@ -1,224 +1,163 @@
-"""The options of each command as a frozen dataclass, and the command line into one of them."""
+"""The options of each command, made from the settings of a run.
+
+A command states its inputs and what it prints; which settings of `RunSettings` it takes is the list of those
+that it does not. A new field of `RunSettings`, or of a stage's settings, is an option of every command that
+takes them, with its help text and its default, without a line here.
+"""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import re
+import inspect
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import Field, dataclass, field, fields, make_dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_type_hints
 
 from tyro import conf
 
+from monodyn.cli.forms import FORMS
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
-from monodyn.settings import settings_classes
-from monodyn.vision.settings import CameraSettings, SegmentSettings
+from monodyn.settings import SHARED, RunSettings, settings_classes
 
-_CLASSES = settings_classes()
-LocateSettings, TrackSettings, IdentifySettings = (_CLASSES[name] for name in ("locate", "track", "identify"))
+if TYPE_CHECKING:
+    from monodyn.pipeline import Outcome
+    from monodyn.types import Progress
 
-Words = conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 Clip = Annotated[conf.Positional[Path], conf.arg(metavar="CLIP")]
+Tables = Annotated[conf.Positional[tuple[Path, ...]], conf.arg(metavar="POSES.csv ...")]
 Model = Annotated[str, conf.arg(metavar="MODEL")]
 Folder = Annotated[Path, conf.arg(metavar="DIR")]
-Values = Annotated[Words, conf.arg(metavar="NAME=VALUE ...")]
-Names = Annotated[Words, conf.arg(metavar="NAME ...")]
-Limits = Annotated[Words, conf.arg(metavar="NAME=LOW:HIGH ...")]
-Range = Annotated[str | None, conf.arg(metavar="A:B")]
-Seconds = Annotated[float | None, conf.arg(metavar="S")]
-Rate = Annotated[float | None, conf.arg(metavar="HZ")]
-Picture = Annotated[Path | None, conf.arg(metavar="PICTURE")]
+MaybeFolder = Annotated[Path | None, conf.arg(metavar="DIR")]
 
 
-@dataclass(frozen=True)
-class LocateChoices(LocateSettings):
-    """How camera, sizes and first pose are found; the one seed of a command is ``--seed``."""
+@dataclass(frozen=True, kw_only=True)
+class CommonOptions:
+    """What every command that takes settings has in common.
 
-    seed: Annotated[int, conf.Fixed, conf.Suppress] = 0
+    Attributes:
+        model: Mechanism file (MJCF, URDF) or bundled name (see monodyn models).
+        force: Replace a run that is already in DIR.
+        quiet: No progress, no table.
+        json: The result as JSON on the standard output.
+    """
+
+    model: Model
+    force: bool = False
+    quiet: bool = False
+    json: bool = False
+
+    def settings(self) -> RunSettings:
+        """Return the settings of a run that the options stand for.
+
+        Raises:
+            SettingsError: an option cannot be read, or has a value that the settings refuse.
+        """
+        # a command that does not take a setting has no attribute for it, and the run its usual value
+        given = {}
+        for name, kind in get_type_hints(RunSettings).items():
+            if hasattr(self, name):
+                value = getattr(self, name)
+                given[name] = FORMS[kind].read(name.replace("_", "-"), value) if kind in FORMS else value
+        return RunSettings(**given)
+
+    @contextmanager
+    def progress(self) -> Iterator[Progress | None]:
+        """Show progress on the error stream while the block runs."""
+        from monodyn.cli.show import progress_on
+
+        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+            yield progress
+
+    def show(self, outcome: Outcome) -> int:
+        """Print what was found; return the exit code.
+
+        Args:
+            outcome: What was found.
+        """
+        from monodyn.cli.show import show
+
+        return show(outcome, as_json=self.json, quiet=self.quiet)
 
 
-@dataclass(frozen=True)
-class IdentifyChoices(IdentifySettings):
-    """How the dynamics are identified; the one seed of a command is ``--seed``."""
-
-    seed: Annotated[int, conf.Fixed, conf.Suppress] = 0
-
-
-@dataclass(frozen=True)
-class RunOptions:
+@dataclass(frozen=True, kw_only=True)
+class RunOptions(CommonOptions):
     """Track a clip, identify the mechanism on some of its frames, predict the others, write the run folder.
 
     Attributes:
         clip: Video file, or folder of numbered pictures.
-        model: Mechanism file (MJCF, URDF) or bundled name (see monodyn models).
         out: Folder for the results.
-        fit_frames: Frames to fit, A to B-1; all but the last quarter when left out.
-        until: End of the prediction [s]; the end of the clip when left out.
-        fix: Parameters that are known, e.g. gravity=9.81 or camera.roll=0.
-        free: Parameters to estimate that are not by default, e.g. camera.focal.
-        bounds: Bounds of parameters, e.g. link1.length=0.1:0.3.
-        force: Replace a run that is already in DIR.
-        quiet: No progress, no table.
-        json: The result as JSON on the standard output.
-        background: Picture of the scene without the mechanism.
-        rate: Frames a second [Hz] in place of the time stamps of the clip.
-        seed: Seed of every random start.
-        method: fast, or paper for the method of 2012 as published; a stage may have its own.
-        segment: How the foreground is found.
-        camera: How the camera is found.
-        locate: How camera, sizes and initial pose are found.
-        track: How the mechanism is followed.
-        identify: How the dynamics are identified.
     """
 
     clip: Clip
-    model: Model
     out: Folder
-    fit_frames: Range = None
-    until: Seconds = None
-    fix: Values = ()
-    free: Names = ()
-    bounds: Limits = ()
-    force: bool = False
-    quiet: bool = False
-    json: bool = False
-    background: Picture = None
-    rate: Rate = None
-    seed: int = 0
-    method: Literal["fast", "paper"] = "fast"
-    segment: SegmentSettings = field(default_factory=SegmentSettings)
-    camera: CameraSettings = field(default_factory=CameraSettings)
-    locate: LocateChoices = field(default_factory=LocateChoices)
-    track: TrackSettings = field(default_factory=TrackSettings)
-    identify: IdentifyChoices = field(default_factory=IdentifyChoices)
 
     def go(self) -> int:
         """Run the command; return the exit code."""
-        frames, fix, free = frame_range(self.fit_frames), values(self.fix), names(self.free)
-        limits = intervals(self.bounds)
-        from monodyn.cli.show import progress_on, show
-        from monodyn.pipeline import RunSettings, run
+        settings = self.settings()
+        from monodyn.pipeline import run
 
-        settings = RunSettings(
-            frames, self.until, fix, free, limits, self.background, self.rate, self.seed,
-            self.method, self.segment, self.camera, self.locate, self.track, self.identify,
-        )  # fmt: skip
-        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+        with self.progress() as progress:
             outcome = run(self.clip, self.model, self.out, settings, force=self.force, progress=progress)
-        return show(outcome, as_json=self.json, quiet=self.quiet)
+        return self.show(outcome)
 
 
-@dataclass(frozen=True)
-class TrackOptions:
+@dataclass(frozen=True, kw_only=True)
+class TrackOptions(CommonOptions):
     """Track a clip and write poses.csv; slides are in the start scale of the model.
 
     Attributes:
         clip: Video file, or folder of numbered pictures.
-        model: Mechanism file (MJCF, URDF) or bundled name (see monodyn models).
         out: Folder for the results.
-        fix: Parameters that are known, e.g. camera.roll=0.
-        free: Parameters to estimate that are not by default, e.g. camera.focal.
-        force: Replace a run that is already in DIR.
-        quiet: No progress, no table.
-        json: The result as JSON on the standard output.
-        background: Picture of the scene without the mechanism.
-        rate: Frames a second [Hz] in place of the time stamps of the clip.
-        seed: Seed of every random start.
-        method: fast, or paper for the method of 2012 as published; a stage may have its own.
-        segment: How the foreground is found.
-        camera: How the camera is found.
-        locate: How camera, sizes and initial pose are found.
-        track: How the mechanism is followed.
     """
 
     clip: Clip
-    model: Model
     out: Folder
-    fix: Values = ()
-    free: Names = ()
-    force: bool = False
-    quiet: bool = False
-    json: bool = False
-    background: Picture = None
-    rate: Rate = None
-    seed: int = 0
-    method: Literal["fast", "paper"] = "fast"
-    segment: SegmentSettings = field(default_factory=SegmentSettings)
-    camera: CameraSettings = field(default_factory=CameraSettings)
-    locate: LocateChoices = field(default_factory=LocateChoices)
-    track: TrackSettings = field(default_factory=TrackSettings)
 
     def go(self) -> int:
         """Run the command; return the exit code."""
-        fix, free = values(self.fix), names(self.free)
-        from monodyn.cli.show import progress_on, show
-        from monodyn.pipeline import RunSettings, track_clip
+        settings = self.settings()
+        from monodyn.pipeline import track_clip
 
-        settings = RunSettings(
-            None, None, fix, free, {}, self.background, self.rate, self.seed,
-            self.method, self.segment, self.camera, self.locate, self.track,
-        )  # fmt: skip
-        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+        with self.progress() as progress:
             outcome = track_clip(
                 self.clip, self.model, self.out, settings, force=self.force, progress=progress
             )
-        return show(outcome, as_json=self.json, quiet=self.quiet)
+        return self.show(outcome)
 
 
-@dataclass(frozen=True)
-class IdentifyOptions:
+@dataclass(frozen=True, kw_only=True)
+class IdentifyOptions(CommonOptions):
     """Identify a mechanism from tables of joint positions; several tables share its parameters.
 
     Attributes:
         poses: Tables with columns time [s] and one per joint [rad or m]: poses.csv of a run, or encoder logs.
-        model: Mechanism file (MJCF, URDF) or bundled name (see monodyn models).
         out: Folder for the results; nothing is written when left out.
-        fix: Parameters that are known, e.g. link1.length=0.2.
-        free: Parameters to estimate that are not by default, e.g. gravity.
-        bounds: Bounds of parameters, e.g. link1.length=0.1:0.3.
-        force: Replace a run that is already in DIR.
-        quiet: No progress, no table.
-        json: The result as JSON on the standard output.
-        seed: Seed of every random start.
-        method: fast, or paper for the method of 2012 as published.
-        identify: How the dynamics are identified.
     """
 
-    poses: Annotated[conf.Positional[tuple[Path, ...]], conf.arg(metavar="POSES.csv ...")]
-    model: Model
-    out: Annotated[Path | None, conf.arg(metavar="DIR")] = None
-    fix: Values = ()
-    free: Names = ()
-    bounds: Limits = ()
-    force: bool = False
-    quiet: bool = False
-    json: bool = False
-    seed: int = 0
-    method: Literal["fast", "paper"] = "fast"
-    identify: IdentifyChoices = field(default_factory=IdentifyChoices)
+    poses: Tables
+    out: MaybeFolder = None
 
     def go(self) -> int:
-        """Run the command; return the exit code."""
+        """Run the command; return the exit code.
+
+        Raises:
+            SettingsError: there is no table.
+        """
         if not self.poses:
             raise SettingsError(
                 "identify: expected at least one table of joint positions, got none; name a poses.csv."
             )
-        fix, free, limits = values(self.fix), names(self.free), intervals(self.bounds)
-        from monodyn.cli.show import progress_on, show
-        from monodyn.pipeline import RunSettings, identify_tables
+        settings = self.settings()
+        from monodyn.pipeline import identify_tables
 
-        settings = RunSettings(
-            fix=fix, free=free, bounds=limits, seed=self.seed, method=self.method, identify=self.identify
-        )
-        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+        with self.progress() as progress:
             outcome = identify_tables(
                 self.poses, self.model, self.out, settings, force=self.force, progress=progress
             )
-        return show(outcome, as_json=self.json, quiet=self.quiet)
+        return self.show(outcome)
 
 
 @dataclass(frozen=True)
@@ -238,146 +177,97 @@ class ModelsOptions:
         return show_models(as_json=self.json)
 
 
-COMMANDS: dict[str, tuple[type[Any], str]] = {
-    "run": (RunOptions, "monodyn run clip.mp4 --model double.xml --out run --fit-frames 0:120"),
-    "track": (TrackOptions, "monodyn track clip.mp4 --model double.xml --out run"),
-    "identify": (IdentifyOptions, "monodyn identify run/poses.csv --model run/model.xml --out fit"),
-    "models": (ModelsOptions, "monodyn models"),
-    "reproduce": (ReproduceOptions, "monodyn reproduce --out experiment"),
+class Command(NamedTuple):
+    """One command.
+
+    Attributes:
+        options: What it states itself.
+        example: A line that shows it.
+        without: Settings of a run that it does not take.
+    """
+
+    options: type[Any]
+    example: str
+    without: Collection[str] = ()
+
+
+_OF_CLIP = ("fit_frames", "until", "background", "rate", "segment", "camera", "locate", "track")
+"""Settings that a table of joint positions has no use for."""
+
+COMMANDS: dict[str, Command] = {
+    "run": Command(RunOptions, "monodyn run clip.mp4 --model double.xml --out run --fit-frames 0:120"),
+    "track": Command(
+        TrackOptions,
+        "monodyn track clip.mp4 --model double.xml --out run",
+        without=("fit_frames", "until", "bounds", "identify"),
+    ),
+    "identify": Command(
+        IdentifyOptions,
+        "monodyn identify run/poses.csv --model run/model.xml --out fit",
+        without=_OF_CLIP,
+    ),
+    "models": Command(ModelsOptions, "monodyn models"),
+    "reproduce": Command(ReproduceOptions, "monodyn reproduce --out experiment"),
 }
-"""Options and an example of each command."""
+"""The commands by name."""
 
 
-def parsed(command: str, words: Sequence[str]) -> Any:
-    """Read the words after a command.
-
-    Args:
-        command: One of ``COMMANDS``.
-        words: The words.
-
-    Returns:
-        The options, or an exit code when help was asked for.
-
-    Raises:
-        SettingsError: an option is unknown, missing or has a value that it cannot take.
-    """
-    import tyro
-
-    for before, word in zip(["", *words], words, strict=False):
-        name = before if word == "" else word.removesuffix("=")
-        if name in ("--out", "--model", "--background") and (word == "" or word.endswith("=")):
-            raise SettingsError(f"{command}: {name}: expected a name, got an empty one; give one.")
-    options, example = COMMANDS[command]
-    about = f"{(options.__doc__ or '').split(chr(10))[0]}\n\nExample: {example}"
-    complaint = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(complaint):
-            return tyro.cli(
-                options,
-                prog=f"monodyn {command}",
-                description=about,
-                args=list(words),
-                config=(conf.FlagCreatePairsOff,),
-            )
-    except SystemExit as stop:
-        if not stop.code:
-            return 0
-        raise SettingsError(_one_line(complaint.getvalue(), command, list(words))) from None
-
-
-def _one_line(complaint: str, command: str, words: list[str]) -> str:
-    """Bring a boxed complaint about the command line into one sentence."""
-    text = re.sub(r"[\u2500-\u257f]|-{4,}", " ", complaint)
-    text = " ".join(text.split())
-    text = re.split(r"For full helptext|Argument helptext|Got errors|Perhaps you meant", text)[0].strip()
-    see = f"see monodyn {command} --help."
-    if text.startswith("Required options"):
-        wanted = [
-            name for name in ("CLIP", "POSES.csv", "--model", "--out") if re.search(rf"(^|\s){name}\b", text)
-        ]
-        return f"{command}: expected {', '.join(wanted)}, got {' '.join(words) or 'nothing'}; {see}"
-    if text.startswith("Unrecognized"):
-        odd = re.sub(r"^.*?Unrecognized options:\s*", "", text)
-        return f"{command}: expected known options, got {odd.split('. ')[0].strip()}; {see}"
-    choice = re.search(r"invalid choice '(.*?)' for argument '(.*?)'. Expected one of \((.*?)\)", text)
-    if choice:
-        return f"{command}: {choice[2]}: expected {choice[3]}, got '{choice[1]}'; {see}"
-    value = re.search(r"Error parsing (\S+): .*?from \['?(.*?)'?\]", text)
-    if value:
-        return f"{command}: {value[1]}: expected another kind of value, got '{value[2]}'; {see}"
-    return f"{command}: {text.rstrip('.')}; {see}"
-
-
-def frame_range(text: str | None) -> tuple[int, int | None] | None:
-    """Read ``A:B``; either end may be left out.
+def options_class(command: Command) -> type[Any]:
+    """Return the options of a command: its own, and those of the settings that it takes.
 
     Args:
-        text: What the user wrote, or None.
-
-    Raises:
-        SettingsError: it is not two whole numbers with a colon between them.
+        command: The command.
     """
-    if text is None:
-        return None
-    match = re.fullmatch(r"(\d*):(\d*)", text.strip())
-    if not match:
-        raise SettingsError(f"fit-frames: expected A:B with whole frame numbers, got '{text}'; e.g. 0:120.")
-    return int(match[1] or 0), int(match[2]) if match[2] else None
+    if not issubclass(command.options, CommonOptions):
+        return command.options
+    taken = [setting for setting in fields(RunSettings) if setting.name not in command.without]
+    # the classes are asked for at each call, because they depend on which methods are installed
+    hints, stages = get_type_hints(RunSettings), settings_classes()
+    made = []
+    for setting in taken:
+        kind = hints[setting.name]
+        if setting.name in stages:
+            # a nested class becomes a group of options: --track.reach and the others
+            chosen = _without_shared(stages[setting.name])
+            made.append((setting.name, chosen, field(default_factory=chosen)))
+        else:
+            made.append((setting.name, *_option(setting, kind)))
+    return make_dataclass(
+        command.options.__name__,
+        made,
+        bases=(command.options,),
+        frozen=True,
+        kw_only=True,
+        namespace={"__doc__": _help(command.options)},
+    )
 
 
-def values(words: Sequence[Sequence[str]]) -> dict[str, float]:
-    """Read ``NAME=VALUE`` words.
-
-    Args:
-        words: What the user wrote, by option.
-
-    Raises:
-        SettingsError: a word is not a name and a number, or a name comes twice.
-    """
-    found: dict[str, float] = {}
-    for word in (word for group in words for word in group):
-        name, _, text = word.partition("=")
-        try:
-            value = float(text)
-        except ValueError:
-            raise SettingsError(
-                f"fix: expected NAME=VALUE with a number, got '{word}'; e.g. gravity=9.81."
-            ) from None
-        if name in found:
-            raise SettingsError(f"fix: expected each name once, got '{name}' twice; keep one of them.")
-        found[name] = value
-    return found
+def _option(setting: Field[Any], kind: Any) -> tuple[Any, Any]:
+    """Return type and default of the option for a setting of the whole run."""
+    metavar, usual = setting.metadata.get("metavar"), setting.default
+    # the default in the form of words; its own value comes back when the words are read
+    if kind in FORMS:
+        form = FORMS[kind]
+        kind, usual, metavar = form.words, form.usual, form.metavar
+    return (kind if metavar is None else Annotated[kind, conf.arg(metavar=metavar)]), usual
 
 
-def intervals(words: Sequence[Sequence[str]]) -> dict[str, tuple[float, float]]:
-    """Read ``NAME=LOW:HIGH`` words.
-
-    Args:
-        words: What the user wrote, by option.
-
-    Raises:
-        SettingsError: a word is not a name and two numbers, or a name comes twice.
-    """
-    found: dict[str, tuple[float, float]] = {}
-    for word in (word for group in words for word in group):
-        name, _, text = word.partition("=")
-        low, _, high = text.partition(":")
-        try:
-            ends = float(low), float(high)
-        except ValueError:
-            raise SettingsError(
-                f"bounds: expected NAME=LOW:HIGH with two numbers, got '{word}'; e.g. link1.length=0.1:0.3."
-            ) from None
-        if name in found:
-            raise SettingsError(f"bounds: expected each name once, got '{name}' twice; keep one of them.")
-        found[name] = ends
-    return found
+def _without_shared(stage: type[Any]) -> type[Any]:
+    """Return a stage's settings class whose shared fields are no options: the run has one of each."""
+    hidden = [
+        (setting.name, Annotated[Any, conf.Fixed, conf.Suppress], setting.default)
+        for setting in fields(stage)
+        if setting.name in SHARED
+    ]
+    if not hidden:
+        return stage
+    # the field stays, so that the stage is built as ever; only the command line does not see it
+    namespace = {"__doc__": stage.__doc__}
+    return make_dataclass(stage.__name__, hidden, bases=(stage,), frozen=True, namespace=namespace)
 
 
-def names(words: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Return the names of repeated options in order.
-
-    Args:
-        words: What the user wrote, by option.
-    """
-    return tuple(word for group in words for word in group)
+def _help(options: type[Any]) -> str:
+    """Return the docstring of a command's options with the lines of the settings: the help texts."""
+    # tyro takes the help of an option from its line under Attributes of the class
+    own, settings = inspect.cleandoc(options.__doc__ or ""), inspect.cleandoc(RunSettings.__doc__ or "")
+    return f"{own}\n{settings.partition('Attributes:')[2].strip(chr(10))}\n"

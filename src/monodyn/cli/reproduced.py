@@ -36,7 +36,11 @@ class ReproduceOptions:
     seed: int = 0
 
     def go(self) -> int:
-        """Run the command; return the exit code."""
+        """Run the command; return the exit code.
+
+        Raises:
+            SettingsError: the seed is negative.
+        """
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
         from monodyn.cli.show import progress_on

@@ -66,25 +66,25 @@ class _Lines:
     def __init__(self, stream: TextIO, every: float = 10.0) -> None:
         self.stream, self.every = stream, every
         self.step, self.done, self.total = "", 0, None
-        self.begun = self.told = time.perf_counter()
+        self.begun = self.printed = time.perf_counter()
 
     def __call__(self, step: str, done: int, total: int | None) -> None:
         now = time.perf_counter()
         if step != self.step:
             self.close()
-            self.step, self.begun, self.told = step, now, now
+            self.step, self.begun, self.printed = step, now, now
         self.done, self.total = done, total
-        if now - self.told > self.every:
-            self._tell(now)
+        if now - self.printed > self.every:
+            self._print_line(now)
 
     def close(self) -> None:
-        """Tell about the last step."""
+        """Print the line of the last step."""
         if self.step:
-            self._tell(time.perf_counter())
+            self._print_line(time.perf_counter())
         self.step = ""
 
-    def _tell(self, now: float) -> None:
-        self.told = now
+    def _print_line(self, now: float) -> None:
+        self.printed = now
         seconds = max(now - self.begun, 1e-6)
         share = f"{self.done}" if self.total is None else f"{self.done} of {self.total}"
         print(f"{self.step}: {share}, {self.done / seconds:.0f}/s", file=self.stream, flush=True)
@@ -105,37 +105,39 @@ def show(outcome: Outcome, *, as_json: bool, quiet: bool) -> int:
 
     code = 0 if outcome.fit is None or outcome.fit.ok else 1
     with printing():
-        _show(outcome, code, as_json, quiet)
+        _print_outcome(outcome, code, as_json, quiet)
     return code
 
 
-def _show(outcome: Outcome, code: int, as_json: bool, quiet: bool) -> None:
+def _print_outcome(outcome: Outcome, code: int, as_json: bool, quiet: bool) -> None:
     if as_json:
-        from monodyn.results.export import plain
+        from monodyn.results.export import jsonable
 
         document = {**outcome.document, "out": None if outcome.folder is None else str(outcome.folder)}
+        # what cannot be encoded is escaped: a replaced character would be lost to the reader
         ascii_only = "utf" not in (getattr(sys.stdout, "encoding", None) or "utf").lower()
-        print(json.dumps(plain(document), indent=2, ensure_ascii=ascii_only, allow_nan=False))
+        print(json.dumps(jsonable(document), indent=2, ensure_ascii=ascii_only, allow_nan=False))
     elif quiet:
         if code:
             print(f"monodyn: {outcome.document['status']}", file=sys.stderr)
     elif outcome.fit is None:
-        _show_tracking(outcome)
+        _print_tracking(outcome)
     else:
-        _show_fit(outcome)
+        _print_fit(outcome)
 
 
 def _console() -> Any:
     from rich.console import Console
 
-    class Plain(Console):
+    class PipeConsole(Console):
+        # rich would end the process; a reader that has gone away must reach ``printing`` as an error
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
-    return Plain(highlight=False, soft_wrap=True)
+    return PipeConsole(highlight=False, soft_wrap=True)
 
 
-def _show_tracking(outcome: Outcome) -> None:
+def _print_tracking(outcome: Outcome) -> None:
     console = _console()
     poses = outcome.poses
     console.print(
@@ -146,12 +148,12 @@ def _show_tracking(outcome: Outcome) -> None:
     console.print(f"poses: {outcome.folder}/poses.csv", markup=False)
 
 
-def _show_fit(outcome: Outcome) -> None:
-    from monodyn.results.page import listed
+def _print_fit(outcome: Outcome) -> None:
+    from monodyn.results.findings import listed_rows
 
     console = _console()
     document, fit = outcome.document, outcome.fit
-    names = {row.name for row in fit.parameters if listed(fit, row)} if fit is not None else set()
+    names = set() if fit is None else {row.name for row in listed_rows(fit)}
     if names:
         console.print(_parameters([row for row in document["parameters"] if row["name"] in names]))
     if document["combinations"]:
@@ -178,7 +180,7 @@ def _table(*columns: str, left: int = 1) -> Table:
 
 
 def _parameters(rows: list[dict[str, Any]]) -> Table:
-    from monodyn.results.page import number
+    from monodyn.results.numbers import number
 
     table = _table("parameter", "value", "95 % interval", "unit")
     for row in rows:
@@ -196,7 +198,7 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
 
 
 def _combinations(rows: list[dict[str, Any]]) -> Table:
-    from monodyn.results.page import number, short
+    from monodyn.results.numbers import number, short
 
     table = _table("combination", "value", "standard deviation")
     for row in rows:
@@ -205,10 +207,13 @@ def _combinations(rows: list[dict[str, Any]]) -> Table:
 
 
 def _errors(outcome: Outcome) -> Table:
+    from monodyn.results.numbers import shown_in
+
     fit, document = outcome.fit, outcome.document
     table = _table("joint", "fit rms", "prediction rms", "unit")
+    # a joint that was not predicted, or not measured, has no error
     for joint in fit.mechanism.joints if fit is not None else ():
-        scale, unit = (180.0 / math.pi, "deg") if joint.kind == "hinge" else (1000.0, "mm")
+        scale, unit = shown_in(joint)
         cells = [document[name].get(joint.name) for name in ("rms", "heldout_rms")]
         texts = ["–" if cell is None or not math.isfinite(cell) else f"{cell * scale:.3g}" for cell in cells]
         table.add_row(joint.name, *texts, unit)
@@ -234,7 +239,7 @@ def _print_models(as_json: bool) -> None:
     rows = []
     for name in BUNDLED:
         mechanism = load(name.replace("chain:N", "chain:3"))
-        lengths = {p.name: p.value for p in mechanism.parameters if p.name.endswith(".length")}
+        lengths = {row.name: row.value for row in mechanism.parameters if row.kind == "length"}
         rows.append(
             {"name": name, "joints": [f"{j.name} ({j.kind})" for j in mechanism.joints], "lengths": lengths}
         )

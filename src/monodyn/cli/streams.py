@@ -20,7 +20,11 @@ class _Lossy:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Write a text, or lose it."""
+        """Write a text, or lose it.
+
+        Args:
+            text: The text.
+        """
         try:
             self._stream.write(text)
         except (OSError, ValueError):
@@ -51,6 +55,7 @@ def safe() -> Iterator[None]:
         sys.stdout = open(os.devnull, encoding="utf-8")  # noqa: SIM115 (not writable: printing says so)
     if err is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    # a file name that the terminal cannot show must not end a run of several minutes
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
@@ -71,7 +76,9 @@ def printing() -> Iterator[None]:
     """
     try:
         yield
+        # a full disk shows when the buffer is written, which would otherwise be at exit
         sys.stdout.flush()
+    # ``monodyn models | head`` is no error
     except BrokenPipeError:
         _silence(sys.stdout)
     except OSError as error:
@@ -85,6 +92,7 @@ def printing() -> Iterator[None]:
 def _silence(stream: Any) -> None:
     """Let what is still waiting in a stream go nowhere."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
+        # Python flushes the stream once more at exit, and would complain of the same error again
         number = os.open(os.devnull, os.O_WRONLY)
         os.dup2(number, stream.fileno())
         os.close(number)
@@ -98,11 +106,13 @@ def keep_compiled() -> str:
     """
     import monodyn
 
+    # the places that numba tries itself, in its order
     usual = [Path(monodyn.__file__).parent / "mechanism" / "__pycache__", _user_cache()]
     given = os.environ.get("NUMBA_CACHE_DIR")
     if any(_writable(folder) for folder in ([Path(given)] if given else usual)):
         return ""
     folder = Path(tempfile.gettempdir()) / f"monodyn-{getattr(os, 'getuid', int)()}"
+    # the name can be guessed: somebody else may have made the folder to have code run by us
     if not _private(folder):
         folder = Path(tempfile.mkdtemp(prefix="monodyn-"))
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
@@ -128,7 +138,7 @@ def _writable(folder: Path) -> bool:
 
 
 def _private(folder: Path) -> bool:
-    """Tell whether a folder, made if need be, is ours alone: compiled functions are code that is run."""
+    """Return whether a folder, made if need be, is ours alone: compiled functions are code that is run."""
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()

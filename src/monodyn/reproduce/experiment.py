@@ -26,8 +26,7 @@ from monodyn.reproduce.page import Content, page_text, picture_rows
 from monodyn.reproduce.tables import csv_text, document
 from monodyn.reproduce.vision import METHODS, Seen, aligned, see
 from monodyn.results.export import json_text
-from monodyn.results.folder import Content as Files
-from monodyn.results.folder import RunFolder
+from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.log import versions
 from monodyn.stages import segment
 from monodyn.types import Frame, Progress
@@ -51,7 +50,7 @@ START = """<mujoco model="double">
 """The mechanism file that both methods are given."""
 FILES = ("clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html")
 """Names of the files of an experiment."""
-EXPERIMENT = Files("experiment", FILES, whole=True)
+EXPERIMENT = FolderKind("experiment", FILES, whole=True)
 SHOWN = 4
 """Frames whose pictures are shown."""
 CAPTIONS = {
@@ -136,7 +135,7 @@ def reproduce(
         raise SettingsError(
             f"reproduce: expected --clip and --model together, got --{given} alone; add --{other}."
         )
-    folder = RunFolder(out, force=force, inputs=(clip, model), content=EXPERIMENT)
+    folder = RunFolder(out, force=force, inputs=(clip, model), kind=EXPERIMENT)
     with folder.filling():
         truth = None
         if clip is None or model is None:

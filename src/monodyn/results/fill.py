@@ -62,6 +62,7 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     if not 0 <= record < len(fit.starts):
         raise SettingsError(f"fill: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
     start = fit.starts[record]
+    # the start lies within the times: one rollout runs forwards from it, one backwards
     usual = float(np.median(np.diff(fit.time[record]))) if len(fit.time[record]) > 1 else 0.05
     before = np.flatnonzero(times < start.time)[::-1]
     after = np.flatnonzero(times >= start.time)
@@ -82,6 +83,7 @@ def _one_way(
     mechanism = fit.mechanism
     tree, drive, stretch = mechanism.tree, mechanism.drive, mechanism.values["time_scale"]
     stamps, rows = _stamps(start.time, times, usual)
+    # a clip k times slower than life has time_scale 1/k: dynamics and drive run on the stretched clock
     clock = stamps * stretch
     state = (start.position, start.velocity)
 
@@ -95,8 +97,10 @@ def _one_way(
     q, v, dq, _ = rollout_derivatives(
         tree, _directions(fit, names), clock, *state, substeps=substeps, drive=drive
     )
+    # q is a function of the stretched clock, so its slope in the stretch is the rate times the time since
     if "time_scale" in names:
         dq[:, :, names.index("time_scale")] += v * ((stamps - start.time)[:, None])
+    # the start states of all records follow the shared unknowns; only this record's own moves its motion
     chosen = np.concatenate((np.arange(count), count + record * 2 * dofs + np.arange(2 * dofs)))
     covariance = fit.covariance[np.ix_(chosen, chosen)]
     dq = dq[rows]
@@ -104,6 +108,7 @@ def _one_way(
     unknown = np.zeros(len(rows), dtype=bool)
     if fit.torque == "free":  # no torque is known outside of its knots
         unknown = (clock[rows] < drive.times[0] - 1e-9) | (clock[rows] > drive.times[-1] + 1e-9)
+    # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
     return q[rows], v[rows], std
 
@@ -111,6 +116,7 @@ def _one_way(
 def _directions(fit: Fit, names: tuple[str, ...]) -> Directions:
     """Derivatives of tree and drive by the unknowns; a size tied to a length moves with it."""
     count, values = len(names), fit.mechanism.values
+    # a tied size s = (s/l) l has the derivative s/l by its length l: one more row of the chain rule
     chain = np.eye(count + len(fit.tied))[:, :count]
     for k, (size, length) in enumerate(fit.tied):
         chain[count + k, names.index(length)] = values[size] / values[length]
@@ -119,6 +125,7 @@ def _directions(fit: Fit, names: tuple[str, ...]) -> Directions:
 
 def _stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:
     """Put the start before ``times`` and stamps into gaps over twice the usual step; rows of ``times``."""
+    # substeps are chosen for the usual step; a gap (frames that did not decode) is cut into such steps
     stamps = times if times[0] == first else np.concatenate(([first], times))
     parts = np.maximum(np.ceil(np.abs(np.diff(stamps)) / (2.0 * usual) - 1e-9), 1.0).astype(int)
     at = np.concatenate(([0], np.cumsum(parts)))

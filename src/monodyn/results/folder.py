@@ -1,10 +1,10 @@
 """The run folder: which files are ours, and how they get there without ever destroying anything.
 
-Every file is written beside its place and renamed into it when it is whole. A folder that already holds a run
-is refused unless it may be replaced; then the new run grows in the sub-folder ``unfinished`` and takes the
-old one's place only when it is complete, so a full disk or Ctrl-C leaves the old run as it was. The swap
-moves all of the old run aside (``replaced``) before the first new file comes: whatever stops it, the folder
-never holds files of two runs. Other things than runs, with other files, get into their folders the same way.
+Every file is written under another name and renamed when it is whole. A folder that already holds a run is
+refused unless it may be replaced. Then the new run is written into the sub-folder ``unfinished`` and takes
+the place of the old one only when it is complete, so that a full disk or Ctrl-C leaves the old run as it was.
+The swap moves all of the old run aside (``replaced``) before the first new file arrives: whatever stops it,
+the folder never holds files of two runs. Results of other kinds get into their folders in the same way.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ ASIDE = "replaced"
 
 
 @dataclass(frozen=True)
-class Content:
-    """What a folder holds.
+class FolderKind:
+    """What an output folder holds.
 
     Attributes:
         word: What it is called in messages.
@@ -51,7 +51,7 @@ class Content:
     whole: bool = False
 
 
-RUN = Content("run", FILES)
+RUN = FolderKind("run", FILES)
 
 
 class RunFolder:
@@ -59,9 +59,9 @@ class RunFolder:
 
     Attributes:
         path: The folder the user asked for.
-        content: What it holds.
+        kind: What it holds.
         stage: Folder the files are written to; another one than ``path`` while an old run is being replaced,
-            and until the end where the content is ``whole``.
+            and until the end where its kind is ``whole``.
         written: Names of the files written so far.
     """
 
@@ -71,7 +71,7 @@ class RunFolder:
         *,
         force: bool = False,
         inputs: Sequence[object] = (),
-        content: Content = RUN,
+        kind: FolderKind = RUN,
     ) -> None:
         """Check that the folder can take a run and create it.
 
@@ -79,29 +79,31 @@ class RunFolder:
             path: The folder; it is created with its parents when it does not exist.
             force: Replace a run that is already there.
             inputs: Files that are read; none may be one that the run would replace.
-            content: What the folder is to hold.
+            kind: What the folder is to hold.
 
         Raises:
             SettingsError: the path is a file, holds a run and ``force`` is not set, holds an input under a
                 name of ours, or cannot be created.
         """
-        self.path, self.content = Path(path), content
+        self.path, self.kind = Path(path), kind
         if not str(path):
             raise SettingsError("out: expected the name of a folder, got an empty one; give one with --out.")
         self.written: list[str] = []
         self._spare(inputs)
         if self.path.exists() and not self.path.is_dir():
             raise SettingsError(f"out '{self.path}': expected a folder, got a file; give another name.")
-        old = [name for name in content.files if (self.path / name).exists()]
+        old = [name for name in kind.files if (self.path / name).exists()]
         if old and not force:
-            article = "an" if content.word[0] in "aeiou" else "a"
+            article = "an" if kind.word[0] in "aeiou" else "a"
             raise SettingsError(
-                f"out '{self.path}': expected a folder without {article} {content.word}, it holds {old[0]}; "
-                f"give another folder, or --force to replace the {content.word}."
+                f"out '{self.path}': expected a folder without {article} {kind.word}, it holds {old[0]}; "
+                f"give another folder, or --force to replace the {kind.word}."
             )
-        self.stage = self.path / STAGE if old or content.whole else self.path
+        # the old run stays readable until the new one is complete
+        self.stage = self.path / STAGE if old or kind.whole else self.path
         if self.stage != self.path:
             self._clear(self.stage)
+        # only what this run creates may be removed again when nothing comes of it
         self._made = [folder for folder in (self.stage, *self.stage.parents) if not folder.exists()]
         try:
             self.stage.mkdir(parents=True, exist_ok=True)
@@ -110,26 +112,27 @@ class RunFolder:
 
     def _spare(self, inputs: Sequence[object]) -> None:
         """Raise if an input is a file that this run would replace or remove."""
-        places = [self.path / sub / name for sub in ("", STAGE, ASIDE) for name in self.content.files]
+        # in the folders of a swap that was stopped, too: those are emptied
+        places = [self.path / sub / name for sub in ("", STAGE, ASIDE) for name in self.kind.files]
         for given in (Path(str(given)) for given in inputs if given is not None):
             if given.is_file() and any(place.exists() and place.samefile(given) for place in places):
                 raise SettingsError(
                     f"out '{self.path}': expected another folder than that of the inputs, got the one of "
-                    f"'{given}', which the {self.content.word} would replace; give another with --out."
+                    f"'{given}', which the {self.kind.word} would replace; give another with --out."
                 )
 
     def write(self, name: str, writer: Callable[[Path], None]) -> None:
         """Write one file; it appears under its name only when it is whole.
 
         Args:
-            name: One of the names in ``content.files``.
+            name: One of the names in ``kind.files``.
             writer: Writes the file at the path it is given.
 
         Raises:
             SettingsError: the file cannot be written (disk full, no permission).
         """
-        if name not in self.content.files:
-            raise AssertionError(f"{name} is not among the files of this folder")
+        assert name in self.kind.files, f"{name} is not among the files of this folder"
+        # in the same folder, because only there is renaming one indivisible step
         part = self.stage / f".{name}.part"
         try:
             writer(part)
@@ -147,7 +150,7 @@ class RunFolder:
         """Write one text file.
 
         Args:
-            name: One of the names in ``content.files``.
+            name: One of the names in ``kind.files``.
             text: Its content.
 
         Raises:
@@ -166,8 +169,9 @@ class RunFolder:
         aside = self.path / ASIDE
         self._clear(aside)
         try:
+            # first all old files out, then all new files in: at no time are files of both runs in the folder
             aside.mkdir(exist_ok=True)
-            for name in self.content.files:
+            for name in self.kind.files:
                 if (self.path / name).exists():
                     os.replace(self.path / name, aside / name)
             for name in self.written:
@@ -175,7 +179,7 @@ class RunFolder:
         except BaseException as error:
             self._put_back(aside)
             if isinstance(error, OSError):
-                raise self._cannot(f"replace the old {self.content.word}", error) from error
+                raise self._cannot(f"replace the old {self.kind.word}", error) from error
             raise
         unfinished, self.stage = self.stage, self.path
         self._clear(aside)
@@ -184,16 +188,19 @@ class RunFolder:
     def _put_back(self, aside: Path) -> None:
         """Undo a swap that was stopped: where the files are says how far it came."""
         try:
+            # the last new file is in place: the swap was complete, only the clearing up was stopped
             if all(not (self.stage / name).exists() for name in self.written):
                 return
+            # the new files go back first, or an old file would overwrite one of them
             for name in self.written:
                 if not (self.stage / name).exists():
                     os.replace(self.path / name, self.stage / name)
-            for name in self.content.files:
+            for name in self.kind.files:
                 if (aside / name).exists():
                     os.replace(aside / name, self.path / name)
             aside.rmdir()
         except OSError:
+            # both runs are still on the disk, in ``replaced`` and ``unfinished``; the first error is reported
             return
 
     def _clear(self, folder: Path) -> None:
@@ -201,7 +208,7 @@ class RunFolder:
         if not folder.is_dir():
             return
         try:
-            for name in self.content.files:
+            for name in self.kind.files:
                 (folder / name).unlink(missing_ok=True)
                 (folder / f".{name}.part").unlink(missing_ok=True)
             if not any(folder.iterdir()):
@@ -216,7 +223,7 @@ class RunFolder:
         Raises:
             SettingsError: a file cannot be moved.
         """
-        assert self.content.whole
+        assert self.kind.whole
         try:
             yield
             self.finish()
@@ -250,4 +257,5 @@ def _write_text(path: Path, text: str) -> None:
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
         file.write(text)
         file.flush()
+        # without it a power failure after the renaming may leave an empty file
         os.fsync(file.fileno())

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from monodyn.errors import MonodynError
-from monodyn.results.export import json_text, plain
+from monodyn.results.export import json_text, jsonable
 from monodyn.results.folder import RunFolder
 
 PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python-headless")
@@ -25,7 +25,7 @@ class RunLog:
     Attributes:
         command: Name of the command.
         inputs: Given files by their part, with size and SHA-256.
-        settings: Settings as plain values.
+        settings: Settings as values of JSON.
         versions: Versions by package.
         seconds: Wall time by stage [s].
         notes: Sentences about the input.
@@ -42,7 +42,7 @@ class RunLog:
         self.command = command
         self.inputs = {part: _fingerprint(value) for part, value in inputs.items()}
         values = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
-        self.settings: dict[str, Any] = plain(values)
+        self.settings: dict[str, Any] = jsonable(values)
         self.versions = versions()
         self.seconds: dict[str, float] = {}
         self.notes: list[str] = []
@@ -98,6 +98,7 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
     try:
         yield log
         if folder is not None:
+            # last of all files: a folder with a run.json that says done is complete
             folder.write_text("run.json", json_text(log.document("done", [*folder.written, "run.json"])))
             folder.finish()
     except BaseException as error:
@@ -112,7 +113,8 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
 
 
 def _is_interrupt(error: BaseException | None) -> bool:
-    """Tell whether Ctrl-C is behind an error; within a compiled function it comes out as a SystemError."""
+    """Return whether Ctrl-C is behind an error; within a compiled function it comes out as a SystemError."""
+    # numba raises a SystemError from a KeyboardInterrupt that it met within a kernel
     while error is not None:
         if isinstance(error, KeyboardInterrupt):
             return True
@@ -123,6 +125,7 @@ def _is_interrupt(error: BaseException | None) -> bool:
 def _record_failure(folder: RunFolder, log: RunLog, error: BaseException, interrupted: bool) -> None:
     """Write ``run.json`` of a run that did not come to its end."""
     message = str(error) if isinstance(error, MonodynError) else type(error).__name__
+    # bad input of which nothing was written leaves no trace, not even an empty folder
     if folder.written or interrupted:
         status = "interrupted" if interrupted else "failed"
         with suppress(MonodynError):
@@ -149,6 +152,7 @@ def _fingerprint(value: object) -> dict[str, Any]:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         return {"name": str(value), "bytes": path.stat().st_size, "sha256": digest}
     if path.is_dir():
+        # a folder of pictures may be large: names and sizes tell another one well enough
         listing = sorted(f"{file.name} {file.stat().st_size}" for file in path.iterdir() if file.is_file())
         digest = hashlib.sha256("\n".join(listing).encode()).hexdigest()
         return {"name": str(value), "files": len(listing), "sha256_of_listing": digest}

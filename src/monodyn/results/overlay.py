@@ -55,7 +55,7 @@ class Drawing:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class DrawnMotion:
     """The motion to draw: the identified mechanism at every frame of a clip.
 
     Attributes:
@@ -83,6 +83,7 @@ class Motion:
         kind = "predicted" if index >= stop else "fitted" if index >= first else "before the fit"
         model = self._outlines(self.position[index])
         inks: list[tuple[np.ndarray, Ink]] = []
+        # the tracked outline would cover the model where both agree
         tracked = self._tracked(index)
         if tracked and (not model or _apart(model, tracked)):
             inks += [(polygon, TRACKED) for polygon in tracked]
@@ -92,6 +93,7 @@ class Motion:
     def _tracked(self, index: int) -> list[np.ndarray]:
         if self.tracked is None:
             return []
+        # a record may lack frames: rows are found by frame number
         row = int(np.searchsorted(self.tracked.frame, index))
         if row >= len(self.tracked) or self.tracked.frame[row] != index or not self.tracked.seen[row]:
             return []
@@ -106,7 +108,7 @@ class Motion:
 
 
 def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float = 2.0) -> bool:
-    """Tell whether two sets of outlines differ by more than ``least_px`` in a box corner."""
+    """Return whether two sets of outlines differ by more than ``least_px`` in a box corner."""
     return any(
         np.max(np.abs(a.min(0) - b.min(0))) > least_px or np.max(np.abs(a.max(0) - b.max(0))) > least_px
         for a, b in zip(model, tracked, strict=True)
@@ -114,7 +116,7 @@ def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float =
 
 
 def write_overlay(
-    path: str | Path, video: Video, motion: Motion, *, progress: Progress | None = None
+    path: str | Path, video: Video, motion: DrawnMotion, *, progress: Progress | None = None
 ) -> list[tuple[bytes, str]]:
     """Write the clip with the mechanism drawn over it, H.264 with the clip's own time stamps.
 
@@ -135,34 +137,41 @@ def write_overlay(
     import av
     import av.error
 
+    # stills of the report: first, middle and last frame
     kept = {0, (video.count - 1) // 2, video.count - 1}
     stills: list[tuple[bytes, str]] = []
-    size = (video.width + video.width % 2, video.height + video.height % 2)
+    slower = max(1.0, 1.0 / (FASTEST * _step(video)))
     try:
         with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
-            stream: Any = container.add_stream(
-                "libx264", rate=_rate(video), options={"preset": "ultrafast", "crf": "21"}
-            )
-            stream.width, stream.height = size
-            stream.pix_fmt = "yuv420p"
-            stream.codec_context.time_base = Fraction(1, TICKS)
-            last, slower = -1, max(1.0, 1.0 / (FASTEST * _step(video)))
+            stream = _film_stream(container, video)
+            last = -1
             for done, frame in enumerate(video.frames(), start=1):
                 drawing = motion.drawing(frame.index, frame.time)
                 if frame.index in kept:
                     stills.append((still(frame, drawing), f"Frame {frame.index}, {drawing.caption}"))
-                planes = draw(frame, drawing)
-                picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+                picture = av.VideoFrame.from_ndarray(draw(frame, drawing), format="yuv420p")
+                # the encoder takes increasing stamps only: two frames in one tick are put one tick apart
                 last = max(last + 1, round((frame.time - video.times[0]) * slower * TICKS))
-                picture.pts = last
-                picture.time_base = Fraction(1, TICKS)
+                picture.pts, picture.time_base = last, Fraction(1, TICKS)
                 container.mux(stream.encode(picture))
                 if progress is not None:
                     progress("overlay", done, video.count)
+            # what the encoder still holds back
             container.mux(stream.encode())
     except av.error.FFmpegError as error:
         raise OSError(error.errno, error.strerror or str(error)) from error
     return stills
+
+
+def _film_stream(container: Any, video: Video) -> Any:
+    """Add the stream of the film: H.264 with even sizes, in ticks fine enough for every clip."""
+    stream: Any = container.add_stream(
+        "libx264", rate=_rate(video), options={"preset": "ultrafast", "crf": "21"}
+    )
+    stream.width, stream.height = video.width + video.width % 2, video.height + video.height % 2
+    stream.pix_fmt = "yuv420p"
+    stream.codec_context.time_base = Fraction(1, TICKS)
+    return stream
 
 
 def _rate(video: Video) -> Fraction:
@@ -190,11 +199,14 @@ def still(frame: Frame, drawing: Drawing, quality: int = 82) -> bytes:
 
 
 def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
-    """Return a frame with its drawing as stacked planes (I420), uint8 (1.5 height, width), sizes made even.
+    """Return a frame with its drawing as stacked planes (I420), sizes made even.
 
     Args:
         frame: The frame; it is not changed.
         drawing: What to draw over it.
+
+    Returns:
+        Luma above the two chroma planes, uint8 (1.5 height, width).
     """
     import cv2
 
@@ -202,12 +214,15 @@ def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
     planes = np.empty((height * 3 // 2, width), np.uint8)
     luma = planes[:height]
     blue, red = planes[height:].reshape(2, height // 2, width // 2)
-    _fill(luma, frame.luma)
+    _copy_plane(luma, frame.luma)
     for target, plane in zip((blue, red), frame.chroma or (), strict=False):
-        _fill(target, plane)
+        _copy_plane(target, plane)
+    # 128 is no colour
     if frame.chroma is None:
         planes[height:] = 128
     scale = height / 480.0
+    # OpenCV takes fixed-point vertices: 4 fractional bits are sixteenths of a pixel; the chroma planes have
+    # half the resolution, and their pixel centres lie half a luma pixel further
     for polygon, ink in drawing.outlines:
         thick = max(1, round(ink.width * scale))
         fine = [np.round(polygon * 16).astype(np.int32)]
@@ -217,11 +232,11 @@ def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
         cv2.polylines(blue, coarse, True, ink.blue, max(1, (thick + 1) // 2), cv2.LINE_8, 4)
         cv2.polylines(red, coarse, True, ink.red, max(1, (thick + 1) // 2), cv2.LINE_8, 4)
     if drawing.caption:
-        _write(luma, drawing.caption, scale)
+        _write_caption(luma, drawing.caption, scale)
     return planes
 
 
-def _fill(target: np.ndarray, plane: np.ndarray) -> None:
+def _copy_plane(target: np.ndarray, plane: np.ndarray) -> None:
     """Copy a plane and repeat its last row and column where the target is larger."""
     rows, columns = min(target.shape[0], plane.shape[0]), min(target.shape[1], plane.shape[1])
     target[:rows, :columns] = plane[:rows, :columns]
@@ -229,7 +244,7 @@ def _fill(target: np.ndarray, plane: np.ndarray) -> None:
     target[:, columns:] = target[:, columns - 1 : columns]
 
 
-def _write(luma: np.ndarray, text: str, scale: float) -> None:
+def _write_caption(luma: np.ndarray, text: str, scale: float) -> None:
     """Write a caption into the lower left corner, light on dark."""
     import cv2
 

@@ -8,77 +8,61 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monodyn.results.export import Trace, frames_of
-from monodyn.results.log import RunLog
+from monodyn.results.curves import motion_curves, torque_curves
+from monodyn.results.findings import Findings, frames_of, listed_rows
+from monodyn.results.numbers import number, short, shown_in
 from monodyn.types import Camera
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
     from monodyn.estimation.fit import Estimate, Fit
+    from monodyn.mechanism import Joint
+    from monodyn.results.log import RunLog
+
+FRICTION = ("damping", "friction")
+"""Kinds of parameters that brake a joint."""
 
 
-@dataclass(frozen=True, eq=False)
-class Page:
-    """What the report says beside the fit.
-
-    Attributes:
-        title: Heading.
-        subtitle: One line under it.
-        notes: Sentences after the fit's own advice (from the clip, the camera, the tracking).
-        pictures: JPEG files with a caption each.
-        camera: Camera in metres of the identified scale.
-        log: Settings, versions and seconds of the run, or None.
-    """
-
-    title: str
-    subtitle: str = ""
-    notes: Sequence[str] = ()
-    pictures: Sequence[tuple[bytes, str]] = ()
-    camera: Camera | None = None
-    log: RunLog | None = None
-
-
-def page_text(fit: Fit, traces: Sequence[Trace], page: Page) -> str:
+def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) -> str:
     """Return the report as HTML text.
 
     Args:
-        fit: The fit.
-        traces: The records beside their motion under the identified dynamics.
-        page: What is said beside the fit.
+        findings: The fit, its records and what else is said of it.
+        pictures: JPEG files with a caption each.
     """
     from markupsafe import Markup
 
+    fit, traces = findings.fit, findings.traces
     several = len(traces) > 1
-    plots = [plot for trace in traces for plot in _plots(fit, trace, several=several)]
-    torques = [plot for trace in traces for plot in _torque_plots(fit, trace, several=several)]
+    plots = [plot for trace in traces for plot in motion_curves(fit, trace, several=several)]
+    listed = listed_rows(fit)
+    # the rest goes into a part of the page that is folded up
+    others = [row for row in fit.parameters if not row.free and row not in listed]
     return template("monodyn.results", "report.html.j2").render(
-        title=page.title,
-        subtitle=page.subtitle,
+        title=findings.title,
+        subtitle=findings.subtitle,
         status=str(fit.status),
         ok=bool(fit.ok),
-        advice=[*fit.advice, *page.notes],
-        facts=_facts(fit, traces, page),
+        advice=findings.advice,
+        facts=_facts(findings),
         plots=plots,
-        torques=torques,
-        with_friction=not any(
-            value for name, value in fit.mechanism.values.items() if name.endswith((".damping", ".friction"))
-        ),
+        torques=[plot for trace in traces for plot in torque_curves(fit, trace, several=several)],
+        # free torques contain the friction that the mechanism has no parameters for
+        with_friction=not any(row.value for row in fit.mechanism.parameters if row.kind in FRICTION),
         pictures=[
-            {"data": base64.b64encode(data).decode("ascii"), "caption": caption}
-            for data, caption in page.pictures
+            {"data": base64.b64encode(data).decode("ascii"), "caption": caption} for data, caption in pictures
         ],
-        parameters=[_parameter(row) for row in fit.parameters if listed(fit, row)],
-        others=[_parameter(row) for row in fit.parameters if not row.free and not listed(fit, row)],
+        parameters=[_parameter(row) for row in listed],
+        others=[_parameter(row) for row in others],
         combinations=[
             {"name": c.name, "value": number(c.value, c.std), "std": short(c.std)} for c in fit.combinations
         ],
-        cards=_cards(fit, page),
+        cards=_cards(findings),
         plotly=Markup(plotting_script() if plots else ""),
     )
 
@@ -112,34 +96,9 @@ def plotting_script() -> str:
     )
 
 
-def number(value: float | None, std: float | None = None) -> str:
-    """Write a number with the digits that its standard deviation leaves, five without one.
-
-    Args:
-        value: The number; None is unknown.
-        std: Its standard deviation, when known.
-    """
-    if value is None or math.isnan(value):
-        return "unknown"
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    if std is None or not math.isfinite(std) or std <= 0 or value == 0:
-        return f"{value:.5g}".replace("-", "−")
-    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
-    return f"{value:.{min(max(digits, 2), 8)}g}".replace("-", "−")
-
-
-def short(value: float) -> str:
-    """Write a standard deviation with two digits.
-
-    Args:
-        value: The standard deviation.
-    """
-    return f"{value:.2g}" if math.isfinite(value) else number(value)
-
-
-def _parameter(row: Any) -> dict[str, Any]:
+def _parameter(row: Estimate) -> dict[str, Any]:
     """Return one line of the parameter table."""
+    # the first that applies counts: at a bound the estimate is the bound, whatever else is known
     if row.at_bound:
         source, flag = "at its bound", True
     elif not row.free and not row.identifiable:
@@ -163,173 +122,84 @@ def _parameter(row: Any) -> dict[str, Any]:
     }
 
 
-def _facts(fit: Fit, traces: Sequence[Trace], page: Page) -> list[dict[str, str]]:
+def _facts(findings: Findings) -> list[dict[str, str]]:
     """Return the few numbers under the heading."""
+    fit, traces = findings.fit, findings.traces
     facts = []
     if traces:
         seen = sum(int(np.sum(trace.poses.seen)) for trace in traces)
         total = sum(len(trace.poses) for trace in traces)
-        facts.append(
-            {"value": f"{seen} of {total}", "label": "frames tracked" if page.camera else "samples measured"}
-        )
+        what = "samples measured" if findings.filmed is None else "frames tracked"
+        facts.append({"value": f"{seen} of {total}", "label": what})
     if len(traces) == 1:
         first, stop = frames_of(traces[0])
         facts.append({"value": f"{first} to {stop - 1}", "label": "frames used for the fit"})
         joints = fit.mechanism.joints
-        facts.append({"value": _sizes(joints, fit.rms), "label": "fit error, rms by joint"})
+        facts.append({"value": _errors(joints, fit.rms), "label": "fit error, rms by joint"})
         heldout = traces[0].heldout()
         if any(value is not None for value in heldout.values()):
-            facts.append({"value": _sizes(joints, heldout), "label": "prediction error, rms by joint"})
-    if page.log is not None:
-        facts.append({"value": f"{sum(page.log.seconds.values()):.1f} s", "label": "computing time"})
+            facts.append({"value": _errors(joints, heldout), "label": "prediction error, rms by joint"})
+    if findings.log is not None:
+        facts.append({"value": f"{sum(findings.log.seconds.values()):.1f} s", "label": "computing time"})
     return facts
 
 
-def _sizes(joints: Sequence[Any], values: Mapping[str, float | None]) -> str:
+def _errors(joints: Sequence[Joint], values: Mapping[str, float | None]) -> str:
     """Write one error per joint: degrees for a hinge, millimetres for a slide."""
     parts = []
     for joint in joints:
-        value = values[joint.name]
+        value, (scale, unit) = values[joint.name], shown_in(joint)
         if value is None:
             parts.append("–")
-        elif joint.kind == "hinge":
-            parts.append(f"{math.degrees(value):.3g}°")
         else:
-            parts.append(f"{1000 * value:.3g} mm")
+            parts.append(f"{value * scale:.3g}{'°' if unit == 'deg' else ' mm'}")
     return " · ".join(parts)
 
 
-def _plots(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, Any]]:
-    """Return the data of one figure per joint."""
-    poses, states = trace.poses, trace.states
-    first, stop = trace.rows
-    plots = []
-    for dof, joint in enumerate(fit.mechanism.joints):
-        scale = 180.0 / math.pi if joint.kind == "hinge" else 1000.0
-        observed = np.where(poses.seen, poses.position[:, dof], np.nan) * scale
-        whole = {
-            "time": states.time,
-            "value": states.position[:, dof] * scale,
-            "std": states.std[:, dof] * scale,
-            "error_time": poses.time,
-            "error": states.position[:, dof] * scale - observed,
-        }
-        fitted = {name: values[:stop] for name, values in whole.items()}
-        late = {name: whole[name][stop:] for name in ("error_time", "error")}
-        plots.append(
-            {
-                "title": f"{trace.name}: {joint.name}" if several else joint.name,
-                "unit": "deg" if joint.kind == "hinge" else "mm",
-                "time": _list(poses.time),
-                "observed": _list(observed),
-                "window": [float(poses.time[first]), float(poses.time[stop - 1])],
-                "fitted": _band(**fitted),
-                "predicted": _predicted(trace, dof, scale, late),
-            }
-        )
-    return plots
-
-
-def _torque_plots(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, Any]]:
-    """Return the data of one figure per joint for the torques besides friction; none without a drive."""
-    found = trace.torques
-    if found is None:
-        return []
-    first, stop = trace.rows
-    nothing = np.zeros(0)
-    until = stop if fit.torque == "free" else len(found.time)
-    rows = slice(first if fit.torque == "free" else 0, until)
-    plots = []
-    for dof, joint in enumerate(fit.mechanism.joints):
-        curve = _band(found.time[rows], found.torque[rows, dof], found.std[rows, dof], nothing, nothing)
-        plots.append(
-            {
-                "title": f"{trace.name}: torque at {joint.name}" if several else f"torque at {joint.name}",
-                "unit": "N m" if joint.kind == "hinge" else "N",
-                "time": [],
-                "observed": [],
-                "window": [float(found.time[first]), float(found.time[stop - 1])],
-                "fitted": curve,
-                "predicted": None,
-                "alone": True,
-            }
-        )
-    return plots
-
-
-def listed(fit: Fit, row: Estimate) -> bool:
-    """True for a parameter of the first table: an estimated one, or one that is held beside free torques.
-
-    Torques at single time stamps, of which there are hundreds, have a figure and a file of their own.
-
-    Args:
-        fit: The fit.
-        row: One of its parameters.
-    """
-    if fit.torque != "free":
-        return row.free
-    if row.name.rpartition(".")[0].endswith(".torque"):
-        return False
-    seen_only = row.name.endswith(".offset")
-    return row.free or (not row.identifiable and row.unit in ("m", "kg", "kg m^2") and not seen_only)
-
-
-def _predicted(trace: Trace, dof: int, scale: float, late: dict[str, np.ndarray]) -> dict[str, Any] | None:
-    """Return the curve of the prediction with its error where the record goes on."""
-    future = trace.future
-    if future is None or not len(future.time):
-        return None
-    return _band(future.time, future.position[:, dof] * scale, future.std[:, dof] * scale, **late)
-
-
-def _band(
-    time: np.ndarray, value: np.ndarray, std: np.ndarray, error_time: np.ndarray, error: np.ndarray
-) -> dict[str, Any]:
-    half = 1.96 * np.where(np.isfinite(std), std, 0.0)
-    return {
-        "time": _list(time),
-        "value": _list(value),
-        "lower": _list(value - half),
-        "upper": _list(value + half),
-        "error_time": _list(error_time),
-        "error": _list(error),
-    }
-
-
-def _list(values: np.ndarray) -> list[float | None]:
-    """Return numbers short enough for a figure; unknown ones as null."""
-    return [float(f"{v:.6g}") if math.isfinite(v) else None for v in np.asarray(values, dtype=float).tolist()]
-
-
-def _cards(fit: Fit, page: Page) -> list[dict[str, Any]]:
+def _cards(findings: Findings) -> list[dict[str, Any]]:
     """Return the small tables at the end."""
+    cards = [] if findings.filmed is None else [_camera_card(findings.filmed.camera)]
+    cards += _start_cards(findings.fit)
+    if findings.log is not None:
+        cards += _run_cards(findings.log)
+    return cards
+
+
+def _camera_card(camera: Camera) -> dict[str, Any]:
+    turns = ", ".join(
+        f"{name} {math.degrees(getattr(camera, name)):.2f}°" for name in ("roll", "pitch", "yaw")
+    )
+    rows = [
+        ("picture", f"{camera.width} × {camera.height} px"),
+        ("focal length", f"{camera.focal:.1f} px"),
+        ("position", f"{camera.x:.4f} m right, {camera.y:.4f} m up"),
+        ("distance", f"{camera.depth:.4f} m"),
+        ("turn", turns),
+    ]
+    return {"title": "Camera", "rows": rows}
+
+
+def _start_cards(fit: Fit) -> list[dict[str, Any]]:
     cards = []
-    if page.camera is not None:
-        camera = page.camera
-        rows = [
-            ("picture", f"{camera.width} × {camera.height} px"),
-            ("focal length", f"{camera.focal:.1f} px"),
-            ("position", f"{camera.x:.4f} m right, {camera.y:.4f} m up"),
-            ("distance", f"{camera.depth:.4f} m"),
-            (
-                "turn",
-                ", ".join(f"{n} {math.degrees(getattr(camera, n)):.2f}°" for n in ("roll", "pitch", "yaw")),
-            ),
-        ]
-        cards.append({"title": "Camera", "rows": rows})
     for i, start in enumerate(fit.starts):
-        title = "Start state" if len(fit.starts) == 1 else f"Start state of record {i + 1}"
         rows = [("time", f"{start.time:.4f} s")]
         for dof, joint in enumerate(fit.mechanism.joints):
             unit = "rad" if joint.kind == "hinge" else "m"
             rows.append((joint.name, f"{start.position[dof]:.5g} {unit}, {start.velocity[dof]:.5g} {unit}/s"))
+        title = "Start state" if len(fit.starts) == 1 else f"Start state of record {i + 1}"
         cards.append({"title": title, "rows": rows})
-    if page.log is not None:
-        seconds = [(name, f"{value:.2f}") for name, value in page.log.seconds.items()]
-        cards.append({"title": "Seconds by stage", "rows": seconds})
-        cards.append({"title": "Settings", "rows": list(flat(page.log.settings).items())})
-        cards.append({"title": "Versions", "rows": list(page.log.versions.items())})
     return cards
+
+
+def _run_cards(log: RunLog) -> list[dict[str, Any]]:
+    return [
+        {
+            "title": "Seconds by stage",
+            "rows": [(name, f"{value:.2f}") for name, value in log.seconds.items()],
+        },
+        {"title": "Settings", "rows": list(flat(log.settings).items())},
+        {"title": "Versions", "rows": list(log.versions.items())},
+    ]
 
 
 def flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, str]:

@@ -48,6 +48,7 @@ def predict(
             raise SettingsError(
                 f"predict: expected a time after the last fitted frame at {end:g} s, got {stop:g} s."
             )
+        # 1e-6 of a step: an end that rounding puts just below a whole number of steps still counts
         times = end + step * np.arange(1, int(np.floor((stop - end) / step + 1e-6)) + 1)
         if len(times) == 0:
             times = np.array([stop])

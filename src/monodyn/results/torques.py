@@ -1,4 +1,4 @@
-"""The torques that a fit found to act at the joints besides friction, over time."""
+"""The torques that a fit found to act at the joints in addition to friction, over time."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ def torques(fit: Fit, times: np.ndarray) -> Torques:
         The torques at ``times``; zero without a drive, and outside of the knots of free torques.
     """
     mechanism = fit.mechanism
+    # the start states come after the shared unknowns and do not move the torques
     count = len(fit.names) - 2 * len(mechanism.joints) * len(fit.starts)
     names = fit.names[:count]
     clock = times * mechanism.values["time_scale"]

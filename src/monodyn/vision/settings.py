@@ -8,6 +8,8 @@ from typing import Literal
 
 from monodyn.errors import SettingsError
 
+RATES = (1e-3, 1e6)
+"""Least and most frames a second [Hz] that a clip can be given."""
 METHODS = ("fast", "paper")
 """What the method of a stage can be called; ``stages`` has the functions."""
 

@@ -16,11 +16,9 @@ import numpy as np
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
 from monodyn.types import Frame
+from monodyn.vision.settings import RATES
 
 Decode = Callable[[int, int], Iterator[Frame]]
-
-RATES = (1e-3, 1e6)
-"""Least and most frames a second [Hz] that can be asked for."""
 
 
 @dataclass(frozen=True, eq=False)

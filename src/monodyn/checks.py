@@ -1,0 +1,221 @@
+"""What a run is given, checked: mechanism, clip, frames of the fit, times of the prediction.
+
+Everything here is refused before the first frame is decoded and before anything is written, except a clip in
+which the mechanism was not found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monodyn.errors import FitError, MechanismError, SettingsError
+from monodyn.estimation.settings import USUAL_TERMS
+from monodyn.settings import RunSettings
+from monodyn.stages import check_camera
+from monodyn.types import Poses
+from monodyn.vision.clip.video import Video, read
+
+if TYPE_CHECKING:
+    from monodyn.mechanism import Mechanism
+
+MOST_ROWS = 1_000_000
+"""Most rows of a prediction."""
+
+
+def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[Video, Mechanism]:
+    """Open a clip and load its mechanism with the user's choices.
+
+    Args:
+        clip: Video file or folder of pictures.
+        model: Mechanism file or bundled name.
+        settings: The user's choices.
+
+    Raises:
+        MechanismError: no body of the mechanism can be seen.
+        SettingsError: the picture of the background does not exist.
+    """
+    mechanism = chosen_mechanism(model, settings)
+    video = read(clip, rate=settings.rate)
+    if not mechanism.plan.drawn:
+        raise MechanismError(
+            f"mechanism '{mechanism.name}': expected a moving body with a geom that a clip can show, got "
+            "none; add its shape."
+        )
+    if settings.background is not None and not Path(settings.background).is_file():
+        raise SettingsError(
+            f"background '{settings.background}': expected a picture file, found none; check the path."
+        )
+    return video, mechanism
+
+
+def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool = True) -> Mechanism:
+    """Load a mechanism with the user's choices; those of the camera are only checked, for ``locate``.
+
+    Args:
+        model: Mechanism file or bundled name.
+        settings: The user's choices.
+        camera: False refuses parameters of the camera, where there is none.
+
+    Raises:
+        MechanismError: the name of the model is empty.
+        SettingsError: a choice of a camera parameter cannot be used.
+    """
+    from monodyn.mechanism import load
+
+    if not str(model):
+        raise MechanismError("model: expected a file or a bundled name, got an empty one; name one.")
+    for name in settings.bounds:
+        if _of_camera(name):
+            raise SettingsError(
+                f"bounds of '{name}': expected a parameter of the mechanism; give the camera's with fix."
+            )
+    # the camera is no part of the mechanism; its parameters go to ``locate`` on their own
+    fix, free = camera_choices(settings)
+    for name in (*fix, *free):
+        if not camera:
+            raise SettingsError(
+                f"parameter '{name}': expected one of the mechanism's; tables of joint positions have no "
+                "camera, leave it out."
+            )
+    mechanism = load(model)
+    check_camera(mechanism, settings.camera.method or "fast", fix, free)
+    return _with_torque(mechanism, settings).with_choices(
+        fix={name: value for name, value in settings.fix.items() if not _of_camera(name)},
+        free=[name for name in settings.free if not _of_camera(name)],
+        bounds=settings.bounds,
+    )
+
+
+def camera_choices(settings: RunSettings) -> tuple[dict[str, float], list[str]]:
+    """Return the camera parameters that are fixed, and those that are freed.
+
+    Args:
+        settings: The user's choices.
+    """
+    fix = {name: value for name, value in settings.fix.items() if _of_camera(name)}
+    return fix, [name for name in settings.free if _of_camera(name)]
+
+
+def _of_camera(name: str) -> bool:
+    """True for the name of a camera parameter, right or wrong; the mechanism has none of that form."""
+    return name.startswith("camera.")
+
+
+def _with_torque(mechanism: Mechanism, settings: RunSettings) -> Mechanism:
+    """Return the mechanism with the parameters of a periodic torque, for the user to choose from.
+
+    Free torques have theirs only once the time stamps are known, so none of them can be chosen.
+    """
+    torque = settings.identify.torque
+    if torque == "fourier":
+        # any start value within the bounds will do here: the search for the period brings its own
+        low, high = settings.bounds.get("torque.period", (1.0, 1.0))
+        period = min(max(1.0, low), high)
+        terms = settings.identify.terms or USUAL_TERMS
+        return mechanism.with_torque(torque, terms=terms, period=period)
+    for name in (*settings.fix, *settings.free, *settings.bounds):
+        if name in mechanism.plan.index or "torque." not in name:
+            continue
+        if torque == "free":
+            raise SettingsError(f"parameter '{name}': a free torque cannot be chosen; leave it out.")
+        raise SettingsError(
+            f"parameter '{name}': a torque over time belongs to --identify.torque fourier; add that option, "
+            "or leave the parameter out."
+        )
+    return mechanism
+
+
+def fitted_range(wanted: tuple[int, int | None] | None, count: int) -> tuple[int, int]:
+    """Return the first frame of the fit and the one after its last.
+
+    Args:
+        wanted: The user's range; None for all but the last quarter.
+        count: Number of frames in the clip.
+
+    Raises:
+        SettingsError: the range lies outside the clip or holds fewer than two frames.
+    """
+    # the last quarter is held out, to be compared with the prediction
+    first, stop = wanted if wanted is not None else (0, count - count // 4)
+    stop = count if stop is None else stop
+    if first < 0 or stop > count or stop < first + 2:
+        raise SettingsError(
+            f"fit-frames: expected a range of at least two frames within 0:{count}, got {first}:{stop}; "
+            f"the clip has {count} frames."
+        )
+    return first, stop
+
+
+def prediction_times(video: Video, stop: int, until: float | None) -> np.ndarray:
+    """Return the time stamps of the prediction.
+
+    Args:
+        video: The clip; its time stamps are continued by their median step beyond the end.
+        stop: First frame that is predicted.
+        until: End of the prediction [s]; None for the end of the clip.
+
+    Returns:
+        Time stamps [s], (frame,).
+
+    Raises:
+        SettingsError: the end does not come after the last fitted frame, or is too far away.
+    """
+    times = video.times[stop:]
+    if until is None:
+        return times
+    last, end = float(video.times[stop - 1]), float(video.times[-1])
+    if not (math.isfinite(until) and until > last):
+        raise SettingsError(
+            f"until: expected a time after the last fitted frame at {last:.3f} s, got {until:g} s."
+        )
+    step = float(np.median(np.diff(video.times)))
+    # a typing error in the time must not fill the disk
+    most = min(end + 10.0 * (end - float(video.times[0])) + 60.0, end + MOST_ROWS * step)
+    if until > most:
+        raise SettingsError(
+            f"until: expected at most {most:.6g} s (the end of the clip, ten times its length and a minute, "
+            f"and no more than {MOST_ROWS} rows), got {until:g} s."
+        )
+    # the millionth of a step keeps a time stamp that rounding puts just behind the end
+    more = int(np.floor((until - end) / step + 1e-6)) if until > end else 0
+    return np.concatenate([times[times <= until + 1e-9], end + step * np.arange(1, more + 1)])
+
+
+def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
+    """Refuse poses of which none was measured.
+
+    Args:
+        poses: The poses.
+        video: Their clip.
+        notes: What is known about the reason.
+
+    Raises:
+        FitError: no frame was measured.
+    """
+    if np.any(poses.seen):
+        return
+    first, last = (int(poses.frame[0]), int(poses.frame[-1])) if len(poses) else (0, 0)
+    raise FitError(
+        f"clip '{video.path}': expected the mechanism in frames {first} to {last}, tracked it in none; "
+        + " ".join(notes)
+    )
+
+
+def untracked(poses: Poses) -> list[str]:
+    """Return advice where a tenth of the frames or more was not measured; nothing otherwise.
+
+    Args:
+        poses: The tracked clip.
+    """
+    seen, count = int(np.sum(poses.seen)), len(poses)
+    if seen >= 0.9 * count:
+        return []
+    return [
+        f"Only {seen} of {count} frames were tracked; a steadier background, another --segment.contrast "
+        "or a better start (--fix) may help."
+    ]

@@ -1,0 +1,124 @@
+"""How a setting is written on the command line: what takes the place of types that words cannot have."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tyro import conf
+
+from monodyn.errors import SettingsError
+
+Words = conf.UseAppendAction[tuple[tuple[str, ...], ...]]
+"""The words after each use of an option that may be repeated."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """How settings of one type are written.
+
+    Attributes:
+        words: Type of what the user writes.
+        usual: What stands for an option that is left out.
+        metavar: What the help shows for the words.
+        read: From the option's name and its words to the setting.
+    """
+
+    words: Any
+    usual: Any
+    metavar: str
+    read: Callable[[str, Any], Any]
+
+
+def frame_range(option: str, text: str | None) -> tuple[int, int | None] | None:
+    """Read ``A:B``; either end may be left out.
+
+    Args:
+        option: Name of the option, for the message.
+        text: What the user wrote, or None.
+
+    Raises:
+        SettingsError: it is not two whole numbers with a colon between them.
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d*):(\d*)", text.strip())
+    if not match:
+        raise SettingsError(f"{option}: expected A:B with whole frame numbers, got '{text}'; e.g. 0:120.")
+    return int(match[1] or 0), int(match[2]) if match[2] else None
+
+
+def values(option: str, words: Sequence[Sequence[str]]) -> dict[str, float]:
+    """Read ``NAME=VALUE`` words.
+
+    Args:
+        option: Name of the option, for the message.
+        words: What the user wrote, by use of the option.
+
+    Raises:
+        SettingsError: a word is not a name and a number, or a name comes twice.
+    """
+    found: dict[str, float] = {}
+    for word, name, text in _assigned(option, words):
+        try:
+            found[name] = float(text)
+        except ValueError:
+            raise SettingsError(
+                f"{option}: expected NAME=VALUE with a number, got '{word}'; e.g. gravity=9.81."
+            ) from None
+    return found
+
+
+def intervals(option: str, words: Sequence[Sequence[str]]) -> dict[str, tuple[float, float]]:
+    """Read ``NAME=LOW:HIGH`` words.
+
+    Args:
+        option: Name of the option, for the message.
+        words: What the user wrote, by use of the option.
+
+    Raises:
+        SettingsError: a word is not a name and two numbers, or a name comes twice.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for word, name, text in _assigned(option, words):
+        low, _, high = text.partition(":")
+        try:
+            found[name] = float(low), float(high)
+        except ValueError:
+            raise SettingsError(
+                f"{option}: expected NAME=LOW:HIGH with two numbers, got '{word}'; e.g. link1.length=0.1:0.3."
+            ) from None
+    return found
+
+
+def names(option: str, words: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Return the names of repeated options in order.
+
+    Args:
+        option: Name of the option.
+        words: What the user wrote, by use of the option.
+    """
+    return tuple(word for group in words for word in group)
+
+
+def _assigned(option: str, words: Sequence[Sequence[str]]) -> list[tuple[str, str, str]]:
+    """Return each word with what is left and right of its ``=``; a name may come once."""
+    parts = []
+    for word in names(option, words):
+        name, _, text = word.partition("=")
+        if any(name == other for _, other, _ in parts):
+            raise SettingsError(f"{option}: expected each name once, got '{name}' twice; keep one of them.")
+        parts.append((word, name, text))
+    return parts
+
+
+# the key is the annotation of the field, so a new setting of the same type needs nothing here
+FORMS: dict[Any, Form] = {
+    tuple[int, int | None] | None: Form(str | None, None, "A:B", frame_range),
+    Mapping[str, float]: Form(Words, (), "NAME=VALUE ...", values),
+    Sequence[str]: Form(Words, (), "NAME ...", names),
+    Mapping[str, tuple[float, float]]: Form(Words, (), "NAME=LOW:HIGH ...", intervals),
+}
+"""The form of each type of setting that words cannot have; all others are written as they are."""

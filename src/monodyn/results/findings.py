@@ -1,0 +1,144 @@
+"""What is said of a fit, before it is written: the content of ``fit.json`` and of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monodyn.results.filmed import Filmed
+from monodyn.results.log import RunLog
+from monodyn.results.trace import Trace
+from monodyn.types import Poses
+
+if TYPE_CHECKING:
+    from monodyn.estimation.fit import Estimate, Fit, Start
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """A fit with its records, and what else a report says of it.
+
+    Attributes:
+        fit: The fit.
+        traces: The records next to their motion; none where nothing was identified.
+        title: Heading of the page.
+        subtitle: One line under it.
+        notes: Sentences after the fit's own advice (from the clip, the camera, the tracking).
+        record: The whole record, written as ``poses.csv``; None writes none.
+        filmed: Clip and camera; None for encoder records.
+        fit_frames: First fitted frame and the one after the last; None takes them from the first record.
+        log: Settings, versions and seconds of the run, or None.
+    """
+
+    fit: Fit
+    traces: Sequence[Trace] = ()
+    title: str = ""
+    subtitle: str = ""
+    notes: Sequence[str] = ()
+    record: Poses | None = None
+    filmed: Filmed | None = None
+    fit_frames: tuple[int, int] | None = None
+    log: RunLog | None = None
+
+    @property
+    def advice(self) -> list[str]:
+        """The fit's own advice and the notes after it."""
+        return [*self.fit.advice, *self.notes]
+
+    @property
+    def frames(self) -> list[int] | None:
+        """First fitted frame and the one after the last, or None where nothing was identified."""
+        if self.fit_frames is not None:
+            return list(self.fit_frames)
+        return frames_of(self.traces[0]) if self.traces else None
+
+
+def fit_document(findings: Findings) -> dict[str, Any]:
+    """Return the content of ``fit.json``; of several records the first one's frames and held-out error.
+
+    Args:
+        findings: The fit and its records.
+    """
+    fit, filmed = findings.fit, findings.filmed
+    joints = [joint.name for joint in fit.mechanism.joints]
+    # one record has its start state itself, several have a list: fit.json is a contract
+    starts = [start_row(joints, start) for start in fit.starts]
+    return {
+        "status": str(fit.status),
+        "ok": bool(fit.ok),
+        "advice": findings.advice,
+        "torque": fit.torque,
+        "unknowns": sum(estimate.free for estimate in fit.parameters),
+        "evaluations": fit.evaluations,
+        "parameters": [parameter_row(estimate) for estimate in fit.parameters],
+        "combinations": [{"name": c.name, "value": c.value, "std": c.std} for c in fit.combinations],
+        "initial_state": starts[0] if len(starts) == 1 else starts,
+        "rms": dict(fit.rms),
+        "heldout_rms": findings.traces[0].heldout() if findings.traces else dict.fromkeys(joints),
+        "scale": fit.scale,
+        "camera": None if filmed is None else {**asdict(filmed.camera), "std": dict(filmed.camera_std)},
+        "fit_frames": findings.frames,
+    }
+
+
+def parameter_row(estimate: Estimate) -> dict[str, Any]:
+    """Return one parameter as ``fit.json`` lists it.
+
+    Args:
+        estimate: A parameter of a fit.
+    """
+    names = ("name", "value", "std", "lower", "upper", "unit", "free", "identifiable", "at_bound")
+    return {name: getattr(estimate, name) for name in names}
+
+
+def start_row(joints: Sequence[str], start: Start) -> dict[str, Any]:
+    """Return one start state as ``fit.json`` lists it.
+
+    Args:
+        joints: Joint names.
+        start: A start of a fit: time, positions and rates with their covariance.
+    """
+    # rounding may leave a variance slightly below zero
+    std = np.sqrt(np.maximum(np.diagonal(start.covariance), 0.0))
+    dofs = len(joints)
+    return {
+        "time": float(start.time),
+        "position": dict(zip(joints, np.asarray(start.position).tolist(), strict=True)),
+        "velocity": dict(zip(joints, np.asarray(start.velocity).tolist(), strict=True)),
+        "position_std": dict(zip(joints, std[:dofs].tolist(), strict=True)),
+        "velocity_std": dict(zip(joints, std[dofs:].tolist(), strict=True)),
+    }
+
+
+def frames_of(trace: Trace) -> list[int]:
+    """Return the first fitted frame number and the one after the last.
+
+    Args:
+        trace: The record.
+    """
+    first, stop = trace.rows
+    return [int(trace.poses.frame[first]), int(trace.poses.frame[stop - 1]) + 1]
+
+
+def listed_rows(fit: Fit) -> list[Estimate]:
+    """Return the parameters of the first table: the estimated ones, and those that free torques hold.
+
+    Torques at single time stamps, of which there are hundreds, have a figure and a file of their own.
+
+    Args:
+        fit: The fit.
+    """
+    if fit.torque != "free":
+        return [row for row in fit.parameters if row.free]
+    kinds = {parameter.name: parameter.kind for parameter in fit.mechanism.parameters}
+    rows = [row for row in fit.parameters if kinds[row.name] != "torque"]
+    # an offset shows in the picture alone: the motion has nothing to say of it, held or not
+    held = [
+        row.name
+        for row in rows
+        if not row.identifiable and row.unit in ("m", "kg", "kg m^2") and kinds[row.name] != "offset"
+    ]
+    return [row for row in rows if row.free or row.name in held]

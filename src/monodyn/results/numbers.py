@@ -1,0 +1,46 @@
+"""Numbers as a report and a table write them: with the digits that their standard deviation leaves."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from monodyn.mechanism import Joint
+
+
+def number(value: float | None, std: float | None = None) -> str:
+    """Write a number with the digits that its standard deviation leaves, five without one.
+
+    Args:
+        value: The number; None is unknown.
+        std: Its standard deviation, when known.
+    """
+    if value is None or math.isnan(value):
+        return "unknown"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    # without an error of its own a value has five digits
+    if std is None or not math.isfinite(std) or std <= 0 or value == 0:
+        return f"{value:.5g}".replace("-", "−")
+    # two digits of the standard deviation, and all digits of the value down to there
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
+    return f"{value:.{min(max(digits, 2), 8)}g}".replace("-", "−")
+
+
+def short(value: float) -> str:
+    """Write a standard deviation with two digits.
+
+    Args:
+        value: The standard deviation.
+    """
+    return f"{value:.2g}" if math.isfinite(value) else number(value)
+
+
+def shown_in(joint: Joint) -> tuple[float, str]:
+    """Return how a joint's position is shown: units in a radian or a metre, and the unit's name.
+
+    Args:
+        joint: A joint.
+    """
+    return (180.0 / math.pi, "deg") if joint.kind == "hinge" else (1000.0, "mm")

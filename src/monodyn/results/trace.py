@@ -1,0 +1,187 @@
+"""A record next to its motion under the identified dynamics, and how far the two are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.types import Poses
+
+if TYPE_CHECKING:
+    from monodyn.estimation.fit import Fit
+    from monodyn.mechanism import Mechanism
+    from monodyn.results.fill import States
+    from monodyn.results.predict import Prediction
+    from monodyn.results.torques import Torques
+    from monodyn.vision.clip.video import Video
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One record next to its motion under the identified dynamics.
+
+    Attributes:
+        name: What the record is called, e.g. its file name.
+        poses: Measured joint positions, slides in metres of the identified scale.
+        states: Motion under the identified dynamics at ``poses.time``.
+        rows: First fitted row of ``poses`` and the one after the last.
+        future: Prediction from the end of the fitted rows, or None.
+        future_frame: Frame numbers of the prediction, int (frame,).
+        torques: Torques at ``poses.time`` other than friction, or None where there are none.
+    """
+
+    name: str
+    poses: Poses
+    states: States
+    rows: tuple[int, int]
+    future: Prediction | None = None
+    future_frame: np.ndarray | None = None
+    torques: Torques | None = None
+
+    def heldout(self) -> dict[str, float | None]:
+        """Return the rms of the prediction against the measured rows after the fitted ones, by joint.
+
+        Returns:
+            Errors [rad or m]; a joint without measured rows there has None.
+        """
+        if self.future is None or not len(self.future.time):
+            return dict.fromkeys(self.poses.joints)
+        after = self.poses.part(self.rows[1], len(self.poses))
+        # the prediction may have other time stamps: only rows that both have are compared
+        row = np.minimum(np.searchsorted(self.future.time, after.time - 1e-9), len(self.future.time) - 1)
+        predicted = after.seen & (np.abs(self.future.time[row] - after.time) < 1e-9)
+        error = after.position - self.future.position[row]
+        return rms_of(self.poses.joints, np.where(predicted[:, None], error, np.nan))
+
+
+def rms_of(joints: Sequence[str], error: np.ndarray) -> dict[str, float | None]:
+    """Return the rms of each joint's error over the rows that have one.
+
+    Args:
+        joints: Joint names.
+        error: Errors [rad or m], (frame, dof), NaN where unknown.
+    """
+    found: dict[str, float | None] = {}
+    for dof, joint in enumerate(joints):
+        column = error[:, dof][np.isfinite(error[:, dof])]
+        found[joint] = float(np.sqrt(np.mean(column**2))) if len(column) else None
+    return found
+
+
+def trace_of(
+    fit: Fit, poses: Poses, future: Prediction | None = None, *, name: str = "", record: int = 0
+) -> Trace:
+    """Put a record next to its motion under the identified dynamics.
+
+    Args:
+        fit: The fit.
+        poses: The whole record; the fitted rows are found by their times.
+        future: Its prediction.
+        name: What to call the record.
+        record: Number of the record within the fit.
+
+    Returns:
+        The trace, slides in metres of the identified scale.
+
+    Raises:
+        VideoError: the record is not the one that was fitted.
+    """
+    from monodyn.results.fill import fill
+    from monodyn.results.torques import torques
+
+    # the fitted rows are found by time, because a record may go on before and after them
+    fitted = fit.time[record]
+    first = int(np.searchsorted(poses.time, fitted[0] - 1e-9))
+    stop = first + len(fitted)
+    if stop > len(poses) or not np.allclose(poses.time[first:stop], fitted, rtol=0.0, atol=1e-9):
+        raise VideoError(
+            "poses: expected the record that was fitted, got other time stamps; pass the same record."
+        )
+    record_poses = metric(poses, fit.mechanism, fit.scale)
+    numbers = None
+    if future is not None:
+        numbers = frame_numbers(future.time, poses.time, poses.frame)
+    acting = torques(fit, poses.time) if fit.torque != "friction" else None
+    states = fill(fit, poses.time, record=record)
+    return Trace(name, record_poses, states, (first, stop), future, numbers, acting)
+
+
+def fitted_poses(fit: Fit, video: Video | None = None) -> Poses:
+    """Return the fitted frames of the first record, from the residual that the fit keeps.
+
+    Args:
+        fit: The fit.
+        video: The clip the record is from, which knows its frame numbers; without it they are those of a
+            clip that starts at 0 s where the time stamps are those of one, else they count from 0.
+
+    Returns:
+        The record without its covariance, which the fit does not keep.
+    """
+    from monodyn.results.fill import fill
+
+    time, residual = fit.time[0], fit.residual[0]
+    position = fill(fit, time).position + residual
+    joints = tuple(joint.name for joint in fit.mechanism.joints)
+    count, dofs = residual.shape
+    seen = np.asarray(np.isfinite(residual).any(axis=1))
+    numbers = counted(time) if video is None else frame_numbers(time, video.times, np.arange(video.count))
+    return Poses(joints, numbers, time, position, np.zeros((count, dofs, dofs)), seen)
+
+
+def counted(times: np.ndarray) -> np.ndarray:
+    """Return the frame numbers of a record whose numbers are not known, int (frame,).
+
+    Args:
+        times: Time stamps [s], (frame,); where they are evenly spaced and 0 s is one of the places, frame 0
+            is there.
+    """
+    count = len(times)
+    rows = np.arange(count)
+    if count < 2:
+        return rows
+    places = times * ((count - 1) / (times[-1] - times[0]))
+    first = int(np.round(places[0]))
+    # stamps in whole milliseconds are off by 1 part in 20 of a frame at 100 Hz
+    even = first >= 0 and np.abs(places - first - rows).max() < 0.1
+    return rows + first if even else rows
+
+
+def frame_numbers(times: np.ndarray, known: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """Return frame numbers of time stamps: those of a record, counted on after its end.
+
+    Args:
+        times: Time stamps [s], (frame,).
+        known: Time stamps of the record [s], (frame,).
+        numbers: Its frame numbers, int (frame,).
+
+    Returns:
+        Frame numbers, int (frame,).
+    """
+    step = float(np.median(np.diff(known))) if len(known) > 1 else 1.0
+    # within the record by interpolation, which also numbers missing frames; after it by the usual step
+    count = np.interp(times, known, numbers)
+    beyond = np.maximum(times - known[-1], 0.0) / step
+    return np.round(count + beyond).astype(np.int64)
+
+
+def metric(poses: Poses, mechanism: Mechanism, scale: float) -> Poses:
+    """Return a record with its slides in metres of the identified scale.
+
+    Args:
+        poses: The record.
+        mechanism: The mechanism.
+        scale: Metres per unit of the start scale.
+    """
+    if poses.metric:
+        return poses
+    factor = np.array([scale if joint.kind == "slide" else 1.0 for joint in mechanism.joints])
+    return replace(
+        poses,
+        position=poses.position * factor,
+        covariance=poses.covariance * np.outer(factor, factor),
+        metric=True,
+    )

@@ -1,0 +1,43 @@
+"""Settings as they are written on the command line."""
+
+from __future__ import annotations
+
+import pytest
+
+from monodyn.cli.forms import frame_range, intervals, names, values
+from monodyn.errors import SettingsError
+from support import refuses
+
+
+def test_frame_range() -> None:
+    assert frame_range("fit-frames", "3:9") == (3, 9)
+    assert frame_range("fit-frames", ":9") == (0, 9)
+    assert frame_range("fit-frames", "3:") == (3, None)
+    assert frame_range("fit-frames", None) is None
+    with refuses(SettingsError, "fit-frames: expected A:B with whole frame numbers, got 'ten'; e.g. 0:120."):
+        frame_range("fit-frames", "ten")
+
+
+def test_repeated_options_are_read_in_order() -> None:
+    assert values("fix", (("a=1", "b=-2.5e3"), ("c=0",))) == {"a": 1.0, "b": -2500.0, "c": 0.0}
+    assert intervals("bounds", (("a=1:2",), ("b=-inf:0",))) == {"a": (1.0, 2.0), "b": (-float("inf"), 0.0)}
+    assert names("free", (("a", "b"), ("c",))) == ("a", "b", "c")
+
+
+@pytest.mark.parametrize("word", ["gravity", "a=1=2", "a="])
+def test_a_value_is_a_name_and_a_number(word: str) -> None:
+    with refuses(SettingsError, f"fix: expected NAME=VALUE with a number, got '{word}'; e.g. gravity=9.81."):
+        values("fix", ((word,),))
+
+
+@pytest.mark.parametrize("word", ["link1.length=3", "a=1:", "a"])
+def test_bounds_are_a_name_and_two_numbers(word: str) -> None:
+    said = f"bounds: expected NAME=LOW:HIGH with two numbers, got '{word}'; e.g. link1.length=0.1:0.3."
+    with refuses(SettingsError, said):
+        intervals("bounds", ((word,),))
+
+
+def test_a_name_comes_once() -> None:
+    said = "bounds: expected each name once, got 'a' twice; keep one of them."
+    with refuses(SettingsError, said):
+        intervals("bounds", (("a=1:2",), ("a=1:2",)))

@@ -1,0 +1,58 @@
+"""A small fit and a record for the tests of what follows from a fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+import monodyn
+from monodyn.estimation.fit import Combination, Estimate, Fit
+from monodyn.mechanism import load
+from monodyn.mechanism.simulate import simulate
+from monodyn.results.fill import fill
+from monodyn.types import Poses
+
+TIME = np.arange(20) / 30.0
+
+
+@lru_cache
+def identified() -> Fit:
+    """Identify the bundled single pendulum from 20 simulated frames, one of them not seen."""
+    mechanism = load("single")
+    rng = np.random.default_rng(5)
+    position = simulate(mechanism, TIME, np.array([-1.0]), np.array([0.5])).position
+    position = position + 1e-3 * rng.standard_normal((20, 1))
+    seen = np.ones(20, bool)
+    seen[7] = False
+    position[7] = np.nan
+    covariance = np.full((20, 1, 1), 1e-6)
+    return monodyn.identify(Poses(("joint1",), np.arange(20), TIME, position, covariance, seen), mechanism)
+
+
+def made_fit(**changes: Any) -> Fit:
+    """Return that fit with some of what it says replaced."""
+    said = {
+        "status": "Identified from 20 frames.",
+        "ok": True,
+        "advice": ("Measure <b>one</b> mass & be done.",),
+        "parameters": (
+            Estimate("link1.length", 0.2, 1e-3, 0.198, 0.202, "m", True, True, False),
+            Estimate("joint1.damping", 1e-3, math.inf, 0.0, math.inf, "N m s/rad", True, False, False),
+            Estimate("gravity", 9.81, 0.0, 9.81, 9.81, "m/s^2", False, True, False),
+        ),
+        "combinations": (Combination("joint1.damping / link1.J", 0.123456, 0.00123),),
+    }
+    return replace(identified(), **{**said, **changes})
+
+
+def record(fit: Fit, count: int = 30) -> Poses:
+    """Return a record that is 1 mrad above the fitted motion."""
+    time = np.arange(count) / 30.0
+    position = fill(fit, time).position + 1e-3
+    seen = np.ones(count, bool)
+    seen[7] = False
+    return Poses(("joint1",), np.arange(count), time, position, np.zeros((count, 1, 1)), seen)

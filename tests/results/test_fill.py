@@ -1,0 +1,46 @@
+"""Gap filling: close to the truth within the stated error, in both directions of time."""
+
+import numpy as np
+
+from fits import made_fit
+from monodyn.errors import SettingsError
+from monodyn.results.fill import fill
+from support import refuses
+
+ALL = np.arange(120) / 30.0
+NOISE = 0.002
+
+
+def test_the_error_is_as_large_as_stated(fit, truth):
+    """Root mean square of error over std: one on average, and all errors of a record hang together."""
+    _, q, _ = truth
+    states = fill(fit, ALL)
+    for rows in (slice(0, 40), slice(40, 80), slice(80, 120)):
+        ratio = (states.position[rows] - q[rows]) / states.std[rows]
+        assert 0.05 < np.sqrt(np.mean(ratio**2)) < 3.0
+
+
+def test_rates_follow_the_positions(fit, truth):
+    dense = np.arange(0.0, 3.9, 0.001)
+    states = fill(fit, dense)
+    slope = np.gradient(states.position, dense, axis=0)
+    # central differences leave h^2/6 of the third derivative: 2e-7 s^2 of up to 3e4 rad/s^3
+    np.testing.assert_allclose(slope[1:-1], states.velocity[1:-1], atol=0.01)
+    np.testing.assert_allclose(fill(fit, ALL).velocity[41:79], truth[2][41:79], atol=0.1)
+
+
+def test_std_within_the_fit_is_below_the_noise_and_grows_after_it(fit):
+    states = fill(fit, ALL)
+    assert np.all(states.std[45:75] < NOISE)
+    assert np.all(states.std[100:].mean(axis=0) > states.std[45:75].mean(axis=0))
+    assert np.isfinite(states.std).all()
+
+
+def test_bad_input_is_refused(fit):
+    with refuses(SettingsError, "fill: expected a record from 0 to 0, got 2."):
+        fill(fit, np.array([0.0, 1.0]), record=2)
+    with refuses(SettingsError, "fill: times: must increase, but sample 1 is 0.5 s after 1 s."):
+        fill(fit, np.array([1.0, 0.5]))
+    said = "fill: expected an identified mechanism, got a fit without one: Too few frames."
+    with refuses(SettingsError, said):
+        fill(made_fit(starts=(), status="Too few frames."), ALL)

@@ -1,0 +1,19 @@
+"""Numbers as they are written for people."""
+
+from __future__ import annotations
+
+import math
+
+from monodyn.results.numbers import number, short
+
+
+def test_numbers_keep_the_digits_that_their_deviation_leaves() -> None:
+    assert number(0.2345678, 0.0012) == "0.2346"
+    assert number(-123.456, 10.0) == "−123"
+    assert number(0.2345678) == "0.23457"
+    assert number(math.inf) == "∞"
+    assert number(None) == "unknown"
+    assert short(0.0012345) == "0.0012"
+    assert short(math.inf) == "∞"
+    assert number(-math.inf) == "−∞"
+    assert number(math.nan) == "unknown"

@@ -1,0 +1,73 @@
+"""A record next to its motion: frame numbers, held-out errors, metres."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from fits import TIME, made_fit, record
+from monodyn.errors import VideoError
+from monodyn.mechanism import load
+from monodyn.results.predict import predict
+from monodyn.results.trace import counted, fitted_poses, frame_numbers, metric, rms_of, trace_of
+from monodyn.types import Poses
+from support import refuses
+
+
+def test_heldout_counts_seen_and_predicted_rows_alone() -> None:
+    fit = made_fit()
+    poses = record(fit)
+    trace = trace_of(fit, poses, predict(fit, times=poses.time[20:25]))
+    assert trace.heldout() == {"joint1": pytest.approx(1e-3, rel=1e-3)}  # the record is 1 mrad off
+    assert trace_of(fit, poses).heldout() == {"joint1": None}
+    assert rms_of(["a", "b"], np.array([[3.0, np.nan], [4.0, np.nan]])) == {"a": math.sqrt(12.5), "b": None}
+
+
+def test_frame_numbers_go_on_beyond_the_record() -> None:
+    known, numbers = np.array([0.0, 0.1, 0.2, 0.4]), np.array([0, 1, 2, 4])
+    assert frame_numbers(np.array([0.2, 0.4, 0.5, 0.6]), known, numbers).tolist() == [2, 4, 5, 6]
+
+
+def test_slides_become_metric() -> None:
+    mechanism = load("cartpole")
+    joints = tuple(joint.name for joint in mechanism.joints)
+    poses = Poses(
+        joints,
+        np.arange(2),
+        np.arange(2.0),
+        np.ones((2, 2)),
+        np.ones((2, 2, 2)),
+        np.ones(2, bool),
+        metric=False,
+    )
+    found = metric(poses, mechanism, 0.5)
+    slide = [joint.kind for joint in mechanism.joints].index("slide")
+    assert found.metric
+    assert found.position[0, slide] == 0.5
+    assert found.position[0, 1 - slide] == 1.0
+    assert found.covariance[0, slide, slide] == 0.25
+    assert metric(found, mechanism, 0.5) is found
+
+
+def test_frames_without_numbers_are_counted_where_the_stamps_tell() -> None:
+    assert counted(np.arange(50, 60) / 30.0).tolist() == list(range(50, 60))
+    assert counted(np.round(np.arange(50, 60) / 30.0, 3)).tolist() == list(range(50, 60))
+    assert counted(np.arange(10) * 0.1 + 0.05).tolist() == list(range(10))
+    assert counted(np.array([1.0, 1.1, 1.3])).tolist() == [0, 1, 2]
+
+
+def test_the_record_must_be_the_one_that_was_fitted() -> None:
+    fit = made_fit()
+    said = "poses: expected the record that was fitted, got other time stamps; pass the same record."
+    with refuses(VideoError, said):
+        trace_of(fit, record(fit).part(5, 30))
+    assert trace_of(fit, record(fit)).rows == (0, 20)
+
+
+def test_the_fitted_frames_come_back_from_the_residual() -> None:
+    poses = fitted_poses(made_fit())
+    assert poses.frame.tolist() == list(range(20))
+    assert np.array_equal(poses.time, TIME)
+    assert np.flatnonzero(~poses.seen).tolist() == [7]

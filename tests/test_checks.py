@@ -1,0 +1,160 @@
+"""What a run refuses before it begins, and what it says of a clip without the mechanism."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monodyn.checks import (
+    camera_choices,
+    check_tracked,
+    chosen_mechanism,
+    clip_and_mechanism,
+    fitted_range,
+    prediction_times,
+    untracked,
+)
+from monodyn.errors import FitError, MechanismError, SettingsError
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.results.trace import frame_numbers
+from monodyn.settings import RunSettings
+from monodyn.types import Poses
+from monodyn.vision.clip.video import Video, read
+from support import EXAMPLES, ClipMaker, refuses
+
+MODEL = EXAMPLES / "double.xml"
+FOURIER, FREE = IdentifySettings(torque="fourier"), IdentifySettings(torque="free")
+
+
+@pytest.fixture
+def video(make_clip: ClipMaker) -> Video:
+    """A clip of 12 frames at 30 Hz."""
+    return read(make_clip())
+
+
+def poses(seen: int, count: int) -> Poses:
+    """Return the poses of a clip, the first of which were seen."""
+    position = np.where(np.arange(count)[:, None] < seen, 0.0, np.nan)
+    covariance = np.zeros((count, 1, 1))
+    return Poses(
+        ("joint1",), np.arange(count), np.arange(count) / 30, position, covariance, np.arange(count) < seen
+    )
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (RunSettings(bounds={"camera.depth": (1.0, 2.0)}),
+         "bounds of 'camera.depth': expected a parameter of the mechanism; give the camera's with fix."),
+        (RunSettings(fix={"torque.period": 1.0}),
+         "parameter 'torque.period': a torque over time belongs to --identify.torque fourier; "
+         "add that option, or leave the parameter out."),
+        (RunSettings(free=["joint1.torque.3"], identify=FREE),
+         "parameter 'joint1.torque.3': a free torque cannot be chosen; leave it out."),
+        (RunSettings(fix={"camera.zoom": 1.0}),
+         "parameter 'camera.zoom': expected one of the camera's (camera.x, camera.y, camera.depth, "
+         "camera.roll, camera.pitch, camera.yaw, camera.focal); correct the name."),
+    ],
+)  # fmt: skip
+def test_choices_that_are_refused(settings: RunSettings, message: str) -> None:
+    with refuses(SettingsError, message):
+        chosen_mechanism(MODEL, settings)
+
+
+def test_tables_have_no_camera() -> None:
+    said = (
+        "parameter 'camera.depth': expected one of the mechanism's; tables of joint positions have no "
+        "camera, leave it out."
+    )
+    with refuses(SettingsError, said):
+        chosen_mechanism(MODEL, RunSettings(fix={"camera.depth": 1.0}), camera=False)
+
+
+def test_a_model_has_a_name() -> None:
+    with refuses(MechanismError, "model: expected a file or a bundled name, got an empty one; name one."):
+        chosen_mechanism("", RunSettings())
+
+
+def test_choices_are_split_between_camera_and_mechanism() -> None:
+    settings = RunSettings(fix={"camera.depth": 2.0, "gravity": 9.8}, free=["camera.focal", "time_scale"])
+    assert camera_choices(settings) == ({"camera.depth": 2.0}, ["camera.focal"])
+    mechanism = chosen_mechanism(MODEL, settings)
+    assert mechanism.parameter("gravity").value == 9.8
+    assert mechanism.parameter("time_scale").free
+
+
+def test_a_periodic_torque_can_be_chosen_from() -> None:
+    settings = RunSettings(identify=FOURIER, bounds={"torque.period": (0.2, 0.4)})
+    period = chosen_mechanism(MODEL, settings).parameter("torque.period")
+    assert (period.value, period.lower, period.upper) == (0.4, 0.2, 0.4)
+
+
+def test_a_mechanism_without_shape_has_no_picture(make_clip: ClipMaker, tmp_path: Path) -> None:
+    model = tmp_path / "bare.xml"
+    model.write_text(
+        '<mujoco model="bare"><worldbody><body name="b"><joint name="j" axis="0 -1 0"/>'
+        '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>'
+    )
+    said = (
+        "mechanism 'bare': expected a moving body with a geom that a clip can show, got none; add its shape."
+    )
+    with refuses(MechanismError, said):
+        clip_and_mechanism(make_clip(), model, RunSettings())
+
+
+def test_a_background_that_is_not_there(make_clip: ClipMaker) -> None:
+    said = "background 'nowhere.png': expected a picture file, found none; check the path."
+    with refuses(SettingsError, said):
+        clip_and_mechanism(make_clip(), MODEL, RunSettings(background=Path("nowhere.png")))
+
+
+def test_frames_of_the_fit() -> None:
+    assert fitted_range(None, 12) == (0, 9)
+    assert fitted_range((3, None), 12) == (3, 12)
+    for first, stop in ((5, 900), (9, 3), (4, 5)):
+        said = (
+            f"fit-frames: expected a range of at least two frames within 0:12, got {first}:{stop}; "
+            "the clip has 12 frames."
+        )
+        with refuses(SettingsError, said):
+            fitted_range((first, stop), 12)
+
+
+def test_a_prediction_goes_on_in_steps_of_the_clip(video: Video) -> None:
+    assert np.array_equal(prediction_times(video, 9, None), video.times[9:])
+    times = prediction_times(video, 9, 0.5)
+    assert np.allclose(times, np.arange(9, 16) / 30.0)
+    assert frame_numbers(times, video.times, np.arange(12)).tolist() == list(range(9, 16))
+    assert np.allclose(prediction_times(video, 9, 0.32), [0.3])
+
+
+def test_ends_of_a_prediction_that_are_refused(video: Video) -> None:
+    said = "until: expected a time after the last fitted frame at 0.267 s, got 0.2 s."
+    with refuses(SettingsError, said):
+        prediction_times(video, 9, 0.2)
+    said = (
+        "until: expected at most 64.0333 s (the end of the clip, ten times its length and a minute, and no "
+        "more than 1000000 rows), got 1e+300 s."
+    )
+    with refuses(SettingsError, said):
+        prediction_times(video, 9, 1e300)
+
+
+def test_a_clip_without_the_mechanism_says_so(video: Video) -> None:
+    said = (
+        f"clip '{video.path}': expected the mechanism in frames 0 to 2, tracked it in none; "
+        "Light it better. Come closer."
+    )
+    with refuses(FitError, said):
+        check_tracked(poses(0, 3), video, ["Light it better.", "Come closer."])
+    check_tracked(poses(1, 3), video, [])
+
+
+def test_a_clip_that_is_tracked_in_parts_has_advice() -> None:
+    assert untracked(poses(9, 10)) == []
+    assert untracked(poses(8, 10)) == [
+        "Only 8 of 10 frames were tracked; a steadier background, another --segment.contrast or a better "
+        "start (--fix) may help."
+    ]

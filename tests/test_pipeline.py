@@ -1,0 +1,188 @@
+"""The composition from the inside: what is recorded, and one way from a fit to its files."""
+
+from __future__ import annotations
+
+import errno
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import monodyn
+from fits import identified, made_fit
+from monodyn import pipeline
+from monodyn.errors import FitError, SettingsError
+from monodyn.estimation.record.tables import write_poses
+from monodyn.mechanism import load
+from monodyn.pipeline import identify_tables, run, track_clip
+from monodyn.settings import RunSettings, settings_classes
+from monodyn.types import Camera, Poses
+from monodyn.vision.clip.video import read
+from support import ClipMaker, command, refuses
+from swings import TIMES, motion, record
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a table of the motion of the bundled single pendulum."""
+    mechanism = load("single")
+    path = tmp_path_factory.mktemp("table") / "swing.csv"
+    write_poses(record(mechanism, TIMES, motion(mechanism, TIMES, [0.5], [0.0])), path)
+    return path
+
+
+def seen(monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, *, last: int = 12, fit: Any = None) -> Path:
+    """Stand in for the stages: a clip of 12 frames that is tracked up to ``last``, and its fit."""
+    clip = make_clip()
+    video = read(clip)
+    position = np.where(np.arange(12)[:, None] < last, -1.0, np.nan)
+    poses = Poses(
+        ("joint1",), np.arange(12), video.times, position, np.zeros((12, 1, 1)), np.arange(12) < last
+    )
+    scene = SimpleNamespace(
+        camera=Camera(64, 48, 100.0), masks=SimpleNamespace(video=video), mechanism=load("single"),
+        spread={"camera.depth": 0.1, "camera.roll": 0.2}, advice=("The camera is a guess.",),
+    )  # fmt: skip
+    for stage, found in (("segment", scene.masks), ("locate", scene), ("track", poses), ("identify", fit)):
+        monkeypatch.setattr(pipeline, stage, lambda *args, found=found, **kwargs: found)
+    return clip
+
+
+def test_a_run_records_every_setting_of_every_stage(table: Path, tmp_path: Path) -> None:
+    identify_tables([table], "single", tmp_path / "fit")
+    settings = json.loads((tmp_path / "fit" / "run.json").read_text())["settings"]
+    for stage, kind in settings_classes().items():
+        assert set(settings[stage]) == set(kind.__dataclass_fields__)
+
+
+def test_a_report_in_python_is_the_report_of_a_run(table: Path, tmp_path: Path) -> None:
+    outcome = identify_tables([table], "single", tmp_path / "run")
+    assert outcome.fit is not None
+    monodyn.report(outcome.fit, to=tmp_path / "report", poses=outcome.poses)
+    for name in ("fit.json", "states.csv", "prediction.csv", "model.xml", "model.urdf"):
+        assert (tmp_path / "report" / name).read_bytes() == (tmp_path / "run" / name).read_bytes()
+
+
+def test_without_a_folder_nothing_is_written(table: Path) -> None:
+    outcome = identify_tables([table, table], "single")
+    assert (outcome.folder, len(outcome.traces), outcome.document["ok"]) == (None, 2, True)
+    assert [trace.name for trace in outcome.traces] == ["swing.csv", "swing.csv"]
+
+
+def test_a_tracked_clip_has_its_notes(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    clip = seen(monkeypatch, make_clip, last=9)
+    outcome = track_clip(clip, "single", tmp_path / "run")
+    assert outcome.notes[0] == "The camera is a guess."
+    assert outcome.notes[-1].startswith("Only 9 of 12 frames were tracked; ")
+    assert outcome.document["files"] == ["poses.csv", "run.json"]
+    assert list(outcome.seconds) == ["segment", "locate", "track"]
+
+
+def test_a_clip_without_the_mechanism_keeps_its_poses(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    clip = seen(monkeypatch, make_clip, last=0)
+    with pytest.raises(FitError, match=r"tracked it in none; The camera is a guess\. .*Only 0 of 12"):
+        track_clip(clip, "single", tmp_path / "run")
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "done"
+    with pytest.raises(FitError, match="in frames 0 to 8"):
+        run(clip, "single", tmp_path / "run", force=True)
+    left = json.loads((tmp_path / "run" / "unfinished" / "run.json").read_text())
+    assert left["status"] == "failed"
+
+
+def test_a_fit_that_found_nothing_writes_headers_and_a_film_of_what_was_tracked(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    refused = made_fit(ok=False, starts=(), status="Too few frames.")
+    clip = seen(monkeypatch, make_clip, fit=refused)
+    outcome = run(clip, "single", tmp_path / "run", RunSettings(fit_frames=(2, 8)))
+    assert outcome.document["fit_frames"] == [2, 8]
+    assert outcome.document["camera"]["std"] == {"camera.depth": 0.1 * refused.scale, "camera.roll": 0.2}
+    assert (outcome.folder, list(outcome.traces)) == (tmp_path / "run", [])
+    assert (tmp_path / "run" / "states.csv").read_text() == "frame,time,joint1,joint1_vel,joint1_std\n"
+    assert read(tmp_path / "run" / "overlay.mp4").count == 12
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "12 frames of 64 × 48 px over 0.37 s, with the model single." in page
+
+
+def test_free_torques_leave_the_distance_of_the_camera_open(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    clip = seen(monkeypatch, make_clip, fit=made_fit(ok=False, starts=(), torque="free"))
+    run(clip, "single", tmp_path / "run")
+    document = json.loads((tmp_path / "run" / "fit.json").read_text())
+    assert document["camera"]["std"] == {"camera.depth": None, "camera.roll": 0.2}
+
+
+def test_what_can_be_refused_is_refused_before_a_frame_is_read(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    clip = seen(monkeypatch, make_clip)
+
+    def never(*args: object, **kwargs: object) -> None:
+        raise AssertionError("a frame was read")
+
+    monkeypatch.setattr(pipeline, "segment", never)
+    said = (
+        "parameter 'camera.roll': the picture does not distinguish it from the angle of the first hinge; "
+        "level the camera, or give the roll with --fix camera.roll=VALUE [rad]."
+    )
+    with refuses(SettingsError, said):
+        run(clip, "single", tmp_path / "run", RunSettings(free=["camera.roll"]))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_prediction_has_the_frame_numbers_of_the_clip_and_goes_on(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    fit = identified()
+    part = made_fit(time=(fit.time[0][:9],), residual=(fit.residual[0][:9],))
+    clip = seen(monkeypatch, make_clip, fit=part)
+    outcome = run(clip, "single", tmp_path / "run", RunSettings(until=0.5))
+    (trace,) = outcome.traces
+    assert trace.future_frame is not None
+    assert trace.future_frame.tolist() == list(range(9, 16))
+    assert trace.rows == (0, 9)
+    assert list(outcome.seconds) == ["segment", "locate", "track", "identify", "predict", "results"]
+
+
+def test_ctrl_c_keeps_what_was_finished(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    clip, out = seen(monkeypatch, make_clip), tmp_path / "run"
+
+    def interrupt(*args: object, **kwargs: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pipeline, "identify", interrupt)
+    done = command("run", clip, "--model", "single", "--out", out, "--quiet")
+    assert done.code == 130
+    assert done.err == f"monodyn: interrupted; what was finished is in '{out}'.\n"
+    assert sorted(path.name for path in out.iterdir()) == ["poses.csv", "run.json"]
+    log = json.loads((out / "run.json").read_text())
+    assert (log["status"], log["files"]) == ("interrupted", ["poses.csv"])
+
+
+def test_a_full_disk_is_one_line_and_leaves_no_half_file(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    clip, out = seen(monkeypatch, make_clip), tmp_path / "new" / "run"
+
+    def full(poses: object, path: Path) -> None:
+        path.write_text("half a f")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(pipeline, "write_poses", full)
+    done = command("run", clip, "--model", "single", "--out", out, "--quiet")
+    assert (done.code, done.err) == (
+        2,
+        f"monodyn: out '{out}': cannot write poses.csv (No space left on device); "
+        "free some space or give another folder with --out.\n",
+    )
+    assert not (tmp_path / "new").exists()

@@ -1,0 +1,93 @@
+"""The settings of a run: what the stages take from it, and what is refused."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from dataclasses import dataclass, fields
+from typing import Any
+
+import pytest
+
+from monodyn.errors import SettingsError
+from monodyn.settings import STAGES, RunSettings, published_method, settings_classes
+from monodyn.vision.settings import LocateSettings, TrackSettings
+from support import refuses
+
+FLOATS = [
+    (stage, kind, setting.name)
+    for stage, kind in settings_classes().items()
+    for setting in fields(kind)
+    if isinstance(setting.default, float)
+]
+
+
+def test_the_seed_and_the_method_of_the_run_reach_its_stages() -> None:
+    settings = RunSettings(seed=5, method="paper", track=TrackSettings(method="fast"))
+    assert (settings.locate.seed, settings.identify.seed) == (5, 5)
+    assert settings.segment.method is None
+    methods = [getattr(settings, stage).method for stage in ("camera", "locate", "track", "identify")]
+    assert methods == ["paper", "paper", "fast", "paper"]
+
+
+def test_a_run_has_the_settings_of_every_installed_method() -> None:
+    settings = RunSettings(locate=LocateSettings(focal=900.0))
+    assert settings.locate.focal == 900.0
+    for stage, kind in settings_classes().items():
+        assert isinstance(getattr(settings, stage), kind)
+
+
+def test_importing_the_settings_loads_nothing_heavy() -> None:
+    heavy = ("numpy", "scipy", "numba", "mujoco", "cv2", "av", "plotly", "tyro")
+    code = (
+        f"import sys, monodyn.settings as s; s.RunSettings(); print([m for m in {heavy} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"seed": -1}, "seed: expected 0 or more, got -1; give a whole number."),
+        ({"method": "odd"}, "method: expected one of 'fast', 'paper', got 'odd'."),
+        ({"rate": 0.0}, "rate: expected 0.001 to 1e+06 Hz, got 0; give the true frames a second."),
+        ({"rate": math.nan}, "rate: expected 0.001 to 1e+06 Hz, got nan; give the true frames a second."),
+    ],
+)
+def test_settings_that_are_refused(given: dict[str, Any], message: str) -> None:
+    with refuses(SettingsError, message):
+        RunSettings(**given)
+
+
+@pytest.mark.parametrize(("stage", "kind", "name"), FLOATS, ids=[f"{s}.{n}" for s, _, n in FLOATS])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_no_number_of_a_stage_may_be_infinite(stage: str, kind: Any, name: str, value: float) -> None:
+    with pytest.raises(SettingsError, match=f"^{stage}.{name.replace('_', '[_-]')}: expected .*, got "):
+        kind(**{name: value})
+
+
+@pytest.mark.parametrize("where", [{"method": "paper"}, {"track": TrackSettings(method="paper")}])
+def test_a_method_that_is_not_installed_is_refused(
+    where: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "monodyn.paper.settings", None)
+    assert settings_classes() == STAGES
+    assert type(RunSettings().track) is TrackSettings
+    said = "method 'paper': the published method is not part of this installation; use the method 'fast'."
+    with refuses(SettingsError, said):
+        RunSettings(**where)
+
+
+def test_another_missing_module_is_no_choice_of_a_method() -> None:
+    with pytest.raises(ModuleNotFoundError), published_method():
+        import a_module_that_is_not_there  # type: ignore[import-not-found]  # noqa: F401
+
+
+def test_a_richer_class_of_a_stage_stays() -> None:
+    @dataclass(frozen=True)
+    class Wider(settings_classes()["track"]):
+        memory: int = 3
+
+    assert RunSettings(track=Wider(memory=5)).track.memory == 5
