@@ -1,13 +1,14 @@
 """The stages from a clip to a fit: one table of methods each, the published method beside the default one.
 
 A method is a function of its stage's signature; the settings of the stage name it. The published method is
-loaded when it is asked for, and the program runs without it.
+loaded only when it is chosen, and the program runs without it.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,10 +32,25 @@ PLACE = ("camera.x", "camera.y", "camera.depth")
 """Camera parameters that every method estimates."""
 
 
+@contextmanager
+def _published_method() -> Iterator[None]:
+    """Import the published method inside; where it is not installed, say so in one sentence."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        # another missing module is an error of the installation, not the choice of a method
+        if not (error.name or "").startswith("monodyn.paper"):
+            raise
+        raise SettingsError(
+            "method 'paper': the published method is not part of this installation; use the method 'fast'."
+        ) from error
+
+
 def _camera_behind(sought: Sought) -> Scene:
     """Locate by the default method, then find the camera by eq. (1) and (2) of the 2012 paper."""
-    from monodyn.paper.locate import camera_behind
-    from monodyn.paper.settings import PaperLocateSettings, published
+    with _published_method():
+        from monodyn.paper.locate import camera_behind
+        from monodyn.paper.settings import PaperLocateSettings, published
 
     settings = published(sought.settings, PaperLocateSettings)
     return camera_behind(find_scene(sought), sought.fix, level=settings.level)
@@ -42,8 +58,9 @@ def _camera_behind(sought: Sought) -> Scene:
 
 def _pose_before(sought: Sought) -> Scene:
     """Find pose and ratios by eq. (3) and (4) of the 2012 paper before the camera of the default method."""
-    from monodyn.paper.locate import pose_before
-    from monodyn.paper.settings import PaperLocateSettings, published
+    with _published_method():
+        from monodyn.paper.locate import pose_before
+        from monodyn.paper.settings import PaperLocateSettings, published
 
     def report(step: str, done: int, total: int | None) -> None:
         sought.progress(step, done, 5)
@@ -56,20 +73,23 @@ def _pose_before(sought: Sought) -> Scene:
 
 def _locate_published(sought: Sought) -> Scene:
     """Find camera, pose and ratios by Fig. 2 of the 2012 paper."""
-    from monodyn.paper.locate import locate_published
-    from monodyn.paper.settings import PaperLocateSettings, published
+    with _published_method():
+        from monodyn.paper.locate import locate_published
+        from monodyn.paper.settings import PaperLocateSettings, published
+        from monodyn.paper.start_model import StartModel
 
     settings = published(sought.settings, PaperLocateSettings)
-    start = sought.mechanism, sought.start_camera, sought.fix
-    return locate_published(sought.masks, *start, settings, progress=sought.progress)
+    model = StartModel(sought.mechanism, sought.start_camera, sought.fix)
+    return locate_published(sought.masks, model, settings, progress=sought.progress)
 
 
 def _track_published(
     masks: Masks, scene: Scene, settings: TrackSettings, progress: Progress | None = None
 ) -> Poses:
     """Minimize the mismatch of the silhouettes within move limits, eq. (5) of the 2012 paper."""
-    from monodyn.paper.settings import PaperTrackSettings, published
-    from monodyn.paper.track import track_published
+    with _published_method():
+        from monodyn.paper.settings import PaperTrackSettings, published
+        from monodyn.paper.track import track_published
 
     return track_published(masks, scene, published(settings, PaperTrackSettings), progress)
 
@@ -78,8 +98,9 @@ def _identify_published(
     records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
 ) -> Fit:
     """Identify by eq. (14) of the 2012 paper as published."""
-    from monodyn.paper.identify import identify_published
-    from monodyn.paper.settings import PaperIdentifySettings, published
+    with _published_method():
+        from monodyn.paper.identify import identify_published
+        from monodyn.paper.settings import PaperIdentifySettings, published
 
     return identify_published(records, mechanism, published(settings, PaperIdentifySettings), progress)
 
