@@ -5,13 +5,17 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pytest
 
-from support import EXAMPLES
+from monodyn import stages
+from monodyn.errors import SettingsError
+from support import EXAMPLES, refuses
 
 FRAMES = 30
+MESSAGE = "method 'paper': the published method is not part of this installation; use the method 'fast'."
 PROGRAM = """
 import sys
 
@@ -26,12 +30,13 @@ sys.exit(code)
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Take the first frames of the example as a folder of pictures."""
+    """Take the first frames of the example, at half its size."""
     folder = tmp_path_factory.mktemp("clip")
     film = cv2.VideoCapture(str(EXAMPLES / "double.mp4"))
     for i in range(FRAMES):
         _, picture = film.read()
-        cv2.imwrite(str(folder / f"{i:03d}.png"), picture)
+        size = (picture.shape[1] // 2, picture.shape[0] // 2)
+        cv2.imwrite(str(folder / f"{i:03d}.png"), cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
     return folder
 
 
@@ -57,15 +62,25 @@ def test_help_leaves_out_the_options_of_the_method() -> None:
     assert "--track.move-share" not in done.stdout
 
 
-@pytest.mark.parametrize(
-    "choice", [("--method", "paper"), ("--locate.method", "paper"), ("--camera.method", "paper")]
-)
-def test_the_method_is_refused_in_one_line(pictures: Path, tmp_path: Path, choice: tuple[str, str]) -> None:
+def test_no_stage_takes_the_method(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stage on its own refuses it before it looks at anything it is given."""
+    for name in [name for name in sys.modules if name.startswith("monodyn.paper")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "monodyn.paper", None)
+    nothing: Any = None
+    for methods in (("paper", "fast"), ("fast", "paper"), ("paper", "paper")):
+        with refuses(SettingsError, MESSAGE):
+            stages.LOCATE[methods](nothing)
+    with refuses(SettingsError, MESSAGE):
+        stages.TRACK["paper"](nothing, nothing, nothing, None)
+    with refuses(SettingsError, MESSAGE):
+        stages.IDENTIFY["paper"](nothing, nothing, nothing, None)
+
+
+def test_the_method_is_refused_in_one_line(pictures: Path, tmp_path: Path) -> None:
     model, out = EXAMPLES / "double.xml", tmp_path / "out"
-    words = ("run", pictures, "--model", model, "--rate", "30", "--out", out, "--quiet", *choice)
-    done = run_without_paper(*words)
+    words = ("run", pictures, "--model", model, "--rate", "30", "--out", out, "--quiet")
+    done = run_without_paper(*words, "--method", "paper")
     assert done.returncode == 2
-    assert done.stderr == (
-        "monodyn: method 'paper': the published method is not part of this installation; "
-        "use the method 'fast'.\n"
-    )
+    assert done.stdout == ""
+    assert done.stderr == f"monodyn: {MESSAGE}\n"
