@@ -166,8 +166,8 @@ def test_the_pose_can_be_found_before_the_default_camera(small: Masks, default: 
 def test_the_method_estimates_the_place_of_the_camera_alone(small: Masks) -> None:
     with refuses(
         SettingsError,
-        "parameter 'camera.focal': camera.method paper estimates camera.x, camera.y, camera.depth alone; leave "
-        "it out of --free, give the value with --fix, or use camera.method fast.",
+        "parameter 'camera.focal': camera.method paper estimates camera.x, camera.y, camera.depth alone; "
+        "leave it out of --free, give the value with --fix, or use camera.method fast.",
     ):
         monodyn.locate(
             small, monodyn.load(MODEL), camera=CameraSettings(method="paper"), free=("camera.focal",)

@@ -19,10 +19,10 @@ from monodyn.errors import MechanismError, SettingsError, VideoError
 from monodyn.mechanism import load
 from monodyn.paper.filter import Gains, filtered
 from monodyn.reproduce.cases import (
-    TORQUES,
+    CASE_TORQUES,
     Case,
     Design,
-    Plan,
+    FitPlan,
     parameter_errors,
     plans,
     rms,
@@ -38,7 +38,7 @@ from monodyn.reproduce.clip import (
 )
 from monodyn.reproduce.experiment import (
     EXPERIMENT,
-    FILES,
+    EXPERIMENT_FILES,
     START,
     Experiment,
     ReproduceSettings,
@@ -46,7 +46,7 @@ from monodyn.reproduce.experiment import (
     opened,
     reproduce,
 )
-from monodyn.reproduce.page import Content, Table, page_text, picture_rows
+from monodyn.reproduce.page import PageContent, Table, page_text, picture_rows
 from monodyn.reproduce.tables import case_row, csv_text, document, gain_row, main_cases, plain_rows
 from monodyn.reproduce.vision import Seen, aligned
 from monodyn.results.fill import States
@@ -102,7 +102,7 @@ def moved(case: str, error: float, states: str = "measured", frames: int = 40, n
         advice=(),
     )
     return Case(
-        Plan("fast", case, states, frames),
+        FitPlan("fast", case, states, frames),
         "made",
         fit,
         motion,
@@ -129,14 +129,14 @@ def test_true_angles_are_turned_to_the_measured_ones() -> None:
 def test_every_fit_is_planned_once() -> None:
     found = plans(Design(), 140)
     assert len(found) == len(set(found)) == 2 * (3 + 4 + 4) + 1
-    assert Plan("fast", "I", "measured", 60) in found
-    assert Plan("fast", "I", "measured", 60) not in plans(Design(), 99)
+    assert FitPlan("fast", "I", "measured", 60) in found
+    assert FitPlan("fast", "I", "measured", 60) not in plans(Design(), 99)
 
 
 def test_a_fit_is_measured_against_the_truth() -> None:
     rods = Pendulum()
     truth = simulated(ClipSettings(frames=90))
-    case = run_case(Plan("fast", "I", "measured", 40), seen(), truth, DESIGN)
+    case = run_case(FitPlan("fast", "I", "measured", 40), seen(), truth, DESIGN)
     assert case.fit is not None
     assert case.fit.ok
     # the noise of the poses stays in the residual; the fitted motion is well below it
@@ -156,7 +156,7 @@ def test_a_fit_is_measured_against_the_truth() -> None:
 
 
 def test_a_fit_that_fails_has_a_status() -> None:
-    case = run_case(Plan("paper", "I", "measured", 40), Seen("paper", "failed: lost"), None, DESIGN)
+    case = run_case(FitPlan("paper", "I", "measured", 40), Seen("paper", "failed: lost"), None, DESIGN)
     assert case.status == "no poses: failed: lost"
     assert case.fit is None
     row = case_row(case, ("joint1", "joint2"))
@@ -218,7 +218,7 @@ def test_a_verdict_that_is_missing_says_what_is_missing() -> None:
 def test_a_period_of_the_whole_clip_is_marked_wherever_the_case_stands() -> None:
     found = seen()
     # 20 frames are not much more than half a period of this motion
-    case = run_case(Plan("fast", "II", "measured", 20), found, None, DESIGN)
+    case = run_case(FitPlan("fast", "II", "measured", 20), found, None, DESIGN)
     assert case.fit is not None
     assert case.clip_period
     joints = ("joint1", "joint2")
@@ -228,7 +228,7 @@ def test_a_period_of_the_whole_clip_is_marked_wherever_the_case_stands() -> None
     assert "whole clip" not in verdicts(moved("I", 1e-3), moved("II", 5e-3))["Case II"].numbers
     assert plain_rows([marked], joints)[1][0][0] == "II*"
     both = {"fast": found, "paper": Seen("paper", "failed: x")}
-    assert "period from<br>the whole clip" in page_text(Content("", both, [marked], [], [], [], joints))
+    assert "period from<br>the whole clip" in page_text(PageContent("", both, [marked], [], [], [], joints))
 
 
 @pytest.mark.parametrize(
@@ -253,7 +253,9 @@ def test_unknowns_are_compared_with_the_printed_ones() -> None:
     found = verdicts(moved("I", 0.0), moved("II", 0.0), moved("III", 0.0))["There are"]
     assert found.held is None
     assert found.numbers.startswith("Case I 6, Case II 6, Case III 6: ")
-    fits = [replace(c, plan=replace(c.plan, method="paper")) for c in map(partial(moved, error=0.0), TORQUES)]
+    fits = [
+        replace(c, plan=replace(c.plan, method="paper")) for c in map(partial(moved, error=0.0), CASE_TORQUES)
+    ]
     claim = claims({"fast": seen(), "paper": replace(seen(), method="paper")}, fits, DESIGN)[-1]
     assert claim.verdicts["paper"].held is False
     assert claim.verdicts["paper"].numbers == "Case I 6, Case II 6, Case III 6 with k = 40"
@@ -262,13 +264,13 @@ def test_unknowns_are_compared_with_the_printed_ones() -> None:
 def test_the_page_shows_tables_figures_and_pictures_without_a_network() -> None:
     truth = simulated(ClipSettings(frames=90))
     both = {"fast": seen(), "paper": Seen("paper", "failed: <lost>")}
-    failed = Case(Plan("paper", "II", "measured", 40), "failed: no period")
+    failed = Case(FitPlan("paper", "II", "measured", 40), "failed: no period")
     cases = [moved("I", 1e-3), moved("I", 2e-3, "filtered"), moved("II", 5e-3), failed, moved("III", 0.0)]
     cases += [moved("I", 1e-3, frames=n) for n in (20, 30)]
     joints = ("joint1", "joint2")
     shown = figures(both, cases, truth, DESIGN)
     frame = Frame(0, 0.0, np.full((480, 720), 90, np.uint8))
-    content = Content(
+    content = PageContent(
         "About.", both, cases, claims(both, cases, DESIGN), shown, picture_rows([frame], both), joints
     )
     text = page_text(content)
@@ -312,7 +314,7 @@ def test_the_table_says_by_how_much_the_default_method_is_better() -> None:
     assert gain["seconds"] == pytest.approx(0.5)
     assert plain_rows(cases, joints)[1][2][2:6] == ["published / default", "–", "1", "0.5"]
     both = {"fast": seen(), "paper": replace(seen(), method="paper", seconds_locate=3.0)}
-    text = page_text(Content("", both, cases, [], [], [], joints))
+    text = page_text(PageContent("", both, cases, [], [], [], joints))
     row = re.search(r"<td class=\"text\">ratio</td>(.*?)</tr>", text, flags=re.S)[1]
     assert re.findall(r"[\d.]+×", row)[:2] == ["1×", "0.5×"]
     assert row.count("<td>4× · 4×</td>") == 2
@@ -330,7 +332,7 @@ def test_columns_without_a_number_are_left_out() -> None:
     assert table.rows == [("", ["a", "1"]), ("last", ["b", "–"])]
     untold = {"fast": replace(seen(), errors=None), "paper": Seen("paper", "failed: x")}
     cases = [replace(moved(name, 1e-3), error=None) for name in ("I", "II")]
-    text = page_text(Content("", untold, cases, [], [], [], ("joint1", "joint2")))
+    text = page_text(PageContent("", untold, cases, [], [], [], ("joint1", "joint2")))
     assert "truth [°]" not in text
     assert "l1 [%]" not in text
     columns, rows = plain_rows(cases, ("joint1", "joint2"))
@@ -410,7 +412,7 @@ def test_the_experiment_runs_from_the_clip_to_the_page(tmp_path: Path) -> None:
     settings = ReproduceSettings(ClipSettings(frames=90), design)
     steps: list[str] = []
     made = reproduce(tmp_path, settings, progress=lambda step, done, total: steps.append(step))
-    assert {path.name for path in tmp_path.iterdir()} == set(FILES)
+    assert {path.name for path in tmp_path.iterdir()} == set(EXPERIMENT_FILES)
     assert dict.fromkeys(steps) == dict.fromkeys(["clip", "background", "locate", "track", "fits"])
     assert len(made.cases) == len(plans(design, 90))
     for case in made.cases:
