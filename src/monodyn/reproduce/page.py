@@ -216,9 +216,9 @@ def _remarks(cases: Sequence[Case]) -> list[str]:
     published, default = free.get("paper"), free.get("fast")
     if published is not None and default is not None and np.any(default > published):
         found.append(
-            "In Case III the residual of the default method may be larger than the published one, because it "
-            "does not follow the noise of the poses from frame to frame. The errors against the truth and of "
-            "the prediction are the ones to compare."
+            "In Case III the default method has the larger residual where it does not follow the noise of "
+            "the poses from frame to frame. The errors against the truth and of the prediction are the ones "
+            "to compare."
         )
     if any(case.clip_period for case in cases):
         found.append(
