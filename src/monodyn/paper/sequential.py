@@ -109,6 +109,7 @@ def reach_of(rig: Rig) -> float:
     Args:
         rig: The mechanism.
     """
+    # parents come before their children, so one pass adds the distances between the joints of each chain
     stretch = np.zeros(len(rig.parent))
     for i, parent in enumerate(rig.parent):
         if parent >= 0:

@@ -88,6 +88,7 @@ class ClipSilhouettes:
         Raises:
             VideoError: the mechanism stands out from the background in no frame.
         """
+        # samples are spread over the motion, so even steps among them show the mechanism in unlike poses
         frames = [first, *(frame for frame in self.masks.samples.frames if frame.index != first.index)]
         picks = [0, *np.unique(np.linspace(1, len(frames) - 1, WITNESSES).round().astype(int))]
         found = [shown for i in picks if (shown := self.find(frames[i])) is not None]

@@ -266,6 +266,7 @@ def pose_directions(rig: Rig, position: np.ndarray, free: np.ndarray) -> np.ndar
     Returns:
         Directions as columns [rad or m by px], (free, free).
     """
+    # the metric is that of the picture: equal steps along its axes move the outline equally far
     here = outline_points(rig, position)
     slopes = np.empty((len(free), here.size))
     for k, i in enumerate(free):

@@ -142,6 +142,7 @@ def silhouette_image(silhouette: np.ndarray, *, shrink: int = 1) -> SilhouetteIm
     part = silhouette[: height * shrink, : width * shrink]
     weight = (part != OPEN).astype(np.float32)
     covered = cv2.threshold(part, OPEN, 1, cv2.THRESH_BINARY)[1]
+    # merged pixels hold the share that is covered and known, so that area and mismatch stay linear
     if shrink > 1:
         size = (width, height)
         part, weight, covered = (
@@ -149,6 +150,7 @@ def silhouette_image(silhouette: np.ndarray, *, shrink: int = 1) -> SilhouetteIm
             for a in (part, weight, covered.astype(np.float32))
         )
     moments = cv2.moments(covered)
+    # centroid and area count pixels that the mechanism covers, open ones with neither side
     area = moments["m00"]
     if not area > 0.0:
         raise VideoError(

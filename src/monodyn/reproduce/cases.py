@@ -174,6 +174,7 @@ def run_case(plan: FitPlan, seen: Seen, truth: Truth | None, design: Design) -> 
         seconds = time.perf_counter() - began
         if not fit.starts:
             return Case(plan, fit.status, fit, seconds=seconds)
+        # beyond the fitted frames, to the end of the last ones that any fit is compared on
         last = min(len(seen.poses), max(design.lengths) + design.ahead)
         motion = fill(fit, seen.poses.time[:last])
     except CASE_FAILURES as error:

@@ -199,6 +199,7 @@ def simulated(settings: ClipSettings) -> Truth:
     data.qpos[:] = rods.start
     position, velocity = [], []
     for _ in range(settings.frames):
+        # the state at the start of each frame, so that frame 0 is at rest
         position.append(data.qpos.copy())
         velocity.append(data.qvel.copy())
         mujoco.mj_step(model, data, substeps)
@@ -246,6 +247,7 @@ def faces(settings: ClipSettings, position: np.ndarray) -> list[list[tuple[np.nd
         visible = []
         for corners, outward in _box_faces(low, high):
             world, normal = corners @ axes.T + hinge, axes @ outward
+            # a face is seen from its outer side alone; those of a convex body never hide each other
             if normal @ (eye - world[0]) > 0:
                 shade = AMBIENT + (1.0 - AMBIENT) * max(0.0, float(normal @ LAMP))
                 visible.append((project(camera, world), shade))
@@ -274,7 +276,7 @@ def project(camera: Camera, points: np.ndarray) -> np.ndarray:
 
     Args:
         camera: A camera without roll, pitch and yaw.
-        points: x to the right, y up, z toward the camera.
+        points: x to the right, y up, z toward the camera, (point, 3).
     """
     scale = camera.focal / (camera.depth - points[:, 2])
     column = (camera.width - 1) / 2 + scale * (points[:, 0] - camera.x)
@@ -292,7 +294,8 @@ def coverage(polygon: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice,
         shape: Height and width of the picture [px].
 
     Returns:
-        Rows and columns of the part of the picture that the polygon can touch, and the shares there.
+        Rows and columns of the part of the picture that the polygon can touch, and the shares there,
+        float32 (row, column).
     """
     first = np.maximum(np.floor(polygon.min(axis=0) + 0.5).astype(int), 0)
     stop = np.minimum(np.ceil(polygon.max(axis=0) + 0.5).astype(int), shape[::-1])
@@ -331,6 +334,7 @@ def wall(settings: ClipSettings, rng: np.random.Generator) -> np.ndarray:
     import cv2
 
     height, width = settings.camera.height, settings.camera.width
+    # three scales of mottling: the mask must not depend on a background that is all of one grey
     grain = np.zeros((height, width))
     for cells, strength in ((6, 7.0), (40, 4.0), (180, 2.5)):
         coarse = rng.normal(size=(cells * height // width + 2, cells + 2))

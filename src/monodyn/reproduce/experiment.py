@@ -137,9 +137,8 @@ def reproduce(
         raise SettingsError(
             f"reproduce: expected --clip and --model together, got --{given} alone; add --{other}."
         )
-    folder = RunFolder(out, force=force, inputs=(clip, model), content=EXPERIMENT)
+    folder, truth = RunFolder(out, force=force, inputs=(clip, model), content=EXPERIMENT), None
     with folder.filling():
-        truth = None
         if clip is None or model is None:
             clip, model, truth = _made(folder, settings.clip, progress)
         video, mechanism = opened(clip, model, settings.design)
@@ -155,6 +154,7 @@ def _run(
     video: Video, mechanism: Mechanism, truth: Truth | None, design: Design, progress: Progress | None
 ) -> tuple[dict[str, Seen], list[Case]]:
     """Find poses and fits with both methods, from the same masks."""
+    # the same foreground for both, so that they differ in nothing but the method
     masks, gains = segment(video, progress=progress), Gains.of(design.gains)
     seen = {method: see(method, masks, mechanism, truth, gains, progress) for method in BOTH_METHODS}
     return seen, run_cases(seen, truth, design, progress)
@@ -248,6 +248,7 @@ def _content(made: Experiment, video: Video, truth: Truth | None, settings: Repr
 
 def _frames(video: Video, stop: int) -> list[Frame]:
     """Return a few frames spread over the fitted ones."""
+    # decoding stops after the last one: the rest of the clip is not shown
     wanted = {round(i * (stop - 1) / (SHOWN_FRAMES - 1)) for i in range(SHOWN_FRAMES)}
     found = []
     for frame in video.frames():

@@ -167,6 +167,7 @@ def _case_panels(case: Case | None, seen: Seen, design: Design) -> list[dict[str
     stop = min(case.plan.frames + design.ahead, len(case.motion.time))
     time, position = case.motion.time[:stop], case.motion.position[:stop]
     measured = seen.poses.position[:stop]
+    # the true angles, turned to the measured ones, are what the errors were taken against
     true = None if seen.errors is None else measured - seen.errors[:stop]
     window = [float(time[0]), float(time[case.plan.frames - 1])]
     name, panels = TITLES[seen.method], []
@@ -230,6 +231,7 @@ def history_figure(seen: Seen) -> Figure | None:
     contents: tuple[list, list] = ([], [])
     done, across = 0, "silhouettes drawn"
     for history in seen.scene.history:
+        # the abscissa runs on over all sub-problems, so that their alternation is visible
         which, colour, name = PROBLEMS[history.problem]
         shown = history.values >= LEAST_SHOWN
         if shown.any():

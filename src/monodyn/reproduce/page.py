@@ -241,6 +241,7 @@ def _poses(seen: Mapping[str, Seen], joints: Sequence[str]) -> Table:
         cells += [_number(row["silhouettes_a_frame"]), _number(None if each is None else 1000.0 * each)]
         cells += [_number(first) if counted else "not counted", _number(row["seconds_locate"])]
         rows.append(("", [*cells, row["status"]]))
+    # the default method draws no silhouettes while it tracks: without a quotient both numbers are shown
     gain = gain_row(found["paper"], found["fast"])
     drawn = [_number(row["silhouettes_a_frame"]) for row in found.values()]
     cells = ["ratio", "", _joints(gain, "error", joints, _times)]
@@ -277,6 +278,7 @@ def _starts(cases: Sequence[Case], joints: Sequence[str]) -> Table:
     chosen = [c for c in cases if (c.plan.case, c.plan.states, c.plan.frames) == ("I", "measured", frames)]
     chosen.sort(key=lambda c: (BOTH_METHODS.index(c.plan.method), c.plan.start))
     values = [parameter_values(case) for case in chosen]
+    # parameters of either method, in the order of the first fit that has them
     names = list(dict.fromkeys(name for found in values for name in found if not name.endswith(".offset")))
     rows = []
     for case, found in zip(chosen, values, strict=True):
@@ -326,6 +328,7 @@ def model_picture(scene: Scene, position: np.ndarray) -> bytes:
     picture = np.full((scene.camera.height, scene.camera.width), 24, np.uint8)
     if np.all(np.isfinite(position)):
         for i, (_, polygon) in enumerate(outline(scene.mechanism, scene.camera, position)):
+            # four bits of fractions: the outline is drawn to a sixteenth of a pixel
             points = [np.round(polygon * 16.0).astype(np.int32)]
             cv2.fillPoly(picture, points, SHADES[i % len(SHADES)], cv2.LINE_AA, 4)
     return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes()

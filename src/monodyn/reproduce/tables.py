@@ -75,6 +75,7 @@ def gain_row(published: Mapping[str, Any], default: Mapping[str, Any]) -> dict[s
     for name, above in published.items():
         if name == "evaluations" or name.startswith("seconds") or name.endswith("_deg"):
             below = default[name]
+            # a zero is a count that was not taken or an exact solution; neither has a ratio
             found[name] = _short(above / below) if above and below else None
     return found
 
