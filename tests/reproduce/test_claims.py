@@ -80,7 +80,7 @@ def test_starts_are_judged_by_parameters_and_motion() -> None:
     assert changed.held is True
     assert changed.numbers == (
         "2 starts: joint1.damping differs by a factor of 2; of lengths and ratios b1/m1 differs most, by "
-        "67 %; motions over 80 frames are at most 0° apart"
+        "67 %; largest difference of motion over 80 frames 0°"
     )
     far = replace(moved("I", 2e-1), plan=again.plan, fit=other)
     assert verdicts(first, far)["Different starts"].held is False

@@ -106,8 +106,8 @@ class PaperPoses(Poses):
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
-    """What a frame gave.
+class FrameOutcome:
+    """What following the mechanism into a frame gave.
 
     Attributes:
         motion: The motion from here on, or None before the mechanism was seen.
@@ -177,7 +177,7 @@ def next_pose(
     time: float,
     settings: PaperTrackSettings,
     known: np.ndarray | None,
-) -> Followed:
+) -> FrameOutcome:
     """Find the pose in the next frame.
 
     Args:
@@ -212,12 +212,12 @@ def next_pose(
             found, share = wide, left / image.area
     if share > most:
         # what hides the mechanism would pull the pose along; the last seen state stays, its limits widen
-        return Followed(replace(motion, lost=motion.lost + 1), None, drawings)
+        return FrameOutcome(replace(motion, lost=motion.lost + 1), None, drawings)
     apart = time - motion.time
     velocity = (found.position - motion.position) / apart
     usual = motion.usual + USUAL_GAIN * (share - motion.usual)
     state = MotionState(time, found.position, velocity, motion.frames + 1, 0, usual)
-    return Followed(state, found.position, drawings)
+    return FrameOutcome(state, found.position, drawings)
 
 
 def move_limits(
@@ -312,7 +312,7 @@ def _first(
     time: float,
     settings: PaperTrackSettings,
     known: np.ndarray | None,
-) -> Followed:
+) -> FrameOutcome:
     """Find the first pose: near where it is known, else from anywhere within the joint ranges."""
     if known is None:
         found, left, drawings = pose_by_beam(image, view)
@@ -323,9 +323,9 @@ def _first(
         limits = np.array([np.maximum(known - move, low), np.minimum(known + move, high)])
         found, share, drawings = _within(image, replace(view, position=known), limits)
     if share > FIRST_MISMATCH:
-        return Followed(None, None, drawings)
+        return FrameOutcome(None, None, drawings)
     at_rest = np.zeros(len(found.position))
-    return Followed(MotionState(time, found.position, at_rest, 1, 0, share), found.position, drawings)
+    return FrameOutcome(MotionState(time, found.position, at_rest, 1, 0, share), found.position, drawings)
 
 
 def _within(image: SilhouetteImage, view: ModelView, limits: np.ndarray) -> tuple[ModelView, float, int]:

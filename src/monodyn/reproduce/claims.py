@@ -212,7 +212,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
     told = f"{len(fits)} starts: {most} differs by a factor of {spread[most]:.3g}"
     if evidence.seen.errors is not None:
         told += _ratios([identifiable(fit.mechanism) for fit, _ in fits])
-    told += f"; motions over {stop} frames are at most {degrees(apart)} apart"
+    told += f"; largest difference of motion over {stop} frames {degrees(apart)}"
     return Verdict(bool(spread[most] > 1.0 + OTHER and apart < SAME), told)
 
 
