@@ -1,4 +1,4 @@
-"""Print the published method beside the default one, and the torque models, on clips with known truth.
+"""Compare the published method with the default one, and the torque models, on clips with known truth.
 
 Run: ``MONODYN_DATA=<folder> python benchmarks/published.py [--only NAME ...] [--json FILE] [--gate]``.
 Frames 0:40 of the passive clips are fitted and the next 40 predicted; 0:200 of the driven one are fitted.
@@ -55,10 +55,10 @@ class Outcome:
 
 
 def main() -> int:
-    """Run what was asked for and print the table; 2 when the data are missing."""
+    """Run the chosen clips and print the table; return 2 when the data are missing."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=CLIPS, metavar="NAME", help=f"of {', '.join(CLIPS)}")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures there")
     parser.add_argument("--gate", action="store_true", help="exit code 1 when a target is missed")
     options = parser.parse_args()
     data = Path(os.environ.get("MONODYN_DATA") or "missing")
@@ -157,7 +157,7 @@ def against_truth(case: str, found: Outcome, truth: np.ndarray, *, asked: bool) 
 
 
 def compared(name: str, paper: Outcome, fast: Outcome, truth: np.ndarray) -> list[Figure]:
-    """Say by how much the default method is better, as ratios that must exceed one.
+    """Return by how much the default method is better, as ratios that must exceed one.
 
     Args:
         name: Name of the clip.

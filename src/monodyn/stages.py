@@ -62,10 +62,11 @@ def _locate_published(sought: Sought) -> Scene:
     with published_method():
         from monodyn.paper.locate import locate_published
         from monodyn.paper.settings import PaperLocateSettings, published
+        from monodyn.paper.start_model import StartModel
 
     settings = published(sought.settings, PaperLocateSettings)
-    start = sought.mechanism, sought.start_camera, sought.fix
-    return locate_published(sought.masks, *start, settings, progress=sought.progress)
+    model = StartModel(sought.mechanism, sought.start_camera, sought.fix)
+    return locate_published(sought.masks, model, settings, progress=sought.progress)
 
 
 def _track_published(

@@ -1,53 +1,52 @@
-"""What one picture may mean: the published framework from several starts, told apart by other pictures.
+"""How one picture may be interpreted: the published framework from several starts, then a decision.
 
-One picture of a chain reads from either end, so the starts that explain the picture equally well are told
-apart by the pose problem (3) in a few other frames: the first hinge has to stay where it is.
+The picture of a chain does not show which of its ends is the hinge. So starts that explain the picture
+equally well are compared by the pose problem (3) in a few other frames: there the first hinge has to be in
+the same place.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.errors import VideoError
-from monodyn.mechanism import Mechanism
-from monodyn.paper.sequential import Effort, sequential
-from monodyn.paper.slide_gauge import released
-from monodyn.paper.starts import SEEDS, evolved_starts, spread_pose, spread_starts
+from monodyn.mechanism.tree import HINGE
+from monodyn.paper.placed import DEPTH, X
+from monodyn.paper.sequential import RoundSchedule, sequential
+from monodyn.paper.settings import PaperLocateSettings
+from monodyn.paper.silhouettes import SilhouetteFrame
+from monodyn.paper.start_model import StartModel
+from monodyn.paper.starts import EVOLUTIONS, evolved_starts, grid_starts, pose_by_beam
 from monodyn.paper.subproblems import History, mismatch
-from monodyn.paper.threshold import holds, otsu_level, silhouette
-from monodyn.paper.view import DEPTH, Seen, View, X, seen
-from monodyn.types import Camera, Frame, Progress
+from monodyn.paper.view import ModelView, silhouette_image
+from monodyn.types import Frame, Progress
 from monodyn.vision.drawing.camera import shrunk
-from monodyn.vision.foreground.masks import Masks
 
-COARSE_PX = 150
-"""Largest side of the moving part in the reduced picture that starts are ranked in [px]."""
 STARTS, FINALISTS = 6, 4
 """Starts of the local search in the reduced picture by joint, and those that go on in the whole one."""
-ALIKE = 0.05
-"""Finalists explain the picture but for this share of its area more than the best."""
-WITNESSES = 8
-"""Further frames that tell the finalists apart."""
+EQUIVALENT_SHARE = 0.05
+"""Finalists are kept whose mismatch exceeds the least one by at most this share of the silhouette's area."""
+DISTINCT_ANGLE = 0.1
+"""Ends of the search are distinct when they differ by this angle at some hinge [rad]."""
 ACCEPTED = 0.06
-"""Mean share of mismatch in the further frames with which neither another picture nor a background without
+"""Mean share of mismatch in the other frames with which neither another picture nor a background without
 the mechanism is tried."""
-PICTURES = 4
-"""Pictures that the framework is tried on at the most, the first frame before others."""
+MOST_PICTURES = 4
+"""Pictures that the framework is tried on at most, the first frame before others."""
 COARSE_SHARE = 0.5
 """Share of the silhouettes left that the starts in the reduced picture may draw."""
-ROUGH = Effort(rounds=10, least=0.2, gain=2e-3)
-"""For starts in the reduced picture."""
+COARSE_SCHEDULE = RoundSchedule(rounds=10, least=0.2, gain=2e-3)
+"""Rounds in the reduced picture."""
 
 
-class Meter:
-    """Counts the silhouettes that a search draws, and tells how far it is.
+class DrawingBudget:
+    """Counts the silhouettes that a search draws against a limit, and reports progress.
 
     Attributes:
-        most: Silhouettes at the most; the part of the search that passes it still ends.
+        most: Silhouettes at most; the part of the search that passes the limit still ends.
         drawn: Silhouettes so far.
-        cut: True once something was left out because they were used up.
+        cut: True once something was left out because the silhouettes were used up.
     """
 
     def __init__(self, most: int, progress: Progress | None = None) -> None:
@@ -55,14 +54,14 @@ class Meter:
         self._progress, self._done, self._total = progress, 0, 0
 
     def expect(self, steps: int) -> None:
-        """Set out on a part of the search; whatever was left of the one before is done.
+        """Begin a part of the search; steps that the part before left out count as done.
 
         Args:
-            steps: Its steps at the most.
+            steps: Its steps at most.
         """
         self._done = self._total
         self._total += steps
-        self._tell()
+        self._report()
 
     def step(self, drawings: int) -> None:
         """Count a step.
@@ -72,7 +71,7 @@ class Meter:
         """
         self.drawn += drawings
         self._done += 1
-        self._tell()
+        self._report()
 
     def over(self, limit: float | None = None) -> bool:
         """Return whether the silhouettes are used up, and remember it.
@@ -84,124 +83,128 @@ class Meter:
         self.cut = self.cut or over
         return over
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         if self._progress is not None:
             self._progress("locate", self._done, self._total)
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
-    """A picture of the clip and its silhouette.
-
-    Attributes:
-        frame: The picture.
-        image: Its silhouette.
-        drawn: The silhouette as a picture, uint8 (height, width).
-    """
-
-    frame: Frame
-    image: Seen
-    drawn: np.ndarray = field(repr=False)
-
-
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """One reading of a picture.
+class Interpretation:
+    """One interpretation of a picture.
 
     Attributes:
         frame: The picture.
         view: Mechanism, camera and pose.
-        strange: Mean share of mismatch in other frames.
+        cross_mismatch: Mean share of mismatch in other frames, with the pose alone found anew.
         history: The sub-problems that led to it.
     """
 
     frame: Frame
-    view: View
-    strange: float
+    view: ModelView
+    cross_mismatch: float
     history: tuple[History, ...]
 
 
-def read(
-    shots: list[Shot], held: View, mechanism: Mechanism, camera: Camera, reach: int, meter: Meter,
-    *, start: str = "spread", seed: int = 0,
-) -> Reading:  # fmt: skip
-    """Return the reading of one picture that explains the others best; the first that serves is taken.
+def interpret(
+    shown: list[SilhouetteFrame],
+    model: StartModel,
+    settings: PaperLocateSettings,
+    budget: DrawingBudget,
+    *,
+    shrink: int,
+) -> Interpretation:
+    """Return the interpretation of one picture that explains the others best; the first good one is taken.
 
     Args:
-        shots: Pictures with a silhouette, the first before others.
-        held: The mechanism as it starts, from ``start_view``.
-        mechanism: The mechanism.
-        camera: Start camera.
-        reach: Largest side of the part of the picture that moves [px].
-        meter: Counts; a search that passes its limit ends with the best so far.
-        start: Where the local search starts: ``spread`` or ``evolution``.
-        seed: Seed of the evolution.
+        shown: Frames with a silhouette, the first one before others.
+        model: The mechanism and the camera that the search starts with.
+        settings: ``start`` and ``seed``.
+        budget: Counts the silhouettes; a search that passes its limit ends with the best so far.
+        shrink: Pixels by side that are merged into one where starts are ranked.
     """
-    shrink = max(1, round(reach / COARSE_PX))
-    every = max(1, (len(shots) - 1) // (PICTURES - 1))
-    best: Reading | None = None
-    for shot in [shots[0], *shots[1::every]][:PICTURES]:
-        if best is not None and meter.over():
+    start = model.view()
+    every = max(1, (len(shown) - 1) // (MOST_PICTURES - 1))
+    best: Interpretation | None = None
+    # links that hide each other in one picture stand apart in another, so a bad best moves on to the next one
+    for own in [shown[0], *shown[1::every]][:MOST_PICTURES]:
+        if best is not None and budget.over():
             break
-        others = [other for other in shots if other is not shot]
-        meter.expect(1 + 2 * FINALISTS + (SEEDS if start == "evolution" else STARTS * len(held.position)))
-        for view, history in _readings(shot, held, start, seed, shrink, meter):
-            strange, drawings = strangeness(released(view, mechanism, camera), others)
-            meter.step(drawings)
-            if best is None or strange < best.strange:
-                best = Reading(shot.frame, view, strange, history)
-        if best is not None and best.strange < ACCEPTED:
+        others = [other for other in shown if other is not own]
+        starts = EVOLUTIONS if settings.start == "evolution" else STARTS * len(start.position)
+        budget.expect(1 + 2 * FINALISTS + starts)
+        for view, history in _interpretations(own, start, settings, budget, shrink):
+            share, drawings = cross_mismatch(model.released(view), others)
+            budget.step(drawings)
+            if best is None or share < best.cross_mismatch:
+                best = Interpretation(own.frame, view, share, history)
+        if best is not None and best.cross_mismatch < ACCEPTED:
             break
-    assert best is not None, "every picture has a reading"
+    assert best is not None, "every picture has an interpretation"
     return best
 
 
-def _readings(
-    shot: Shot, held: View, start: str, seed: int, shrink: int, meter: Meter
-) -> list[tuple[View, tuple[History, ...]]]:
-    """Return the readings of one picture that explain it about as well as the best."""
-    small = seen(shot.drawn, shrink=shrink)
-    whole = held.base.camera
-    coarse = held.before(shrunk(whole, shrink))
-    limit = meter.drawn + COARSE_SHARE * (meter.most - meter.drawn)
-    if start == "evolution":
-        starts, drawings = evolved_starts(small, coarse, seed=seed)
-    else:
-        starts, drawings = spread_starts(small, coarse, STARTS * len(coarse.position))
-    meter.step(drawings)
-    rough: list[tuple[float, View]] = []
-    for candidate in starts:
-        if rough and meter.over(limit):
+def _interpretations(
+    own: SilhouetteFrame, start: ModelView, settings: PaperLocateSettings, budget: DrawingBudget, shrink: int
+) -> list[tuple[ModelView, tuple[History, ...]]]:
+    """Return the interpretations of one picture that explain it about as well as the best."""
+    whole = start.base.camera
+    found: list[tuple[float, ModelView, tuple[History, ...]]] = []
+    for candidate in _finalists(own, start, settings, budget, shrink)[:FINALISTS]:
+        if found and budget.over():
             break
-        view, history = sequential(small, candidate, ROUGH)
-        rough.append((mismatch(small, view.rig, view.position), view))
-        meter.step(drawings_of(history))
-    readings: list[tuple[float, View, tuple[History, ...]]] = []
-    for _, candidate in _different(sorted(rough, key=lambda pair: pair[0]))[:FINALISTS]:
-        if readings and meter.over():
-            break
+        # the place in metres is that of the whole picture; focal length and centre are its own
         camera = whole.copy()
         camera[X : DEPTH + 1] = candidate.base.camera[X : DEPTH + 1]
-        view, history = sequential(shot.image, candidate.before(camera))
-        readings.append((mismatch(shot.image, view.rig, view.position), view, history))
-        meter.step(drawings_of(history))
-    least = min(value for value, _, _ in readings)
-    return [(view, history) for value, view, history in readings if value <= least + ALIKE * shot.image.area]
+        view, history = sequential(own.image, candidate.before(camera))
+        found.append((mismatch(own.image, view.rig, view.position), view, history))
+        budget.step(drawings_of(history))
+    least = min(value for value, _, _ in found)
+    most = least + EQUIVALENT_SHARE * own.image.area
+    return [(view, history) for value, view, history in found if value <= most]
 
 
-def _different(rough: list[tuple[float, View]]) -> list[tuple[float, View]]:
-    """Leave out what came to the same pose as a better one."""
-    kept: list[tuple[float, View]] = []
-    for value, view in rough:
-        hinge = view.base.kind == 0
-        turns = [(view.position - other.position + np.pi) % (2.0 * np.pi) - np.pi for _, other in kept]
-        if all(np.any(np.abs(turn[hinge]) > 0.1) for turn in turns):
-            kept.append((value, view))
+def _finalists(
+    own: SilhouetteFrame, start: ModelView, settings: PaperLocateSettings, budget: DrawingBudget, shrink: int
+) -> list[ModelView]:
+    """Return distinct ends of the framework in the reduced picture, the best first.
+
+    There a silhouette costs little, so many starts can be followed; the sizes of the ends are right to a
+    reduced pixel, which is near enough for the framework in the whole picture.
+    """
+    small = silhouette_image(own.silhouette, shrink=shrink)
+    coarse = start.before(shrunk(start.base.camera, shrink))
+    # half of what is left at the start; the finalists in the whole picture need the rest
+    limit = budget.drawn + COARSE_SHARE * (budget.most - budget.drawn)
+    if settings.start == "evolution":
+        starts, drawings = evolved_starts(small, coarse, seed=settings.seed)
+    else:
+        starts, drawings = grid_starts(small, coarse, STARTS * len(coarse.position))
+    budget.step(drawings)
+    ends: list[tuple[float, ModelView]] = []
+    for candidate in starts:
+        if ends and budget.over(limit):
+            break
+        view, history = sequential(small, candidate, COARSE_SCHEDULE)
+        ends.append((mismatch(small, view.rig, view.position), view))
+        budget.step(drawings_of(history))
+    return _distinct([view for _, view in sorted(ends, key=lambda pair: pair[0])])
+
+
+def _distinct(views: list[ModelView]) -> list[ModelView]:
+    """Leave out views that came to the same pose as a better one before them."""
+    kept: list[ModelView] = []
+    for view in views:
+        hinge = view.base.kind == HINGE
+        turns = [(view.position - other.position + np.pi) % (2.0 * np.pi) - np.pi for other in kept]
+        if all(np.any(np.abs(turn[hinge]) > DISTINCT_ANGLE) for turn in turns):
+            kept.append(view)
     return kept
 
 
-def strangeness(view: View, others: list[Shot]) -> tuple[float, int]:
+def cross_mismatch(view: ModelView, others: list[SilhouetteFrame]) -> tuple[float, int]:
     """Return the mean share of mismatch of the better three quarters of other frames, and the drawings.
+
+    It is a trimmed mean: a few frames in which a part of the mechanism is hidden should not decide.
 
     Args:
         view: The mechanism as it was found.
@@ -209,7 +212,7 @@ def strangeness(view: View, others: list[Shot]) -> tuple[float, int]:
     """
     shares, drawings = [], 0
     for other in others:
-        _, left, more = spread_pose(other.image, view)
+        _, left, more = pose_by_beam(other.image, view)
         shares.append(left / other.image.area)
         drawings += more
     better = np.sort(shares)[: max(1, (3 * len(shares) + 3) // 4)]
@@ -223,55 +226,3 @@ def drawings_of(history: tuple[History, ...] | list[History]) -> int:
         history: The sub-problems.
     """
     return int(sum(int(part.evaluations[-1]) for part in history))
-
-
-def shots_of(masks: Masks, first: Frame, level: float) -> list[Shot]:
-    """Return the first frame, then sample frames spread over the motion, those with a silhouette alone.
-
-    Args:
-        masks: The soft foreground of the clip.
-        first: Its first frame.
-        level: Threshold of the silhouettes [grey levels]; 0 takes Otsu's.
-
-    Raises:
-        VideoError: the mechanism stands out from the background in no frame.
-    """
-    level = level_of(masks, level)
-    frames = [first, *(frame for frame in masks.samples.frames if frame.index != first.index)]
-    picks = [0, *np.unique(np.linspace(1, len(frames) - 1, WITNESSES).round().astype(int))]
-    shots = []
-    for i in picks:
-        drawn = silhouette(frames[i], masks.background, level)
-        if holds(drawn):
-            shots.append(Shot(frames[i], seen(drawn), drawn))
-    if not shots:
-        raise VideoError(
-            f"{masks.video.path}: expected the mechanism to stand out by {level:.0f} grey levels, found it "
-            "in no frame; set --locate.level lower, or use another method."
-        )
-    return shots
-
-
-def shot_of(frame: Frame, masks: Masks, level: float) -> Shot:
-    """Return a frame with its silhouette.
-
-    Args:
-        frame: The frame.
-        masks: The soft foreground of the clip.
-        level: Threshold of the silhouettes [grey levels]; 0 takes Otsu's.
-
-    Raises:
-        VideoError: the silhouette is empty.
-    """
-    drawn = silhouette(frame, masks.background, level_of(masks, level))
-    return Shot(frame, seen(drawn), drawn)
-
-
-def level_of(masks: Masks, level: float = 0.0) -> float:
-    """Return the threshold of a clip's silhouettes [grey levels].
-
-    Args:
-        masks: The masks of the clip.
-        level: The user's; 0 takes Otsu's over the sample frames.
-    """
-    return level or otsu_level(masks.samples.frames, masks.background)

@@ -7,45 +7,46 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from monodyn.mechanism import Measured, Mechanism
+from monodyn.mechanism import Measured
 from monodyn.paper.ambiguity import (
     ACCEPTED,
-    Meter,
-    Reading,
-    Shot,
+    DrawingBudget,
+    Interpretation,
+    cross_mismatch,
     drawings_of,
-    level_of,
-    read,
-    shot_of,
-    shots_of,
-    strangeness,
+    interpret,
 )
-from monodyn.paper.sequential import Effort, camera_round, sequential
+from monodyn.paper.placed import DEPTH, FOCAL
+from monodyn.paper.sequential import RoundSchedule, camera_round, sequential
 from monodyn.paper.settings import PaperLocateSettings
-from monodyn.paper.slide_gauge import camera_moves, released, start_view
-from monodyn.paper.starts import spread_pose
+from monodyn.paper.silhouettes import ClipSilhouettes, SilhouetteFrame
+from monodyn.paper.start_model import StartModel
+from monodyn.paper.starts import pose_by_beam
 from monodyn.paper.subproblems import History, mismatch
-from monodyn.paper.threshold import holds, silhouette
-from monodyn.paper.view import DEPTH, SIZES, View, X, seen, view_of
-from monodyn.types import Camera, Frame, Progress
+from monodyn.paper.view import CAMERA_HELD, ModelView, model_view, silhouette_image
+from monodyn.types import Frame, Progress
 from monodyn.vision.drawing.outline import covered_pixels, outline
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
 
 MOST_DRAWN = 1_500_000
-"""Silhouettes that the search draws at the most, but for the part that passes it."""
-UNLIKE = 0.5
-"""Share of mismatch in the further frames from which a reading says nothing of the background."""
+"""Silhouettes that the search draws at most, but for the part that passes it."""
+COARSE_SIDE_PX = 150
+"""Largest side of the moving part in the reduced picture that starts are ranked in [px]."""
+MISREAD = 0.5
+"""Share of mismatch in the other frames from which an interpretation says nothing about the background."""
 MOST_COVERED = 36
-"""Sample frames from which the mechanism is taken out, at the most."""
-LIES = 0.3
-"""Share of mismatch up to which a pose lies on its silhouette."""
-UNEXPLAINED = 0.25
-"""Share of mismatch from which the user is told."""
+"""Sample frames from which the mechanism is taken out, at most."""
+POSED = 0.3
+"""Share of mismatch up to which the pose in a sample frame is trusted."""
+POOR_MISMATCH = 0.25
+"""Share of mismatch above which the user is advised."""
 SIZE_SHARE, SIZE_PX = 0.04, 0.5
 """Standard deviation of a size from one silhouette: a share of it, and pixels."""
-SETTLING = Effort(pose_px=3.0, sizes=0.03, least=0.2)
-"""From a state that is known but for a pixel."""
+SETTLING = RoundSchedule(pose_px=3.0, sizes=0.03, least=0.2)
+"""From a state that is known to within a pixel."""
+CAMERA_ROUNDS = 3
+"""Rounds of depth and place behind a known pose: the place shifts with the depth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class PaperScene(Scene):
     Attributes:
         evaluations: Silhouettes drawn.
         history: The sub-problems in the order in which they were solved.
-        level: Threshold of the silhouettes [grey levels], or 0.
+        level: Threshold that the user set for the silhouettes [grey levels], or 0.
     """
 
     evaluations: int = field(kw_only=True)
@@ -65,9 +66,7 @@ class PaperScene(Scene):
 
 def locate_published(
     masks: Masks,
-    mechanism: Mechanism,
-    camera: Camera,
-    pinned: Collection[str],
+    model: StartModel,
     settings: PaperLocateSettings,
     *,
     most: int = MOST_DRAWN,
@@ -77,41 +76,35 @@ def locate_published(
 
     Args:
         masks: The soft foreground of the clip; its background is subtracted.
-        mechanism: Topology and start sizes; parameters that are not free stay.
-        camera: Start camera.
-        pinned: ``camera.x``, ``camera.y`` and ``camera.depth`` as far as they must stay.
+        model: The mechanism and the camera that the search starts with.
         settings: ``start``, ``seed`` and ``level``.
-        most: Silhouettes drawn at the most, but for the part of the search that passes it.
-        progress: Called with the starts, finalists and frames that are done.
+        most: Silhouettes drawn at most, but for the part of the search that passes it.
+        progress: Called with the number of starts, finalists and frames that are done.
 
     Returns:
         The scene; where the silhouettes were used up, the best so far with advice.
-
-    Raises:
-        VideoError: the mechanism stands out from the background in no frame.
     """
-    first, level, meter = next(iter(masks.video.frames())), settings.level, Meter(most, progress)
-    held = start_view(mechanism, camera, pinned)
+    first, budget = next(iter(masks.video.frames())), DrawingBudget(most, progress)
+    silhouettes = ClipSilhouettes(masks, settings.level)
     top, bottom, left, right = masks.background.reach
-    reading = read(
-        shots_of(masks, first, level), held, mechanism, camera, max(bottom - top, right - left), meter,
-        start=settings.start, seed=settings.seed,
-    )  # fmt: skip
-    if ACCEPTED < reading.strange < UNLIKE and not masks.given and not meter.over():
-        masks, reading = _uncovered(masks, first, reading, mechanism, camera, level, meter)
-    meter.expect(1)
-    view, drawings = released(reading.view, mechanism, camera), 0
-    shot = shot_of(reading.frame, masks, level)
-    opening = silhouette(first, masks.background, level_of(masks, level))
-    if reading.frame.index != first.index and holds(opening):
-        shot = Shot(first, seen(opening), opening)
-        view, _, drawings = spread_pose(shot.image, view)
-    meter.step(drawings)
-    scene = _scene(
-        masks, mechanism, camera, view, shot, reading.history, meter.drawn, level,
-        scale_free=_scale_free(mechanism, pinned),
-    )  # fmt: skip
-    return replace(scene, advice=(*_cut_short(meter), *scene.advice))
+    shrink = max(1, round(max(bottom - top, right - left) / COARSE_SIDE_PX))
+    best = interpret(silhouettes.witnesses(first), model, settings, budget, shrink=shrink)
+    # a background that still holds a part of the mechanism leaves a mismatch in between: a good
+    # interpretation does not need another background, and a wrong one would take away the wrong pixels
+    if ACCEPTED < best.cross_mismatch < MISREAD and not masks.given and not budget.over():
+        silhouettes, best = _uncovered(silhouettes, first, best, model, budget)
+    budget.expect(1)
+    view, drawings = model.released(best.view), 0
+    opening = silhouettes.find(first) if best.frame.index != first.index else None
+    if opening is None:
+        shown = silhouettes.of(best.frame)
+    else:
+        # the scene's pose is that of the first frame wherever the mechanism is seen in it
+        shown = opening
+        view, _, drawings = pose_by_beam(shown.image, view)
+    budget.step(drawings)
+    scene = _scene(model, silhouettes, shown, view, best.history, budget.drawn)
+    return replace(scene, advice=(*_cut_short(budget), *scene.advice))
 
 
 def pose_before(scene: Scene, pinned: Collection[str], *, level: float = 0.0) -> PaperScene:
@@ -125,14 +118,13 @@ def pose_before(scene: Scene, pinned: Collection[str], *, level: float = 0.0) ->
     Returns:
         The scene with the pose in the first frame; the camera stays.
     """
-    shot = shot_of(next(iter(scene.masks.video.frames())), scene.masks, level)
-    view = view_of(scene.mechanism, scene.camera, scene.position, (False, False, False))
-    view, _, drawings = spread_pose(shot.image, view)
-    view, history = sequential(shot.image, view, SETTLING)
-    found = _scene(
-        scene.masks, scene.mechanism, scene.camera, view, shot, history, drawings + drawings_of(history),
-        level, scale_free=_scale_free(scene.mechanism, pinned),
-    )  # fmt: skip
+    silhouettes = ClipSilhouettes(scene.masks, level)
+    shown = silhouettes.of(next(iter(scene.masks.video.frames())))
+    view = model_view(scene.mechanism, scene.camera, scene.position, CAMERA_HELD)
+    view, _, drawings = pose_by_beam(shown.image, view)
+    view, history = sequential(shown.image, view, SETTLING)
+    model = StartModel(scene.mechanism, scene.camera, pinned)
+    found = _scene(model, silhouettes, shown, view, history, drawings + drawings_of(history))
     return replace(found, advice=(*scene.advice, *found.advice))
 
 
@@ -148,21 +140,22 @@ def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) 
         The scene before that camera.
     """
     frame = next(frame for frame in scene.masks.video.frames() if frame.index == scene.frame)
-    drawn = silhouette(frame, scene.masks.background, level_of(scene.masks, level), settle=False)
-    image = seen(drawn)
-    moves = camera_moves(scene.mechanism, pinned, slide=True)
-    view = view_of(scene.mechanism, scene.camera, scene.position, moves)
+    # area and centroid would shift with patches that are only guessed to be the mechanism's
+    image = silhouette_image(ClipSilhouettes(scene.masks, level).picture(frame, settle=False))
+    model = StartModel(scene.mechanism, scene.camera, pinned)
+    view = model_view(scene.mechanism, scene.camera, scene.position, model.camera_free(slide=True))
     history: list[History] = []
-    for _ in range(3):  # the place shifts with the depth
-        view, fell = camera_round(image, view)
-        history += fell
+    for _ in range(CAMERA_ROUNDS):
+        view, own = camera_round(image, view)
+        history += own
     kept = {part.name: getattr(scene, part.name) for part in fields(Scene)}
-    kept |= {"camera": _camera_of(view, scene.camera), "spread": {}}
+    # the standard deviations were those of the other method's camera
+    kept |= {"camera": model.placed(view), "spread": {}}
     return PaperScene(**kept, evaluations=drawings_of(history), history=tuple(history), level=level)
 
 
-def size_ratios(view: View, mechanism: Mechanism, *, scale_free: bool) -> Measured:
-    """Return what one silhouette knows of the sizes that were found with it.
+def size_ratios(view: ModelView, model: StartModel) -> Measured:
+    """Return what one silhouette determines of the sizes that were found with it.
 
     Each logarithm has a standard deviation of a share and of half a pixel. The mismatch has a kink at its
     least value, so it gives no curvature to take them from; the errors found in clips with a known truth are
@@ -170,104 +163,98 @@ def size_ratios(view: View, mechanism: Mechanism, *, scale_free: bool) -> Measur
 
     Args:
         view: The mechanism as it was found.
-        mechanism: Its sizes in the start scale.
-        scale_free: True where nothing pins the common scale; then nothing is known along it.
+        model: Its sizes in the start scale, and what is pinned.
 
     Returns:
-        Information matrix on the logarithms of the sizes, that held for scale with them.
+        Information matrix on the logarithms of the sizes, the reference among them, (param, param).
     """
     names, sizes = view.names, view.sizes
-    if view.reference:
-        names, sizes = (*names, view.reference), np.append(sizes, mechanism.values[view.reference])
-    px = sizes * float(view.base.camera[12] / view.base.camera[DEPTH])
+    if view.reference is not None:
+        name = view.reference.name
+        names, sizes = (*names, name), np.append(sizes, model.mechanism.values[name])
+    px = sizes * float(view.base.camera[FOCAL] / view.base.camera[DEPTH])
     known = px**2 / ((SIZE_SHARE * px) ** 2 + SIZE_PX**2)
     information = np.diag(known)
-    if scale_free and known.any():
+    if model.scale_free and known.any():
+        # nothing is known along a common factor, the vector of ones: its projection is taken out, and what
+        # remains is the information on ratios with the common scale eliminated
         information = information - np.outer(known, known) / known.sum()
     return Measured(names, information)
 
 
-def _scale_free(mechanism: Mechanism, pinned: Collection[str]) -> bool:
-    """Return whether nothing pins the common scale of the sizes."""
-    sizes = [p.free for p in mechanism.parameters if p.name.endswith(SIZES)]
-    return all(sizes) and "camera.depth" not in pinned
-
-
-def _cut_short(meter: Meter) -> tuple[str, ...]:
-    """Say when the search ended before its time."""
-    if not meter.cut:
+def _cut_short(budget: DrawingBudget) -> tuple[str, ...]:
+    """Advise where the search ended early."""
+    if not budget.cut:
         return ()
     return (
-        f"The search for the scene ended after {meter.drawn:,} silhouettes, before all starts were tried: "
+        f"The search for the scene ended after {budget.drawn:,} silhouettes, before all starts were tried: "
         "what was found is the best so far. Check the overlay; give sizes that are known with --fix, or use "
         "the default method, which is fast with many joints.",
     )
 
 
 def _uncovered(
-    masks: Masks, first: Frame, reading: Reading, mechanism: Mechanism, camera: Camera, level: float,
-    meter: Meter,
-) -> tuple[Masks, Reading]:  # fmt: skip
+    silhouettes: ClipSilhouettes, first: Frame, best: Interpretation, model: StartModel, budget: DrawingBudget
+) -> tuple[ClipSilhouettes, Interpretation]:
     """Take the background again without the mechanism and settle; keep what explains other frames better."""
-    view = released(reading.view, mechanism, camera)
-    sized, behind = _mechanism_of(view, mechanism), _camera_of(view, camera)
+    other = replace(silhouettes, masks=_refined(silhouettes, best, model, budget))
+    again = other.find(best.frame)
+    if again is None:
+        return silhouettes, best
+    found, history = sequential(again.image, best.view, SETTLING)
+    budget.step(drawings_of(history))
+    others = [witness for witness in other.witnesses(first) if witness.frame is not best.frame]
+    share, drawings = cross_mismatch(model.released(found), others)
+    budget.step(drawings)
+    # against another background the silhouettes differ too, so only the shares can be compared
+    if share >= best.cross_mismatch:
+        return silhouettes, best
+    return other, Interpretation(best.frame, found, share, (*best.history, *history))
+
+
+def _refined(
+    silhouettes: ClipSilhouettes, best: Interpretation, model: StartModel, budget: DrawingBudget
+) -> Masks:
+    """Return masks whose background comes from the sample frames without the mechanism's pixels."""
+    masks, view = silhouettes.masks, model.released(best.view)
+    sized, camera = model.sized(view), model.placed(view)
+    # a frame whose pose is not known lends no pixel at all: all of it counts as covered
     everything = np.ones(masks.background.known.shape, dtype=bool)
     covered = []
     step = max(1, len(masks.samples.frames) // MOST_COVERED)
-    meter.expect(2 + len(masks.samples.frames[::step]))
+    budget.expect(2 + len(masks.samples.frames[::step]))
     for i, frame in enumerate(masks.samples.frames):
-        drawn = silhouette(frame, masks.background, level_of(masks, level)) if i % step == 0 else everything
-        if i % step or not holds(drawn):
+        shown = None if i % step else silhouettes.find(frame)
+        if shown is None:
             covered.append(everything)
             continue
-        image = seen(drawn)
-        pose, left, drawings = spread_pose(image, view)
-        meter.step(drawings)
-        lies = left < LIES * image.area
-        covered.append(covered_pixels(sized, behind, pose.position, grow=1.0) if lies else everything)
-    other = masks.refined(covered)
-    again = silhouette(reading.frame, other.background, level_of(other, level))
-    if not holds(again):
-        return masks, reading
-    found, history = sequential(seen(again), reading.view, SETTLING)
-    meter.step(drawings_of(history))
-    others = [witness for witness in shots_of(other, first, level) if witness.frame is not reading.frame]
-    strange, drawings = strangeness(released(found, mechanism, camera), others)
-    meter.step(drawings)
-    if strange >= reading.strange:
-        return masks, reading
-    return other, Reading(reading.frame, found, strange, (*reading.history, *history))
-
-
-def _mechanism_of(view: View, mechanism: Mechanism) -> Mechanism:
-    return mechanism.with_values(dict(zip(view.names, view.sizes.tolist(), strict=True)))
-
-
-def _camera_of(view: View, camera: Camera) -> Camera:
-    x, y, depth = (float(value) for value in view.base.camera[X : DEPTH + 1])
-    return replace(camera, x=x, y=y, depth=depth)
+        pose, left, drawings = pose_by_beam(shown.image, view)
+        budget.step(drawings)
+        posed = left < POSED * shown.image.area
+        covered.append(covered_pixels(sized, camera, pose.position, grow=1.0) if posed else everything)
+    return masks.refined(covered)
 
 
 def _scene(
-    masks: Masks, mechanism: Mechanism, camera: Camera, view: View, shot: Shot, history: tuple[History, ...],
-    drawings: int, level: float, *, scale_free: bool,
+    model: StartModel, silhouettes: ClipSilhouettes, shown: SilhouetteFrame, view: ModelView,
+    history: tuple[History, ...], drawings: int,
 ) -> PaperScene:  # fmt: skip
     """Collect the result."""
-    measured = size_ratios(view, mechanism, scale_free=scale_free)
-    sized, behind = _mechanism_of(view, mechanism).with_measured(measured), _camera_of(view, camera)
-    left = mismatch(shot.image, view.rig, view.position)
+    sized, camera = model.sized(view).with_measured(size_ratios(view, model)), model.placed(view)
+    left, index = mismatch(shown.image, view.rig, view.position), shown.frame.index
     length = sum(
         float(np.hypot(*np.diff(polygon, axis=0, append=polygon[:1]).T).sum())
-        for _, polygon in outline(sized, behind, view.position)
+        for _, polygon in outline(sized, camera, view.position)
     )
     advice = ()
-    if left > UNEXPLAINED * shot.image.area:
+    if left > POOR_MISMATCH * shown.image.area:
         advice = (
-            f"The drawn mechanism and the silhouette of frame {shot.frame.index} differ by "
-            f"{left / shot.image.area:.0%} of its area: check the overlay; --locate.start evolution, another "
-            "--locate.level, or --background may help, or the default method.",
+            f"The drawn mechanism and the silhouette of frame {index} differ by "
+            f"{left / shown.image.area:.0%} of its area: check the overlay; --locate.start evolution, "
+            "another --locate.level, or --background may help, or the default method.",
         )
     return PaperScene(
-        sized, behind, masks, shot.frame.index, view.position, (shot.frame.index,), view.position[np.newaxis],
-        {}, left / max(length, 1.0), advice, evaluations=drawings, history=history, level=level,
+        sized, camera, silhouettes.masks, index, view.position, (index,), view.position[np.newaxis],
+        {}, left / max(length, 1.0), advice,
+        evaluations=drawings, history=history, level=silhouettes.level,
     )  # fmt: skip

@@ -1,6 +1,6 @@
 """numba kernels: area, centroid and mismatch of the drawn silhouette of a mechanism.
 
-A sum over the drawn silhouette of any picture is a sum of row prefix sums of that picture
+The sum of a picture over the drawn silhouette is a sum of row prefix sums of that picture
 (``silhouette.mismatch``): of ones it is the area, of the coordinates x and y the first moments. What lies
 outside of the picture, or where the background is not known, has no area.
 """
@@ -8,6 +8,7 @@ outside of the picture, or where the background is not known, has no area.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -15,8 +16,40 @@ from numba import njit
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import hulls, link_frames, mismatch, outline_counts, project
 
-NOWHERE = 1e18
+UNDRAWABLE = 1e18
 """Mismatch of a mechanism that cannot be drawn [px^2]."""
+X, Y, DEPTH, FOCAL, CENTRE_X, CENTRE_Y = 9, 10, 11, 12, 13, 14
+"""Columns of the packed camera."""
+PLACEMENTS = 2
+"""Steps of depth and place that a camera takes to a pose."""
+
+
+class CameraFree(NamedTuple):
+    """Which of the camera's coordinates are estimated.
+
+    Attributes:
+        x: The one to the right.
+        y: The one up.
+        depth: The distance from the plane of motion.
+    """
+
+    x: bool
+    y: bool
+    depth: bool
+
+
+class AreaCentroid(NamedTuple):
+    """Area and centroid of a silhouette: what depth and place of the camera follow from.
+
+    Attributes:
+        area: Its area [px^2].
+        x: Column of its centroid [px].
+        y: Row of its centroid [px].
+    """
+
+    area: float
+    x: float
+    y: float
 
 
 @njit(cache=True)
@@ -40,7 +73,7 @@ def moment_sums(weight: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def drawn(sums: np.ndarray, rig: Rig, position: np.ndarray) -> np.ndarray:
+def drawn(sums: np.ndarray, rig: Rig, position: np.ndarray) -> tuple[float, np.ndarray]:
     """Sum pictures over the drawn silhouette of one pose.
 
     Args:
@@ -49,26 +82,26 @@ def drawn(sums: np.ndarray, rig: Rig, position: np.ndarray) -> np.ndarray:
         position: Joint positions, (dof,).
 
     Returns:
-        Drawn area, also outside of the picture [px^2], then the sum of each picture over the silhouette; NaN
-        where it cannot be drawn; (1 + picture,).
+        The drawn area, also outside of the picture [px^2], and the sum of each picture over the silhouette,
+        (picture,); all NaN where the mechanism cannot be drawn.
     """
     pictures = sums.shape[0]
     geoms = rig.radius.shape[0]
-    out = np.full(1 + pictures, np.nan)
+    whole, inside = np.nan, np.full(pictures, np.nan)
     starts = outline_counts(rig.first, rig.radius)
     px = np.empty((starts[geoms], 2))
     frames = link_frames(rig.parent, rig.kind, rig.links, position)
     if not project(frames, rig.link, rig.first, rig.points, rig.radius, rig.camera, px):
-        return out
+        return whole, inside
     hull = np.empty(starts[geoms] + 2 * geoms + 2, dtype=np.int64)
     hull_first = np.zeros(geoms + 1, dtype=np.int64)
     hulls(px, starts, geoms, hull, hull_first)
     spans = np.empty((3 * sums.shape[1], max(geoms, 1), 2))
     for i in range(pictures):
-        cost, area = mismatch(sums[i], px, hull, hull_first, geoms, spans)
-        out[0] = area
-        out[1 + i] = 0.5 * (area - cost)
-    return out
+        # the kernel gives the sum of 1 - 2 I over the silhouette, area - 2 (sum of I)
+        cost, whole = mismatch(sums[i], px, hull, hull_first, geoms, spans)
+        inside[i] = 0.5 * (whole - cost)
+    return whole, inside
 
 
 @njit(cache=True)
@@ -77,21 +110,21 @@ def placed_mismatch(
     moments: np.ndarray,
     rig: Rig,
     positions: np.ndarray,
-    seen: np.ndarray,
-    moves: np.ndarray,
+    target: AreaCentroid,
+    free: CameraFree,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Put a camera before each of many poses so that area and centroid are the seen ones, and compare.
+    """Place a camera before each of many poses so that area and centroid are those of the seen silhouette.
 
-    The area falls with the square of the depth and the centroid moves with the camera: two steps of each
-    come near the least f1 and f2 (eq. 1 and 2). This ranks the starts of the local search.
+    Two steps of depth and place come near the least f1 and f2 (eq. 1 and 2). The mismatch before that camera
+    ranks the starts of the local search.
 
     Args:
-        sums: Row prefix sums of the seen silhouette.
-        moments: From ``moment_sums``.
+        sums: Row prefix sums of the seen silhouette, (height, width + 1).
+        moments: From ``moment_sums``, (3, height, width + 1).
         rig: The mechanism and where the camera starts.
         positions: Joint positions, (pose, dof).
-        seen: Area [px^2] and centroid x, y [px] of the seen silhouette, (3,).
-        moves: True where x, y and depth of the camera may change, bool (3,).
+        target: Area and centroid of the seen silhouette.
+        free: What of the camera may change.
 
     Returns:
         The sum of ``1 - 2 I_a`` over the silhouette for each pose [px^2], (pose,), and the camera's x, y and
@@ -103,19 +136,22 @@ def placed_mismatch(
     for i in range(positions.shape[0]):
         own = rig.camera.copy()
         before = Rig(rig.parent, rig.kind, rig.links, rig.link, rig.first, rig.points, rig.radius, own)
-        for _ in range(2):
-            d = drawn(moments, before, positions[i])
-            if not d[1] > 0.0:
+        for _ in range(PLACEMENTS):
+            _, inside = drawn(moments, before, positions[i])
+            area = inside[0]
+            if not area > 0.0:  # nothing lies in the picture, or it cannot be drawn (NaN)
                 break
-            growth = math.sqrt(d[1] / seen[0]) if moves[2] else 1.0
-            scale = own[12] / (own[11] * growth)
-            x, y = d[2] / d[1] - own[13], d[3] / d[1] - own[14]
-            if moves[0]:
-                own[9] += (x / growth - (seen[1] - own[13])) / scale
-            if moves[1]:
-                own[10] -= (y / growth - (seen[2] - own[14])) / scale
-            own[11] *= growth
-        d = drawn(both, before, positions[i])
-        costs[i] = d[0] - 2.0 * d[1] if d[0] >= 0.0 else NOWHERE
-        places[i] = own[9:12]
+            # the area falls with the square of the depth, so the depth grows with the root of the excess
+            growth = math.sqrt(area / target.area) if free.depth else 1.0
+            scale = own[FOCAL] / (own[DEPTH] * growth)  # px by metre after the step
+            # the drawn centroid from the principal point; it shrinks toward it as the camera backs away
+            x, y = inside[1] / area - own[CENTRE_X], inside[2] / area - own[CENTRE_Y]
+            if free.x:
+                own[X] += (x / growth - (target.x - own[CENTRE_X])) / scale
+            if free.y:  # rows count down, the plane's y counts up
+                own[Y] -= (y / growth - (target.y - own[CENTRE_Y])) / scale
+            own[DEPTH] *= growth
+        whole, inside = drawn(both, before, positions[i])
+        costs[i] = whole - 2.0 * inside[0] if whole >= 0.0 else UNDRAWABLE
+        places[i] = own[X : DEPTH + 1]
     return costs, places

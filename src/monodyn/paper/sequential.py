@@ -6,17 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.paper.subproblems import History, fit_depth, fit_place, fit_pose, fit_ratios, followed, mismatch
-from monodyn.paper.view import Seen, View
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
+from monodyn.paper.subproblems import (
+    History,
+    camera_placed,
+    fit_depth,
+    fit_place,
+    fit_pose,
+    fit_ratios,
+    mismatch,
+)
+from monodyn.paper.view import ModelView, SilhouetteImage
 from monodyn.vision.drawing.rig import Rig
 
 
 @dataclass(frozen=True)
-class Effort:
-    """How far the framework goes.
+class RoundSchedule:
+    """How many rounds the framework goes, and how its first steps shrink.
 
     Attributes:
-        rounds: Rounds of all problems at the most.
+        rounds: Rounds of all problems at most.
         pose_px: First step of the pose in the first round [px].
         sizes: First step of a size in the first round, as a share.
         shrink: The first steps of a round as a share of those of the round before.
@@ -33,16 +42,14 @@ class Effort:
 
 
 def sequential(
-    image: Seen, view: View, effort: Effort | None = None, *, pose: bool = True, ratios: bool = True
-) -> tuple[View, tuple[History, ...]]:
+    image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | None = None
+) -> tuple[ModelView, tuple[History, ...]]:
     """Solve the four problems in turn until none gains any more (Fig. 2 of the 2012 paper).
 
     Args:
         image: The seen silhouette.
         view: The start.
-        effort: How far to go.
-        pose: False holds the pose.
-        ratios: False holds the aspect ratios.
+        schedule: How far to go.
 
     Returns:
         The mechanism as found, the best of all rounds, and the history of every sub-problem in order.
@@ -50,31 +57,36 @@ def sequential(
     Source:
         The 2012 paper, Fig. 2 and eq. (1) to (4).
     """
-    effort = effort or Effort()
+    schedule = schedule or RoundSchedule()
     histories: list[History] = []
-    view = followed(image, followed(image, view))
-    best, least, near = view, mismatch(image, view.rig, view.position), 1.0
-    ratios = ratios and len(view.names) > 0
-    for _ in range(effort.rounds):
-        view, fell = camera_round(image, view)
-        histories += fell
-        if pose:
-            view, history = fit_pose(image, view, step_px=effort.pose_px * near)
-            histories.append(history)
+    # one placement takes two steps from the given camera, which may be far off; the second one settles it
+    view = camera_placed(image, camera_placed(image, view))
+    best, least, step_share = view, mismatch(image, view.rig, view.position), 1.0
+    ratios = len(view.searched) > 0
+    for _ in range(schedule.rounds):
+        view, history = camera_round(image, view)
+        histories += history
+        view, own = fit_pose(image, view, step_px=schedule.pose_px * step_share)
+        histories.append(own)
         if ratios:
-            view, history = fit_ratios(image, view, step=effort.sizes * near)
-            histories.append(history)
+            view, own = fit_ratios(image, view, step=schedule.sizes * step_share)
+            histories.append(own)
         value = mismatch(image, view.rig, view.position)
+        # a round may end above the best one, because (1) and (2) lower other objectives than the mismatch;
+        # the search goes on from there, and the best round is kept
         gained = least - value
         if value < least:
             best, least = view, value
-        if gained < effort.gain * image.area and (near <= 2.0 * effort.least or not (pose and ratios)):
+        # long first steps may have missed a near valley, so the framework ends only once they are short;
+        # without ratios there is one problem alone, and the next round would repeat this one
+        short = step_share <= 2.0 * schedule.least or not ratios
+        if gained < schedule.gain * image.area and short:
             break
-        near = max(effort.shrink * near, effort.least)
+        step_share = max(schedule.shrink * step_share, schedule.least)
     return best, tuple(histories)
 
 
-def camera_round(image: Seen, view: View) -> tuple[View, list[History]]:
+def camera_round(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, list[History]]:
     """Find the camera's depth (1), then its place (2), as far as they are to be estimated.
 
     Args:
@@ -82,10 +94,10 @@ def camera_round(image: Seen, view: View) -> tuple[View, list[History]]:
         view: The mechanism as it is so far.
     """
     histories = []
-    if view.moves[2]:
+    if view.free.depth:
         view, history = fit_depth(image, view)
         histories.append(history)
-    if any(view.moves[:2]):
+    if view.free.x or view.free.y:
         view, history = fit_place(image, view)
         histories.append(history)
     return view, histories
@@ -97,10 +109,11 @@ def reach_of(rig: Rig) -> float:
     Args:
         rig: The mechanism.
     """
+    # parents come before their children, so one pass adds the distances between the joints of each chain
     stretch = np.zeros(len(rig.parent))
     for i, parent in enumerate(rig.parent):
         if parent >= 0:
-            stretch[i] = stretch[parent] + float(np.hypot(rig.links[i, 0], rig.links[i, 1]))
+            stretch[i] = stretch[parent] + float(np.hypot(rig.links[i, ANCHOR_X], rig.links[i, ANCHOR_Y]))
     far = 1e-9
     for g, link in enumerate(rig.link):
         points = rig.points[rig.first[g] : rig.first[g + 1], :2]

@@ -15,7 +15,7 @@ PAPER_GAINS = (0.4, 0.1, 0.05)
 
 @dataclass(frozen=True)
 class PaperLocateSettings(LocateSettings):
-    """How camera, sizes and first pose are found, with what the published method can be told.
+    """How camera, sizes and first pose are found, with the options of the published method.
 
     Attributes:
         start: Where the search of ``paper`` starts: poses ``spread`` over the joint ranges, or the ends of an
@@ -40,7 +40,7 @@ class PaperLocateSettings(LocateSettings):
 
 @dataclass(frozen=True)
 class PaperTrackSettings(TrackSettings):
-    """How the mechanism is followed, with what the published method can be told.
+    """How the mechanism is followed, with the options of the published method.
 
     Attributes:
         move_share: Move limits of ``paper`` as a fraction of each joint's range, to either side; a hinge
@@ -60,7 +60,7 @@ class PaperTrackSettings(TrackSettings):
 
 @dataclass(frozen=True)
 class PaperIdentifySettings(IdentifySettings):
-    """How a mechanism is identified, with what the published method can be told.
+    """How a mechanism is identified, with the options of the published method.
 
     Attributes:
         gains: Gains alpha, beta, gamma of the filter, eq. (7); for ``paper``.
@@ -83,6 +83,7 @@ class PaperIdentifySettings(IdentifySettings):
         if tuple(self.gains) != PAPER_GAINS:
             if self.method == "fast":
                 raise SettingsError("identify.gains: the filter belongs to --identify.method paper; add it.")
+            # checked here, so that gains out of range are refused before a clip is read
             from monodyn.paper.filter import Gains
 
             Gains.of(self.gains)
@@ -99,7 +100,7 @@ Published = TypeVar("Published", PaperLocateSettings, PaperTrackSettings, PaperI
 
 
 def published(settings: LocateSettings | TrackSettings | IdentifySettings, of: type[Published]) -> Published:
-    """Return settings as the published method takes them: its own options at their usual values if not given.
+    """Return settings as the published method takes them, its own options at their defaults if not given.
 
     Args:
         settings: The settings of a stage.

@@ -1,15 +1,16 @@
 """The published sub-problems: depth (1), place (2), pose (3, 5) and aspect ratios (4) from a silhouette.
 
-Each is one pure function. The area tells the depth, the centroid the place, and the mismatch of the drawn
-and the seen silhouette pose and ratios.
+Each is one pure function. The area determines the depth, the centroid the place, and the mismatch of the
+drawn and the seen silhouette pose and ratios.
 
 Solved strictly one after the other they stop far from the least mismatch, because a pose is only as good as
-the camera that it was found with. So the camera follows each trial of (3) and (4) by (1) and (2) in closed
-form: the area falls with the square of the depth, the centroid moves with the camera.
+the camera that it was found with. So each trial of (3) and (4) is made before a camera that is placed by (1)
+and (2) in closed form: the area falls with the square of the depth, the centroid moves with the camera.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,15 +18,32 @@ import numpy as np
 from monodyn.optimize.bracket import line_search
 from monodyn.optimize.lagrangian import augmented_lagrangian
 from monodyn.optimize.minimum import DirectSettings
-from monodyn.paper.placed import NOWHERE, drawn, placed_mismatch
-from monodyn.paper.view import DEPTH, Seen, View, X, Y
+from monodyn.paper.placed import DEPTH, FOCAL, UNDRAWABLE, X, Y, drawn, placed_mismatch
+from monodyn.paper.view import ModelView, SilhouetteImage
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import link_frames, outline_counts, project
 
-LEAST_WIDTH_PX = 1.5
-"""No size gets below this: what has no inside has no mismatch to come back by [px]."""
-FOLLOWING = 3
-"""Silhouettes drawn for one trial before a camera that follows."""
+LEAST_SIZE_PX = 1.5
+"""No length or width gets below this: what has no inside has no mismatch to come back by [px]."""
+PLACED_DRAWINGS = 3
+"""Silhouettes drawn for one trial before a camera that is placed."""
+DEPTH_RANGE = (0.1, 10.0)
+"""The depth is sought between these multiples of the one at which the areas would match."""
+DEPTH_STEP, DEPTH_TOLERANCE, MOST_DEPTHS = 0.05, 1e-5, 200
+"""First step and accuracy of the depth, as shares of it, and the most trials."""
+PLACE_STEP_PX, PLACE_TOLERANCE_PX, MOST_PLACES = 4.0, 0.005, 300
+"""First step and accuracy of the camera's place in the picture [px], and the most trials."""
+POSE_STEP_PX, POSE_TOLERANCE_PX, MOST_POSES = 5.0, 0.02, 1000
+"""Usual first step and accuracy of the pose in the picture [px], and the most trials."""
+RATIO_STEP, RATIO_TOLERANCE, MOST_RATIOS = 0.1, 0.02, 3000
+"""Usual first step as a share of each size, accuracy as a share of the step, and the most trials."""
+LEAST_STEPPED = 0.05
+"""A size counts as at least this share of the largest one where steps are taken, so that a zero may grow."""
+TURNED = 1e-4
+"""Step of a joint for the slopes of the outline's points [rad or m]."""
+FLATTEST = 1e-4
+"""Least eigenvalue of the displacement metric, as a share of the largest: a joint that moves nothing in the
+picture would otherwise take an infinite step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +61,7 @@ class History:
     values: np.ndarray
 
 
-def mismatch(image: Seen, rig: Rig, position: np.ndarray) -> float:
+def mismatch(image: SilhouetteImage, rig: Rig, position: np.ndarray) -> float:
     """Return the sum of ``|I_a - I_m|`` over the picture [px^2].
 
     Args:
@@ -54,11 +72,12 @@ def mismatch(image: Seen, rig: Rig, position: np.ndarray) -> float:
     Source:
         The 2012 paper, eq. (3), (4) and (5).
     """
-    area, common = drawn(image.sums[np.newaxis], rig, position)
-    return image.area + area - 2.0 * common if area >= 0.0 else NOWHERE
+    area, (common,) = drawn(image.sums[np.newaxis], rig, position)
+    # |I_a - I_m| counts each silhouette once, less what both have in common
+    return image.area + area - 2.0 * common if area >= 0.0 else UNDRAWABLE
 
 
-def area_gap(image: Seen, rig: Rig, position: np.ndarray) -> float:
+def area_gap(image: SilhouetteImage, rig: Rig, position: np.ndarray) -> float:
     """Return ``(A_o - A_m)^2`` [px^4], the areas inside of the picture.
 
     Args:
@@ -69,11 +88,11 @@ def area_gap(image: Seen, rig: Rig, position: np.ndarray) -> float:
     Source:
         The 2012 paper, eq. (1).
     """
-    area = drawn(image.moments[:1], rig, position)[1]
-    return (image.area - area) ** 2 if area >= 0.0 else NOWHERE
+    _, (area,) = drawn(image.moments[:1], rig, position)
+    return (image.area - area) ** 2 if area >= 0.0 else UNDRAWABLE
 
 
-def centroid_gap(image: Seen, rig: Rig, position: np.ndarray) -> float:
+def centroid_gap(image: SilhouetteImage, rig: Rig, position: np.ndarray) -> float:
     """Return the squared distance between the centroids of the seen and the drawn silhouette [px^2].
 
     Args:
@@ -84,48 +103,46 @@ def centroid_gap(image: Seen, rig: Rig, position: np.ndarray) -> float:
     Source:
         The 2012 paper, eq. (2).
     """
-    _, area, x, y = drawn(image.moments, rig, position)
-    return (image.x - x / area) ** 2 + (image.y - y / area) ** 2 if area > 0.0 else NOWHERE
+    _, (area, x, y) = drawn(image.moments, rig, position)
+    return (image.x - x / area) ** 2 + (image.y - y / area) ** 2 if area > 0.0 else UNDRAWABLE
 
 
-def fit_depth(
-    image: Seen, view: View, *, step: float = 0.05, tolerance: float = 1e-5
-) -> tuple[View, History]:
+def fit_depth(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, History]:
     """Find the camera's depth by the silhouette's area: golden section with Swann's bounding.
 
-    The depth is bounded so that the drawn mechanism is neither a hundred times smaller nor larger than seen.
+    The depth is bounded so that the drawn mechanism is at most a hundred times smaller or larger than seen.
 
     Args:
         image: The seen silhouette.
         view: The mechanism as it is so far.
-        step: First step as a share of the depth.
-        tolerance: Done at this share of the depth.
+
+    Returns:
+        The mechanism before the camera as found, and the history of the search.
 
     Source:
         The 2012 paper, eq. (1).
     """
     rig, camera = view.rig, view.base.camera
     depth = float(camera[DEPTH])
+    # the whole drawn area, also outside of the picture, so that a start too near still gives a likely depth
     area = max(float(drawn(image.moments[:1], rig, view.position)[0]), 1.0)
     likely = depth * float(np.sqrt(area / image.area))
-    lower, upper = min(0.1 * likely, depth), max(10.0 * likely, depth)
+    # the search starts at the present depth, which has to lie within its bounds
+    lower, upper = min(DEPTH_RANGE[0] * likely, depth), max(DEPTH_RANGE[1] * likely, depth)
     calls: list[float] = []
 
     def gap(value: float) -> float:
-        calls.append(area_gap(image, rig.before(_with(camera, {DEPTH: value})), view.position))
+        calls.append(area_gap(image, rig.before(_replaced(camera, {DEPTH: value})), view.position))
         return calls[-1]
 
-    found = line_search(
-        gap, depth, step * depth, (lower, upper), settings=DirectSettings(tolerance * depth, 200)
-    )
+    settings = DirectSettings(DEPTH_TOLERANCE * depth, MOST_DEPTHS)
+    found = line_search(gap, depth, DEPTH_STEP * depth, (lower, upper), settings=settings)
     falling = np.minimum.accumulate(calls)
     history = History("depth", np.arange(1, len(calls) + 1), falling)
-    return view.before(_with(camera, {DEPTH: found.x})), history
+    return view.before(_replaced(camera, {DEPTH: found.x})), history
 
 
-def fit_place(
-    image: Seen, view: View, *, step_px: float = 4.0, tolerance_px: float = 0.005
-) -> tuple[View, History]:
+def fit_place(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, History]:
     """Find the camera's x and y by the silhouette's centroid: augmented Lagrangian, Powell inside.
 
     They are bounded so that the drawn silhouette's centroid stays inside of the picture.
@@ -133,45 +150,44 @@ def fit_place(
     Args:
         image: The seen silhouette.
         view: The mechanism as it is so far.
-        step_px: First step in the picture [px].
-        tolerance_px: Done at this step in the picture [px].
+
+    Returns:
+        The mechanism before the camera as found, and the history of the search.
 
     Source:
         The 2012 paper, eq. (2).
     """
     rig, camera = view.rig, view.base.camera
-    columns = [column for column, moves in zip((X, Y), view.moves, strict=False) if moves]
-    scale = float(camera[DEPTH] / camera[12])
+    columns = [column for column, free in ((X, view.free.x), (Y, view.free.y)) if free]
+    scale = float(camera[DEPTH] / camera[FOCAL])
     height, width = image.sums.shape[0], image.sums.shape[1] - 1
-    _, area, sum_x, sum_y = drawn(image.moments, rig, view.position)
+    _, (area, sum_x, sum_y) = drawn(image.moments, rig, view.position)
     middle = [sum_x / area, sum_y / area] if area > 0.0 else [0.5 * width, 0.5 * height]
+    # the camera moves against the picture: x up to the centroid's distance from either side; rows count down
     reach = {X: (middle[0] - width, middle[0]), Y: (-middle[1], height - middle[1])}
     start = camera[columns]
     lower = np.minimum(start + scale * np.array([reach[c][0] for c in columns]), start)
     upper = np.maximum(start + scale * np.array([reach[c][1] for c in columns]), start)
 
     def gap(place: np.ndarray) -> float:
-        return centroid_gap(
-            image, rig.before(_with(camera, dict(zip(columns, place, strict=True)))), view.position
-        )
+        moved = _replaced(camera, dict(zip(columns, place, strict=True)))
+        return centroid_gap(image, rig.before(moved), view.position)
 
     found = augmented_lagrangian(
-        gap, start, (lower, upper), step=step_px * scale, settings=DirectSettings(tolerance_px / step_px, 300)
-    )
-    moved = _with(camera, dict(zip(columns, found.x, strict=True)))
+        gap, start, (lower, upper), step=PLACE_STEP_PX * scale,
+        settings=DirectSettings(PLACE_TOLERANCE_PX / PLACE_STEP_PX, MOST_PLACES),
+    )  # fmt: skip
+    moved = _replaced(camera, dict(zip(columns, found.x, strict=True)))
     return view.before(moved), _history("place", found.history, found.evaluations)
 
 
 def fit_pose(
-    image: Seen,
-    view: View,
+    image: SilhouetteImage,
+    view: ModelView,
     *,
-    step_px: float = 5.0,
-    tolerance_px: float = 0.02,
-    lower: np.ndarray | None = None,
-    upper: np.ndarray | None = None,
-    most: int = 1000,
-) -> tuple[View, History]:
+    step_px: float = POSE_STEP_PX,
+    limits: np.ndarray | None = None,
+) -> tuple[ModelView, History]:
     """Find the pose by the mismatch of the silhouettes within limits: augmented Lagrangian, Powell inside.
 
     The unknowns are the joint positions along ``pose_directions``.
@@ -180,17 +196,16 @@ def fit_pose(
         image: The seen silhouette.
         view: The mechanism; its position is the start.
         step_px: First step along each direction [px].
-        tolerance_px: Done at this step [px].
-        lower: Lower limits (of eq. 5), (dof,); default the joints' own (eq. 3).
-        upper: Upper limits, (dof,).
-        most: Trials at the most.
+        limits: Lower and upper limits (of eq. 5), (2, dof); default the joints' own (eq. 3).
+
+    Returns:
+        The mechanism in the pose as found, and the history of the search.
 
     Source:
         The 2012 paper, eq. (3) and (5).
     """
     rig = view.rig
-    low = view.limits[0] if lower is None else lower
-    high = view.limits[1] if upper is None else upper
+    low, high = view.limits if limits is None else limits
     start = np.clip(view.position, low, high)
     free = np.flatnonzero(high > low)
     if not len(free):
@@ -198,28 +213,44 @@ def fit_pose(
         return replace(view, position=start), History("pose", np.array([1]), np.array([value]))
     directions = np.zeros((len(start), len(free)))
     directions[free] = pose_directions(rig, start, free)
-    size = np.abs(directions).sum(axis=1) * step_px
 
     def gap(along: np.ndarray) -> float:
         q = start + directions @ along
-        return _following(image, view, rig, q)[0] if any(view.moves) else mismatch(image, rig, q)
+        return _placed_gap(image, view, rig, q)[0] if any(view.free) else mismatch(image, rig, q)
 
+    found = augmented_lagrangian(
+        gap, np.zeros(len(free)), inequalities=_beyond(start, directions, (low, high), step_px),
+        step=step_px, settings=DirectSettings(POSE_TOLERANCE_PX / step_px, MOST_POSES),
+    )  # fmt: skip
+    # the constraints are met to the tolerance alone, so the last bit is cut off
+    pose = np.clip(start + directions @ found.x, low, high)
+    history = _history("pose", found.history, found.evaluations, view)
+    return camera_placed(image, replace(view, position=pose)), history
+
+
+def _beyond(
+    start: np.ndarray, directions: np.ndarray, limits: tuple[np.ndarray, np.ndarray], step_px: float
+) -> Callable[[np.ndarray], np.ndarray] | None:
+    """Return how far a pose along the directions is beyond its finite limits, in first steps; None without.
+
+    Along the directions the limits of single joints are no bounds but inequalities over all unknowns.
+    """
+    low, high = limits
+    free = np.flatnonzero(high > low)
+    # what one first step along every direction moves each joint by: violations come to the size of a step
+    size = np.abs(directions).sum(axis=1) * step_px
     limited = [(i, -1.0, low[i]) for i in free if np.isfinite(low[i])]
     limited += [(i, 1.0, high[i]) for i in free if np.isfinite(high[i])]
+    if not limited:
+        return None
     rows = np.array([i for i, _, _ in limited], dtype=np.int64)
-    signs = np.array([sign for _, sign, _ in limited]) / size[rows] if limited else np.zeros(0)
+    signs = np.array([sign for _, sign, _ in limited]) / size[rows]
     bounds = np.array([bound for _, _, bound in limited])
 
     def beyond(along: np.ndarray) -> np.ndarray:
         return signs * (start[rows] + directions[rows] @ along - bounds)
 
-    found = augmented_lagrangian(
-        gap, np.zeros(len(free)), inequalities=beyond if limited else None, step=step_px,
-        settings=DirectSettings(tolerance_px / step_px, most),
-    )  # fmt: skip
-    pose = np.clip(start + directions @ found.x, low, high)
-    history = _history("pose", found.history, found.evaluations, view)
-    return followed(image, replace(view, position=pose)), history
+    return beyond
 
 
 def pose_directions(rig: Rig, position: np.ndarray, free: np.ndarray) -> np.ndarray:
@@ -237,15 +268,17 @@ def pose_directions(rig: Rig, position: np.ndarray, free: np.ndarray) -> np.ndar
     Returns:
         Directions as columns [rad or m by px], (free, free).
     """
+    # the metric is that of the picture: equal steps along its axes move the outline equally far
     here = outline_points(rig, position)
     slopes = np.empty((len(free), here.size))
     for k, i in enumerate(free):
         there = position.copy()
-        there[i] += 1e-4
-        slopes[k] = (outline_points(rig, there) - here).ravel() / 1e-4
+        there[i] += TURNED
+        slopes[k] = (outline_points(rig, there) - here).ravel() / TURNED
     metric = 2.0 * slopes @ slopes.T / here.size
+    # behind the camera the points are NaN: all eigenvalues are then zero, and the floor gives any direction
     values, vectors = np.linalg.eigh(np.nan_to_num(metric))
-    return vectors / np.sqrt(np.maximum(values, 1e-4 * max(float(values[-1]), 1e-9)))
+    return vectors / np.sqrt(np.maximum(values, FLATTEST * max(float(values[-1]), 1e-9)))
 
 
 def outline_points(rig: Rig, position: np.ndarray) -> np.ndarray:
@@ -262,8 +295,8 @@ def outline_points(rig: Rig, position: np.ndarray) -> np.ndarray:
 
 
 def fit_ratios(
-    image: Seen, view: View, *, step: float = 0.1, tolerance: float = 0.02, most: int = 3000
-) -> tuple[View, History]:
+    image: SilhouetteImage, view: ModelView, *, step: float = RATIO_STEP
+) -> tuple[ModelView, History]:
     """Find the aspect ratios by the mismatch of the silhouettes: augmented Lagrangian, Powell inside.
 
     With the reference length held, the unknowns are each body's width and every other length.
@@ -272,53 +305,58 @@ def fit_ratios(
         image: The seen silhouette.
         view: The mechanism as it is so far.
         step: First step as a share of each size.
-        tolerance: Done at this share of the step.
-        most: Trials at the most.
+
+    Returns:
+        The mechanism with its sizes as found, and the history of the search.
 
     Source:
         The 2012 paper, eq. (4).
     """
-    least = LEAST_WIDTH_PX * float(view.base.camera[DEPTH] / view.base.camera[12])
-    overhang = np.array([name.endswith((".tail", ".tip")) for name in view.names])
-    lower = np.minimum(np.maximum(view.lower, np.where(overhang, 0.0, least)), view.upper)
+    least = LEAST_SIZE_PX * float(view.base.camera[DEPTH] / view.base.camera[FOCAL])
+    # an overhang of zero still leaves the body between its hinges to be seen
+    lower = np.minimum(np.maximum(view.lower, np.where(view.overhang, 0.0, least)), view.upper)
     start = np.clip(view.sizes, lower, view.upper)
-    typical = np.maximum(start, 0.05 * float(start.max(initial=0.0)))
+    typical = np.maximum(start, LEAST_STEPPED * float(start.max(initial=0.0)))
 
     def gap(sizes: np.ndarray) -> float:
         rig = view.rig_with(sizes)
-        if any(view.moves):
-            return _following(image, view, rig, view.position)[0]
+        if any(view.free):
+            return _placed_gap(image, view, rig, view.position)[0]
         return mismatch(image, rig, view.position)
 
     found = augmented_lagrangian(
-        gap, start, (lower, view.upper), step=step * typical, settings=DirectSettings(tolerance, most)
+        gap,
+        start,
+        (lower, view.upper),
+        step=step * typical,
+        settings=DirectSettings(RATIO_TOLERANCE, MOST_RATIOS),
     )
-    found_view = replace(view, sizes=found.x)
-    return followed(image, found_view), _history("ratios", found.history, found.evaluations, view)
+    history = _history("ratios", found.history, found.evaluations, view)
+    return camera_placed(image, replace(view, sizes=found.x)), history
 
 
-def followed(image: Seen, view: View) -> View:
-    """Return the view before the camera that follows by (1) and (2) in closed form.
+def camera_placed(image: SilhouetteImage, view: ModelView) -> ModelView:
+    """Return the view before the camera that (1) and (2) place in closed form.
 
     Args:
         image: The seen silhouette.
         view: The mechanism as it is so far.
     """
-    return view.before(
-        _with(view.base.camera, dict(enumerate(_following(image, view, view.rig, view.position)[1], X)))
-    )
+    _, place = _placed_gap(image, view, view.rig, view.position)
+    return view.before(_replaced(view.base.camera, dict(enumerate(place, X))))
 
 
-def _following(image: Seen, view: View, rig: Rig, position: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the mismatch before the camera that follows, and its x, y and depth."""
-    facts = np.array([image.area, image.x, image.y])
+def _placed_gap(
+    image: SilhouetteImage, view: ModelView, rig: Rig, position: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Return the mismatch before the camera that is placed, and its x, y and depth."""
     costs, places = placed_mismatch(
-        image.sums, image.moments, rig, position[np.newaxis], facts, np.array(view.moves)
+        image.sums, image.moments, rig, position[np.newaxis], image.target, view.free
     )
     return image.area + float(costs[0]), places[0]
 
 
-def _with(camera: np.ndarray, values: dict[int, float]) -> np.ndarray:
+def _replaced(camera: np.ndarray, values: dict[int, float]) -> np.ndarray:
     """Return a packed camera with some columns replaced."""
     out = camera.copy()
     for column, value in values.items():
@@ -326,8 +364,8 @@ def _with(camera: np.ndarray, values: dict[int, float]) -> np.ndarray:
     return out
 
 
-def _history(problem: str, entries: np.ndarray, total: int, view: View | None = None) -> History:
-    """Return the history of a search; a camera that follows draws two more silhouettes a trial."""
-    each = FOLLOWING if view is not None and any(view.moves) else 1
+def _history(problem: str, entries: np.ndarray, total: int, view: ModelView | None = None) -> History:
+    """Return the history of a search; a camera that is placed draws two more silhouettes a trial."""
+    each = PLACED_DRAWINGS if view is not None and any(view.free) else 1
     drawings = each * np.append(entries[:, 0], total).astype(np.int64)
     return History(problem, drawings, np.append(entries[:, 1], entries[-1, 1]))

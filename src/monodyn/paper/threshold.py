@@ -1,6 +1,6 @@
 """From a frame to its binary silhouette: background subtraction and a threshold.
 
-The one idea: what differs from the background by more than one level is the mechanism. Otsu's level parts
+The one idea: what differs from the background by more than one level is the mechanism. Otsu's level divides
 the differences into two classes and lies about half-way between their means. So it lies half-way up the edge
 of a link of the usual contrast, whose silhouette keeps its size; a link that stands out more comes out a
 little larger, one that stands out less a little smaller.
@@ -28,7 +28,7 @@ LEAST_LEVEL = 4.0
 
 
 def silhouette(frame: Frame, background: Background, level: float, *, settle: bool = True) -> np.ndarray:
-    """Tell the mechanism from the background by a threshold on the grey difference, ``|I - B| > level``.
+    """Separate the mechanism from the background by a threshold on the grey difference, ``|I - B| > level``.
 
     Small patches are left out.
 
@@ -53,14 +53,16 @@ def silhouette(frame: Frame, background: Background, level: float, *, settle: bo
     if not 0.0 < level < 255.0:
         raise SettingsError(f"silhouette: expected a level above 0 and below 255, got {level:g}.")
     _, over = cv2.threshold(difference(frame, background), level, FULL, cv2.THRESH_BINARY)
+    # patches are labelled within their bounding box alone, which is much smaller than the picture
     x, y, width, height = cv2.boundingRect(over)
     if width:
         part = over[y : y + height, x : x + width]
         _, labels, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=4)
         area = stats[:, cv2.CC_STAT_AREA]
         kept = area >= LEAST_PART * area[1:].max()
-        kept[0] = False
+        kept[0] = False  # label 0 is everything below the level
         part[...] = (kept.astype(np.uint8) * np.uint8(FULL))[np.asarray(labels)]
+    # set last: what the removal of small patches left of these pixels says nothing about the mechanism
     over[~background.known] = OPEN
     if settle and not background.known.all():
         _settle_unknown(over, ~background.known)
@@ -74,6 +76,7 @@ def _settle_unknown(picture: np.ndarray, unknown: np.ndarray) -> None:
     """
     import cv2
 
+    # two pixels more to each side, so that the ring around a patch lies within the window
     x, y, width, height = cv2.boundingRect(unknown.astype(np.uint8))
     x0, y0 = max(x - 2, 0), max(y - 2, 0)
     window = (slice(y0, y + height + 2), slice(x0, x + width + 2))
@@ -84,10 +87,12 @@ def _settle_unknown(picture: np.ndarray, unknown: np.ndarray) -> None:
     for i in range(1, count):
         left, top, wide, tall = (int(value) for value in stats[i, :4])
         near = (slice(max(top - 2, 0), top + tall + 2), slice(max(left - 2, 0), left + wide + 2))
+        # what lies around the patch and is known decides: how much of that ring the mechanism covers
         own = (labels[near] == i).astype(np.uint8)
         ring = (cv2.dilate(own, np.ones((5, 5), np.uint8)) > 0) & (part[near] == 0)
         share = float(covered[near][ring].mean()) if ring.any() else 0.0
         small = stats[i, cv2.CC_STAT_AREA] < SMALL * whole
+        # a small patch need only be touched; a large one, like a stand, must be surrounded to a good part
         if share > (0.0 if small else SURROUNDED):
             picture[window][near][own > 0] = FULL
 
@@ -114,7 +119,7 @@ def difference(frame: Frame, background: Background) -> np.ndarray:
 
 
 def otsu_level(frames: Sequence[Frame], background: Background) -> float:
-    """Return the threshold that parts the differences of some frames best into two classes.
+    """Return the threshold that divides the differences of some frames best into two classes.
 
     The level maximizes the variance between the classes, ``n0 n1 (m0 - m1)^2``.
 
@@ -137,8 +142,10 @@ def otsu_level(frames: Sequence[Frame], background: Background) -> float:
     below, total = np.cumsum(counts), counts.sum()
     sums = np.cumsum(counts * levels)
     above = total - below
+    # both classes must have a pixel, or there is no mean to compare
     split = (below > 0) & (above > 0)
     apart = np.zeros(256)
     apart[split] = (sums[split] / below[split] - (sums[-1] - sums[split]) / above[split]) ** 2
+    # the maximum is flat over levels that no pixel has: their middle is as far from both classes as can be
     best = np.flatnonzero(below * above * apart == (below * above * apart).max())
     return float(max(best.mean(), LEAST_LEVEL * background.noise, 1.0))

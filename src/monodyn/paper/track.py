@@ -7,21 +7,21 @@ mismatch stands out was not seen; the limits widen until the mechanism is found 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
 from monodyn.arrays import frozen
 from monodyn.errors import VideoError
-from monodyn.paper.ambiguity import level_of
+from monodyn.mechanism.tree import HINGE
 from monodyn.paper.locate import PaperScene
 from monodyn.paper.sequential import reach_of
 from monodyn.paper.settings import PaperTrackSettings
-from monodyn.paper.starts import spread_pose
+from monodyn.paper.silhouettes import ClipSilhouettes
+from monodyn.paper.starts import pose_by_beam
 from monodyn.paper.subproblems import fit_pose
-from monodyn.paper.threshold import holds, silhouette
-from monodyn.paper.view import Seen, View, seen, view_of
-from monodyn.types import Frame, Poses, Progress
+from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage, model_view
+from monodyn.types import Poses, Progress
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
 
@@ -29,20 +29,34 @@ AGILE = 0.8
 """Share of the fastest joint's move by which any joint may depart from its prediction."""
 SLOWEST = 0.2
 """Least width of the adaptive limits as a share of the fixed ones."""
-UNUSUAL, SLACK = 2.0, 0.08
-"""A frame is seen while its share of mismatch is below so many usual ones plus a slack."""
-GROWTHS = (1.0, 2.0, 4.0)
+UNUSUAL, MISMATCH_SLACK = 2.0, 0.08
+"""A frame counts as seen while its share of mismatch is below this multiple of the usual one plus a slack."""
+USUAL_GAIN = 0.1
+"""Weight of a new frame in the usual share of mismatch."""
+FIRST_MISMATCH = 0.5
+"""Share of mismatch above which the mechanism is not in the first frame."""
+LIMIT_FACTORS = (1.0, 2.0, 4.0)
 """Factors on the move limits, one after the other while a limit holds the pose back."""
+AT_LIMIT = 0.02
+"""A pose is held back when it comes as near to a limit as this share of the distance between the two."""
 WIDENING = 1.6
 """Growth of the move limits for each frame that was not seen."""
-COASTING = 3
+MOST_COASTED = 3
 """Frames out of sight over which the last velocity counts."""
 STEP_PX = 5.0
 """First step of the pose [px]."""
+LEAST_SAMPLES = 5
+"""Fewest frames that show the scatter of a joint."""
+NOISE_HINGE, NOISE_SLIDE = 1e-3, 1e-4
+"""Standard deviation of a joint where its scatter is not known [rad, m]."""
+LEAST_NOISE = 0.05
+"""Least standard deviation from scatter, as a share of that one."""
+EVEN = 0.2
+"""Time steps are even while they differ by less than this share of the median."""
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MotionState:
     """What is known of the motion before a frame.
 
     Attributes:
@@ -79,6 +93,32 @@ class PaperPoses(Poses):
         )
         object.__setattr__(self, "evaluations", counts)
 
+    def part(self, first: int, stop: int) -> PaperPoses:
+        """Return rows ``first`` to ``stop - 1``.
+
+        Args:
+            first: First row.
+            stop: Row after the last one.
+        """
+        rows = super().part(first, stop)
+        shared = {part.name: getattr(rows, part.name) for part in fields(Poses)}
+        return PaperPoses(**shared, evaluations=self.evaluations[first:stop])
+
+
+@dataclass(frozen=True, eq=False)
+class FrameOutcome:
+    """What following the mechanism into a frame gave.
+
+    Attributes:
+        motion: The motion from here on, or None before the mechanism was seen.
+        position: Joint positions, (dof,), or None where the mechanism was not seen.
+        drawings: Number of silhouettes drawn.
+    """
+
+    motion: MotionState | None
+    position: np.ndarray | None
+    drawings: int
+
 
 def track_published(
     masks: Masks, scene: Scene, settings: PaperTrackSettings, progress: Progress | None = None
@@ -99,44 +139,45 @@ def track_published(
         The 2012 paper, eq. (5).
     """
     video = masks.video
-    view = view_of(scene.mechanism, scene.camera, scene.position, (False, False, False))
-    level = level_of(scene.masks, scene.level if isinstance(scene, PaperScene) else 0.0)
+    view = model_view(scene.mechanism, scene.camera, scene.position, CAMERA_HELD)
+    silhouettes = ClipSilhouettes(scene.masks, scene.level if isinstance(scene, PaperScene) else 0.0)
     motion = None
-    blank = np.full(len(scene.mechanism.joints), np.nan)
-    rows: list[tuple[int, float, np.ndarray, bool, int]] = []
+    # frames that did not decode keep their row: not seen, nothing drawn
+    position = np.full((video.count, len(scene.mechanism.joints)), np.nan)
+    drawings = np.zeros(video.count, dtype=np.int64)
     for frame in video.frames():
-        rows += [(i, float(video.times[i]), blank, False, 0) for i in range(len(rows), frame.index)]
-        image = _image(frame, scene, level)
-        if image is None:
+        shown = silhouettes.find(frame)
+        if shown is None:
             motion = motion and replace(motion, lost=motion.lost + 1)
-            rows.append((frame.index, frame.time, blank, False, 0))
         else:
             known = scene.position if frame.index == scene.frame else None
-            motion, found, drawings = step(image, view, motion, frame.time, settings, known)
-            rows.append(
-                (frame.index, frame.time, blank if found is None else found, found is not None, drawings)
-            )
+            step = next_pose(shown.image, view, motion, frame.time, settings, known)
+            motion, drawings[frame.index] = step.motion, step.drawings
+            if step.position is not None:
+                position[frame.index] = step.position
         if progress is not None:
-            progress("track", len(rows), video.count)
-    index, time, position, saw, drawings = zip(*rows, strict=True)
+            progress("track", frame.index + 1, video.count)
+    # frames that did not decode at the end of the clip have no row
+    stop = frame.index + 1
     joints = tuple(joint.name for joint in scene.mechanism.joints)
-    positions, sighted = np.array(position), np.array(saw)
-    covariance = scatter(np.array(time), positions, view.base.kind == 0)
+    time, position = video.times[:stop], position[:stop]
+    sighted = np.asarray(np.isfinite(position).all(axis=1))
+    covariance = scatter_covariance(time, position, view.base.kind == HINGE)
     return PaperPoses(
-        joints, np.array(index), np.array(time), positions,
+        joints, np.arange(stop), time, position,
         np.where(sighted[:, np.newaxis, np.newaxis], covariance, np.nan), sighted,
-        metric=False, evaluations=np.array(drawings),
+        metric=False, evaluations=drawings[:stop],
     )  # fmt: skip
 
 
-def step(
-    image: Seen,
-    view: View,
-    motion: Motion | None,
+def next_pose(
+    image: SilhouetteImage,
+    view: ModelView,
+    motion: MotionState | None,
     time: float,
     settings: PaperTrackSettings,
     known: np.ndarray | None,
-) -> tuple[Motion | None, np.ndarray | None, int]:
+) -> FrameOutcome:
     """Find the pose in the next frame.
 
     Args:
@@ -148,40 +189,44 @@ def step(
         known: Pose in this frame where it is known, (dof,).
 
     Returns:
-        The motion from here, the joint positions (dof,) or None where the mechanism was not seen, and the
-        silhouettes drawn.
+        The motion from here, the pose where the mechanism was seen, and the silhouettes drawn.
     """
     if motion is None:
         return _first(image, view, time, settings, known)
-    limit = UNUSUAL * motion.usual + SLACK
+    most = UNUSUAL * motion.usual + MISMATCH_SLACK
     found, share, drawings = view, np.inf, 0
-    for growth in GROWTHS:
-        start, lower, upper = move_limits(view, motion, time, settings, growth=growth)
-        found, share, more = _within(image, replace(view, position=start), lower, upper)
+    # a pose at a move limit is not a minimum of the mismatch: the limits grow until none is active
+    for factor in LIMIT_FACTORS:
+        start, limits = move_limits(view, motion, time, settings, factor=factor)
+        found, share, more = _within(image, replace(view, position=start), limits)
         drawings += more
-        if not _held_back(found, lower, upper):
+        if not _held_back(found, limits):
             break
-    if share > limit:
-        _, lower, upper = move_limits(view, motion, time, replace(settings, adaptive=False))
-        wide, left, more = spread_pose(image, view, lower=lower, upper=upper)
+    if share > most:
+        # the local search may have stopped in another minimum within the widest limits, so starts from all
+        # over them are tried before the frame is given up
+        _, limits = move_limits(view, motion, time, replace(settings, adaptive=False))
+        wide, left, more = pose_by_beam(image, view, limits)
         drawings += more
         if left / image.area < share:
             found, share = wide, left / image.area
-    if share > limit:
-        return replace(motion, lost=motion.lost + 1), None, drawings
+    if share > most:
+        # what hides the mechanism would pull the pose along; the last seen state stays, its limits widen
+        return FrameOutcome(replace(motion, lost=motion.lost + 1), None, drawings)
     apart = time - motion.time
     velocity = (found.position - motion.position) / apart
-    usual = motion.usual + 0.1 * (share - motion.usual)
-    return Motion(time, found.position, velocity, motion.frames + 1, 0, usual), found.position, drawings
+    usual = motion.usual + USUAL_GAIN * (share - motion.usual)
+    state = MotionState(time, found.position, velocity, motion.frames + 1, 0, usual)
+    return FrameOutcome(state, found.position, drawings)
 
 
 def move_limits(
-    view: View, motion: Motion, time: float, settings: PaperTrackSettings, *, growth: float = 1.0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return start, lower and upper move limits of eq. (5), (dof,) each.
+    view: ModelView, motion: MotionState, time: float, settings: PaperTrackSettings, *, factor: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the start (dof,) and lower and upper move limits (2, dof) of eq. (5).
 
     Fixed: the last pose, and ``move_share`` of the range about it. Adaptive: the pose that the current
-    velocity leads to, and about it the share of those limits that the fastest joint moves, a fifth at least.
+    velocity leads to, and about it the share of those limits that the fastest joint moves, at least a fifth.
     Each frame out of sight widens the limits.
 
     Args:
@@ -189,49 +234,54 @@ def move_limits(
         motion: What is known of the motion.
         time: Time stamp of the frame [s].
         settings: ``move_share`` and ``adaptive``.
-        growth: Factor on the limits.
+        factor: Factor on the limits.
 
     Source:
         The 2012 paper, eq. (5) and the paragraph after it.
     """
     widest = settings.move_share * joint_ranges(view) * WIDENING**motion.lost
     start, move = motion.position, widest
-    if settings.adaptive and motion.frames > 1 and motion.lost <= COASTING:
+    # one frame has no velocity, and after a long time out of sight the last one says little
+    if settings.adaptive and motion.frames > 1 and motion.lost <= MOST_COASTED:
         ahead = motion.velocity * (time - motion.time)
         start = start + ahead
         if motion.lost == 0:
+            # all joints get the share of the fastest one: what one link does, it does to the others too
             fastest = float(np.max(np.abs(ahead) / widest))
             move = widest * np.clip(AGILE * fastest, SLOWEST, 1.0)
-    move = move * growth
-    lower, upper = np.maximum(start - move, view.limits[0]), np.minimum(start + move, view.limits[1])
-    lower, upper = np.minimum(lower, view.limits[1]), np.maximum(upper, view.limits[0])
-    return np.clip(start, lower, upper), lower, upper
+    move = move * factor
+    low, high = view.limits
+    lower, upper = np.maximum(start - move, low), np.minimum(start + move, high)
+    # a prediction beyond a joint's own limit would leave nothing between the limits: both come to the limit
+    limits = np.array([np.minimum(lower, high), np.maximum(upper, low)])
+    return np.clip(start, *limits), limits
 
 
-def _held_back(view: View, lower: np.ndarray, upper: np.ndarray) -> bool:
+def _held_back(view: ModelView, limits: np.ndarray) -> bool:
     """Return whether a move limit, other than a joint's own, holds the pose back."""
-    slack = 0.02 * (upper - lower)
-    low = (view.position < lower + slack) & (lower > view.limits[0])
-    high = (view.position > upper - slack) & (upper < view.limits[1])
+    lower, upper = limits
+    near = AT_LIMIT * (upper - lower)
+    low = (view.position < lower + near) & (lower > view.limits[0])
+    high = (view.position > upper - near) & (upper < view.limits[1])
     return bool(np.any(low | high))
 
 
-def joint_ranges(view: View) -> np.ndarray:
+def joint_ranges(view: ModelView) -> np.ndarray:
     """Return the range of each joint [rad or m], (dof,): one turn or twice the reach where it has no limits.
 
     Args:
         view: The mechanism.
     """
     limited = np.isfinite(view.limits).all(axis=0)
-    whole = np.where(view.base.kind == 0, 2.0 * np.pi, 2.0 * reach_of(view.rig))
+    whole = np.where(view.base.kind == HINGE, 2.0 * np.pi, 2.0 * reach_of(view.rig))
     return np.where(limited, np.minimum(np.diff(view.limits, axis=0)[0], whole), whole)
 
 
-def scatter(time: np.ndarray, position: np.ndarray, hinge: np.ndarray) -> np.ndarray:
+def scatter_covariance(time: np.ndarray, position: np.ndarray, hinge: np.ndarray) -> np.ndarray:
     """Estimate the noise of tracked positions from how they scatter about locally cubic motion.
 
-    Fourth differences of even time steps vanish for cubics; those of noise have 70 times its variance. Their
-    median is robust against frames that are off.
+    Fourth differences of even time steps vanish for cubics; those of white noise have 70 times its variance,
+    the sum of the squares of 1, -4, 6, -4, 1. Their median is robust against frames that are off.
 
     Args:
         time: Time stamps [s], (frame,).
@@ -241,41 +291,44 @@ def scatter(time: np.ndarray, position: np.ndarray, hinge: np.ndarray) -> np.nda
     Returns:
         Diagonal covariance, (dof, dof).
     """
-    noise = np.where(hinge, 1e-3, 1e-4)
-    if len(time) >= 5:
+    noise = np.where(hinge, NOISE_HINGE, NOISE_SLIDE)
+    if len(time) >= LEAST_SAMPLES:
         steps = np.diff(time)
-        even = np.ptp(np.lib.stride_tricks.sliding_window_view(steps, 4), axis=1) < 0.2 * np.median(steps)
+        four = np.lib.stride_tricks.sliding_window_view(steps, 4)
+        even = np.ptp(four, axis=1) < EVEN * np.median(steps)
         fourth = np.abs(np.diff(position, 4, axis=0)[even])
         for dof in range(position.shape[1]):
             usable = fourth[np.isfinite(fourth[:, dof]), dof]
-            if len(usable) >= 5:
-                noise[dof] = max(float(np.median(usable)) / (0.6745 * np.sqrt(70.0)), 0.05 * noise[dof])
+            if len(usable) >= LEAST_SAMPLES:
+                # the median of the absolute value of a normal variable is 0.6745 of its standard deviation
+                deviation = float(np.median(usable)) / (0.6745 * np.sqrt(70.0))
+                noise[dof] = max(deviation, LEAST_NOISE * noise[dof])
     return np.diag(noise**2)
 
 
-def _image(frame: Frame, scene: Scene, level: float) -> Seen | None:
-    """Return the silhouette of a frame, None where there is none."""
-    drawn = silhouette(frame, scene.masks.background, level)
-    return seen(drawn) if holds(drawn) else None
-
-
 def _first(
-    image: Seen, view: View, time: float, settings: PaperTrackSettings, known: np.ndarray | None
-) -> tuple[Motion | None, np.ndarray | None, int]:
-    """Find the first pose: near where it is known, else from starts spread over the joint ranges."""
+    image: SilhouetteImage,
+    view: ModelView,
+    time: float,
+    settings: PaperTrackSettings,
+    known: np.ndarray | None,
+) -> FrameOutcome:
+    """Find the first pose: near where it is known, else from anywhere within the joint ranges."""
     if known is None:
-        found, left, drawings = spread_pose(image, view)
+        found, left, drawings = pose_by_beam(image, view)
         share = left / image.area
     else:
         move = settings.move_share * joint_ranges(view)
-        lower, upper = np.maximum(known - move, view.limits[0]), np.minimum(known + move, view.limits[1])
-        found, share, drawings = _within(image, replace(view, position=known), lower, upper)
-    if share > 0.5:
-        return None, None, drawings
-    return Motion(time, found.position, np.zeros(len(found.position)), 1, 0, share), found.position, drawings
+        low, high = view.limits
+        limits = np.array([np.maximum(known - move, low), np.minimum(known + move, high)])
+        found, share, drawings = _within(image, replace(view, position=known), limits)
+    if share > FIRST_MISMATCH:
+        return FrameOutcome(None, None, drawings)
+    at_rest = np.zeros(len(found.position))
+    return FrameOutcome(MotionState(time, found.position, at_rest, 1, 0, share), found.position, drawings)
 
 
-def _within(image: Seen, view: View, lower: np.ndarray, upper: np.ndarray) -> tuple[View, float, int]:
+def _within(image: SilhouetteImage, view: ModelView, limits: np.ndarray) -> tuple[ModelView, float, int]:
     """Solve eq. (5); return the mechanism in the pose, its share of mismatch and the silhouettes drawn."""
-    found, history = fit_pose(image, view, step_px=STEP_PX, lower=lower, upper=upper)
+    found, history = fit_pose(image, view, step_px=STEP_PX, limits=limits)
     return found, float(history.values[-1]) / image.area, int(history.evaluations[-1])

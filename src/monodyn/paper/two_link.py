@@ -83,6 +83,7 @@ def accelerations(pendulum: TwoLink, theta: np.ndarray, rate: np.ndarray, torque
 
     Source: the 2012 paper, eq. (8).
     """
+    # stacked columns, because solve() takes a last axis of right sides
     right = torque - _times(coriolis(pendulum, theta, rate), rate) - gravity(pendulum, theta)
     return np.linalg.solve(inertia_matrix(pendulum, theta), right[..., None])[..., 0]
 
@@ -121,6 +122,7 @@ def inertia_matrix(pendulum: TwoLink, theta: np.ndarray) -> np.ndarray:
     """
     (m1, m2), (i1, i2) = pendulum.mass, pendulum.inertia
     (l1, _), (lc1, lc2) = pendulum.length, pendulum.centre
+    # all that depends on the pose is the angle between the links: turning both changes no inertia
     c2 = np.cos(np.asarray(theta)[..., 1])
     h11 = m1 * lc1**2 + i1 + m2 * (l1**2 + lc2**2 + 2 * l1 * lc2 * c2) + i2
     h12 = m2 * l1 * lc2 * c2 + m2 * lc2**2 + i2
@@ -160,6 +162,7 @@ def gravity(pendulum: TwoLink, theta: np.ndarray) -> np.ndarray:
     """
     (m1, m2), (lc1, lc2), g = pendulum.mass, pendulum.centre, pendulum.gravity
     t1, t2 = np.moveaxis(np.asarray(theta, dtype=np.float64), -1, 0)
+    # the second link's weight turns the first joint too, by its own arm and by that of joint 2
     g2 = m2 * lc2 * g * np.cos(t1 + t2)
     g1 = m1 * lc1 * g * np.cos(t1) + m2 * g * pendulum.length[0] * np.cos(t1) + g2
     return np.stack([g1, g2], axis=-1)

@@ -8,23 +8,27 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.mechanism import Mechanism
-from monodyn.paper.placed import moment_sums
+from monodyn.mechanism import Mechanism, Parameter
+from monodyn.paper.placed import AreaCentroid, CameraFree, moment_sums
 from monodyn.paper.threshold import OPEN
 from monodyn.types import Camera
 from monodyn.vision.drawing.rig import Rig, rig_of
 from monodyn.vision.drawing.silhouette import row_sums
 
-SIZES = (".length", ".width", ".tail", ".tip")
-"""Sizes that a silhouette shows."""
-X, Y, DEPTH = 9, 10, 11
-"""Columns of the packed camera."""
+OVERHANGS = ("tail", "tip")
+"""Kinds of sizes that say how far a body reaches beyond its hinges; they may be zero."""
+SIZE_KINDS = ("length", "width", *OVERHANGS)
+"""Kinds of sizes that a silhouette shows."""
 RATIO_RANGE = 30.0
-"""An aspect ratio may become so many times larger or smaller than in the file."""
+"""Factor by which an aspect ratio may become larger or smaller than in the file."""
+LEAST_SCALE = 0.1
+"""A size counts as at least this share of the mean size where its range is set, so that a zero may grow."""
+CAMERA_HELD = CameraFree(x=False, y=False, depth=False)
+"""A camera that stays where it is."""
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class SilhouetteImage:
     """A binary silhouette as the problems need it; pixels without a known background count nowhere.
 
     Attributes:
@@ -47,16 +51,21 @@ class Seen:
         """Row prefix sums of the weight w, of w x and of w y, (3, height, width + 1)."""
         return moment_sums(self.weight)
 
+    @cached_property
+    def target(self) -> AreaCentroid:
+        """Area and centroid, as the kernel takes them."""
+        return AreaCentroid(self.area, self.x, self.y)
+
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """A mechanism of changeable sizes before a camera, in a pose.
+class ModelView:
+    """A mechanism whose sizes may change before a camera, in a pose.
 
     The arrays that are drawn are affine in the sizes.
 
     Attributes:
-        names: Sizes that the aspect ratios consist of.
-        reference: The free size that stays, to which they are ratios; empty where none has to.
+        searched: Sizes that the aspect ratios consist of.
+        reference: The free size that stays, to which they are ratios; None where none has to.
         sizes: Their values [m], (param,).
         lower: Lower bounds [m], (param,).
         upper: Upper bounds [m], (param,).
@@ -64,11 +73,11 @@ class View:
         slopes: Derivatives of links, points and radius by size, each (param, ...).
         position: Joint positions, (dof,).
         limits: Lower and upper joint limits, (2, dof).
-        moves: Which of the camera's x, y and depth are estimated, (3,).
+        free: Which of the camera's coordinates are estimated.
     """
 
-    names: tuple[str, ...]
-    reference: str
+    searched: tuple[Parameter, ...]
+    reference: Parameter | None
     sizes: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
@@ -76,7 +85,17 @@ class View:
     slopes: tuple[np.ndarray, ...]
     position: np.ndarray
     limits: np.ndarray
-    moves: tuple[bool, bool, bool]
+    free: CameraFree
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the sizes that are searched."""
+        return tuple(p.name for p in self.searched)
+
+    @property
+    def overhang(self) -> np.ndarray:
+        """True for the sizes that are overhangs, which may be zero, bool (param,)."""
+        return np.array([p.kind in OVERHANGS for p in self.searched], dtype=bool)
 
     @property
     def rig(self) -> Rig:
@@ -98,7 +117,7 @@ class View:
         # searches look a little beyond their bounds; a negative radius would have another number of points
         return self.base._replace(links=links, points=points, radius=np.maximum(radius, 0.0))
 
-    def before(self, camera: np.ndarray) -> View:
+    def before(self, camera: np.ndarray) -> ModelView:
         """Return the same before another packed camera.
 
         Args:
@@ -107,7 +126,7 @@ class View:
         return replace(self, base=self.base.before(camera))
 
 
-def seen(silhouette: np.ndarray, *, shrink: int = 1) -> Seen:
+def silhouette_image(silhouette: np.ndarray, *, shrink: int = 1) -> SilhouetteImage:
     """Take area, centroid and row sums of a binary silhouette.
 
     Args:
@@ -123,6 +142,7 @@ def seen(silhouette: np.ndarray, *, shrink: int = 1) -> Seen:
     part = silhouette[: height * shrink, : width * shrink]
     weight = (part != OPEN).astype(np.float32)
     covered = cv2.threshold(part, OPEN, 1, cv2.THRESH_BINARY)[1]
+    # merged pixels hold the share that is covered and known, so that area and mismatch stay linear
     if shrink > 1:
         size = (width, height)
         part, weight, covered = (
@@ -130,45 +150,67 @@ def seen(silhouette: np.ndarray, *, shrink: int = 1) -> Seen:
             for a in (part, weight, covered.astype(np.float32))
         )
     moments = cv2.moments(covered)
+    # centroid and area count pixels that the mechanism covers, open ones with neither side
     area = moments["m00"]
     if not area > 0.0:
         raise VideoError(
             "silhouette: expected some of the mechanism, got an empty picture; give --background a picture "
             "without the mechanism, or use another method."
         )
-    return Seen(row_sums(part), weight, area, moments["m10"] / area, moments["m01"] / area)
+    return SilhouetteImage(row_sums(part), weight, area, moments["m10"] / area, moments["m01"] / area)
 
 
-def view_of(
-    mechanism: Mechanism, camera: Camera, position: np.ndarray, moves: tuple[bool, bool, bool]
-) -> View:
+def model_view(mechanism: Mechanism, camera: Camera, position: np.ndarray, free: CameraFree) -> ModelView:
     """Prepare a mechanism before a camera for the problems.
 
-    Of the free sizes the first length stays when the depth is estimated: a picture does not tell the common
-    scale, so the others are ratios to it.
+    Of the free sizes the first length stays when the depth is estimated: a picture does not determine the
+    common scale, so the others are ratios to it.
 
     Args:
         mechanism: Its parameters that are not free stay.
         camera: The camera.
         position: Joint positions [rad; m in the start scale], (dof,).
-        moves: Which of the camera's x, y and depth are estimated.
+        free: Which of the camera's coordinates are estimated.
     """
-    sized = [p for p in mechanism.parameters if p.name.endswith(SIZES)]
-    free = [p for p in sized if p.free]
-    held = ""
-    if moves[2] and len(free) == len(sized) and free:
-        reference = next((p for p in free if p.name.endswith(".length")), free[0])
-        free = [p for p in free if p is not reference]
-        held = reference.name
-    names = tuple(p.name for p in free)
-    sizes = np.array([p.value for p in free])
+    sized = [p for p in mechanism.parameters if p.kind in SIZE_KINDS]
+    searched = [p for p in sized if p.free]
+    reference = None
+    # a size that is fixed sets the common scale; only where none is does the depth need a reference
+    if free.depth and len(searched) == len(sized) and searched:
+        reference = next((p for p in searched if p.kind == "length"), searched[0])
+        searched = [p for p in searched if p is not reference]
+    names = tuple(p.name for p in searched)
+    sizes = np.array([p.value for p in searched])
+    base, slopes = _affine(mechanism, camera, names, sizes)
+    lower, upper = _size_bounds(sized, searched, sizes)
+    at = np.array(position, dtype=float)
+    limits = joint_limits(mechanism)
+    return ModelView(tuple(searched), reference, sizes, lower, upper, base, slopes, at, limits, free)
+
+
+def joint_limits(mechanism: Mechanism) -> np.ndarray:
+    """Return lower and upper joint limits [rad or m], (2, dof); infinite where there are none.
+
+    Args:
+        mechanism: The mechanism.
+    """
+    joints = mechanism.joints
+    return np.array([[j.lower for j in joints], [j.upper for j in joints]], dtype=float)
+
+
+def _affine(
+    mechanism: Mechanism, camera: Camera, names: tuple[str, ...], sizes: np.ndarray
+) -> tuple[Rig, tuple[np.ndarray, ...]]:
+    """Return the rig at sizes of zero, and the slopes of its links, points and radii by size."""
     rig = rig_of(mechanism, camera)
     slopes: list[list[np.ndarray]] = []
     for name, size in zip(names, sizes.tolist(), strict=True):
+        # the arrays are affine in each size, so a step of any length gives the exact slope
         other = rig_of(mechanism.with_values({name: 2.0 * size + 1.0}), camera)
         step = size + 1.0
         slopes.append([(getattr(other, a) - getattr(rig, a)) / step for a in ("links", "points", "radius")])
     arrays = (rig.links, rig.points, rig.radius)
+    # one array each for links, points and radii; without a free size they have no rows but the right shape
     stacked = tuple(
         np.array([slope[i] for slope in slopes]).reshape(len(names), *array.shape)
         for i, array in enumerate(arrays)
@@ -176,11 +218,15 @@ def view_of(
     links, points, radius = (
         array - np.tensordot(sizes, slope, 1) for array, slope in zip(arrays, stacked, strict=True)
     )
-    base = rig._replace(links=links, points=points, radius=radius)
+    return rig._replace(links=links, points=points, radius=radius), stacked
+
+
+def _size_bounds(
+    sized: list[Parameter], searched: list[Parameter], sizes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return bounds of the sizes [m], (param,) each: those of the parameters, within ``RATIO_RANGE``."""
     scale = float(np.mean([p.value for p in sized])) if sized else 1.0
-    least = np.array([0.0 if p.name.endswith((".tail", ".tip")) else p.value / RATIO_RANGE for p in free])
-    lower = np.maximum([p.lower for p in free], least)
-    upper = np.minimum([p.upper for p in free], RATIO_RANGE * np.maximum(sizes, 0.1 * scale))
-    limits = np.array([[j.lower for j in mechanism.joints], [j.upper for j in mechanism.joints]], dtype=float)
-    at = np.array(position, dtype=float)
-    return View(names, held, sizes, lower, upper, base, stacked, at, limits, moves)
+    least = np.array([0.0 if p.kind in OVERHANGS else p.value / RATIO_RANGE for p in searched])
+    lower = np.maximum([p.lower for p in searched], least)
+    upper = np.minimum([p.upper for p in searched], RATIO_RANGE * np.maximum(sizes, LEAST_SCALE * scale))
+    return lower, upper

@@ -16,14 +16,14 @@ from monodyn.estimation.torque.periods import Undriven
 from monodyn.mechanism import Mechanism
 from monodyn.paper.settings import PaperIdentifySettings
 from monodyn.reproduce.clip import Pendulum, Truth
-from monodyn.reproduce.vision import FAILURES, METHODS, Seen, aligned
+from monodyn.reproduce.vision import BOTH_METHODS, CASE_FAILURES, Seen, aligned
 from monodyn.results.fill import States, fill
 from monodyn.stages import identify
 from monodyn.types import Poses, Progress
 
-TORQUES = {"I": "friction", "II": "fourier", "III": "free"}
+CASE_TORQUES = {"I": "friction", "II": "fourier", "III": "free"}
 """Torque model of each case of the paper."""
-TERMS = 7
+SERIES_TERMS = 7
 """Harmonics of the paper's series."""
 
 
@@ -49,7 +49,7 @@ class Design:
 
 
 @dataclass(frozen=True)
-class Plan:
+class FitPlan:
     """One fit to make.
 
     Attributes:
@@ -69,7 +69,7 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One fit and how far its motion is from what was seen and from the truth.
+    """One fit, and how far its motion is from what was seen and from the truth.
 
     Errors are root mean squares by joint [rad or m], (dof,), or None where they are not known.
 
@@ -87,7 +87,7 @@ class Case:
         clip_period: True where the period is that of the whole clip, predicted frames included.
     """
 
-    plan: Plan
+    plan: FitPlan
     status: str
     fit: Fit | None = None
     motion: States | None = None
@@ -107,20 +107,21 @@ class Case:
         return len(self.fit.names) - 2 * len(self.fit.mechanism.joints)
 
 
-def plans(design: Design, count: int) -> list[Plan]:
+def plans(design: Design, count: int) -> list[FitPlan]:
     """List the fits of the experiment, each once.
 
     Args:
         design: What is fitted.
         count: Frames of the clip.
     """
-    found: list[Plan] = []
-    for method in METHODS:
-        usual = [Plan(method, case, "measured", design.frames) for case in TORQUES]
-        if method == "paper":  # the default method has no filter
-            usual.append(Plan(method, "I", "filtered", design.frames))
-        frames = [Plan(method, "I", "measured", n) for n in design.lengths if n + design.ahead <= count]
-        starts = [Plan(method, "I", "measured", design.frames, i) for i in range(1, design.starts)]
+    found: list[FitPlan] = []
+    for method in BOTH_METHODS:
+        usual = [FitPlan(method, case, "measured", design.frames) for case in CASE_TORQUES]
+        if method == "paper":  # the default method has no filtered states
+            usual.append(FitPlan(method, "I", "filtered", design.frames))
+        # a fit is compared with the others only where the frames that it predicts are in the clip
+        frames = [FitPlan(method, "I", "measured", n) for n in design.lengths if n + design.ahead <= count]
+        starts = [FitPlan(method, "I", "measured", design.frames, i) for i in range(1, design.starts)]
         found += dict.fromkeys([*usual, *frames, *starts])
     return found
 
@@ -142,7 +143,9 @@ def run_cases(
     count = max((len(found.poses) for found in seen.values() if found.poses is not None), default=0)
     todo = plans(design, count)
     # one fit of each kind loads and compiles what it needs; it is not among those that are timed
-    first = [Plan(method, case, "measured", design.frames) for method in METHODS for case in TORQUES]
+    first = [
+        FitPlan(method, case, "measured", design.frames) for method in BOTH_METHODS for case in CASE_TORQUES
+    ]
     found = []
     for done, plan in enumerate([*first, *todo]):
         if progress is not None:
@@ -153,7 +156,7 @@ def run_cases(
     return found[len(first) :]
 
 
-def run_case(plan: Plan, seen: Seen, truth: Truth | None, design: Design) -> Case:
+def run_case(plan: FitPlan, seen: Seen, truth: Truth | None, design: Design) -> Case:
     """Make one fit and measure it.
 
     Args:
@@ -171,38 +174,40 @@ def run_case(plan: Plan, seen: Seen, truth: Truth | None, design: Design) -> Cas
         seconds = time.perf_counter() - began
         if not fit.starts:
             return Case(plan, fit.status, fit, seconds=seconds)
+        # beyond the fitted frames, to the end of the last ones that any fit is compared on
         last = min(len(seen.poses), max(design.lengths) + design.ahead)
         motion = fill(fit, seen.poses.time[:last])
-    except FAILURES as error:
+    except CASE_FAILURES as error:
         return Case(plan, f"failed: {error}", seconds=time.perf_counter() - began)
     found = Case(plan, str(fit.status), fit, motion, seconds=seconds, clip_period=clip_period)
     return _measured(found, seen.poses, truth, design)
 
 
-def _fitted(plan: Plan, mechanism: Mechanism, clip: Poses, design: Design) -> tuple[Fit, bool]:
-    """Identify; True where the frames are too few to tell the period of Case II, and the clip's is taken."""
+def _fitted(plan: FitPlan, mechanism: Mechanism, clip: Poses, design: Design) -> tuple[Fit, bool]:
+    """Identify; True where the frames are too few for the period of Case II and the clip's is taken."""
     settings, poses = identify_settings(plan, design), clip.part(0, plan.frames)
     fit = identify(poses, mechanism, settings)
     if fit.starts or plan.case != "II":
         return fit, False
+    # the period is searched for in the accelerations of all poses; the fit itself keeps to its own frames
     whole = ordered(clip, mechanism)
     guesses = Undriven.of(mechanism, prepare((whole,), mechanism), (smooth(whole),)).guesses(0)
     if not guesses:
         return fit, False
     period = guesses[0].period
-    driven = mechanism.with_torque("fourier", terms=TERMS, period=period)
+    driven = mechanism.with_torque("fourier", terms=SERIES_TERMS, period=period)
     known = identify(poses, driven.with_choices(fix={"torque.period": period}), settings)
     return known, bool(known.starts)
 
 
-def identify_settings(plan: Plan, design: Design) -> IdentifySettings:
+def identify_settings(plan: FitPlan, design: Design) -> IdentifySettings:
     """Return the settings of one fit.
 
     Args:
         plan: What to fit.
         design: Gains and seed.
     """
-    torque: Any = TORQUES[plan.case]
+    torque: Any = CASE_TORQUES[plan.case]
     if plan.method == "fast":
         return IdentifySettings(torque=torque, seed=design.seed)
     states = "filtered" if plan.states == "filtered" else "measured"
@@ -225,13 +230,13 @@ def started(mechanism: Mechanism, number: int, seed: int) -> Mechanism:
     if number == 0:
         return mechanism
     rng = np.random.default_rng([seed, number])
+    # sizes keep their proportions, which the pictures determine; their scale and a thickness are not seen
     scale = _factor(rng)
     values = {}
     for parameter in mechanism.parameters:
-        kind = parameter.name.rsplit(".", 1)[-1]
-        if kind in ("length", "width", "tail", "tip", "offset"):
+        if parameter.kind in ("length", "width", "tail", "tip", "offset"):
             values[parameter.name] = parameter.value * scale
-        elif kind in ("thickness", "damping") and parameter.free:
+        elif parameter.kind in ("thickness", "damping") and parameter.free:
             values[parameter.name] = parameter.value * _factor(rng)
     return mechanism.with_values(values)
 
@@ -247,6 +252,7 @@ def _measured(case: Case, poses: Poses, truth: Truth | None, design: Design) -> 
     measured = poses.position[: len(position)]
     true = None if truth is None else aligned(truth.position[: len(position)], measured)
     target = measured if true is None else true
+    # the frames after the longest fit are the only ones that no fit has used, whatever its length
     late = slice(max(design.lengths), max(design.lengths) + design.ahead)
     return replace(
         case,
@@ -269,7 +275,7 @@ def rms(error: np.ndarray) -> np.ndarray | None:
 
 
 def identifiable(mechanism: Mechanism) -> dict[str, float]:
-    """Return what the motion of a double pendulum can tell: lengths and ratios, the mass scale left out.
+    """Return what the motion of a double pendulum determines: lengths and ratios, but no scale of the masses.
 
     Args:
         mechanism: With bodies ``link1``, ``link2`` and hinges ``joint1``, ``joint2``.
@@ -302,7 +308,7 @@ def true_values(rods: Pendulum) -> dict[str, float]:
 
 
 def parameter_errors(case: Case, rods: Pendulum) -> dict[str, float]:
-    """Return the relative errors of what the motion can tell; damping only in Case I, which has it alone.
+    """Return the relative errors of what the motion determines; of damping only where nothing else acts.
 
     Args:
         case: A fit.

@@ -1,23 +1,29 @@
-"""The claims of the 2012 paper, each with the numbers that decide whether it held here."""
+"""The claims of the 2012 paper, each with the numbers that decide whether it held here.
+
+A claim has a rule, fixed before the numbers are known, and a function that judges one method by it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.reproduce.cases import Case, Design, identifiable, rms
-from monodyn.reproduce.vision import METHODS, Seen
+from monodyn.reproduce.vision import BOTH_METHODS, Seen
 
-TRACKED = np.radians(1.0)
+TRACKING = np.radians(1.0)
 """A simulated motion tracks the estimated poses when it stays as near as this, rms [rad]."""
 EXACT = 0.25
 """It tracks them exactly when it is nearer to them than this share of their own error."""
 FOLLOWS = 0.9
-"""It follows their noise when its errors and theirs correlate so much."""
+"""It follows their noise when its errors and theirs have a correlation above this."""
+RISING = 0.5
+"""Accuracy grows when errors and numbers of frames have a rank correlation below the negative of this."""
 OTHER = 0.05
-"""Parameters of two fits differ when one of them does by this share."""
+"""Parameters of two fits differ when one of them differs by more than this share."""
 SAME = np.radians(1.0)
 """Motions of two fits are equivalent when they stay as near as this, rms [rad]."""
 
@@ -83,8 +89,8 @@ class Evidence:
         return None
 
 
-MISSING = Verdict(None, "a fit that it needs is missing")
-UNKNOWN = Verdict(None, "the truth of this clip is not known")
+FIT_MISSING = Verdict(None, "a fit that it requires is missing")
+TRUTH_UNKNOWN = Verdict(None, "the truth of this clip is not known")
 
 
 def claims(seen: Mapping[str, Seen], cases: Sequence[Case], design: Design) -> list[Claim]:
@@ -97,11 +103,11 @@ def claims(seen: Mapping[str, Seen], cases: Sequence[Case], design: Design) -> l
     """
     evidence = {
         method: Evidence(seen[method], [c for c in cases if c.plan.method == method], design)
-        for method in METHODS
+        for method in BOTH_METHODS
     }
     return [
-        Claim(text, place, rule, {method: judge(evidence[method]) for method in METHODS})
-        for text, place, rule, judge in CLAIMS
+        Claim(c.text, c.place, c.rule, {method: c.judge(evidence[method]) for method in BOTH_METHODS})
+        for c in CLAIMS
     ]
 
 
@@ -131,13 +137,13 @@ def filtered_is_worse(evidence: Evidence) -> Verdict:
         evidence: What one method found.
     """
     if evidence.seen.method == "fast":
-        return Verdict(None, "it does not filter: every pose counts with its covariance")
+        return Verdict(None, "it does not filter: every pose is weighted with its covariance")
     plain, smooth = evidence.case(), evidence.case(states="filtered")
     if plain is None or smooth is None:
-        return MISSING
+        return FIT_MISSING
     a, b = overall(plain.ahead), overall(smooth.ahead)
     if a is None or b is None:
-        return MISSING
+        return FIT_MISSING
     told = f"prediction error {degrees(b)} from filtered states, {degrees(a)} from unfiltered"
     for case, which in ((smooth, "filtered"), (plain, "unfiltered")):
         if case.fit is not None and not case.fit.ok:
@@ -153,13 +159,13 @@ def noise_is_filtered_out(evidence: Evidence) -> Verdict:
     """
     case = evidence.case()
     if case is None:
-        return MISSING
+        return FIT_MISSING
     if evidence.seen.errors is None:
-        return UNKNOWN
+        return TRUTH_UNKNOWN
     seen = overall(rms(evidence.seen.errors[: evidence.design.frames]))
     error = overall(case.error)
     if seen is None or error is None:
-        return MISSING
+        return FIT_MISSING
     return Verdict(error < seen, f"simulated motion {degrees(error)} from the truth, poses {degrees(seen)}")
 
 
@@ -177,12 +183,13 @@ def more_frames_are_better(evidence: Evidence) -> Verdict:
             numbers.append(frames)
             errors.append(error)
     if len(errors) < 3:
-        return MISSING
+        return FIT_MISSING
+    # the rank of each error; correlated with the order of the lengths this is Spearman's coefficient
     rank = _correlation(np.arange(len(errors)), np.argsort(np.argsort(errors)))
     first = max(evidence.design.lengths)
     told = ", ".join(f"{n} frames {degrees(e)}" for n, e in zip(numbers, errors, strict=True))
     return Verdict(
-        bool(errors[-1] < errors[0] and rank < -0.5),
+        bool(errors[-1] < errors[0] and rank < -RISING),
         f"error on frames {first} to {first + evidence.design.ahead - 1}: {told}",
     )
 
@@ -196,7 +203,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
     found = [evidence.case(start=i) for i in range(evidence.design.starts)]
     fits = [(c.fit, c.motion) for c in found if c is not None and c.fit is not None and c.motion is not None]
     if len(fits) < 2:
-        return MISSING
+        return FIT_MISSING
     stop = evidence.design.frames + evidence.design.ahead
     motions = np.array([motion.position[:stop] for _, motion in fits])
     apart = max(overall(rms(motion - motions[0])) or 0.0 for motion in motions[1:])
@@ -205,7 +212,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
     told = f"{len(fits)} starts: {most} differs by a factor of {spread[most]:.3g}"
     if evidence.seen.errors is not None:
         told += _ratios([identifiable(fit.mechanism) for fit, _ in fits])
-    told += f"; motions over {stop} frames are {degrees(apart)} apart or less"
+    told += f"; largest difference of motion over {stop} frames {degrees(apart)}"
     return Verdict(bool(spread[most] > 1.0 + OTHER and apart < SAME), told)
 
 
@@ -243,10 +250,10 @@ def fourier_deviates(evidence: Evidence) -> Verdict:
     """
     case, usual = evidence.case("II"), evidence.case()
     if case is None or usual is None:
-        return MISSING
+        return FIT_MISSING
     residual, ahead, known = overall(case.residual), overall(case.ahead), overall(usual.ahead)
     if residual is None or ahead is None or known is None:
-        return MISSING
+        return FIT_MISSING
     error = overall(case.error)
     told = f"residual {degrees(residual)}"
     if error is not None:
@@ -254,7 +261,7 @@ def fourier_deviates(evidence: Evidence) -> Verdict:
     told += f", prediction error {degrees(ahead)} where Case I has {degrees(known)}"
     if case.clip_period:
         told += "; the period is from the whole clip, predicted frames included"
-    return Verdict(bool(residual < TRACKED and ahead > known), told)
+    return Verdict(bool(residual < TRACKING and ahead > known), told)
 
 
 def free_torque_follows_noise(evidence: Evidence) -> Verdict:
@@ -265,18 +272,19 @@ def free_torque_follows_noise(evidence: Evidence) -> Verdict:
     """
     case, seen = evidence.case("III"), evidence.seen
     if case is None or case.motion is None or seen.poses is None:
-        return MISSING
+        return FIT_MISSING
     if seen.errors is None:
-        return UNKNOWN
+        return TRUTH_UNKNOWN
     frames = evidence.design.frames
     noise = seen.errors[:frames]
+    # errors of the fit against those of the poses: a fit that follows the noise has the same ones
     true = seen.poses.position[:frames] - noise
     error = case.motion.position[:frames] - true
     use = np.isfinite(noise)
     together = _correlation(noise[use], error[use])
     residual = overall(case.residual)
     if residual is None:
-        return MISSING
+        return FIT_MISSING
     own, theirs = overall(rms(error)) or 0.0, overall(rms(noise)) or 0.0
     return Verdict(
         bool(residual < EXACT * theirs and together > FOLLOWS),
@@ -293,66 +301,83 @@ def unknowns_as_printed(evidence: Evidence) -> Verdict:
     """
     found = [evidence.case(name) for name in ("I", "II", "III")]
     if any(case is None for case in found):
-        return MISSING
+        return FIT_MISSING
     counts = [case.unknowns for case in found if case is not None]
     poses = evidence.seen.poses
     stamps = 0 if poses is None else int(poses.seen[: evidence.design.frames].sum())
+    # as printed for two links, with k time stamps in Case III
     expected = [6, 36, 2 * stamps + 4]
     told = ", ".join(f"Case {n} {c}" for n, c in zip(("I", "II", "III"), counts, strict=True))
     if evidence.seen.method != "paper":
-        return Verdict(None, f"{told}: its unknowns are others, besides the start state")
+        return Verdict(None, f"{told}: it has other unknowns, in addition to the start state")
     return Verdict(counts == expected, f"{told} with k = {stamps}")
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Return Pearson's correlation; 0 where one of the two is constant."""
     if np.std(a) == 0.0 or np.std(b) == 0.0:
         return 0.0
     return float(np.corrcoef(a, b)[0, 1])
 
 
-Judge = Callable[[Evidence], Verdict]
-CLAIMS: tuple[tuple[str, str, str, Judge], ...] = (
-    (
+class Criterion(NamedTuple):
+    """How a claim is judged.
+
+    Attributes:
+        text: The claim.
+        place: Where the paper makes it.
+        rule: When it counts as held here.
+        judge: Judges what one method found.
+    """
+
+    text: str
+    place: str
+    rule: str
+    judge: Callable[[Evidence], Verdict]
+
+
+CLAIMS = (
+    Criterion(
         "Filtered states make the prediction worse than unfiltered ones.",
         "Case I, Fig. 6",
         "the prediction error over the next frames is larger",
         filtered_is_worse,
     ),
-    (
+    Criterion(
         "The fit of the dynamics filters the noise of the poses out by itself.",
         "Case I",
         "over the fitted frames the simulated motion is nearer to the truth than the poses",
         noise_is_filtered_out,
     ),
-    (
+    Criterion(
         "Accuracy grows with the number of frames.",
         "Case I, Fig. 7",
         "on the same late frames the most frames do better than the fewest, rank correlation below −0.5",
         more_frames_are_better,
     ),
-    (
+    Criterion(
         "Different starts give different parameters but equivalent motion.",
         "Case I",
         "a parameter differs by more than 5 %, no motion by more than 1°",
         starts_agree_in_motion,
     ),
-    (
+    Criterion(
         "Case II tracks the estimated poses but deviates.",
         "Case II, Fig. 8",
         "residual below 1°, prediction error above that of Case I",
         fourier_deviates,
     ),
-    (
+    Criterion(
         "Case III tracks the estimated poses exactly but follows their noise.",
         "Case III, Fig. 9",
         "residual below a quarter of the poses' error, with which that of the motion correlates above 0.9",
         free_torque_follows_noise,
     ),
-    (
+    Criterion(
         "There are 6, 36 and 2k + 4 unknowns.",
         "Cases I, II, III",
         "the numbers are those",
         unknowns_as_printed,
     ),
 )
-"""Text, place, rule and judge of every claim."""
+"""Every claim, in the order of the page."""

@@ -1,8 +1,10 @@
 """A clip of an aluminium double pendulum with known truth: simulated by MuJoCo, painted, encoded.
 
-Nothing of the estimation is used here, so what it finds can be judged. Each rod is a box before a pinhole
-camera. The share of every pixel that a face covers is computed, not sampled over the width, and the faces
-of a box that look at the camera do not overlap, so a silhouette has the area of its exact outline.
+Nothing of the estimation is used here, on purpose: projection, faces and coverage are written a second time
+and independently of ``vision.drawing``, so that a mistake there cannot cancel. This module is the oracle that
+both methods are judged by. Each rod is a box before a pinhole camera. The share of every pixel that a face
+covers is computed, not sampled over the width, and the faces of a box that look at the camera do not overlap,
+so a silhouette has the area of its exact outline.
 """
 
 from __future__ import annotations
@@ -197,6 +199,7 @@ def simulated(settings: ClipSettings) -> Truth:
     data.qpos[:] = rods.start
     position, velocity = [], []
     for _ in range(settings.frames):
+        # the state at the start of each frame, so that frame 0 is at rest
         position.append(data.qpos.copy())
         velocity.append(data.qvel.copy())
         mujoco.mj_step(model, data, substeps)
@@ -244,6 +247,7 @@ def faces(settings: ClipSettings, position: np.ndarray) -> list[list[tuple[np.nd
         visible = []
         for corners, outward in _box_faces(low, high):
             world, normal = corners @ axes.T + hinge, axes @ outward
+            # a face is seen from its outer side alone; those of a convex body never hide each other
             if normal @ (eye - world[0]) > 0:
                 shade = AMBIENT + (1.0 - AMBIENT) * max(0.0, float(normal @ LAMP))
                 visible.append((project(camera, world), shade))
@@ -272,7 +276,7 @@ def project(camera: Camera, points: np.ndarray) -> np.ndarray:
 
     Args:
         camera: A camera without roll, pitch and yaw.
-        points: x to the right, y up, z toward the camera.
+        points: x to the right, y up, z toward the camera, (point, 3).
     """
     scale = camera.focal / (camera.depth - points[:, 2])
     column = (camera.width - 1) / 2 + scale * (points[:, 0] - camera.x)
@@ -290,7 +294,8 @@ def coverage(polygon: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice,
         shape: Height and width of the picture [px].
 
     Returns:
-        Rows and columns of the part of the picture that the polygon can touch, and the shares there.
+        Rows and columns of the part of the picture that the polygon can touch, and the shares there,
+        float32 (row, column).
     """
     first = np.maximum(np.floor(polygon.min(axis=0) + 0.5).astype(int), 0)
     stop = np.minimum(np.ceil(polygon.max(axis=0) + 0.5).astype(int), shape[::-1])
@@ -298,16 +303,19 @@ def coverage(polygon: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice,
     line = top - 0.5 + (np.arange((bottom - top) * LINES) + 0.5) / LINES
     enter, leave = np.full(len(line), np.inf), np.full(len(line), -np.inf)
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        if a[1] == b[1]:
+        if a[1] == b[1]:  # a scan line lies within no horizontal edge
             continue
         along = (line - a[1]) / (b[1] - a[1])
         crossed = (along >= 0.0) & (along <= 1.0)
+        # a convex polygon is entered and left once by each line: the least and the greatest crossing
         column = a[0] + along * (b[0] - a[0])
         enter = np.where(crossed, np.minimum(enter, column), enter)
         leave = np.where(crossed, np.maximum(leave, column), leave)
+    # a line that misses the polygon gets an empty stretch, so that no infinity meets another below
     leave = np.maximum(leave, np.where(np.isfinite(enter), enter, 0.0))
     enter = np.where(np.isfinite(enter), enter, leave)
     edge = np.arange(left, right) - 0.5
+    # covered length of each pixel: what lies right of its left edge, up to its width, at either end
     share = np.clip(leave[:, None] - edge, 0.0, 1.0) - np.clip(enter[:, None] - edge, 0.0, 1.0)
     share = share.reshape(bottom - top, LINES, right - left).mean(axis=1)
     return slice(top, bottom), slice(left, right), share.astype(np.float32)
@@ -326,6 +334,7 @@ def wall(settings: ClipSettings, rng: np.random.Generator) -> np.ndarray:
     import cv2
 
     height, width = settings.camera.height, settings.camera.width
+    # three scales of mottling: the mask must not depend on a background that is all of one grey
     grain = np.zeros((height, width))
     for cells, strength in ((6, 7.0), (40, 4.0), (180, 2.5)):
         coarse = rng.normal(size=(cells * height // width + 2, cells + 2))
@@ -367,6 +376,6 @@ class _Film:
         self.container.mux(self.stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")))
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        if error is None:
+        if error is None:  # a film that failed is not finished, and its file is dropped with the folder
             self.container.mux(self.stream.encode())
         self.container.close()

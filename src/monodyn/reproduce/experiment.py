@@ -1,4 +1,4 @@
-"""The whole experiment: a clip in, or made; poses and fits with both methods; a page, a table, a document."""
+"""The whole experiment: from a clip, given or made, to poses and fits by both methods, and to one page."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from monodyn.reproduce.figures import (
     poses_figure,
     states_figure,
 )
-from monodyn.reproduce.page import Content, page_text, picture_rows
+from monodyn.reproduce.page import PageContent, page_text, picture_rows
 from monodyn.reproduce.tables import csv_text, document
-from monodyn.reproduce.vision import METHODS, Seen, aligned, see
+from monodyn.reproduce.vision import BOTH_METHODS, Seen, aligned, see
 from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.log import versions
@@ -48,17 +48,18 @@ START = """<mujoco model="double">
 </mujoco>
 """
 """The mechanism file that both methods are given."""
-FILES = ("clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html")
+EXPERIMENT_FILES = ("clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html")
 """Names of the files of an experiment."""
-EXPERIMENT = FolderKind("experiment", FILES, whole=True)
-SHOWN = 4
-"""Frames whose pictures are shown."""
+EXPERIMENT = FolderKind("experiment", EXPERIMENT_FILES, whole=True)
+SHOWN_FRAMES = 4
+"""Number of frames whose pictures are shown."""
 CAPTIONS = {
-    "I": "The structure of the friction torque is known. The frames after the shaded ones are predicted.",
+    "I": "The form of the friction torque is known. The frames after the shaded ones are predicted.",
     "filtered": "As Figure 7, but fitted to the filtered states; the default method does not filter.",
-    "II": "The torque of each joint is a Fourier series; its period is estimated from the poses beforehand, "
-    "from those of the whole clip where the fitted ones are too few.",
-    "III": "One torque a joint and time stamp. None acts after the fitted frames: nothing says what it is.",
+    "II": "The torque of each joint is a Fourier series. Its period is estimated from the poses beforehand: "
+    "from those of the whole clip where the fitted frames are too few.",
+    "III": "One torque for each joint and time stamp. After the fitted frames none acts, because nothing "
+    "determines it there.",
 }
 
 
@@ -112,8 +113,8 @@ def reproduce(
 
     Args:
         out: The folder.
-        settings: What to do.
-        clip: A clip of one's own; its truth is not known. None makes one.
+        settings: What the clip shows and what is fitted.
+        clip: A clip of a pendulum in place of the made one; its truth is not known. None makes one.
         model: The mechanism in that clip.
         force: Replace an experiment that is already in ``out``.
         progress: Called with the steps done.
@@ -135,22 +136,27 @@ def reproduce(
         raise SettingsError(
             f"reproduce: expected --clip and --model together, got --{given} alone; add --{other}."
         )
-    folder = RunFolder(out, force=force, inputs=(clip, model), kind=EXPERIMENT)
+    folder, truth = RunFolder(out, force=force, inputs=(clip, model), kind=EXPERIMENT), None
     with folder.filling():
-        truth = None
         if clip is None or model is None:
             clip, model, truth = _made(folder, settings.clip, progress)
         video, mechanism = opened(clip, model, settings.design)
-        masks = segment(video, progress=progress)
-        gains = Gains.of(settings.design.gains)
-        seen = {method: see(method, masks, mechanism, truth, gains, progress) for method in METHODS}
-        cases = run_cases(seen, truth, settings.design, progress)
-        found = claims(seen, cases, settings.design)
+        seen, cases = _run(video, mechanism, truth, settings.design, progress)
         joints = tuple(joint.name for joint in mechanism.joints)
-        seconds = time.perf_counter() - began
-        made = Experiment(folder.path, seen, cases, found, joints, seconds)
+        judged, seconds = claims(seen, cases, settings.design), time.perf_counter() - began
+        made = Experiment(folder.path, seen, cases, judged, joints, seconds)
         _write(folder, made, video, truth, settings)
     return made
+
+
+def _run(
+    video: Video, mechanism: Mechanism, truth: Truth | None, design: Design, progress: Progress | None
+) -> tuple[dict[str, Seen], list[Case]]:
+    """Find poses and fits with both methods, from the same masks."""
+    # the same foreground for both, so that they differ in nothing but the method
+    masks, gains = segment(video, progress=progress), Gains.of(design.gains)
+    seen = {method: see(method, masks, mechanism, truth, gains, progress) for method in BOTH_METHODS}
+    return seen, run_cases(seen, truth, design, progress)
 
 
 def _made(folder: RunFolder, settings: ClipSettings, progress: Progress | None) -> tuple[Path, Path, Truth]:
@@ -206,7 +212,8 @@ def _write(
     folder.write_text("reproduce.html", page_text(_content(made, video, truth, settings)))
 
 
-def _content(made: Experiment, video: Video, truth: Truth | None, settings: ReproduceSettings) -> Content:
+def _content(made: Experiment, video: Video, truth: Truth | None, settings: ReproduceSettings) -> PageContent:
+    """Collect what the page shows."""
     design, length = settings.design, float(video.times[-1] - video.times[0])
     what = (
         "an aluminium double pendulum of known truth, made by MuJoCo"
@@ -226,7 +233,7 @@ def _content(made: Experiment, video: Video, truth: Truth | None, settings: Repr
     if truth is not None:
         stated["truth"] = ", ".join(f"{name} {value}" for name, value in asdict(truth.pendulum).items())
     shown = _frames(video, design.frames)
-    return Content(
+    return PageContent(
         subtitle,
         made.seen,
         made.cases,
@@ -240,7 +247,8 @@ def _content(made: Experiment, video: Video, truth: Truth | None, settings: Repr
 
 def _frames(video: Video, stop: int) -> list[Frame]:
     """Return a few frames spread over the fitted ones."""
-    wanted = {round(i * (stop - 1) / (SHOWN - 1)) for i in range(SHOWN)}
+    # decoding stops after the last one: the rest of the clip is not shown
+    wanted = {round(i * (stop - 1) / (SHOWN_FRAMES - 1)) for i in range(SHOWN_FRAMES)}
     found = []
     for frame in video.frames():
         if frame.index in wanted:
@@ -263,10 +271,10 @@ def figures(
     """
     evidence = {
         method: Evidence(seen[method], [c for c in cases if c.plan.method == method], design)
-        for method in METHODS
+        for method in BOTH_METHODS
     }
     found: list[Figure | None] = [history_figure(seen["paper"])]
-    filtering = next((seen[m] for m in METHODS if seen[m].states is not None), None)
+    filtering = next((seen[m] for m in BOTH_METHODS if seen[m].states is not None), None)
     if filtering is not None and filtering.poses is not None:
         true = None if truth is None else aligned(truth.position, filtering.poses.position)
         rates = None if truth is None else truth.velocity
@@ -278,7 +286,7 @@ def figures(
         ("Figure 9: Case III, free torque", "III", "III", "measured"),
     )
     for title, caption, name, states in shown:
-        fits: dict[str, Any] = {method: evidence[method].case(name, states) for method in METHODS}
+        fits: dict[str, Any] = {method: evidence[method].case(name, states) for method in BOTH_METHODS}
         found.append(case_figure(title, CAPTIONS[caption], fits, seen, design))
     found.append(frames_figure(evidence))
     if truth is not None:

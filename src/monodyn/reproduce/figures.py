@@ -11,7 +11,7 @@ import numpy as np
 from monodyn.paper.locate import PaperScene
 from monodyn.reproduce.cases import Case, Design
 from monodyn.reproduce.claims import Evidence, overall
-from monodyn.reproduce.vision import METHODS, TITLES, Seen
+from monodyn.reproduce.vision import BOTH_METHODS, TITLES, Seen
 from monodyn.types import Poses
 
 PROBLEMS = {
@@ -22,7 +22,7 @@ PROBLEMS = {
 }
 """Panel, colour and name of each sub-problem of the sequential framework."""
 LEAST_SHOWN = 1e-9
-"""Objectives below are solved as well as pixels tell, and are left out of a logarithmic axis."""
+"""Objectives below this are zero for any practical purpose; a logarithmic axis leaves them out."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def case_figure(
         seen: What each method saw.
         design: Frames.
     """
-    shown = [m for m in METHODS if cases[m] is not None and seen[m].poses is not None]
+    shown = [m for m in BOTH_METHODS if cases[m] is not None and seen[m].poses is not None]
     columns = [_case_panels(cases[m], seen[m], design) for m in shown]
     panels = [column[row] for row in range(len(columns[0]) if columns else 0) for column in columns]
     return Figure(title, caption, max(len(columns), 1), panels, legend_of(panels))
@@ -160,12 +160,14 @@ def legend_of(panels: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]
 
 
 def _case_panels(case: Case | None, seen: Seen, design: Design) -> list[dict[str, Any]]:
+    """Return one panel for each joint and one of the errors."""
     assert case is not None
     assert case.motion is not None
     assert seen.poses is not None
     stop = min(case.plan.frames + design.ahead, len(case.motion.time))
     time, position = case.motion.time[:stop], case.motion.position[:stop]
     measured = seen.poses.position[:stop]
+    # the true angles, turned to the measured ones, are what the errors were taken against
     true = None if seen.errors is None else measured - seen.errors[:stop]
     window = [float(time[0]), float(time[case.plan.frames - 1])]
     name, panels = TITLES[seen.method], []
@@ -197,7 +199,7 @@ def frames_figure(evidence: Mapping[str, Evidence]) -> Figure:
         ("residual", "residual over the fitted frames"),
     ):
         content = []
-        for method in METHODS:
+        for method in BOTH_METHODS:
             found = [(n, evidence[method].case(frames=n)) for n in evidence[method].design.lengths]
             points = [(n, overall(getattr(case, which))) for n, case in found if case is not None]
             points = [(n, np.degrees(value)) for n, value in points if value is not None]
@@ -214,7 +216,7 @@ def frames_figure(evidence: Mapping[str, Evidence]) -> Figure:
         "motion on the frames that were fitted.",
         2,
         panels,
-        tuple(("line", method, TITLES[method]) for method in METHODS),
+        tuple(("line", method, TITLES[method]) for method in BOTH_METHODS),
     )
 
 
@@ -229,6 +231,7 @@ def history_figure(seen: Seen) -> Figure | None:
     contents: tuple[list, list] = ([], [])
     done, across = 0, "silhouettes drawn"
     for history in seen.scene.history:
+        # the abscissa runs on over all sub-problems, so that their alternation is visible
         which, colour, name = PROBLEMS[history.problem]
         shown = history.values >= LEAST_SHOWN
         if shown.any():
@@ -238,8 +241,8 @@ def history_figure(seen: Seen) -> Figure | None:
     drawn = {line["colour"] for content in contents for line in content}
     return Figure(
         "Figure 2: objectives of the sequential framework",
-        "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn; the "
-        "choice of the start before it drew more. Values below a billionth are left out.",
+        "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn. The "
+        "choice of the start, before it, drew further ones. Values below a billionth are left out.",
         2,
         [
             panel("(3) and (4): area of |I_a − I_m|", "px", contents[0], log=True, across=across),
@@ -256,7 +259,7 @@ def poses_figure(seen: Mapping[str, Seen]) -> Figure:
         seen: What each method saw.
     """
     panels = []
-    for method in METHODS:
+    for method in BOTH_METHODS:
         found = seen[method]
         if found.errors is None or found.poses is None:
             continue

@@ -1,6 +1,6 @@
 """The experiment as one self-contained page: claims first, then tables, then the counterparts of the figures.
 
-The page needs no network: the plotting script of the installed plotly package is written into it.
+The page works without a network: the plotting script of the installed plotly package is written into it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from monodyn.reproduce.claims import Claim
 from monodyn.reproduce.figures import Figure
 from monodyn.reproduce.tables import (
     RATIOS,
-    SHOWN,
+    SHOWN_ERRORS,
     case_row,
     gain_row,
     grouped,
@@ -25,7 +25,7 @@ from monodyn.reproduce.tables import (
     parameter_values,
     seen_row,
 )
-from monodyn.reproduce.vision import METHODS, TITLES, Seen
+from monodyn.reproduce.vision import BOTH_METHODS, TITLES, Seen
 from monodyn.results.overlay import Drawing, still
 from monodyn.results.page import plotting_script, template
 from monodyn.types import Frame
@@ -35,12 +35,12 @@ from monodyn.vision.locating.scene import Scene
 SHADES = (150, 220)
 """Grey of the bodies in a picture that the model draws, in turn."""
 
-NONE = "–"
+NO_NUMBER = "–"
 """Stands where there is no number."""
 
 
 @dataclass(frozen=True, eq=False)
-class Content:
+class PageContent:
     """What the page shows.
 
     Attributes:
@@ -88,11 +88,11 @@ class Table:
             head: Column titles.
             rows: Class of the row and its cells.
         """
-        kept = [i for i in range(len(head)) if any(cells[i] not in ("", NONE) for _, cells in rows)]
+        kept = [i for i in range(len(head)) if any(cells[i] not in ("", NO_NUMBER) for _, cells in rows)]
         return cls([head[i] for i in kept], [(kind, [cells[i] for i in kept]) for kind, cells in rows])
 
 
-def page_text(content: Content) -> str:
+def page_text(content: PageContent) -> str:
     """Return the page as HTML text.
 
     Args:
@@ -106,7 +106,7 @@ def page_text(content: Content) -> str:
     return template("monodyn.reproduce", "page.html.j2").render(
         subtitle=content.subtitle,
         notes=content.notes,
-        methods=[(method, TITLES[method]) for method in METHODS],
+        methods=[(method, TITLES[method]) for method in BOTH_METHODS],
         claims=content.claims,
         fits=_fits(main, content.joints),
         statuses=[(_case_name(case), TITLES[case.plan.method], case.status, _ok(case)) for case in main],
@@ -127,8 +127,9 @@ def page_text(content: Content) -> str:
 
 
 def _number(value: float | None, digits: int = 3) -> str:
+    """Write a number with a few digits and a true minus sign."""
     if value is None:
-        return NONE
+        return NO_NUMBER
     if isinstance(value, float):
         text = f"{value:.0f}" if abs(value) >= 10 ** (digits - 1) else f"{value:.{digits}g}"
         return text.replace("-", "−")
@@ -136,8 +137,9 @@ def _number(value: float | None, digits: int = 3) -> str:
 
 
 def _percent(value: float | None) -> str:
+    """Write a signed share in per cent, two digits."""
     if value is None:
-        return NONE
+        return NO_NUMBER
     return (f"{value:+.0f}" if abs(value) >= 10 else f"{value:+.2g}").replace("-", "−")
 
 
@@ -145,7 +147,8 @@ def _times(value: float | None) -> str:
     from markupsafe import Markup
 
     if value is None:
-        return NONE
+        return NO_NUMBER
+    # the flag depends on the number as it is shown: what reads as 1 is not below 1
     text = f"{_number(value, 2)}×"
     return text if float(f"{value:.2g}") >= 1.0 else Markup(f'<span class="flag">{text}</span>')
 
@@ -159,8 +162,9 @@ def _joined(values: Sequence[str]) -> str:
 def _joints(
     row: Mapping[str, Any], name: str, joints: Sequence[str], shown: Callable[[Any], str] | None = None
 ) -> str:
+    """Write an error of every joint into one cell."""
     values = [row[f"{name}_{joint}_deg"] for joint in joints]
-    return NONE if all(v is None for v in values) else _joined([(shown or _angle)(v) for v in values])
+    return NO_NUMBER if all(v is None for v in values) else _joined([(shown or _angle)(v) for v in values])
 
 
 def _angle(value: float | None) -> str:
@@ -194,31 +198,31 @@ def _fits(cases: Sequence[Case], joints: Sequence[str]) -> Table:
                 name = Markup(f"{name}<small>period from<br>the whole clip</small>")
             cells = [name, TITLES[case.plan.method]]
             cells += [_number(row[k]) for k in ("unknowns", "evaluations", "seconds")]
-            cells += [_joints(row, k, joints) for k in SHOWN]
+            cells += [_joints(row, k, joints) for k in SHOWN_ERRORS]
             rows.append(("", [*cells, *_ratios(row)]))
         if len(found) == 2:
             gain = gain_row(*found)
             cells = ["", "ratio", "", *(_times(gain[k]) for k in ("evaluations", "seconds"))]
-            cells += [_joints(gain, k, joints, _times) for k in SHOWN]
+            cells += [_joints(gain, k, joints, _times) for k in SHOWN_ERRORS]
             rows.append(("gain", [*cells, *("" for _ in RATIOS)]))
         rows[-1] = (f"{rows[-1][0]} last", rows[-1][1])
     return Table.of(head, rows)
 
 
 def _remarks(cases: Sequence[Case]) -> list[str]:
-    """Return the sentences that the main table needs."""
+    """Return the sentences that explain the main table."""
     found = []
     free = {case.plan.method: case.residual for case in cases if case.plan.case == "III"}
     published, default = free.get("paper"), free.get("fast")
     if published is not None and default is not None and np.any(default > published):
         found.append(
-            "Where the residual of the default method in Case III is larger than the published one, that is "
-            "because it does not follow the noise of the poses from frame to frame; truth and prediction "
-            "are what counts."
+            "In Case III the default method has the larger residual where it does not follow the noise of "
+            "the poses from frame to frame. The errors against the truth and of the prediction are the ones "
+            "to compare."
         )
     if any(case.clip_period for case in cases):
         found.append(
-            "In Case II the fitted frames do not tell the period: it is taken from the whole clip, the "
+            "In Case II the fitted frames do not determine the period: it is taken from the whole clip, "
             "predicted frames included."
         )
     return found
@@ -228,7 +232,7 @@ def _poses(seen: Mapping[str, Seen], joints: Sequence[str]) -> Table:
     """Return the table of pose estimation."""
     head = ["method", "frames seen", "rms error [°], θ1 · θ2", "silhouettes a frame", "milliseconds a frame"]
     head += ["silhouettes for the first pose", "seconds for the first pose", "status"]
-    found = {method: seen_row(seen[method], joints) for method in METHODS}
+    found = {method: seen_row(seen[method], joints) for method in BOTH_METHODS}
     rows: list[tuple[str, Sequence[str]]] = []
     for method, row in found.items():
         each, first = row["seconds_a_frame"], row["silhouettes_locate"]
@@ -237,10 +241,11 @@ def _poses(seen: Mapping[str, Seen], joints: Sequence[str]) -> Table:
         cells += [_number(row["silhouettes_a_frame"]), _number(None if each is None else 1000.0 * each)]
         cells += [_number(first) if counted else "not counted", _number(row["seconds_locate"])]
         rows.append(("", [*cells, row["status"]]))
+    # the default method draws no silhouettes while it tracks: without a quotient both numbers are shown
     gain = gain_row(found["paper"], found["fast"])
     drawn = [_number(row["silhouettes_a_frame"]) for row in found.values()]
     cells = ["ratio", "", _joints(gain, "error", joints, _times)]
-    cells += ["" if NONE in drawn else " : ".join(drawn), _times(gain["seconds_a_frame"])]
+    cells += ["" if NO_NUMBER in drawn else " : ".join(drawn), _times(gain["seconds_a_frame"])]
     rows.append(("gain", [*cells, "", _times(gain["seconds_locate"]), ""]))
     return Table.of(head, rows)
 
@@ -258,7 +263,7 @@ def _lengths(cases: Sequence[Case], joints: Sequence[str]) -> Table:
     ]
     chosen = [c for c in cases if (c.plan.case, c.plan.states, c.plan.start) == ("I", "measured", 0)]
     rows = []
-    for case in sorted(chosen, key=lambda c: (c.plan.frames, METHODS.index(c.plan.method))):
+    for case in sorted(chosen, key=lambda c: (c.plan.frames, BOTH_METHODS.index(c.plan.method))):
         row = case_row(case, joints)
         cells = [str(case.plan.frames), TITLES[case.plan.method]]
         cells += [_number(row["evaluations"]), _number(row["seconds"])]
@@ -271,8 +276,9 @@ def _starts(cases: Sequence[Case], joints: Sequence[str]) -> Table:
     """Return the table by start values."""
     frames = next((c.plan.frames for c in cases if c.plan.case == "II"), 0)
     chosen = [c for c in cases if (c.plan.case, c.plan.states, c.plan.frames) == ("I", "measured", frames)]
-    chosen.sort(key=lambda c: (METHODS.index(c.plan.method), c.plan.start))
+    chosen.sort(key=lambda c: (BOTH_METHODS.index(c.plan.method), c.plan.start))
     values = [parameter_values(case) for case in chosen]
+    # parameters of either method, in the order of the first fit that has them
     names = list(dict.fromkeys(name for found in values for name in found if not name.endswith(".offset")))
     rows = []
     for case, found in zip(chosen, values, strict=True):
@@ -296,7 +302,7 @@ def picture_rows(
     """
     actual = [(still(frame, Drawing([])), f"frame {frame.index}, {frame.time:.2f} s") for frame in frames]
     rows = [("Actual", actual)]
-    for method in METHODS:
+    for method in BOTH_METHODS:
         found = seen[method]
         if found.poses is None or found.scene is None:
             continue
@@ -322,6 +328,7 @@ def model_picture(scene: Scene, position: np.ndarray) -> bytes:
     picture = np.full((scene.camera.height, scene.camera.width), 24, np.uint8)
     if np.all(np.isfinite(position)):
         for i, (_, polygon) in enumerate(outline(scene.mechanism, scene.camera, position)):
+            # four bits of fractions: the outline is drawn to a sixteenth of a pixel
             points = [np.round(polygon * 16.0).astype(np.int32)]
             cv2.fillPoly(picture, points, SHADES[i % len(SHADES)], cv2.LINE_AA, 4)
     return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes()

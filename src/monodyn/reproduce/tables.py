@@ -12,18 +12,18 @@ import numpy as np
 
 from monodyn.reproduce.cases import Case, rms
 from monodyn.reproduce.claims import Claim
-from monodyn.reproduce.vision import METHODS, TITLES, Seen
+from monodyn.reproduce.vision import BOTH_METHODS, TITLES, Seen
 
 ERRORS = ("residual", "error", "ahead", "late")
 """Errors of a fit that have a column for each joint."""
-SHOWN = ERRORS[:3]
+SHOWN_ERRORS = ERRORS[:3]
 """Errors that the main table shows."""
 STAR = "*"
 """Marks a case whose period is that of the whole clip."""
 PERIODS = {False: "fitted frames", True: "whole clip"}
 """Where the period of Case II is from."""
 RATIOS = ("l1", "l2", "m2/m1", "b1/m1", "b2/m1")
-"""What the motion can tell of a double pendulum."""
+"""What the motion of a double pendulum determines."""
 
 
 def case_row(case: Case, joints: Sequence[str]) -> dict[str, Any]:
@@ -75,6 +75,7 @@ def gain_row(published: Mapping[str, Any], default: Mapping[str, Any]) -> dict[s
     for name, above in published.items():
         if name == "evaluations" or name.startswith("seconds") or name.endswith("_deg"):
             below = default[name]
+            # a zero is a count that was not taken or an exact solution; neither has a ratio
             found[name] = _short(above / below) if above and below else None
     return found
 
@@ -153,7 +154,7 @@ def document(
         found: The claims.
         joints: Joint names.
     """
-    poses = [seen_row(seen[method], joints) for method in METHODS]
+    poses = [seen_row(seen[method], joints) for method in BOTH_METHODS]
     return {
         "poses": poses,
         "published_over_default": {"poses": gain_row(*poses), "fits": gains(cases, joints)},
@@ -209,7 +210,9 @@ def plain_rows(cases: Sequence[Case], joints: Sequence[str]) -> tuple[list[str],
         for case, row in zip(group, found, strict=True):
             cells = [case.plan.case + STAR * case.clip_period, case.plan.states, TITLES[case.plan.method]]
             cells += [_cell(row[name]) for name in ("unknowns", "evaluations", "seconds")]
-            rows.append(cells + [_joined([row[f"{name}_{joint}_deg"] for joint in joints]) for name in SHOWN])
+            rows.append(
+                cells + [_joined([row[f"{name}_{joint}_deg"] for joint in joints]) for name in SHOWN_ERRORS]
+            )
         if len(found) == 2:
             gain = gain_row(*found)
             cells = [
@@ -220,8 +223,9 @@ def plain_rows(cases: Sequence[Case], joints: Sequence[str]) -> tuple[list[str],
                 *(_cell(gain[k]) for k in ("evaluations", "seconds")),
             ]
             rows.append(
-                cells + [_joined([gain[f"{name}_{joint}_deg"] for joint in joints]) for name in SHOWN]
+                cells + [_joined([gain[f"{name}_{joint}_deg"] for joint in joints]) for name in SHOWN_ERRORS]
             )
+    # a column without a number says nothing; the names of the fits, the first three, stay in any case
     empty = {"–", ""}
     kept = [i for i in range(len(columns)) if i < 3 or any(row[i] not in empty for row in rows)]
     return [columns[i] for i in kept], [[row[i] for i in kept] for row in rows]
@@ -233,10 +237,13 @@ def main_cases(cases: Sequence[Case]) -> list[Case]:
     Args:
         cases: All fits.
     """
+    # Case II is fitted to the usual number of frames alone, so it shows which number that is
     frames = next((case.plan.frames for case in cases if case.plan.case == "II"), 0)
     chosen = [case for case in cases if case.plan.frames == frames and case.plan.start == 0]
     order = {("I", "measured"): 0, ("I", "filtered"): 1, ("II", "measured"): 2, ("III", "measured"): 3}
-    return sorted(chosen, key=lambda c: (order[c.plan.case, c.plan.states], METHODS.index(c.plan.method)))
+    return sorted(
+        chosen, key=lambda c: (order[c.plan.case, c.plan.states], BOTH_METHODS.index(c.plan.method))
+    )
 
 
 def _cell(value: float | None) -> str:

@@ -1,4 +1,4 @@
-"""What each method sees in the clip: camera, sizes and the pose in every frame."""
+"""What each method sees in the clip: camera, sizes and the pose in every frame, timed and judged."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.settings import CameraSettings, LocateSettings, TrackSettings
 
-METHODS = ("paper", "fast")
+BOTH_METHODS = ("paper", "fast")
 """The published method and the default one."""
 TITLES = {"paper": "published", "fast": "default"}
 """What they are called on the page."""
-FAILURES = (MonodynError, np.linalg.LinAlgError)
+CASE_FAILURES = (MonodynError, np.linalg.LinAlgError)
 """What a case may fail with and still stand in the table."""
 
 
@@ -31,7 +31,7 @@ class Seen:
     """What one method saw.
 
     Attributes:
-        method: One of ``METHODS``.
+        method: One of ``BOTH_METHODS``.
         status: ``done``, or why there are no poses.
         scene: Camera, sizes and first pose, or None.
         poses: Joint positions in every frame, or None.
@@ -69,7 +69,7 @@ def see(
     """Locate and track the mechanism with one method and filter its poses.
 
     Args:
-        method: One of ``METHODS``.
+        method: One of ``BOTH_METHODS``.
         masks: The foreground of the clip.
         mechanism: Topology with wrong sizes.
         truth: The true motion, or None where it is not known.
@@ -87,7 +87,7 @@ def see(
         located, watch = time.perf_counter(), _Watch(progress)
         poses = track(scene.masks, scene, _track_settings(method), progress=watch)
         states = filtered(poses.time, poses.position, gains, poses.covariance)
-    except FAILURES as error:
+    except CASE_FAILURES as error:
         return Seen(method, f"failed: {error}", scene)
     errors = None
     if truth is not None:
@@ -114,16 +114,11 @@ class _Watch:
 
 
 def _located(method: str, masks: Masks, mechanism: Mechanism, progress: Progress | None) -> Scene:
+    """Locate with one method, camera included."""
     if method == "fast":
         return locate(masks, mechanism, progress=progress)
-
-    return locate(
-        masks,
-        mechanism,
-        LocateSettings(method="paper"),
-        camera=CameraSettings(method="paper"),
-        progress=progress,
-    )
+    both = LocateSettings(method="paper"), CameraSettings(method="paper")
+    return locate(masks, mechanism, both[0], camera=both[1], progress=progress)
 
 
 def _track_settings(method: str) -> TrackSettings:
@@ -140,5 +135,6 @@ def aligned(truth: np.ndarray, position: np.ndarray) -> np.ndarray:
     Returns:
         The true positions, (frame, dof).
     """
+    # a hinge angle is measured up to whole turns; the median is right even where single frames are off
     turns = np.round(np.nanmedian(position - truth, axis=0) / (2.0 * np.pi))
     return truth + 2.0 * np.pi * turns

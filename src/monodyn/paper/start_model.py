@@ -1,0 +1,142 @@
+"""What the published search is given: a mechanism with start sizes before a start camera.
+
+Where a root slides, its slide and the camera's place along it mean the same. While the scene is sought the
+camera moves and the slide stays; what was found is then written as a slide before the camera that was given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, SLIDE
+from monodyn.paper.placed import DEPTH, CameraFree, X, Y
+from monodyn.paper.sequential import reach_of
+from monodyn.paper.view import SIZE_KINDS, ModelView, joint_limits, model_view
+from monodyn.types import Camera
+from monodyn.vision.drawing.camera import camera_array
+from monodyn.vision.drawing.rig import rig_of
+
+START_SHARE = 0.3
+"""The stretched mechanism reaches over this share of the picture's smaller side before the start camera."""
+AXIS = slice(AXIS_X, AXIS_Y + 1)
+"""Columns of the link table that hold the direction of a slide."""
+
+
+class SlidingRoot(NamedTuple):
+    """A slide of a root, and the coordinate of the camera that means the same.
+
+    Attributes:
+        joint: Its row among the joints.
+        column: Column of the packed camera, ``X`` or ``Y``: the one that the slide is closer to.
+    """
+
+    joint: int
+    column: int
+
+
+@dataclass(frozen=True, eq=False)
+class StartModel:
+    """What the search is given.
+
+    Attributes:
+        mechanism: Topology and start sizes; parameters that are not free stay.
+        camera: Start camera.
+        pinned: ``camera.x``, ``camera.y`` and ``camera.depth`` as far as they must stay.
+    """
+
+    mechanism: Mechanism
+    camera: Camera
+    pinned: Collection[str]
+
+    @property
+    def scale_free(self) -> bool:
+        """True where nothing pins the common scale of the sizes."""
+        sizes = [p.free for p in self.mechanism.parameters if p.kind in SIZE_KINDS]
+        return all(sizes) and "camera.depth" not in self.pinned
+
+    def view(self) -> ModelView:
+        """Return the mechanism before the camera, its first joint in the middle of the picture."""
+        camera, free = self.camera, self.camera_free(slide=False)
+        if free.depth:
+            reach = reach_of(rig_of(self.mechanism, camera))
+            side = START_SHARE * min(camera.width, camera.height)
+            camera = replace(camera, depth=camera.focal * reach / side)
+        x, y = (float(value) for value in self.mechanism.tree.links[0, [ANCHOR_X, ANCHOR_Y]])
+        camera = replace(camera, x=x if free.x else camera.x, y=y if free.y else camera.y)
+        view = model_view(self.mechanism, camera, np.zeros(len(self.mechanism.joints)), free)
+        limits = view.limits.copy()
+        root = sliding_root(self.mechanism)
+        if root is not None and free[root.column - X]:
+            limits[:, root.joint] = 0.0  # the camera moves in place of the slide
+        position = np.clip(np.zeros(limits.shape[1]), limits[0], limits[1])
+        return replace(view, limits=limits, position=position)
+
+    def camera_free(self, *, slide: bool) -> CameraFree:
+        """Return which of the camera's coordinates are estimated.
+
+        Args:
+            slide: A root's slide is estimated in place of the camera's place along it.
+        """
+        x, y, depth = (name not in self.pinned for name in ("camera.x", "camera.y", "camera.depth"))
+        root = sliding_root(self.mechanism)
+        if root is not None and slide:
+            x, y = x and root.column != X, y and root.column != Y
+        return CameraFree(x, y, depth)
+
+    def released(self, view: ModelView) -> ModelView:
+        """Return the same picture with the joints' own limits, a root's slide in place of the camera's place.
+
+        Args:
+            view: From ``view``, or what was found from it.
+        """
+        out = replace(view, limits=joint_limits(self.mechanism))
+        root = sliding_root(self.mechanism)
+        if root is None or view.limits[1, root.joint] > view.limits[0, root.joint]:
+            return out
+        row, column = root
+        angle, along = float(view.base.links[row, ANGLE]), view.base.links[row, AXIS]
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        direction = turn @ along
+        packed = view.base.camera.copy()
+        # the slide takes the camera back to the given place along its own coordinate, and the mechanism with
+        # it: camera and mechanism move by the same vector, so that the picture stays
+        slide = float(camera_array(self.camera)[column] - packed[column]) / float(direction[column - X])
+        position = view.position.copy()
+        position[row] += slide
+        packed[X : Y + 1] += slide * direction
+        return replace(out, position=position).before(packed)
+
+    def sized(self, view: ModelView) -> Mechanism:
+        """Return the mechanism with the sizes that were found.
+
+        Args:
+            view: What was found.
+        """
+        return self.mechanism.with_values(dict(zip(view.names, view.sizes.tolist(), strict=True)))
+
+    def placed(self, view: ModelView) -> Camera:
+        """Return the camera at the place that was found.
+
+        Args:
+            view: What was found.
+        """
+        x, y, depth = (float(value) for value in view.base.camera[X : DEPTH + 1])
+        return replace(self.camera, x=x, y=y, depth=depth)
+
+
+def sliding_root(mechanism: Mechanism) -> SlidingRoot | None:
+    """Return the first root that slides and the camera's coordinate that means the same, or None.
+
+    Args:
+        mechanism: The mechanism.
+    """
+    for i, parent in enumerate(mechanism.tree.parent):
+        if parent < 0 and mechanism.tree.kind[i] == SLIDE:
+            across, up = np.abs(mechanism.tree.links[i, AXIS])
+            return SlidingRoot(i, X if across >= up else Y)
+    return None

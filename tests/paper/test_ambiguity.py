@@ -1,0 +1,56 @@
+"""The budget of a search, and the choice between the interpretations of one picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chains import POSE, chain, silhouette_of, view_of
+from monodyn.paper.ambiguity import DrawingBudget, cross_mismatch
+from monodyn.paper.silhouettes import SilhouetteFrame
+from monodyn.paper.view import CAMERA_HELD
+from monodyn.types import Frame
+
+
+def shown(pose: np.ndarray) -> SilhouetteFrame:
+    """Return a frame that shows the chain in a pose."""
+    blank = np.zeros((4, 4), np.uint8)
+    return SilhouetteFrame(Frame(0, 0.0, blank), silhouette_of(pose), blank)
+
+
+def test_a_budget_counts_drawings_and_reports_steps() -> None:
+    told: list[tuple[str, int, int | None]] = []
+    budget = DrawingBudget(100, lambda *words: told.append(words))
+    budget.expect(3)
+    budget.step(60)
+    assert not budget.over()
+    assert not budget.cut
+    assert budget.over(50)
+    assert budget.cut
+    budget.step(60)
+    assert budget.over()
+    # the third step was left out: the next part begins where the first one would have ended
+    budget.expect(2)
+    assert told == [("locate", done, total) for done, total in ((0, 3), (1, 3), (2, 3), (3, 5))]
+
+
+def test_other_frames_decide_which_end_of_a_chain_is_the_hinge(tmp_path: Path) -> None:
+    """Read from its other end the chain fits its own picture, but there its first hinge moves."""
+    view = view_of(chain(tmp_path), free=CAMERA_HELD)
+    others = [shown(POSE + turn) for turn in ((0.6, 0.2), (-0.7, 0.9), (0.3, -1.2))]
+    share, drawings = cross_mismatch(view, others)
+    assert share < 0.03
+    assert drawings > 100
+    moved = view.base.camera.copy()
+    moved[9] += 0.1  # the hinge is taken to be elsewhere
+    assert cross_mismatch(view.before(moved), others)[0] > 0.2
+
+
+def test_the_worst_quarter_of_the_frames_does_not_count(tmp_path: Path) -> None:
+    view = view_of(chain(tmp_path), free=CAMERA_HELD)
+    hidden = shown(POSE)
+    hidden = SilhouetteFrame(hidden.frame, silhouette_of(POSE, widths=(0.2, 0.2)), hidden.silhouette)
+    good = [shown(POSE)] * 3
+    assert cross_mismatch(view, [*good, hidden])[0] == pytest.approx(cross_mismatch(view, good)[0])

@@ -1,0 +1,38 @@
+"""The framework of all four problems."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chains import CAMERA, LENGTHS, POSE, WIDTHS, chain, falls, silhouette_of, view_of
+from monodyn.paper.placed import DEPTH, X
+from monodyn.paper.sequential import reach_of, sequential
+from monodyn.paper.subproblems import mismatch
+from monodyn.vision.drawing.rig import rig_of
+
+
+def test_the_framework_finds_all_of_them(tmp_path: Path) -> None:
+    """Fig. 2 from wrong sizes, camera and pose: the scale of the file stays, so the depth takes it."""
+    mechanism = chain(tmp_path, lengths=(0.1, 0.1), widths=(0.02, 0.02))
+    image = silhouette_of()
+    start = view_of(mechanism, replace(CAMERA, depth=0.8, x=0.0, y=0.0), np.array([-0.7, 0.55]))
+    found, histories = sequential(image, start)
+    sizes = dict(zip(found.names, found.sizes, strict=True))
+    np.testing.assert_allclose(found.position, POSE, atol=np.radians(0.3))
+    assert sizes == pytest.approx(
+        {"link1.width": 0.015, "link2.length": 0.075, "link2.width": 0.012}, rel=0.03
+    )
+    np.testing.assert_allclose(found.base.camera[X : DEPTH + 1], [0.015, -0.06, 0.55], rtol=0.02)
+    assert mismatch(image, found.rig, found.position) < 0.03 * image.area
+    assert [h.problem for h in histories[:4]] == ["depth", "place", "pose", "ratios"]
+    assert all(falls(h) for h in histories)
+
+
+def test_the_reach_is_that_of_the_stretched_chain(tmp_path: Path) -> None:
+    """Joint 2 hangs in the middle line of link 1; the farthest points are the corners of link 2."""
+    corner = np.hypot(LENGTHS[1], WIDTHS[1] / 2)
+    assert reach_of(rig_of(chain(tmp_path), CAMERA)) == pytest.approx(LENGTHS[0] + corner)

@@ -1,0 +1,65 @@
+"""Settings that only the published method has: what they refuse, and how plain settings become them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from monodyn.errors import SettingsError
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.paper.settings import (
+    PaperIdentifySettings,
+    PaperLocateSettings,
+    PaperTrackSettings,
+    published,
+)
+from monodyn.vision.settings import LocateSettings, TrackSettings
+from support import refuses
+
+GAINS = "identify.gains: the filter belongs to --identify.method paper; add it."
+RATES = (
+    "identify.rates, identify.states: rates and filtered states belong to --identify.method paper; the fast "
+    "method weighs the measured positions with their covariance."
+)
+
+
+@pytest.mark.parametrize(
+    ("of", "given", "message"),
+    [
+        (
+            PaperLocateSettings,
+            {"method": "fast", "start": "evolution"},
+            "locate.start: expected 'spread' with the fast method, got 'evolution'; it belongs to "
+            "locate.method paper.",
+        ),
+        (
+            PaperLocateSettings,
+            {"start": "grid"},
+            "locate.start: expected one of 'spread', 'evolution', got 'grid'.",
+        ),
+        (PaperLocateSettings, {"level": 255.0}, "locate.level: expected 0 to 255 grey levels, got 255."),
+        (PaperTrackSettings, {"move_share": 0.0}, "track.move_share: expected 0.001 to 0.5, got 0.0."),
+        (
+            PaperIdentifySettings,
+            {"states": "smoothed"},
+            "identify.states: expected one of 'measured', 'filtered', got 'smoothed'.",
+        ),
+        (PaperIdentifySettings, {"method": "fast", "rates": True}, RATES),
+        (PaperIdentifySettings, {"method": "fast", "states": "filtered"}, RATES),
+        (PaperIdentifySettings, {"method": "fast", "gains": (0.5, 0.1, 0.05)}, GAINS),
+    ],
+)
+def test_settings_that_cannot_be_meant_are_refused(of: Any, given: dict[str, Any], message: str) -> None:
+    with refuses(SettingsError, message):
+        of(**given)
+
+
+def test_plain_settings_become_those_of_the_method() -> None:
+    assert published(LocateSettings(method="paper", seed=3), PaperLocateSettings) == PaperLocateSettings(
+        method="paper", seed=3
+    )
+    assert published(TrackSettings(method="paper"), PaperTrackSettings).move_share == 0.1
+    own = PaperIdentifySettings(method="paper", rates=True)
+    assert published(own, PaperIdentifySettings) is own
+    assert not published(IdentifySettings(method="paper"), PaperIdentifySettings).rates

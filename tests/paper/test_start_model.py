@@ -1,0 +1,51 @@
+"""What the search is given: the start view, and a root's slide in place of the camera's place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import monodyn
+from chains import CAMERA
+from monodyn.paper.placed import CameraFree, X
+from monodyn.paper.start_model import SlidingRoot, StartModel, sliding_root
+from monodyn.paper.subproblems import outline_points
+
+
+def test_the_first_hinge_starts_in_the_middle_of_the_picture() -> None:
+    """The stretched mechanism reaches over 0.3 of the smaller side, 84 px."""
+    view = StartModel(monodyn.load("double"), CAMERA, ()).view()
+    assert view.free == CameraFree(x=True, y=True, depth=True)
+    points = outline_points(view.rig, np.zeros(2)) - [(CAMERA.width - 1) / 2, (CAMERA.height - 1) / 2]
+    assert np.hypot(*points.T).max() == pytest.approx(84.0, rel=0.05)
+
+
+def test_a_pinned_camera_stays() -> None:
+    model = StartModel(monodyn.load("double"), CAMERA, ("camera.x", "camera.depth"))
+    assert model.camera_free(slide=False) == CameraFree(x=False, y=True, depth=False)
+    placed = model.placed(model.view())
+    assert (placed.x, placed.depth) == (CAMERA.x, CAMERA.depth)
+    assert not model.scale_free
+    assert StartModel(model.mechanism, CAMERA, ()).scale_free
+
+
+def test_a_slide_is_released_without_moving_the_picture() -> None:
+    mechanism = monodyn.load("cartpole")
+    assert sliding_root(mechanism) == SlidingRoot(0, X)
+    assert sliding_root(monodyn.load("double")) is None
+    model = StartModel(mechanism, CAMERA, ())
+    assert model.camera_free(slide=True) == CameraFree(x=False, y=True, depth=True)
+    start = model.view()
+    np.testing.assert_array_equal(start.limits[:, 0], 0.0)
+    moved = start.base.camera.copy()
+    moved[X] += 0.07
+    found = replace(start, position=np.array([0.0, 0.4])).before(moved)
+    released = model.released(found)
+    assert released.base.camera[X] == pytest.approx(CAMERA.x)
+    assert released.position[0] == pytest.approx(CAMERA.x - moved[X])
+    assert released.limits[1, 0] > released.limits[0, 0]
+    np.testing.assert_allclose(
+        outline_points(released.rig, released.position), outline_points(found.rig, found.position), atol=1e-9
+    )
