@@ -7,8 +7,8 @@ import pytest
 
 from monodyn.estimation.record.samples import cut, prepare
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.mechanism import Measured, load
 from monodyn.stages import identify
@@ -281,13 +281,13 @@ def test_the_derivative_by_the_time_scale_is_exact(model):
     damped = start.with_values({p.name: 0.01 for p in start.parameters if p.name.endswith(".damping")})
     swing = motion(damped, TIMES, [0.1, 0.5], [0.2, 1.0])
     data = prepare([record(damped, TIMES, swing, metric=False)], damped)
-    unknowns = choose_unknowns(damped)
-    problem = Problem(damped, unknowns, size_prior(damped, unknowns), data)
+    problem = posed(damped, data)
+    unknowns = problem.unknowns
     pieces, at = cut(data, 20), unknowns.names.index("time_scale")
     states = np.tile([0.1, 0.5, 0.2, 1.0], (len(pieces.record), 1))
-    step = 1e-5 * np.eye(len(unknowns))[at]
-    ends = [problem.residuals(unknowns.x0 + sign * step, states, pieces, 4) for sign in (1.0, -1.0)]
-    _, jacobian = problem.rows(unknowns.x0, states, pieces, 4)
+    step, trial = 1e-5 * np.eye(len(unknowns))[at], Trial(unknowns.x0, states, pieces, 4)
+    ends = [problem.residuals(trial.at(trial.x + sign * step, states)) for sign in (1.0, -1.0)]
+    _, jacobian = problem.rows(trial)
     slope = (ends[0] - ends[1]) / 2e-5
     # the difference is good to 1e-10 by its step and to 1e-11 of the residuals by rounding
     np.testing.assert_allclose(jacobian[:, :, at], slope, rtol=0, atol=1e-7 * np.abs(slope).max())

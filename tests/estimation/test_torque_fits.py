@@ -13,7 +13,8 @@ from monodyn.estimation.record.samples import cut, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
-from monodyn.estimation.torque.periods import Undriven
+from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.torque.periods import PeriodSearch
 from monodyn.mechanism import load
 from monodyn.paper.settings import PaperIdentifySettings
 from monodyn.results.fill import fill
@@ -177,8 +178,8 @@ def test_the_paper_s_series_stands_alone(tmp_path):
 
 
 def guessed(record, mechanism, terms=0):
-    undriven = Undriven.of(mechanism, prepare((record,), mechanism), (smooth(record),))
-    return undriven, undriven.guesses(terms)
+    search = PeriodSearch.of(mechanism, prepare((record,), mechanism), (smooth(record),))
+    return search, search.guesses(terms)
 
 
 @pytest.mark.parametrize("period", [0.6, 1.1, 2.3])
@@ -192,10 +193,10 @@ def test_the_period_is_guessed_at_any_scale(period, factor, tmp_path):
 
     record, _ = simulated(DOUBLE, [-1.5, 0.1], 200, push)
     start = started(DOUBLE, tmp_path, factor, **THICKNESS)
-    undriven, guesses = guessed(record, start)
+    search, guesses = guessed(record, start)
     assert guesses[0].period == pytest.approx(period, rel=0.01)
     driven = posed(start.with_torque("fourier", terms=5, period=guesses[0].period), prepare((record,), start))
-    found = driven.mechanism_at(undriven.start(guesses[0], driven))
+    found = driven.mechanism_at(search.start(guesses[0], driven))
     assert found.values["link1.length"] == pytest.approx(0.23, rel=0.35)
     table = guesses[0].table
     np.testing.assert_array_equal(found.drive.table[:, : table.shape[1]], table)
@@ -358,15 +359,15 @@ def test_slopes_of_a_driven_rollout_are_differences(name, driven, tmp_path):
     record = driven[0].part(20, 40)
     data = prepare((record,), start)
     problem, pieces = posed(start, data), cut(data, 20)
-    x, states = problem.unknowns.x0, np.array([[-1.5, 0.3, 0.5, -1.0]])
+    trial = Trial(problem.unknowns.x0, np.array([[-1.5, 0.3, 0.5, -1.0]]), pieces, 8)
     at, step = problem.unknowns.names.index(name), 1e-5
-    _, jacobian = problem.rows(x, states, pieces, 8)
+    _, jacobian = problem.rows(trial)
     moved = []
     for sign in (1, -1):
-        near = x.copy()
+        near = trial.x.copy()
         near[at] += sign * step
         # a start state is by true time: the same stamps begin elsewhere on another clock
-        moved.append(problem.rows(near, states, pieces, 8)[0])
+        moved.append(problem.rows(trial.at(near, trial.states))[0])
     difference = (moved[0] - moved[1]) / (2 * step)
     assert np.abs(jacobian[:, :, at] - difference).max() < 1e-5 * np.abs(difference).max()
 

@@ -12,14 +12,13 @@ import pytest
 from scipy.optimize import least_squares
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.record.samples import Pieces, prepare
-from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
-from monodyn.estimation.torque.task import NO_PERIOD
+from monodyn.estimation.record.samples import prepare
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.torque.fourier import NO_PERIOD
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import rollout
 from monodyn.paper.filter import Gains, filtered
-from monodyn.paper.fixed_start import Held, held_states, targets
+from monodyn.paper.fixed_start import FixedStart, start_states, targets
 from monodyn.paper.identify import identify_published
 from monodyn.paper.settings import PaperIdentifySettings
 from monodyn.results.predict import predict
@@ -43,14 +42,13 @@ def fourier_truth(times, period=1.1):
     return truth, record(truth, times, driven(truth, times, [-1.5, 0.2]), noise=SMALL)
 
 
-def held_problem(mechanism, poses):
-    mechanism = replace(mechanism, measured=None)
-    data, unknowns = prepare((poses,), mechanism), choose_unknowns(mechanism)
+def fixed_start(mechanism, poses):
+    problem = posed(replace(mechanism, measured=None), prepare((poses,), mechanism))
     states = (filtered(poses.time, poses.position, Gains(), poses.covariance),)
-    return Held(
-        mechanism, unknowns, size_prior(mechanism, unknowns), data, held=held_states(data, states),
-        target=targets(data, states, "measured", False)[0], white=None, change=np.ones(len(unknowns)),
-        substeps=8,
+    return FixedStart(
+        problem=problem, start=start_states(problem.data, states),
+        target=targets(problem.data, states, "measured", False)[0], white=None,
+        scale=np.ones(len(problem.unknowns)), substeps=8,
     )  # fmt: skip
 
 
@@ -144,11 +142,10 @@ def test_jacobian_against_the_tangents(model):
     names = [name for name in mechanism.values if ".torque." in name]
     mechanism = mechanism.with_values(dict.fromkeys(names, 0.01))
     poses = record(mechanism, TIMES[:8], driven(mechanism, TIMES[:8], [0.5, 0.1]), noise=1.0)
-    held = held_problem(mechanism, poses)
-    x, pieces = held.unknowns.x0, Pieces(held.data.first, np.zeros(1, dtype=int))
-    exact = Problem(held.mechanism, held.unknowns, held.prior, held.data)
-    _, jacobian = held.rows(x, held.states(x), pieces, 8)
-    _, expected = exact.rows(x, held.states(x), pieces, 8)
+    fixed = fixed_start(mechanism, poses)
+    x = fixed.problem.unknowns.x0
+    jacobian = fixed.jacobian(x)
+    _, expected = fixed.problem.rows(fixed.trial(x))
     expected = expected[:, :, : len(x)]
     scale = np.maximum(np.abs(expected).max(axis=(0, 1)), 1e-9)
     assert np.abs((jacobian - expected) / scale).max() < 1e-4
@@ -376,8 +373,8 @@ def test_a_joint_seen_late_starts_by_its_acceleration():
     holes = position.copy()
     holes[:3, 1] = np.nan
     poses = replace(poses, position=holes, covariance=np.tile(np.eye(2), (12, 1, 1)))
-    held = held_problem(load("double"), poses)
-    np.testing.assert_allclose(held.held, [[0.1, 0.3, 1.0, -1.0]], atol=1e-10)
+    fixed = fixed_start(load("double"), poses)
+    np.testing.assert_allclose(fixed.start, [[0.1, 0.3, 1.0, -1.0]], atol=1e-10)
 
 
 @pytest.mark.parametrize(
