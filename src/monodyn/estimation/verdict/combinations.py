@@ -133,7 +133,7 @@ def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combin
     for p in range(len(x)):
         moved = instance.tree.along(instance.directions, p, COMPLEX_STEP * 1j)
         step = inertial_ratios(mechanism, moved, full=free)
-        slopes.append([step[name].imag * (1.0 / COMPLEX_STEP) for name in values])
+        slopes.append([step[name].imag / COMPLEX_STEP for name in values])
     slope = np.array(slopes).T.reshape(len(values), len(x))
     found = []
     for (name, value), gradient in zip(values.items(), slope, strict=True):
