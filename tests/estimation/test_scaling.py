@@ -69,7 +69,7 @@ def powers(problem, change, k):
     at = unknowns.names.index({"gravity": "gravity", "clock": "time_scale"}[change])
     x[at] -= (1.0 if change == "gravity" else 0.5) * np.log(k)
     moved = {"gravity": with_gravity_of_start, "clock": with_clock_of_start}[change](problem, x)
-    ratio = np.where(unknowns.log, np.exp(moved - x), moved / x)
+    ratio = np.where(unknowns.log, np.exp(moved - x), moved / np.where(unknowns.log, 1.0, x))
     found = np.log(ratio) / np.log(k)
     return dict(zip(unknowns.names, found.round(9).tolist(), strict=True))
 

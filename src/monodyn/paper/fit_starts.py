@@ -43,6 +43,9 @@ def fit_starts(
 
     Yields:
         Coordinates, (param,).
+
+    Source:
+        Eq. (12) and (13) of "Estimating dynamics on-the-fly using monocular video", 2012.
     """
     count = min(settings.starts, MOST_STARTS.get(fixed.problem.mechanism.torque, settings.starts))
     if start is not None:

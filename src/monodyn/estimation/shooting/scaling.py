@@ -89,7 +89,7 @@ def starts_of_scales(problem: Problem, factors: np.ndarray) -> list[np.ndarray]:
 
     Args:
         problem: The problem.
-        factors: Ratios of lengths, (factor,).
+        factors: Ratios of lengths, (point,).
 
     Returns:
         Coordinates of each, (param,); the start alone where nothing can be scaled.

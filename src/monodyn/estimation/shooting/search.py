@@ -79,7 +79,7 @@ class Search:
         return multiple_shooting(self.problem, x, self._smoothed, self.route, self.report)
 
     def explained(self, optimum: Optimum) -> bool:
-        """True when the motion follows the record, within its noise or nearly.
+        """Return whether the motion follows the record, within its noise or nearly.
 
         Args:
             optimum: The optimum.
@@ -88,7 +88,11 @@ class Search:
         return near or (optimum.complete and self._unexplained(optimum) < FOLLOWED_SHARE)
 
     def report(self, _: Optimum) -> None:
-        """Count a stage for the progress display."""
+        """Count a stage for the progress display.
+
+        Args:
+            _: The stage.
+        """
         self._done += 1
         if self._progress is not None:
             self._progress("identify", self._done, None)
@@ -103,7 +107,7 @@ class Search:
 
 
 def residual_size(optimum: Optimum) -> float:
-    """Rank results by the mean size of the whitened residuals, so that gross errors do not rule.
+    """Return the mean size of the whitened residuals, by which results are ranked: gross errors do not rule.
 
     Args:
         optimum: The optimum; one that was given up ranks after all that were not.

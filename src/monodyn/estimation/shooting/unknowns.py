@@ -167,7 +167,7 @@ class Unknowns:
         """Take over the coordinates of other unknowns by name; the rest begin at their start.
 
         Args:
-            x: Coordinates of the others, (other param,).
+            x: Coordinates of the others, (param,).
             other: The others.
 
         Returns:
@@ -184,7 +184,7 @@ class Unknowns:
             names: Parameter names.
 
         Returns:
-            Place of each, -1 for one that is no unknown, int (name,).
+            Place of each, -1 for one that is no unknown, int (param,).
         """
         where = {name: i for i, name in enumerate(self.names)}
         return np.array([where.get(name, -1) for name in names], dtype=int)

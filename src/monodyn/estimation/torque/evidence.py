@@ -16,7 +16,7 @@ ONE_STEP = SearchSettings(evaluations=2)
 
 
 def pays(before: Optimum, after: Optimum, added: int) -> bool:
-    """True when the cost falls by more than chance allows, noise taken as large as the residuals are.
+    """Return whether the cost falls by more than chance allows, noise taken as large as the residuals are.
 
     Args:
         before: The optimum without the unknowns.

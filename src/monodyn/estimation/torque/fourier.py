@@ -169,7 +169,7 @@ def more_terms(problem: Problem, optimum: Optimum, route: Route) -> tuple[Proble
 
 
 def periodic(problem: Problem, optimum: Optimum, route: Route) -> bool:
-    """True when a periodic torque explains the motion by far better than friction alone.
+    """Return whether a periodic torque explains the motion by far better than friction alone.
 
     By far, because the best of many periods was taken.
 
@@ -186,7 +186,7 @@ def periodic(problem: Problem, optimum: Optimum, route: Route) -> bool:
 
 
 def stands_out(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> bool:
-    """True when the periodic part of a torque counts in comparison with weight and inertia.
+    """Return whether the periodic part of a torque counts in comparison with weight and inertia.
 
     What the model lacks is often periodic as the motion is, and small; a torque of under a hundredth of
     weight and inertia at every joint is taken for that.
@@ -213,6 +213,9 @@ def no_harmonic(mechanism: Mechanism) -> str:
 
     Args:
         mechanism: The mechanism under the torque.
+
+    Returns:
+        The sentence.
     """
     return (
         f"A torque of period {mechanism.values['torque.period']:.4g} s is under a hundredth of weight and "
