@@ -87,11 +87,11 @@ class Search:
         near = optimum.complete and optimum.sigma < FOLLOWED_NOISE
         return near or (optimum.complete and self._unexplained(optimum) < FOLLOWED_SHARE)
 
-    def report(self, _: Optimum) -> None:
+    def report(self, stage: Optimum) -> None:
         """Count a stage for the progress display.
 
         Args:
-            _: The stage.
+            stage: Its result, which is not shown.
         """
         self._done += 1
         if self._progress is not None:
