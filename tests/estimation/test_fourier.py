@@ -13,8 +13,8 @@ from monodyn.stages import identify
 
 NO_PERIOD = (
     "The period of the torque cannot be estimated: no period that the record shows more than once explains "
-    "the motion better than friction alone. Give more frames, or the period with --fix torque.period=SECONDS, or "
-    "leave out --identify.torque fourier."
+    "the motion better than friction alone. Give more frames, or the period with "
+    "--fix torque.period=SECONDS, or leave out --identify.torque fourier."
 )
 
 

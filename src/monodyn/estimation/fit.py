@@ -146,6 +146,7 @@ class Fit:
             (param + 2 dof, param + 2 dof).
         """
         count, width = len(self.shared), 2 * len(self.mechanism.joints)
+        # start states of the other records do not move this one
         chosen = np.concatenate((np.arange(count), count + record * width + np.arange(width)))
         return self.covariance[np.ix_(chosen, chosen)]
 

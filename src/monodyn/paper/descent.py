@@ -157,6 +157,7 @@ def _in_parts(
     """Fit free torques to the first samples, then to more, each time led on from the end of what fits."""
     rows, evaluations = len(fixed.problem.data.times), 0
     for stop in range(LONGER_BY, rows - 1, LONGER_BY):
+        # NaN in the target leaves a row out; torques after it move nothing that is compared
         late = (np.arange(rows) >= stop)[:, None]
         part = replace(fixed, substeps=LED_STEPS, target=np.where(late, np.nan, fixed.target))
         if not np.isfinite(part.residuals(x)).all() or evaluations >= most:
@@ -213,6 +214,7 @@ def _modes(fixed: FixedStart, x: np.ndarray, turned: np.ndarray) -> np.ndarray:
     if turned.any():
         along = fixed.jacobian(x).reshape(-1, len(x))[:, turned] * fixed.scale[turned]
         _, sizes, vectors = np.linalg.svd(along)
+        # fewer rows than torques leave directions that move nothing: they count as the weakest
         sizes = np.append(sizes, np.zeros(len(vectors) - len(sizes)))
         modes[np.ix_(turned, turned)] = vectors.T / np.hypot(sizes, WEAKEST_MODE * sizes[0])
     return modes

@@ -42,6 +42,7 @@ def published_verdict(
         The status, one sentence, and whether the fit can be used.
     """
     problem, share = found.fixed.problem, _shares(found, rms)
+    # a search that ended early may be anywhere: it must have come nearer than one that is at its minimum
     j = int(np.argmax(share))
     name = list(rms)[j]
     frames = int(problem.data.measured.any(axis=1).sum())
@@ -102,6 +103,7 @@ def published_advice(
     """
     fixed, problem, mechanism = found.fixed, found.fixed.problem, found.fixed.problem.mechanism
     kinds = {p.name: p.kind for p in mechanism.parameters}
+    # torques are a means here: of hundreds of them nothing is said one by one
     bodies = [p for p in fit.parameters if kinds[p.name] != "torque"]
     advice = say.integration(fixed.substeps, found.error, settings.error_bound)
     advice += _under_torques(fixed) if settings.torque == "free" else _misfit(found, fit, records)
@@ -162,6 +164,7 @@ def _filtering(settings: PaperIdentifySettings) -> list[str]:
             "The gains have no effect on this fit: measured angles are compared, and the start state is the "
             "parabola through the first three samples."
         ]
+    # the paper's own gains lie on the edge, where errors neither grow nor die out
     gains = Gains.of(settings.gains)
     if used and not gains.stable:
         most = 2.0 * gains.alpha * gains.beta / (2.0 - gains.alpha)

@@ -230,6 +230,7 @@ def targets(
     if states == "measured":
         target[:, :dofs] = data.position
         covariance[:, :dofs, dofs:] = covariance[:, dofs:, :dofs] = 0.0
+        # the covariance of what was measured, from the whitening that the default problem keeps
         for i in range(rows):
             use = np.flatnonzero(data.measured[i])
             information = data.white[i].T @ data.white[i]

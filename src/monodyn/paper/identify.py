@@ -140,6 +140,7 @@ def _fit(
     # start states are given: the Jacobian has the columns of the unknowns alone
     known = know(problem, x, fixed.jacobian(x) / noise, fixed.pieces)
     known = with_start_noise(fixed, x, noise, known)
+    # more unknowns than values: every direction is open, however small the linear algebra's numbers are
     if not determined:
         known = replace(known, open=np.eye(len(x)), std=np.full(len(x), np.inf))
     optimum = _optimum(found, residuals / noise)
@@ -155,6 +156,7 @@ def _fit(
 def _optimum(found: Descent, residuals: np.ndarray) -> Optimum:
     """The end of the search in the form that estimates take; residuals in standard deviations."""
     fixed, (low, high) = found.fixed, found.bounds
+    # the solver keeps bounds to rounding in its own scaled coordinates
     near = 1e-6 * fixed.scale
     return Optimum(
         fixed.trial(found.x), residuals, 0.5 * float(np.sum(residuals**2)),

@@ -39,24 +39,17 @@ def with_start_noise(fixed: FixedStart, x: np.ndarray, noise: float, known: Know
     by_start = fixed.start_jacobian(x).reshape(len(jacobian), -1) / noise
     starts = start_response(data).reshape(-1, data.position.size)
     cov = _stated(data)
-    # L itself is as large as the square of the samples: only what is needed of it is formed
-    if fixed.response:
-        direct = target_response(fixed).reshape(-1, data.position.size) / noise
-        along, plain = jacobian.T @ direct, float(np.sum(_times(direct, cov) * direct))
-        shared = np.sum((_times(starts, cov) @ direct.T) * by_start.T)
-    else:
-        along = jacobian.T / noise
-        plain = float(np.trace(cov, axis1=1, axis2=2).sum()) / noise**2
-        shared = np.sum(_times(starts, cov) * by_start.T) / noise
+    along, plain, shared = _direct(fixed, noise, jacobian, by_start, starts)
     whole = along - jacobian.T @ by_start @ starts
     # expected sum of squares of the residuals under R: of (L - J_s P) e, less what the parameters take up
     spread = _times(starts, cov) @ starts.T
-    left = plain - 2.0 * float(shared) + float(np.sum((by_start @ spread) * by_start))
+    left = plain - 2.0 * shared + float(np.sum((by_start @ spread) * by_start))
     left -= float(np.sum((_times(whole, cov) @ whole.T) * known.covariance))
     squares = float(np.sum((fixed.residuals(x) / noise) ** 2))
     larger = max(squares / max(left, 1e-300), 1.0) if len(jacobian) > count else 1.0
     response = np.concatenate((known.covariance @ whole, starts))
     found = larger * (_times(response, cov) @ response.T)
+    # the parabola's error is no noise: it counts once, in the direction in which it moves everything
     missed = starts @ np.where(data.measured, fixed.motion(x), 0.0).ravel() - fixed.start.ravel()
     missed = np.concatenate((-known.covariance @ (jacobian.T @ (by_start @ missed)), missed))
     found += np.outer(missed, missed)
@@ -65,6 +58,20 @@ def with_start_noise(fixed: FixedStart, x: np.ndarray, noise: float, known: Know
     own = full[:count, :count]
     std = np.where(np.isfinite(known.std), np.sqrt(np.diag(own)), np.inf)
     return replace(known, covariance=own, std=std, full=0.5 * (full + full.T))
+
+
+def _direct(
+    fixed: FixedStart, noise: float, jacobian: np.ndarray, by_start: np.ndarray, starts: np.ndarray
+) -> tuple[np.ndarray, float, float]:
+    """What the samples do by way of the target: J' L, tr(L R L') and tr(L R P' J_s')."""
+    cov = _stated(fixed.problem.data)
+    if fixed.response:
+        direct = target_response(fixed).reshape(-1, starts.shape[1]) / noise
+        along, plain = jacobian.T @ direct, float(np.sum(_times(direct, cov) * direct))
+        return along, plain, float(np.sum((_times(starts, cov) @ direct.T) * by_start.T))
+    # measured angles alone: L is the identity, and as large as the square of the samples if it were formed
+    plain = float(np.trace(cov, axis1=1, axis2=2).sum()) / noise**2
+    return jacobian.T / noise, plain, float(np.sum(_times(starts, cov) * by_start.T) / noise)
 
 
 def start_response(data: Data) -> np.ndarray:

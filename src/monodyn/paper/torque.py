@@ -60,6 +60,7 @@ def fourier_coefficients(time: np.ndarray, values: np.ndarray, period: float, te
     basis, values = fourier_basis(time, period, terms), np.asarray(values, dtype=float)
     found = np.zeros((basis.shape[1], values.shape[1]))
     for dof, column in enumerate(values.T):
+        # lstsq takes the least norm where frames are too few, rather than any solution
         use = np.isfinite(column)
         found[:, dof] = np.linalg.lstsq(basis[use], column[use], rcond=None)[0]
     return found
@@ -93,6 +94,7 @@ def inverse_dynamics(
     tree = mechanism.tree if tree is None else tree
     count, dofs = position.shape
     motion, found = (position, velocity), np.zeros_like(position)
+    # columns of the inverse mass matrix: what a unit torque at each joint adds to the accelerations
     free = accelerations(tree, *motion, np.zeros((count, dofs)))
     pushed = [accelerations(tree, *motion, np.tile(push, (count, 1))) for push in np.eye(dofs)]
     for k in range(count):

@@ -79,6 +79,7 @@ def _periodic(
 ) -> TorqueModel:
     """Estimate the period, with no more harmonics than it takes: one of many harmonics is a long one."""
     periods = PeriodSearch.of(mechanism, problem.data, smoothed)
+    # many harmonics are those of a long period: where there are more, one to three are tried
     guesses = periods.guesses(settings.terms if settings.terms in SCANNED_TERMS else 0)
     known = periods.bounds[0] == periods.bounds[1]
     if not guesses:
@@ -102,6 +103,7 @@ def _of_period(mechanism: Mechanism, terms: int, period: float | None = None) ->
 def _obstacle(problem: Problem, settings: PaperIdentifySettings) -> str | None:
     """Say why there is no point in a search, or None."""
     data, unknowns, fewest = problem.data, len(problem.unknowns), FEWEST_MEASURED
+    # rates are derived from the same samples, but the paper counts them
     samples = data.samples * (2 if settings.rates else 1)
     names = [joint.name for joint in problem.mechanism.joints]
     for first, stop in zip(data.first[:-1], data.first[1:], strict=True):

@@ -48,6 +48,7 @@ class Data:
     @cached_property
     def std(self) -> np.ndarray:
         """Standard deviation of each measured position by itself [rad or m], NaN in gaps, (row, dof)."""
+        # what was not measured gets information one, by itself: the rest of the inverse stays as it is
         gaps = np.eye(self.measured.shape[1]) * ~self.measured[:, None, :]
         covariance = np.linalg.inv(np.swapaxes(self.white, 1, 2) @ self.white + gaps)
         diagonal = np.diagonal(covariance, axis1=1, axis2=2)
@@ -158,6 +159,7 @@ def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray
         )
     rows = slice(used[0], used[-1] + 1)
     position, covariance, measured = position[rows], covariance[rows], measured[rows]
+    # rows before the first and after the last measurement would only cost integration
     white = _whitening(number, covariance, measured)
     times, at = _filled(poses.time[rows])
     # rows that fill a gap stay zero: they weigh nothing and count as not measured

@@ -43,10 +43,12 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     names = tuple(joints if isinstance(joints, Sequence) else (joint.name for joint in joints.joints))
     header, rows = _table(path)
     columns = _columns(path, header, names)
+    # numbers first, then what they may be: a message names the first thing that is wrong in a line
     table = np.array([_numbers(path, header, row, line) for line, row in rows])
     _check_values(path, columns, names, rows, table)
     time = increasing(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
     position = table[:, [columns[name] for name in names]]
+    # encoder logs have no column ``seen``: a row counts when any joint was measured
     seen = np.asarray(np.isfinite(position).any(axis=1))
     if "seen" in columns:
         seen &= table[:, columns["seen"]] > 0

@@ -73,8 +73,10 @@ def smooth_motion(problem: Problem, smoothed: tuple[Smoothed, ...]) -> SmoothMot
     if len(q) > MOST_ROWS:
         pick = np.linspace(0, len(q) - 1, MOST_ROWS).astype(int)
         t, q, v, a, std, slide = (values[pick] for values in (t, q, v, a, std, slide))
+    # the noise alone would give the smoothest rows all the weight, and smoothing misses more than noise there
     usual = np.sqrt(np.mean(a**2, axis=0)) + 1e-9 if len(a) else np.ones(q.shape[1])
     weight = 1.0 / np.sqrt(std**2 + (MODEL_SHARE * usual) ** 2)
+    # information A = R'R as further rows R (x - x0) of the least squares
     values, vectors = np.linalg.eigh(problem.prior.information)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
     return SmoothMotion(t, q, v, a, weight, slide, root)
@@ -147,6 +149,7 @@ def torque_response(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np
     Returns:
         Accelerations by time stamp of each joint for a torque at each joint, (frame, dof, dof).
     """
+    # accelerations are linear in the torque: one unit each, less what acts without
     instance, none = problem.at(x), np.zeros_like(motion.position)
     still = _along(instance, motion, none)
     pushes = np.eye(len(problem.mechanism.joints))
@@ -163,6 +166,7 @@ def _along(instance: Instance, motion: SmoothMotion, torque: np.ndarray) -> np.n
     """Accelerations by time stamp under a torque, (frame, dof)."""
     unit = np.where(motion.slide, instance.size, 1.0)
     velocity = motion.velocity * unit / instance.stretch
+    # true time is stretch times stamped time: rates divide by it once, accelerations twice
     found = accelerations(instance.tree, motion.position * unit, velocity, torque)
     return found * instance.stretch**2 / unit
 

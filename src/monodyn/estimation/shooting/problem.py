@@ -107,6 +107,7 @@ class Problem:
         # at the same stamps a slower clock makes torques larger, and the drive's own time run ahead
         load = directions.load + power("torque", time=-1.0) * dstretch
         directions = replace(directions, load=load, clock=directions.clock + dstretch)
+        # the common scale is a weighted mean of logarithms: its derivatives are the weights, whatever x is
         size, stretch = self.size(x), mechanism.values["time_scale"]
         dsize = self.prior.weights
         return Instance(mechanism.tree, mechanism.drive, directions, size, dsize, stretch, dstretch)
@@ -130,6 +131,7 @@ class Problem:
         cost, hessian, gradient, cross, local, slope = normal_blocks(*rows, pieces.first, len(x), limit)
         change = x - self.unknowns.x0
         pull = self.prior.information @ change
+        # what the picture knows is quadratic in the logarithms: it has no loss and needs no linearization
         cost += 0.5 * float(change @ pull)
         return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope, rows[0])
 
@@ -171,6 +173,7 @@ class Problem:
         Returns:
             Residuals, 0 in gaps, (row, dof).
         """
+        # gaps are NaN in a difference, and would spread through the product with W
         difference = np.where(self.data.measured, self.differences(trial), 0.0)
         return -np.einsum("fij,fj->fi", self.data.white, difference)
 
@@ -243,6 +246,7 @@ class Problem:
             The trial; its integration steps are still to be chosen.
         """
         dofs = self.data.position.shape[1]
+        # records are in their own units and stamped time, start states in metres and true time
         states = np.zeros((len(pieces.record), 2 * dofs))
         for k, record in enumerate(pieces.record):
             row = self.data.source[pieces.first[k]]

@@ -33,6 +33,7 @@ def with_masses_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
     anchors = heavy & unknowns.log
     if not anchors.any():
         return x
+    # only positive masses have a logarithm to average; what may be zero goes along with them
     factor = float(np.exp(np.mean((unknowns.x0 - x)[anchors])))
     moved = np.where(anchors, x + np.log(factor), np.where(heavy, x * factor, x))
     return np.clip(moved, unknowns.lower, unknowns.upper)
@@ -52,6 +53,7 @@ def with_gravity_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
         Coordinates within the bounds, (param,).
     """
     unknowns = problem.unknowns
+    # a slide in units of the picture would have to change its record as well
     if "gravity" not in unknowns.names or problem.data.slide.any():
         return x
     at = unknowns.names.index("gravity")
@@ -77,6 +79,7 @@ def with_clock_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
     if "time_scale" not in unknowns.names:
         return x
     at = unknowns.names.index("time_scale")
+    # the time scale goes with the root of the lengths
     k = float(np.exp(2.0 * (unknowns.x0[at] - x[at])))
     return _rescaled(problem, x, k, length=1.0, time=0.5, mass=_mass_per_length(problem))
 

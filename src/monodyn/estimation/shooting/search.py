@@ -56,6 +56,7 @@ class Search:
         Returns:
             The best optimum and the number of starts that were tried.
         """
+        # starts are made one by one as they are asked for: the first usually explains the motion
         tried = starts(
             self.problem, self.motion, self._smoothed, self.route, self._settings.starts, self._settings.seed
         )
@@ -142,6 +143,7 @@ def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
             f"{data.samples} measured joint positions cannot determine {unknowns} unknowns (parameters and "
             "start states); give more frames or fix parameters."
         )
+    # without smooth motion there is neither a start state nor an acceleration to match
     names = [joint.name for joint in problem.mechanism.joints]
     for i, found in enumerate(smoothed):
         for dof in range(dofs):

@@ -161,6 +161,7 @@ def fit_pieces(
         ahead = None
         return problem.model(at, rows, start.pieces, limit)
 
+    # the start states are eliminated piece by piece, so that a step costs no more for many pieces
     found = minimize_arrow(
         evaluate, start.x, start.states, lower, upper, settings=search, reach=unknowns.reach
     )
@@ -178,6 +179,7 @@ def typical(residuals: np.ndarray, measured: np.ndarray) -> float:
         residuals: Residuals, (row, dof).
         measured: True where they count, (row, dof).
     """
+    # the median does not see gross errors, and 0.6745 makes it the standard deviation of normal noise
     values = np.abs(residuals[measured])
     values = values[np.isfinite(values)]
     return float(np.median(values) / NORMAL) if len(values) else float("inf")
@@ -222,6 +224,7 @@ def choose_substeps(problem: Problem, trial: Trial, error_bound: float) -> tuple
         The smallest number that keeps the bound, or 64; and the largest error with it [rad or m].
     """
     runs = trial.runs
+    # the same mechanism in other states: a few pieces, evenly chosen, stand for all
     pick = np.unique(np.linspace(0, len(runs) - 1, MOST_RUNS).astype(int))
     chosen = [runs[k] for k in pick]
     return least_substeps(

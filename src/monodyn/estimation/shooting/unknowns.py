@@ -158,6 +158,7 @@ class Unknowns:
         count = len(self)
         chain = np.zeros((count + len(self.tied), count))
         chain[range(count), range(count)] = self.slope(x)
+        # a tied size is s = (s0 / l0) l: its slope by the length's logarithm is s itself
         values = self.values(x)
         follow = self.tied_start / self.start[self.tied_to]
         chain[count + np.arange(len(self.tied)), self.tied_to] = follow * values[self.tied_to]
@@ -201,6 +202,7 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         The unknowns; bounds of logarithms stay finite.
     """
     measured = _measured_names(mechanism)
+    # what follows from other parameters is no unknown of its own, and neither is what nothing determines
     chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p, measured)]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]

@@ -42,6 +42,8 @@ def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
         Schwarz, Estimating the dimension of a model, 1978.
     """
     noise = max(min(optimum.sigma for _, optimum in tried), 1.0)
+    # with the noise as large as the best fit leaves it, a fit that misses is not excused by a record that
+    # states too little noise
     criteria = [
         2.0 * optimum.cost / noise**2 + len(problem.unknowns) * np.log(problem.data.samples)
         if optimum.complete
@@ -67,6 +69,7 @@ def with_more_unknowns(
     """
     larger = posed(mechanism, problem.data)
     start = optimum.trial.at(larger.unknowns.carried(optimum.x, problem.unknowns), optimum.trial.states)
+    # the cost is nearly quadratic about an optimum: the first step gains most of what there is to gain
     found = fit_pieces(larger, start, route, ONE_STEP)
     if pays(optimum, found, 1):
         found = fit_pieces(larger, found.trial, route, route.fine)

@@ -129,6 +129,7 @@ def _shortened(
 ) -> tuple[Problem, Optimum]:
     """Fit a shorter series from an optimum; harmonics of a divided period take over their coefficients."""
     _, before = series_of(problem, optimum)
+    # 1 when only harmonics are dropped
     times = round(before / period)
     shorter = posed(series(problem.mechanism, terms, period), problem.data)
     start = shorter.unknowns.carried(optimum.x, problem.unknowns)
@@ -196,6 +197,7 @@ def stands_out(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> bool:
         x: Coordinates, (param,).
         motion: Smooth motion.
     """
+    # both loads as torques along the measured motion, so that they compare with the drive's
     response, none = torque_response(problem, x, motion), np.zeros_like(motion.position)
     falling = model_accelerations(problem, x, motion.at_rest, none)
     weight, inertia = (

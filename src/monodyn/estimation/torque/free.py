@@ -87,6 +87,7 @@ def smooth_prior(problem: Problem, weight: float, size: np.ndarray) -> Prior:
     Returns:
         The information matrix of the torques.
     """
+    # entries: which unknown is the torque of a joint (row) at a knot (column)
     entries = problem.mechanism.drive_entries(problem.unknowns.names)
     count = entries.shape[1]
     bend = np.diff(np.eye(count), n=2, axis=0) if count > 2 else np.zeros((0, count))
@@ -147,6 +148,7 @@ def _from_accelerations(problem: Problem, smoothed: tuple[Smoothed, ...]) -> tup
     entries = problem.mechanism.drive_entries(problem.unknowns.names)
     lacking = motion.acceleration - model_accelerations(problem, x, motion)
     torque = np.linalg.solve(torque_response(problem, x, motion), lacking[:, :, None])[:, :, 0]
+    # smooth motion is known at measured rows, knots may lie in between: linear, as the drive itself
     knots, clock, start = problem.mechanism.drive.times, motion.time * problem.stretch(x), x.copy()
     for row, values in zip(entries, torque.T, strict=True):
         start[row] = np.interp(knots, clock, values)

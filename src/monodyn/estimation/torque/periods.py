@@ -211,6 +211,8 @@ class _Scan:
 
         A multiple of the best period, of which the best one is a harmonic, is no other period.
         """
+        # periods that the record does not hold fit anything smooth: where one explains as much as the best,
+        # nothing says that the motion repeats at all
         span = float(np.ptp(self.clock))
         beyond = span / FEWEST_PERIODS * np.geomspace(1.0, LONGEST_SPAN * FEWEST_PERIODS, 40)[1:]
         least = float("inf")

@@ -36,8 +36,10 @@ def open_parameters(
         Sentences.
     """
     kinds = {p.name: p.kind for p in mechanism.parameters}
+    # open: no interval at all; weak: an interval that reaches a factor of e either way
     lost = [p.name for p in parameters if p.free and not np.isfinite(p.std) and p.name not in without_effect]
     weak = [p.name for p in parameters if p.free and np.isfinite(p.std) and not p.identifiable]
+    # a centre of mass is open only where inertias act together, as those of free bodies do
     regrouped = any(kinds[name] == "com_x" for name in lost)
     masses = [name for name in lost if kinds[name] in MASS_KINDS]
     centres = [name for name in lost if kinds[name] in CENTRE_KINDS]
@@ -72,6 +74,8 @@ def open_parameters(
 def _open_lengths(names: Sequence[str]) -> str:
     """Say that the data leave the scale of lengths open, and what would fix it."""
     them = listed(names, 12)
+    # one of length, gravity and clock follows from the other two: which measurement helps depends on which
+    # are open
     sizes = [name for name in names if name not in ("gravity", "time_scale")]
     if "time_scale" not in names:
         return (

@@ -94,6 +94,7 @@ def _product_of(
 
 def _reference(unknowns: Unknowns, unfixed: np.ndarray, usable: np.ndarray) -> list[int]:
     """Pick as many reference parameters as there are open directions, each of which one direction moves."""
+    # with an open clock lengths come first: everything else is then a product with a power of a length
     usual = {kind: i for i, kind in enumerate(REFERENCE)}
     kinds, rank = unknowns.kinds, dict(usual)
     if any(kinds[i] == "time_scale" for i in np.flatnonzero(usable)):
@@ -127,6 +128,7 @@ def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combin
     """Inertial ratios with their standard deviations, where no open direction changes them."""
     instance = problem.at(x)
     mechanism = problem.mechanism
+    # of uniform bodies the ratios follow from sizes that are known one by one, but for the dampings
     free = not problem.unknowns.uniform
     values = inertial_ratios(mechanism, instance.tree, full=free)
     slopes = []

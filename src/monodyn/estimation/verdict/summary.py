@@ -112,6 +112,7 @@ def fit_of(
     from scipy.special import stdtrit
 
     data, mechanism, unknowns = problem.data, problem.mechanism_at(optimum.x), problem.unknowns
+    # residuals are given in metres of the identified scale, as the user reads them
     unit = np.where(data.slide, problem.size(optimum.x), 1.0)
     difference = problem.differences(optimum.trial) * data.by_row(unit)
     rms = np.sqrt(np.nanmean(difference**2, axis=0)).tolist()
@@ -139,6 +140,7 @@ def fit_of(
 
 def _natural(problem: Problem, optimum: Optimum, known: Knowledge) -> np.ndarray:
     """Bring the covariance from coordinates to the parameters themselves, (unknown, unknown)."""
+    # start states are their own coordinates
     slope = np.ones(len(known.full))
     slope[: len(problem.unknowns)] = problem.unknowns.slope(optimum.x)
     return known.full * np.outer(slope, slope)
@@ -174,6 +176,7 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     problem, optimum, mechanism = found.problem, found.optimum, found.problem.mechanism
     unknowns, gone = problem.unknowns, found.rejected
     left_out = [int(records[0].frame[row]) for row in problem.data.source[gone]] if len(records) == 1 else []
+    # hardly any record states its noise well: what is small against the motion is no fault of the model
     large = unexplained(problem, optimum.trial) > CLEAR_SHARE
     assumed = say.Assumed(
         uniform=unknowns.uniform and large,

@@ -57,6 +57,7 @@ def verdict(
             "motion; check that the mechanism is the one in the record and that no other force acts on it.",
             False,
         )
+    # rms is in metres of the identified scale, ranges are in the record's units
     residual = np.array([rms[name] for name in names]) / unit
     ranges = np.maximum(motion_ranges(problem), 1e-12)
     far = (residual > FAR_SHARE * ranges) & (against_noise > FAR_NOISE)

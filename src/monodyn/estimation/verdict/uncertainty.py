@@ -140,6 +140,7 @@ def _open_directions(blind: np.ndarray, relative: np.ndarray) -> tuple[np.ndarra
     """Orthonormal relative changes that the data do not see, and which parameters they move."""
     if blind.shape[1] == 0:
         return blind, np.zeros(len(relative), dtype=bool)
+    # in relative changes a direction compares a length with a damping; any basis of the same space will do
     changes, _ = np.linalg.qr(blind * relative[:, None])
     loaded = np.linalg.norm(changes, axis=1) > LOADED
     return changes, loaded
@@ -150,6 +151,7 @@ def _with_states(covariance: np.ndarray, local: list[tuple[np.ndarray, np.ndarra
     count = len(covariance)
     width = local[0][0].shape[0] if local else 0
     full = np.zeros((count + width * len(local), count + width * len(local)))
+    # a change d of the shared unknowns moves a start state by -gain d, to where it fits best again
     follow = np.concatenate([np.eye(count), *(-gain for _, gain in local)])
     full += follow @ covariance @ follow.T
     for k, (own, _) in enumerate(local):
