@@ -5,8 +5,8 @@ approximation. It looks only backwards, hence its states lag behind fast motion;
 alone and not of that lag.
 
 In the last line of eq. (6) the paper prints a_p(k-1), though a_p is defined nowhere: it is read as the
-prediction of a constant acceleration. Where the filter starts is left open: here from the parabola through the
-first three seen samples, taken at the first.
+prediction of a constant acceleration. Where the filter starts is left open: here from the parabola through
+the first three seen samples, taken at the first.
 """
 
 from __future__ import annotations
