@@ -1,4 +1,4 @@
-"""Torques at the joints: friction, Fourier series, and what a motion asks for."""
+"""Torques at the joints: friction, Fourier series, and what a motion requires."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def inverse_dynamics(
     *,
     tree: Tree | None = None,
 ) -> np.ndarray:
-    """Return the torques that a motion asks for besides the mechanism's own friction and springs.
+    """Return the torques that a motion requires in addition to the mechanism's own friction and springs.
 
     tau = M(q) (a - a_0(q, v)) with a_0 the acceleration without them.
 
@@ -106,7 +106,7 @@ def inverse_dynamics(
 def torque_of_series(
     mechanism: Mechanism, coefficients: np.ndarray, period: float, time: np.ndarray
 ) -> np.ndarray:
-    """Return the torques that a periodic motion asks for, tau = f(theta, theta', theta'').
+    """Return the torques that a periodic motion requires, tau = f(theta, theta', theta'').
 
     Args:
         mechanism: The mechanism; its own friction and springs are no part of the torque.

@@ -100,7 +100,7 @@ def prepare(poses: Sequence[Poses], mechanism: Mechanism) -> Data:
 
     Args:
         poses: The records; each needs at least one measured sample.
-        mechanism: Gives the order of the joints and tells slides from hinges.
+        mechanism: Gives the order of the joints and their kinds.
 
     Returns:
         The samples from the first to the last measured row of each record.

@@ -56,7 +56,7 @@ class Search:
         Returns:
             The best optimum and the number of starts that were tried.
         """
-        # starts are made one by one as they are asked for: the first usually explains the motion
+        # starts are made one by one, when it is their turn: the first usually explains the motion
         tried = starts(
             self.problem, self.motion, self._smoothed, self.route, self._settings.starts, self._settings.seed
         )
