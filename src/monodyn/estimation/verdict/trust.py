@@ -70,9 +70,8 @@ def verdict(
             "stated noise; fit a shorter record or let the model have what it lacks (see the advice).",
             False,
         )
-    records = problem.data.records
     frames = int(problem.data.measured.any(axis=1).sum())
-    source = f"{frames} frames" + (f" of {records} records" if records > 1 else "")
+    source = f"{frames} frames" + (f" of {problem.data.records} records" if problem.data.records > 1 else "")
     return f"Identified from {source}; rms residual {amounts(problem.mechanism, rms)}.", True
 
 
