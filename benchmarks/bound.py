@@ -9,7 +9,7 @@ import numpy as np
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import Pieces, prepare
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import Grown
+from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
 from monodyn.estimation.verdict.uncertainty import know
 from monodyn.mechanism import Mechanism
@@ -41,19 +41,10 @@ def bounded(fit: Fit, poses: Poses, mechanism: Mechanism) -> Fit:
     found = fit.mechanism.values
     x = unknowns.coordinates(np.array([found[name] for name in unknowns.names]))
     start = fit.starts[0]
-    optimum = Grown(
-        x=x,
-        states=np.concatenate((start.position, start.velocity))[None],
-        pieces=Pieces(np.array([0, len(data.times)]), np.array([0])),
-        substeps=SUBSTEPS,
-        residuals=np.zeros(data.position.shape),
-        cost=0.0,
-        sigma=1.0,
-        evaluations=0,
-        converged=True,
-        at_bound=np.zeros(len(x), dtype=bool),
-    )
-    covariance = know(problem, optimum).full
+    pieces = Pieces(np.array([0, len(data.times)]), np.array([0]))
+    trial = Trial(x, np.concatenate((start.position, start.velocity))[None], pieces, SUBSTEPS)
+    _, jacobian = problem.rows(trial)
+    covariance = know(problem, x, jacobian, pieces).full
     slope = np.ones(len(covariance))
     slope[: len(unknowns)] = unknowns.slope(x)
     return replace(fit, covariance=covariance * np.outer(slope, slope))

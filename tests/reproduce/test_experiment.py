@@ -37,7 +37,7 @@ def stopped(folder: RunFolder) -> None:
 
 
 def test_a_folder_is_filled_whole_or_not_at_all(tmp_path: Path) -> None:
-    out, folder = tmp_path / "new" / "out", partial(RunFolder, content=EXPERIMENT)
+    out, folder = tmp_path / "new" / "out", partial(RunFolder, kind=EXPERIMENT)
     with pytest.raises(RuntimeError), folder(out).filling():
         raise RuntimeError
     assert not (tmp_path / "new").exists()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from monodyn.errors import FitError
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.tree import Directions
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Start:
         time: Time stamp [s].
         position: Joint positions [rad or m], (dof,).
         velocity: Joint rates [rad/s or m/s], (dof,).
-        covariance: Covariance of positions, then rates, (2 dof, 2 dof).
+        covariance: Covariance of positions, then rates, (2 dof, 2 dof); a part of that of the fit.
     """
 
     time: float
@@ -84,10 +86,10 @@ class Fit:
         parameters: All parameters with their intervals.
         combinations: What the motion fixes even where single parameters stay open.
         starts: Start state of each record.
-        names: Names of the unknowns, parameters first, then ``record0.joint1``, ``record0.joint1_vel``, ...
-        tied: Sizes that keep their proportion to a length because nothing tells them: (size, length) pairs.
-        covariance: Covariance of the unknowns, (param, param); directions that the data do not fix, and that
-            do not move the motion, are left out of it.
+        tied: Sizes that keep their proportion to a length because nothing determines them: (size, length)
+            pairs.
+        covariance: Covariance of the unknowns ``names``, (unknown, unknown); directions that the data do not
+            fix, and that do not move the motion, are left out of it.
         residual: Measured less simulated positions by record [rad or m], NaN where not measured, each
             (frame, dof).
         rms: Root mean square of the residual by joint [rad or m].
@@ -105,7 +107,6 @@ class Fit:
     parameters: tuple[Estimate, ...]
     combinations: tuple[Combination, ...]
     starts: tuple[Start, ...]
-    names: tuple[str, ...]
     tied: tuple[tuple[str, str], ...]
     covariance: np.ndarray
     residual: tuple[np.ndarray, ...]
@@ -115,6 +116,51 @@ class Fit:
     time: tuple[np.ndarray, ...]
     evaluations: int
     seconds: float
+
+    @cached_property
+    def shared(self) -> tuple[str, ...]:
+        """Names of the estimated parameters, which all records share."""
+        return tuple(p.name for p in self.parameters if p.free) if self.starts else ()
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns: parameters first, then ``record0.joint1``, ``record0.joint1_vel``, ..."""
+        joints = [joint.name for joint in self.mechanism.joints]
+        states = [*joints, *(f"{name}_vel" for name in joints)]
+        return (*self.shared, *(f"record{k}.{name}" for k in range(len(self.starts)) for name in states))
+
+    @property
+    def shared_covariance(self) -> np.ndarray:
+        """Covariance of the estimated parameters alone, (param, param)."""
+        count = len(self.shared)
+        return self.covariance[:count, :count]
+
+    def motion_covariance(self, record: int) -> np.ndarray:
+        """Return the covariance of all that determines the motion of one record.
+
+        Args:
+            record: Which record.
+
+        Returns:
+            Covariance of the estimated parameters and the record's start state, positions then rates,
+            (param + 2 dof, param + 2 dof).
+        """
+        count, width = len(self.shared), 2 * len(self.mechanism.joints)
+        # start states of the other records do not move this one
+        chosen = np.concatenate((np.arange(count), count + record * width + np.arange(width)))
+        return self.covariance[np.ix_(chosen, chosen)]
+
+    def directions(self) -> Directions:
+        """Differentiate tree and drive by the estimated parameters; a size tied to a length moves with it.
+
+        Returns:
+            The derivatives by ``shared``.
+        """
+        count, values = len(self.shared), self.mechanism.values
+        chain = np.eye(count + len(self.tied))[:, :count]
+        for k, (size, length) in enumerate(self.tied):
+            chain[count + k, self.shared.index(length)] = values[size] / values[length]
+        return self.mechanism.directions((*self.shared, *(size for size, _ in self.tied))).chained(chain)
 
     def check(self) -> Fit:
         """Return the fit if it can be used.
@@ -128,6 +174,9 @@ class Fit:
 
     def parameter(self, name: str) -> Estimate:
         """Return one parameter by name.
+
+        Args:
+            name: Its name.
 
         Raises:
             FitError: There is no such parameter.

@@ -16,20 +16,29 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.torque.task import EXPLAIN, Task
+from monodyn.estimation.torque.fourier import explain_by_series
+from monodyn.estimation.torque.free import explain_by_torques
+from monodyn.estimation.torque.friction import explain_by_friction
+from monodyn.estimation.torque.task import Task
 from monodyn.estimation.verdict.advice import beginning
-from monodyn.estimation.verdict.conclude import conclude, refuse
+from monodyn.estimation.verdict.summary import summarize
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
 
-SHORTEST = 20
+TORQUE_MODELS = {
+    "friction": explain_by_friction,
+    "fourier": explain_by_series,
+    "free": explain_by_torques,
+}
+"""How a motion is explained, by torque model."""
+SHORTEST_BEGINNING = 20
 """Rows of the shortest beginning that is tried when the whole record does not fit."""
 
 
 def identify_jointly(
     records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
 ) -> Fit:
-    """Identify parameters and start states together; where that fails say which beginning fits.
+    """Identify parameters and start states together; where that fails, say which beginning fits.
 
     Args:
         records: Records that share the parameters.
@@ -39,10 +48,6 @@ def identify_jointly(
 
     Returns:
         The identified mechanism with intervals.
-
-    Raises:
-        VideoError: There is no record, or one that cannot be used.
-        MechanismError: The joints of a record are not those of the mechanism.
     """
     fit = _identified(records, mechanism, settings, progress)
     if not fit.ok and fit.starts and settings.torque == "friction":
@@ -57,11 +62,8 @@ def _identified(
     began = time.perf_counter()
     data = prepare(records, mechanism)
     smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
-    found = EXPLAIN[settings.torque](mechanism, Task(data, smoothed, settings, progress))
-    if found.grown is None:
-        return refuse(found.problem, found.reason, records, time.perf_counter() - began)
-    fit = conclude(found.problem, found.grown, records, settings, tried=found.tried, began=began)
-    return replace(fit, advice=(*found.advice, *fit.advice))
+    solution = TORQUE_MODELS[settings.torque](mechanism, Task(data, smoothed, settings, progress))
+    return summarize(solution, records, settings, began)
 
 
 def _beginning(
@@ -71,9 +73,10 @@ def _beginning(
     if len(records) != 1:
         return ()
     poses, quick = records[0], replace(settings, starts=1)
+    # a beginning is halved until it fits: a fault that grows with time leaves a short one untouched
     measured = np.flatnonzero(poses.seen & np.isfinite(poses.position).any(axis=1))
     first, count = int(measured[0]), len(measured) // 2
-    while count >= SHORTEST:
+    while count >= SHORTEST_BEGINNING:
         part = poses.part(first, int(measured[count]))
         fit = _identified((part,), mechanism, quick, None)
         if fit.ok:

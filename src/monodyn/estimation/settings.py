@@ -30,8 +30,8 @@ class IdentifySettings:
             the 2012 paper, start state from the filtered poses; None is as the whole run.
         torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
             Fourier series, and friction) or ``free`` (one torque a joint and time stamp).
-        terms: Harmonics of the Fourier series; 0 takes as many as the record asks for, 7 with ``paper``.
-        series: ``with-friction`` keeps friction beside the Fourier series, ``alone`` is the paper's form.
+        terms: Harmonics of the Fourier series; 0 takes as many as the record supports, 7 with ``paper``.
+        series: ``with-friction`` keeps friction in addition to the series, ``alone`` is the paper's form.
         bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
             centre of mass and inertia are unknowns.
         starts: At most so many starts are tried until the motion is explained.

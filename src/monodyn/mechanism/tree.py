@@ -22,6 +22,8 @@ DAMPING, FRICTION, STIFFNESS, REST, ARMATURE, DRAG = range(9, 15)
 COLUMNS = 15
 PASSIVE = (DAMPING, FRICTION, STIFFNESS, DRAG)
 """Columns of what acts at a joint by itself, in proportion to the column."""
+BRAKES = {"friction": 0, "damping": 1, "drag": 2}
+"""Kinds of parameter that take energy out of a joint, with the power of the rate in the torque."""
 
 CREEP = 0.01
 """Friction loss is ``friction * tanh(rate / CREEP)`` [rad/s or m/s]: full (to 1e-12) beyond 0.14, smooth at

@@ -3,6 +3,10 @@
 The filter is linear in the measurements, so the covariance of its states follows from theirs without any
 approximation. It looks only backwards, hence its states lag behind fast motion; the covariance knows of noise
 alone and not of that lag.
+
+In the last line of eq. (6) the paper prints a_p(k-1), though a_p is defined nowhere: it is read as the
+prediction of a constant acceleration. Where the filter starts is left open: here from the parabola through
+the first three seen samples, taken at the first.
 """
 
 from __future__ import annotations
@@ -95,18 +99,14 @@ def filtered(
     """Filter joint positions, each by itself: predict with constant acceleration, correct by the innovation.
 
     x_p(k) = x_s(k-1) + T v_s(k-1) + T^2/2 a_s(k-1), v_p(k) = v_s(k-1) + T a_s(k-1), a_p(k) = a_s(k-1);
-    x_s = x_p + alpha e, v_s = v_p + beta/T e, a_s = a_p + gamma/T^2 e with e = x_o - x_p. The paper prints
-    a_p(k-1) in the last line, though a_p is defined nowhere: it is read as the prediction of a constant
-    acceleration. T is the time since the joint was last seen, so that an unseen frame, which is predicted
-    only, counts as much as one that is not in the record. The paper leaves the start open: here it is the
-    parabola through the first three seen samples, taken at the first.
+    x_s = x_p + alpha e, v_s = v_p + beta/T e, a_s = a_p + gamma/T^2 e with e = x_o - x_p and T the time since
+    the joint was last seen, so that an unseen frame counts as much as one that is not in the record.
 
     Args:
         time: Increasing time stamps [s], (frame,).
         observed: Measured positions [rad or m], NaN where not seen, (frame, dof).
         gains: The gains.
-        covariance: Covariance of each frame's measurements, (frame, dof, dof); frames are taken as
-            independent of each other.
+        covariance: Covariance of each frame's measurements, independent of each other, (frame, dof, dof).
 
     Returns:
         The filtered motion at ``time``.
@@ -164,6 +164,7 @@ def filter_response(time: np.ndarray, seen: np.ndarray, gains: Gains) -> np.ndar
     found = np.zeros((frames, 2, dofs, frames))
     for dof, (steps, head) in enumerate(zip(_steps(time, seen, heads, gains), heads, strict=True)):
         state = np.zeros((3, frames))
+        # the columns of the start's samples carry the parabola; each sample then adds a column of its gain
         state[:, head] = parabola(time[head])
         for k in range(head[0], frames):
             state = steps.transition[k] @ state
@@ -203,6 +204,7 @@ def parabola(times: np.ndarray) -> np.ndarray:
     Args:
         times: Three time stamps [s], (3,).
     """
+    # x = q + v t + a t^2 / 2 at three times, solved for q, v and a
     offset = times - times[0]
     return np.linalg.inv(np.stack((np.ones(FIRST), offset, 0.5 * offset**2), axis=1))
 
@@ -217,10 +219,12 @@ def _steps(times: np.ndarray, seen: np.ndarray, heads: list[np.ndarray], gains: 
         for k in range(head[0] + 1, frames):
             step = times[k] - times[k - 1]
             predict = np.array([[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
+            # the innovation of several steps at once: rates divide by all the time since the last sample
             if seen[k, dof]:
                 since = times[k] - last
                 gain[k] = gains.alpha, gains.beta / since, gains.gamma / since**2
                 last = times[k]
+            # s = s_p + g (x_o - x_p) with s_p = predict s': (predict - g predict_0) s' + g x_o
             transition[k] = predict - np.outer(gain[k], predict[0])
         found.append(_Steps(transition, gain))
     return found
@@ -252,6 +256,7 @@ def _covariance(
     for k in range(frames):
         transition = np.stack([step.transition[k] for step in steps])
         gain = np.stack([step.gain[k] for step in steps])
+        # both parts move on with the filter; then the frame's own samples come in
         response = np.einsum("dij,edjc->edic", transition, response)
         later = np.einsum("aij,ajbl,bkl->aibk", transition, later, transition, optimize=True)
         if k < early:
@@ -262,6 +267,7 @@ def _covariance(
             if head[0] == k:
                 response[head, dof, :, dof] = parabola(times[head]).T
         total = later + np.einsum("eaic,ecd,ebkd->aibk", response, noise[:early], response, optimize=True)
+        # a joint has no state before its first sample
         begun = np.tile([head[0] <= k for head in heads], 2)
         block = total[:, :2, :, :2].transpose(1, 0, 3, 2).reshape(2 * dofs, 2 * dofs)
         found[k] = np.where(begun[:, None] & begun[None, :], block, np.nan)

@@ -1,4 +1,4 @@
-"""Torques at the joints: friction, Fourier series, and what a motion asks for."""
+"""Torques at the joints: friction, Fourier series, and what a motion requires."""
 
 from __future__ import annotations
 
@@ -60,6 +60,7 @@ def fourier_coefficients(time: np.ndarray, values: np.ndarray, period: float, te
     basis, values = fourier_basis(time, period, terms), np.asarray(values, dtype=float)
     found = np.zeros((basis.shape[1], values.shape[1]))
     for dof, column in enumerate(values.T):
+        # lstsq takes the least norm where frames are too few, rather than any solution
         use = np.isfinite(column)
         found[:, dof] = np.linalg.lstsq(basis[use], column[use], rcond=None)[0]
     return found
@@ -73,7 +74,7 @@ def inverse_dynamics(
     *,
     tree: Tree | None = None,
 ) -> np.ndarray:
-    """Return the torques that a motion asks for besides the mechanism's own friction and springs.
+    """Return the torques that a motion requires in addition to the mechanism's own friction and springs.
 
     tau = M(q) (a - a_0(q, v)) with a_0 the acceleration without them.
 
@@ -93,6 +94,7 @@ def inverse_dynamics(
     tree = mechanism.tree if tree is None else tree
     count, dofs = position.shape
     motion, found = (position, velocity), np.zeros_like(position)
+    # columns of the inverse mass matrix: what a unit torque at each joint adds to the accelerations
     free = accelerations(tree, *motion, np.zeros((count, dofs)))
     pushed = [accelerations(tree, *motion, np.tile(push, (count, 1))) for push in np.eye(dofs)]
     for k in range(count):
@@ -104,7 +106,7 @@ def inverse_dynamics(
 def torque_of_series(
     mechanism: Mechanism, coefficients: np.ndarray, period: float, time: np.ndarray
 ) -> np.ndarray:
-    """Return the torques that a periodic motion asks for, tau = f(theta, theta', theta'').
+    """Return the torques that a periodic motion requires, tau = f(theta, theta', theta'').
 
     Args:
         mechanism: The mechanism; its own friction and springs are no part of the torque.

@@ -12,7 +12,7 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.torque.periods import Undriven
+from monodyn.estimation.torque.periods import PeriodSearch
 from monodyn.mechanism import Mechanism
 from monodyn.paper.settings import PaperIdentifySettings
 from monodyn.reproduce.clip import Pendulum, Truth
@@ -104,7 +104,7 @@ class Case:
         """Number of estimated parameters, the start state not counted."""
         if self.fit is None or not self.fit.starts:
             return None
-        return len(self.fit.names) - 2 * len(self.fit.mechanism.joints)
+        return len(self.fit.shared)
 
 
 def plans(design: Design, count: int) -> list[FitPlan]:
@@ -191,7 +191,7 @@ def _fitted(plan: FitPlan, mechanism: Mechanism, clip: Poses, design: Design) ->
         return fit, False
     # the period is searched for in the accelerations of all poses; the fit itself keeps to its own frames
     whole = ordered(clip, mechanism)
-    guesses = Undriven.of(mechanism, prepare((whole,), mechanism), (smooth(whole),)).guesses(0)
+    guesses = PeriodSearch.of(mechanism, prepare((whole,), mechanism), (smooth(whole),)).guesses(0)
     if not guesses:
         return fit, False
     period = guesses[0].period

@@ -9,7 +9,6 @@ import numpy as np
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit, Start
-from monodyn.mechanism.tree import Directions
 
 ERROR_BOUND = 1e-6
 """Largest integration error that is aimed at [rad or m]."""
@@ -91,18 +90,11 @@ def _one_way(
         return rollout(tree, clock, *state, substeps=substeps, drive=drive)[0]
 
     substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_SUBSTEPS)
-    dofs = len(start.position)
-    count = len(fit.names) - 2 * dofs * len(fit.starts)
-    names = fit.names[:count]
-    q, v, dq, _ = rollout_derivatives(
-        tree, _directions(fit, names), clock, *state, substeps=substeps, drive=drive
-    )
+    q, v, dq, _ = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
     # q is a function of the stretched clock, so its slope in the stretch is the rate times the time since
-    if "time_scale" in names:
-        dq[:, :, names.index("time_scale")] += v * ((stamps - start.time)[:, None])
-    # the start states of all records follow the shared unknowns; only this record's own moves its motion
-    chosen = np.concatenate((np.arange(count), count + record * 2 * dofs + np.arange(2 * dofs)))
-    covariance = fit.covariance[np.ix_(chosen, chosen)]
+    if "time_scale" in fit.shared:
+        dq[:, :, fit.shared.index("time_scale")] += v * ((stamps - start.time)[:, None])
+    covariance = fit.motion_covariance(record)
     dq = dq[rows]
     variance = np.einsum("fip,pr,fir->fi", dq, covariance, dq, optimize=True)
     unknown = np.zeros(len(rows), dtype=bool)
@@ -111,16 +103,6 @@ def _one_way(
     # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
     return q[rows], v[rows], std
-
-
-def _directions(fit: Fit, names: tuple[str, ...]) -> Directions:
-    """Derivatives of tree and drive by the unknowns; a size tied to a length moves with it."""
-    count, values = len(names), fit.mechanism.values
-    # a tied size s = (s/l) l has the derivative s/l by its length l: one more row of the chain rule
-    chain = np.eye(count + len(fit.tied))[:, :count]
-    for k, (size, length) in enumerate(fit.tied):
-        chain[count + k, names.index(length)] = values[size] / values[length]
-    return fit.mechanism.directions((*names, *(size for size, _ in fit.tied))).chained(chain)
 
 
 def _stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:

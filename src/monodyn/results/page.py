@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monodyn.mechanism.tree import BRAKES
 from monodyn.results.curves import motion_curves, torque_curves
 from monodyn.results.findings import Findings, frames_of, listed_rows
 from monodyn.results.numbers import number, short, shown_in
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from monodyn.estimation.fit import Estimate, Fit
     from monodyn.mechanism import Joint
     from monodyn.results.log import RunLog
-
-FRICTION = ("damping", "friction")
-"""Kinds of parameters that brake a joint."""
 
 
 def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) -> str:
@@ -53,7 +51,7 @@ def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) ->
         plots=plots,
         torques=[plot for trace in traces for plot in torque_curves(fit, trace, several=several)],
         # free torques contain the friction that the mechanism has no parameters for
-        with_friction=not any(row.value for row in fit.mechanism.parameters if row.kind in FRICTION),
+        with_friction=not any(row.value for row in fit.mechanism.parameters if row.kind in BRAKES),
         pictures=[
             {"data": base64.b64encode(data).decode("ascii"), "caption": caption} for data, caption in pictures
         ],

@@ -35,11 +35,7 @@ def torques(fit: Fit, times: np.ndarray) -> Torques:
         The torques at ``times``; zero without a drive, and outside of the knots of free torques.
     """
     mechanism = fit.mechanism
-    # the start states come after the shared unknowns and do not move the torques
-    count = len(fit.names) - 2 * len(mechanism.joints) * len(fit.starts)
-    names = fit.names[:count]
     clock = times * mechanism.values["time_scale"]
-    found, slopes = mechanism.drive.derivatives(mechanism.directions(names), clock)
-    covariance = fit.covariance[:count, :count]
-    variance = np.einsum("fip,pr,fir->fi", slopes, covariance, slopes, optimize=True)
+    found, slopes = mechanism.drive.derivatives(mechanism.directions(fit.shared), clock)
+    variance = np.einsum("fip,pr,fir->fi", slopes, fit.shared_covariance, slopes, optimize=True)
     return Torques(times, found, np.sqrt(np.maximum(variance, 0.0)))

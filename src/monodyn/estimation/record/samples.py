@@ -12,6 +12,9 @@ from monodyn.errors import MechanismError, VideoError
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
 
+MOST_PARTS = 1000
+"""A gap is divided into at most so many steps, however long it is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Data:
@@ -45,17 +48,49 @@ class Data:
     @cached_property
     def std(self) -> np.ndarray:
         """Standard deviation of each measured position by itself [rad or m], NaN in gaps, (row, dof)."""
+        # what was not measured gets information one, by itself: the rest of the inverse stays as it is
         gaps = np.eye(self.measured.shape[1]) * ~self.measured[:, None, :]
         covariance = np.linalg.inv(np.swapaxes(self.white, 1, 2) @ self.white + gaps)
         diagonal = np.diagonal(covariance, axis1=1, axis2=2)
         return np.where(self.measured, np.sqrt(np.maximum(diagonal, 0.0)), np.nan)
 
+    @property
+    def records(self) -> int:
+        """Number of records."""
+        return len(self.first) - 1
+
+    @cached_property
+    def motion_size(self) -> np.ndarray:
+        """Standard deviation of the measured positions of each joint about their mean [rad or m], (dof,)."""
+        return np.array(
+            [np.std(self.position[use, j]) if use.any() else 0.0 for j, use in enumerate(self.measured.T)]
+        )
+
+    def by_row(self, of_record: np.ndarray) -> np.ndarray:
+        """Repeat what holds for a record for each of its rows.
+
+        Args:
+            of_record: One entry a record, (record, ...).
+
+        Returns:
+            One entry a row, (row, ...).
+        """
+        return np.repeat(of_record, np.diff(self.first), axis=0)
+
     def scaled(self, noise: np.ndarray) -> Data:
-        """Return the data with every standard deviation multiplied by ``noise`` (dof,)."""
+        """Return the data with every standard deviation multiplied by a factor of its joint.
+
+        Args:
+            noise: The factors, (dof,).
+        """
         return replace(self, white=self.white / noise)
 
     def without(self, rows: np.ndarray) -> Data:
-        """Return the data with the measurements of ``rows`` (row,) left out."""
+        """Return the data with the measurements of some rows left out.
+
+        Args:
+            rows: True for rows to leave out, (row,).
+        """
         keep = ~rows
         return replace(self, white=self.white * keep[:, None, None], measured=self.measured & keep[:, None])
 
@@ -65,14 +100,13 @@ def prepare(poses: Sequence[Poses], mechanism: Mechanism) -> Data:
 
     Args:
         poses: The records; each needs at least one measured sample.
-        mechanism: Gives the order of the joints and tells slides from hinges.
+        mechanism: Gives the order of the joints and their kinds.
 
     Returns:
         The samples from the first to the last measured row of each record.
 
     Raises:
-        VideoError: There is no record, a record has no measured sample, or a covariance cannot be used.
-        MechanismError: The joints of a record are not those of the mechanism.
+        VideoError: There is no record, or one that cannot be used.
     """
     if not poses:
         raise VideoError("identify: expected at least one record of joint positions, got none.")
@@ -90,6 +124,9 @@ def ordered(record: Poses, mechanism: Mechanism) -> Poses:
     Args:
         record: The record; its joints are those of the mechanism.
         mechanism: The mechanism.
+
+    Returns:
+        The same record with its columns in that order.
     """
     names = tuple(joint.name for joint in mechanism.joints)
     if names == record.joints:
@@ -122,12 +159,16 @@ def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray
         )
     rows = slice(used[0], used[-1] + 1)
     position, covariance, measured = position[rows], covariance[rows], measured[rows]
+    # rows before the first and after the last measurement would only cost integration
     white = _whitening(number, covariance, measured)
     times, at = _filled(poses.time[rows])
-    place = lambda values: _placed(values, len(times), at)  # noqa: E731 - four arrays, one placing
+    # rows that fill a gap stay zero: they weigh nothing and count as not measured
+    placed = (
+        _placed(values, len(times), at) for values in (np.where(measured, position, 0.0), white, measured)
+    )
     source = np.full(len(times), -1)
     source[at] = np.arange(rows.start, rows.stop)
-    return times, place(np.where(measured, position, 0.0)), place(white), place(measured), source
+    return times, *placed, source
 
 
 def _placed(values: np.ndarray, length: int, at: np.ndarray) -> np.ndarray:
@@ -142,8 +183,9 @@ def _filled(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if len(times) < 2:
         return times, np.arange(len(times))
     steps = np.diff(times)
+    # the small share keeps a step of exactly twice the usual one whole, which rounding would split
     parts = np.maximum(np.ceil(steps / (2.0 * np.median(steps)) - 1e-9), 1.0).astype(int)
-    parts = np.minimum(parts, 1000)
+    parts = np.minimum(parts, MOST_PARTS)
     at = np.concatenate(([0], np.cumsum(parts)))
     return np.interp(np.arange(at[-1] + 1), at, times), at
 
@@ -152,6 +194,8 @@ def _whitening(number: int, covariance: np.ndarray, measured: np.ndarray) -> np.
     """Square roots of the inverse covariances of what is measured, (row, dof, dof)."""
     dofs = measured.shape[1]
     both = measured[:, :, None] & measured[:, None, :]
+    # a joint that was not measured is a block of its own with variance 1, so that the inverse of the rest is
+    # that of the measured joints alone
     filled = np.where(both, covariance, np.eye(dofs))
     bad = ~np.isfinite(filled).all(axis=(1, 2)) | (np.diagonal(filled, axis1=1, axis2=2) <= 0).any(axis=1)
     if not bad.any():
@@ -168,7 +212,7 @@ def _whitening(number: int, covariance: np.ndarray, measured: np.ndarray) -> np.
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Runs of consecutive rows, each with its own start state.
+    """Runs of consecutive rows, each with its own start state; together they are all rows in their order.
 
     Attributes:
         first: First row of each piece and one past the last, (piece + 1,).
@@ -183,13 +227,33 @@ class Pieces:
         """True when there is one piece a record."""
         return len(np.unique(self.record)) == len(self.record)
 
+    def by_row(self, of_record: np.ndarray) -> np.ndarray:
+        """Repeat what holds for a record for each row of its pieces.
+
+        Args:
+            of_record: One entry a record, (record, ...).
+
+        Returns:
+            One entry a row, (row, ...).
+        """
+        return np.repeat(of_record[self.record], np.diff(self.first), axis=0)
+
 
 def cut(data: Data, samples: int) -> Pieces:
-    """Cut every record into pieces of about ``samples`` measured rows, each starting at a measured row."""
+    """Cut every record into pieces that each start at a measured row.
+
+    Args:
+        data: The samples.
+        samples: Measured rows in a piece, about.
+
+    Returns:
+        The pieces, in the order of the rows.
+    """
     first, record = [], []
     for i, (start, stop) in enumerate(zip(data.first[:-1], data.first[1:], strict=True)):
         used = start + np.flatnonzero(data.measured[start:stop].any(axis=1))
         count = max(1, round(len(used) / samples))
+        # a piece starts at a measured row, because its start state is taken from smooth motion there
         heads = [int(part[0]) for part in np.array_split(used, count)]
         first += [int(start), *heads[1:]]
         record += [i] * count
@@ -197,7 +261,14 @@ def cut(data: Data, samples: int) -> Pieces:
 
 
 def merge(pieces: Pieces) -> tuple[Pieces, np.ndarray]:
-    """Join neighbouring pieces of a record two by two; which pieces keep their start state, (piece,)."""
+    """Join neighbouring pieces of a record two by two.
+
+    Args:
+        pieces: The pieces.
+
+    Returns:
+        The longer pieces, and which of the old ones start them, (piece,).
+    """
     keep = []
     for record in np.unique(pieces.record):
         keep += np.flatnonzero(pieces.record == record)[::2].tolist()

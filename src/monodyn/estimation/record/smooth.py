@@ -14,8 +14,10 @@ from monodyn.types import Poses
 
 WINDOWS = (7, 11, 17, 27)
 """Numbers of neighbours that are tried."""
-LEAST = 5
-"""Samples that a cubic and a word on its noise need; with fewer left, none of them counts as far off."""
+FEWEST_SAMPLES = 5
+"""Samples for a cubic and its noise; with fewer left, none of them counts as far off."""
+NORMAL = 0.6745
+"""Median of the absolute value of a standard normal variable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,7 @@ def smooth(poses: Poses) -> Smoothed:
     noise, outlier = np.full(dofs, np.nan), np.zeros((frames, dofs), dtype=bool)
     for dof in range(dofs):
         use = np.flatnonzero(poses.seen & np.isfinite(poses.position[:, dof]))
-        if len(use) < LEAST:
+        if len(use) < FEWEST_SAMPLES:
             continue
         times, values = poses.time[use], poses.position[use, dof]
         found = _best_window(times, values, poses.time)
@@ -83,12 +85,15 @@ class _Curve:
 
 def _best_window(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> _Curve:
     """Fit with each number of neighbours and keep the one that predicts left-out samples best."""
+    # the error of a width is that of samples predicted by their neighbours alone: more neighbours average out
+    # more noise and miss more of the motion, and it is least where the two balance
     widths = [count for count in WINDOWS if count <= len(times)] or [len(times)]
     tried = [_fit(times, values, count) for count in widths]
     best = min(tried, key=lambda curve: curve.error)
     width = widths[tried.index(best)]
-    if len(times) - int(best.far.sum()) < LEAST:
+    if len(times) - int(best.far.sum()) < FEWEST_SAMPLES:
         best = replace(best, far=np.zeros(len(times), dtype=bool))
+    # gross errors are left out of the curve itself; the samples that stay count alike
     near = ~best.far
     count = min(width, int(near.sum()))
     rows, _ = _cubics(times[near], values[near], np.ones(int(near.sum())), at, count)
@@ -101,14 +106,17 @@ def _fit(times: np.ndarray, values: np.ndarray, count: int) -> _Curve:
     least = 1e-9 * float(np.ptp(values)) + 1e-12
     for _ in range(8):
         curve, share = _cubics(times, values, weight, times, count)
+        # a sample that takes part in its own estimate with share s is s nearer to it than to one without it:
+        # residual / (1 - s) is the residual if it were left out
         rest = np.maximum(1.0 - share, 0.05)
         left_out = np.abs(values - curve[0]) / rest
-        size = max(float(np.median(left_out)) / 0.6745, least)
+        size = max(float(np.median(left_out)) / NORMAL, least)
         if left_out.max() < 6.0 * size:
             break
+        # bisquare weights: a sample six typical residuals off no longer pulls at the curve
         weight = np.clip(1.0 - (left_out / (6.0 * size)) ** 2, 0.0, 1.0) ** 2 + 1e-6
     residual = left_out * np.sqrt(rest)
-    noise = max(float(np.median(residual)) / 0.6745, least)
+    noise = max(float(np.median(residual)) / NORMAL, least)
     far = (left_out > 8.0 * size) & (residual > 8.0 * noise)
     return _Curve(curve, noise, far, float(np.mean(np.minimum(left_out, 6.0 * size))))
 
@@ -129,6 +137,7 @@ def _cubics(
         Rows position, velocity, acceleration and std of the acceleration for unit noise, (4, frame); and the
         share of a sample in its own estimate (its leverage), (frame,), of use where ``at`` are the samples.
     """
+    # times are divided by the distance of the farthest neighbour, so that powers up to three stay of one size
     near = _neighbours(times, at, count)
     offset = times[near] - at[:, None]
     reach = np.abs(offset).max(axis=1) * (1.0 + 1.0 / count)
@@ -138,6 +147,7 @@ def _cubics(
     basis = x[:, :, None] ** np.arange(degree + 1)
     weighted = basis * kernel[:, :, None]
     normal = np.einsum("fki,fkj->fij", weighted, basis)
+    # the small ridge decides where several samples at one time leave the cubic open
     normal += 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(degree + 1)
     influence = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2))
     coefficient = np.einsum("fik,fk->fi", influence, values[near])
@@ -150,6 +160,8 @@ def _cubics(
 
 def _neighbours(times: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
     """Indices of the ``count`` samples nearest to each asked time, (frame, count)."""
+    # start from a window centred by rank, then slide it one sample at a time while the sample that enters is
+    # nearer than the one that leaves; times increase, so that a window which no longer moves is the nearest
     first = np.searchsorted(times, at) - count // 2
     first = np.clip(first, 0, len(times) - count)
     for _ in range(count):

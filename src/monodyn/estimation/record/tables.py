@@ -17,7 +17,8 @@ from monodyn.types import Poses
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
-SEEN = {"1": True, "true": True, "0": False, "false": False}
+SEEN_WORDS = {"1": True, "true": True, "0": False, "false": False}
+"""What a cell of the column ``seen`` may hold; some tools write words."""
 
 
 def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
@@ -42,10 +43,12 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     names = tuple(joints if isinstance(joints, Sequence) else (joint.name for joint in joints.joints))
     header, rows = _table(path)
     columns = _columns(path, header, names)
+    # numbers first, then what they may be: a message names the first thing that is wrong in a line
     table = np.array([_numbers(path, header, row, line) for line, row in rows])
     _check_values(path, columns, names, rows, table)
     time = increasing(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
     position = table[:, [columns[name] for name in names]]
+    # encoder logs have no column ``seen``: a row counts when any joint was measured
     seen = np.asarray(np.isfinite(position).any(axis=1))
     if "seen" in columns:
         seen &= table[:, columns["seen"]] > 0
@@ -128,7 +131,7 @@ def _numbers(path: Path, header: list[str], row: list[str], line: int) -> list[f
     for name, cell in zip(header, row, strict=True):
         cell = cell.strip()
         try:
-            numbers.append(float(SEEN.get(cell.lower(), cell)) if cell else float("nan"))
+            numbers.append(float(SEEN_WORDS.get(cell.lower(), cell)) if cell else float("nan"))
         except ValueError:
             raise VideoError(
                 f"{path.name}: line {line}, column {name!r}: expected a number, got {cell!r}."
@@ -171,6 +174,7 @@ def _with_noise(poses: Poses, std: np.ndarray) -> Poses:
     scatter = np.nan_to_num(smoothed.noise, nan=0.0)
     used = np.isfinite(poses.position) & poses.seen[:, None]
     columns = zip(poses.position.T, used.T, strict=True)
+    # a record without any scatter would have infinite weight; a ten-thousandth of its motion is exact enough
     floor = np.array([1e-4 * np.std(values[use]) if use.any() else 0.0 for values, use in columns])
     filled = np.where(np.isfinite(std), std, np.maximum(np.maximum(scatter, floor), 1e-9))
     covariance = np.zeros_like(poses.covariance)

@@ -31,17 +31,21 @@ def whitened_rows(q, dq, position, white, slide, size, dsize):
     rows, dofs, columns = dq.shape
     params = len(dsize)
     residual, jacobian = np.zeros((rows, dofs)), np.zeros((rows, dofs, columns))
+    # one scratch row, so that nothing is allocated within the loops
     slope = np.zeros(columns)
     for f in range(rows):
         for j in range(dofs):
+            # a slide that a picture measured is in units of the start: the identified scale divides it
             unit = 1.0 / size if slide[f, j] else 1.0
             x = q[f, j] * unit
             for p in range(columns):
                 slope[p] = dq[f, j, p] * unit
+            # d (x / size) = dx / size - (x / size) d log size; start states do not change the scale
             if slide[f, j]:
                 for p in range(params):
                     slope[p] -= x * dsize[p]
             for i in range(dofs):
+                # W is triangular, and zero in gaps: skip what is zero
                 w = white[f, i, j]
                 if w != 0.0:
                     residual[f, i] += w * (x - position[f, j])
@@ -78,6 +82,8 @@ def normal_blocks(residual, jacobian, first, params, limit):
             square = 0.0
             for i in range(dofs):
                 square += residual[f, i] ** 2
+            # iteratively reweighted: the gradient is exact, the Hessian leaves the weight's own slope out and
+            # so stays positive
             weight = 1.0
             if limit > 0.0:
                 weight = 1.0 / (1.0 + square / limit**2)
@@ -85,6 +91,8 @@ def normal_blocks(residual, jacobian, first, params, limit):
             else:
                 cost += 0.5 * square
             for i in range(dofs):
+                # rows of a piece touch the shared unknowns and this piece's start state, and no other: the
+                # normal equations are an arrow, of which only the blocks are kept
                 for p in range(params):
                     scaled = weight * jacobian[f, i, p]
                     gradient[p] += scaled * residual[f, i]

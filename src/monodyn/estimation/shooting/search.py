@@ -1,4 +1,4 @@
-"""Growing one fit after the other until the motion is explained."""
+"""Fits from one start after the other, until the motion is explained."""
 
 from __future__ import annotations
 
@@ -7,17 +7,34 @@ import numpy as np
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.shooting.problem import Problem, smooth_motion
-from monodyn.estimation.shooting.shoot import Grown, Route, grow
+from monodyn.estimation.shooting.accelerations import smooth_motion
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.shoot import Optimum, Route, multiple_shooting, unexplained
 from monodyn.estimation.shooting.starts import starts
-from monodyn.estimation.verdict.advice import listed
-from monodyn.estimation.verdict.trust import motion_sizes, typical_differences
+from monodyn.estimation.wording import listed
 from monodyn.optimize import SearchSettings, first_good
 from monodyn.types import Progress
 
+FOLLOWED_NOISE = 3.0
+"""A motion is explained when the typical residual is below so many times the stated noise ..."""
+FOLLOWED_SHARE = 0.005
+"""... or below this share of the motion."""
+HOPELESS_NOISE = 10.0
+"""A start is given up after its first stage when the typical residual is above so many times the noise ..."""
+HOPELESS_SHARE = 0.01
+"""... and above this share of the motion: pieces so short follow any motion that the model has."""
+STILL_NOISE = 4.0
+"""A joint whose positions scatter by less than so many times their noise does not move."""
+
 
 class Search:
-    """Growing one fit after the other until the motion is explained."""
+    """Fits of one problem from one start after the other.
+
+    Attributes:
+        problem: The problem.
+        route: How each of them goes.
+        motion: Smooth motion at the measured rows.
+    """
 
     def __init__(
         self,
@@ -27,54 +44,89 @@ class Search:
         progress: Progress | None,
     ) -> None:
         fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-4, relative=1e-7)
-        self.problem, self.smoothed, self.settings = problem, smoothed, settings
+        self.problem = problem
         self.route = Route(settings.piece, settings.error_bound, fine)
         self.motion = smooth_motion(problem, smoothed)
-        self._size = np.maximum(motion_sizes(problem.data), 1e-12)
+        self._smoothed, self._settings = smoothed, settings
         self._progress, self._done = progress, 0
 
-    def from_starts(self) -> tuple[Grown, int]:
-        """Return the best optimum and the number of starts that were tried."""
+    def from_starts(self) -> tuple[Optimum, int]:
+        """Search from one start after the other until the motion is explained.
+
+        Returns:
+            The best optimum and the number of starts that were tried.
+        """
+        # starts are made one by one, when it is their turn: the first usually explains the motion
         tried = starts(
-            self.problem, self.motion, self.smoothed, self.route, self.settings.starts, self.settings.seed
+            self.problem, self.motion, self._smoothed, self.route, self._settings.starts, self._settings.seed
         )
         best, count = first_good(
-            lambda start: grow(self.problem, start[0], self.smoothed, start[1], self.report, self._hopeless),
+            lambda start: multiple_shooting(
+                self.problem, start[0], self._smoothed, start[1], self.report, self._hopeless
+            ),
             tried,
-            cost=price,
+            cost=residual_size,
             good=self.explained,
         )
-        return (best if best.complete else self.grown(best.x, self.route)), count
+        # where every start was given up the best of them goes all the way after all
+        return (best if best.complete else self.from_start(best.x)), count
 
-    def grown(self, x: np.ndarray, route: Route) -> Grown:
-        """Return the optimum that one start leads to."""
-        return grow(self.problem, x, self.smoothed, route, self.report)
+    def from_start(self, x: np.ndarray) -> Optimum:
+        """Return the optimum to which one start leads.
 
-    def explained(self, grown: Grown) -> bool:
-        """True when the motion follows the record, within its noise or nearly."""
-        return grown.complete and (grown.sigma < 3.0 or self._unexplained(grown) < 0.005)
+        Args:
+            x: Coordinates of the start, (param,).
+        """
+        return multiple_shooting(self.problem, x, self._smoothed, self.route, self.report)
 
-    def report(self, _: Grown) -> None:
-        """Count a stage."""
+    def explained(self, optimum: Optimum) -> bool:
+        """Return whether the motion follows the record, within its noise or nearly.
+
+        Args:
+            optimum: The optimum.
+        """
+        near = optimum.complete and optimum.sigma < FOLLOWED_NOISE
+        return near or (optimum.complete and self._unexplained(optimum) < FOLLOWED_SHARE)
+
+    def report(self, stage: Optimum) -> None:
+        """Count a stage for the progress display.
+
+        Args:
+            stage: Its result, which is not shown.
+        """
         self._done += 1
         if self._progress is not None:
             self._progress("identify", self._done, None)
 
-    def _unexplained(self, grown: Grown) -> float:
-        return float((typical_differences(self.problem, grown) / self._size).max())
+    def _unexplained(self, optimum: Optimum) -> float:
+        return unexplained(self.problem, optimum.trial)
 
-    def _hopeless(self, grown: Grown) -> bool:
-        return not np.isfinite(grown.cost) or (grown.sigma > 10.0 and self._unexplained(grown) > 0.01)
-
-
-def price(grown: Grown) -> float:
-    """Rank results: mean size of the whitened residuals, so that gross errors do not rule; abandoned last."""
-    size = float(np.mean(np.abs(grown.residuals)))
-    return size if grown.complete else 1e12 + size
+    def _hopeless(self, optimum: Optimum) -> bool:
+        if not np.isfinite(optimum.cost):
+            return True
+        return optimum.sigma > HOPELESS_NOISE and self._unexplained(optimum) > HOPELESS_SHARE
 
 
-def hopeless(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
-    """Say why there is no point in a search, or None."""
+def residual_size(optimum: Optimum) -> float:
+    """Return the mean size of the whitened residuals, by which results are ranked: gross errors do not rule.
+
+    Args:
+        optimum: The optimum; one that was given up ranks after all that were not.
+    """
+    size = float(np.mean(np.abs(optimum.residuals)))
+    return size if optimum.complete else 1e12 + size
+
+
+def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
+    """Say why there is no point in a search.
+
+    Args:
+        problem: The problem.
+        smoothed: Smooth motion of each record.
+
+    Returns:
+        The reason, a sentence for the user; None where nothing stands in the way.
+    """
     data, unusable = problem.data, problem.prior.unusable
     records, dofs = data.slide.shape
     if unusable:
@@ -91,6 +143,7 @@ def hopeless(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
             f"{data.samples} measured joint positions cannot determine {unknowns} unknowns (parameters and "
             "start states); give more frames or fix parameters."
         )
+    # without smooth motion there is neither a start state nor an acceleration to match
     names = [joint.name for joint in problem.mechanism.joints]
     for i, found in enumerate(smoothed):
         for dof in range(dofs):
@@ -102,11 +155,11 @@ def hopeless(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
 
 
 def _still(data: Data, dof: int) -> bool:
-    """True when a joint stays within four standard deviations of its noise in every record."""
+    """True when a joint does not leave its noise in any record."""
     for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
         use = data.measured[first:stop, dof]
         if use.any():
             values = data.position[first:stop, dof][use]
-            if np.std(values) > 4.0 * np.median(data.std[first:stop, dof][use]):
+            if np.std(values) > STILL_NOISE * np.median(data.std[first:stop, dof][use]):
                 return False
     return True

@@ -1,4 +1,4 @@
-"""From a naive start to the optimum: match accelerations, then fit pieces of the records, longer and longer.
+"""From first unknowns to the optimum: pieces of the records are fitted, longer and longer.
 
 A single rollout through a whole record has a cost with many valleys; a rollout through ten samples has one.
 Each piece has its own start state, so the first fit cannot go far wrong; joining pieces two by two then
@@ -12,13 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.estimation.record.samples import Pieces, cut, merge
-from monodyn.estimation.record.smooth import Smoothed
+from monodyn.estimation.record.samples import cut, merge
+from monodyn.estimation.record.smooth import NORMAL, Smoothed
 from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.trial import Trial
 from monodyn.mechanism.simulate import least_substeps
 from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
 
-MOST_SUBSTEPS = 64
+MOST_SHOOTING_STEPS = 64
+"""Integration steps between two time stamps at most."""
+MOST_RUNS = 24
+"""Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
 """For stages whose result is only a start: chi-square within 1 %."""
 
@@ -39,14 +43,11 @@ class Route:
 
 
 @dataclass(frozen=True, eq=False)
-class Grown:
-    """Where a route ended.
+class Optimum:
+    """Where a search ended.
 
     Attributes:
-        x: Coordinates, (param,).
-        states: Start states, one row a piece, (piece, 2 dof).
-        pieces: How the records are cut; one piece a record when the route got to its end.
-        substeps: Integration steps between stamps.
+        trial: The best unknowns and start states; one piece a record when the search got to its end.
         residuals: Whitened residuals, (row, dof).
         cost: Cost, with the loss that bounds the pull of gross errors.
         sigma: Typical size of a whitened residual.
@@ -55,10 +56,7 @@ class Grown:
         at_bound: True for unknowns on a bound, (param,).
     """
 
-    x: np.ndarray
-    states: np.ndarray
-    pieces: Pieces
-    substeps: int
+    trial: Trial
     residuals: np.ndarray
     cost: float
     sigma: float
@@ -67,19 +65,24 @@ class Grown:
     at_bound: np.ndarray
 
     @property
+    def x(self) -> np.ndarray:
+        """Coordinates of the shared unknowns, (param,)."""
+        return self.trial.x
+
+    @property
     def complete(self) -> bool:
         """True when one rollout goes through each record."""
-        return self.pieces.whole and bool(np.isfinite(self.cost))
+        return self.trial.pieces.whole and bool(np.isfinite(self.cost))
 
 
-def grow(
+def multiple_shooting(
     problem: Problem,
     x: np.ndarray,
     smoothed: tuple[Smoothed, ...],
     route: Route,
-    progress: Callable[[Grown], None] | None = None,
-    hopeless: Callable[[Grown], bool] | None = None,
-) -> Grown:
+    progress: Callable[[Optimum], None] | None = None,
+    hopeless: Callable[[Optimum], bool] | None = None,
+) -> Optimum:
     """Fit pieces of the records, then longer ones, until one rollout goes through each record.
 
     Args:
@@ -88,101 +91,142 @@ def grow(
         smoothed: Smooth motion of each record, for the start states.
         route: How to search.
         progress: Called with the result of each stage.
-        hopeless: Asked after the first stage; when it says True the route ends there.
+        hopeless: Called with the result of the first stage; when it returns True the route ends there.
 
     Returns:
         The fit of one piece a record, or of the first pieces when they are hopeless; its ``cost`` is infinite
         where a stage could not be evaluated.
+
+    Source:
+        Bock, Recent advances in parameter identification techniques for ordinary differential equations,
+        1983 (multiple shooting); here the pieces are joined by fitting longer ones, not by constraints.
     """
-    pieces = cut(problem.data, route.piece)
-    states = problem.start_states(x, pieces, smoothed)
+    trial = problem.started(x, cut(problem.data, route.piece), smoothed)
     evaluations = 0
     while True:
-        stage = fit_pieces(problem, x, states, pieces, route, ROUGH)
-        x, states, evaluations = stage.x, stage.states, evaluations + stage.evaluations
+        stage = fit_pieces(problem, trial, route, ROUGH)
+        evaluations += stage.evaluations
         if progress is not None:
             progress(stage)
         if hopeless is not None and hopeless(stage):
             return replace(stage, evaluations=evaluations)
         hopeless = None
-        if not np.isfinite(stage.cost) or pieces.whole:
+        trial = stage.trial
+        if not np.isfinite(stage.cost) or trial.pieces.whole:
             break
-        pieces, kept = merge(pieces)
-        states = states[kept]
+        # the shared unknowns are better known with each stage, so that the start state of the first half now
+        # carries the motion through both; the start state of the second half is no longer needed
+        pieces, kept = merge(trial.pieces)
+        trial = Trial(trial.x, trial.states[kept], pieces)
     if np.isfinite(stage.cost):
-        stage = fit_pieces(problem, x, states, pieces, route, route.fine)
+        stage = fit_pieces(problem, trial, route, route.fine)
         evaluations += stage.evaluations
     return replace(stage, evaluations=evaluations)
 
 
 def fit_pieces(
     problem: Problem,
-    x: np.ndarray,
-    states: np.ndarray,
-    pieces: Pieces,
+    start: Trial,
     route: Route,
     search: SearchSettings,
     *,
     robust: bool = True,
-    held: bool = False,
-) -> Grown:
+    states_only: bool = False,
+) -> Optimum:
     """Fit shared unknowns and start states with the records cut as they are.
 
     Args:
         problem: The problem.
-        x: First coordinates, (param,).
-        states: First start states, (piece, 2 dof).
-        pieces: How the records are cut.
+        start: Where the search begins; its integration steps are chosen here.
         route: Gives the bound of the integration error.
         search: When to stop.
         robust: Bound the pull of samples beyond four typical residuals.
-        held: Hold the shared unknowns and fit the start states alone.
+        states_only: Hold the shared unknowns and fit the start states alone.
 
     Returns:
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
     """
-    substeps, _ = choose_substeps(problem, x, states, pieces, route.error_bound)
-    ahead: tuple[np.ndarray, np.ndarray] | None = problem.rows(x, states, pieces, substeps)
+    substeps, _ = choose_substeps(problem, start, route.error_bound)
+    start = replace(start, substeps=substeps)
+    # the rows of the start give the typical residual, and are then those of the search's first evaluation
+    ahead: tuple[np.ndarray, np.ndarray] | None = problem.rows(start)
     sigma = typical(ahead[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
-    lower, upper = (x, x) if held else (problem.unknowns.lower, problem.unknowns.upper)
+    unknowns = problem.unknowns
+    lower, upper = (start.x, start.x) if states_only else (unknowns.lower, unknowns.upper)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
         nonlocal ahead
-        rows = ahead if ahead is not None else problem.rows(at, local, pieces, substeps)
+        rows = ahead if ahead is not None else problem.rows(start.at(at, local))
         ahead = None
-        return problem.model(at, rows, pieces, limit)
+        return problem.model(at, rows, start.pieces, limit)
 
-    found = minimize_arrow(evaluate, x, states, (lower, upper), settings=search, reach=problem.unknowns.reach)
+    # the start states are eliminated piece by piece, so that a step costs no more for many pieces
+    found = minimize_arrow(
+        evaluate, start.x, start.states, (lower, upper), settings=search, reach=unknowns.reach
+    )
     residuals = found.model.kept
-    return Grown(
-        found.shared, found.local, pieces, substeps, residuals, found.model.cost,
+    return Optimum(
+        start.at(found.shared, found.local), residuals, found.model.cost,
         typical(residuals, problem.data.measured), found.evaluations, found.converged, found.at_bound,
     )  # fmt: skip
 
 
 def typical(residuals: np.ndarray, measured: np.ndarray) -> float:
-    """Return the robust size of whitened residuals, 1 when they are as large as the noise says."""
+    """Return the robust size of residuals; that of whitened ones is 1 when they are as large as the noise.
+
+    Args:
+        residuals: Residuals, (row, dof).
+        measured: True where they count, (row, dof).
+    """
+    # the median does not see gross errors, and 0.6745 makes it the standard deviation of normal noise
     values = np.abs(residuals[measured])
     values = values[np.isfinite(values)]
-    return float(np.median(values) / 0.6745) if len(values) else float("inf")
+    return float(np.median(values) / NORMAL) if len(values) else float("inf")
 
 
-def choose_substeps(
-    problem: Problem, x: np.ndarray, states: np.ndarray, pieces: Pieces, error_bound: float
-) -> tuple[int, float]:
+def typical_differences(problem: Problem, trial: Trial) -> np.ndarray:
+    """Return the robust size of measured less simulated positions of each joint.
+
+    Args:
+        problem: The problem.
+        trial: Unknowns and start states.
+
+    Returns:
+        Sizes in the record's units [rad or m], (dof,).
+    """
+    difference = problem.differences(trial)
+    return np.array(
+        [typical(difference[:, [j]], use[:, None]) for j, use in enumerate(problem.data.measured.T)]
+    )
+
+
+def unexplained(problem: Problem, trial: Trial) -> float:
+    """Return the largest typical difference of any joint, as a share of its motion.
+
+    Args:
+        problem: The problem.
+        trial: Unknowns and start states.
+    """
+    moved = np.maximum(problem.data.motion_size, 1e-12)
+    return float((typical_differences(problem, trial) / moved).max())
+
+
+def choose_substeps(problem: Problem, trial: Trial, error_bound: float) -> tuple[int, float]:
     """Choose the integration steps between stamps by doubling them until the motion no longer changes.
 
     Args:
         problem: The problem.
-        x: Coordinates, (param,).
-        states: Start states, (piece, 2 dof).
-        pieces: How the records are cut; up to 24 of them are looked at.
+        trial: Unknowns and start states; up to ``MOST_RUNS`` of its pieces are integrated.
         error_bound: Largest error [rad or m].
 
     Returns:
         The smallest number that keeps the bound, or 64; and the largest error with it [rad or m].
     """
-    pick = np.unique(np.linspace(0, len(states) - 1, 24).astype(int))
-    chosen = [(int(pieces.first[k]), int(pieces.first[k + 1]), states[k]) for k in pick]
-    return least_substeps(lambda steps: problem.rollouts(x, chosen, steps), error_bound, MOST_SUBSTEPS)
+    runs = trial.runs
+    # the same mechanism in other states: a few pieces, evenly chosen, stand for all
+    pick = np.unique(np.linspace(0, len(runs) - 1, MOST_RUNS).astype(int))
+    chosen = [runs[k] for k in pick]
+    return least_substeps(
+        lambda steps: problem.rollouts(trial.x, chosen, steps), error_bound, MOST_SHOOTING_STEPS
+    )

@@ -1,25 +1,24 @@
-"""Which parameters the motion is asked for, and in which coordinates.
+"""A mechanism in, the unknowns of its identification and what the picture knows of them out.
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
 and centres of mass are searched as they are, because they may be zero or negative. Sizes that neither the
-motion nor a picture tells keep their proportion to the length of their body: a file's width would pose as a
-ruler.
+motion nor a picture determines keep their proportion to the length of their body: held as the file has them,
+they would act as a ruler.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from monodyn.mechanism import Mechanism
+from monodyn.mechanism import Mechanism, Parameter
 
 SEEN_ONLY = ("width", "tail", "tip", "offset")
-"""Sizes that the motion hardly depends on, if at all: asked for only where a picture has measured them."""
+"""Sizes that the motion hardly depends on, if at all: unknowns only where a picture has measured them."""
 PICTURE_ONLY = ("offset",)
-"""Those of them that the motion does not depend on at all."""
+"""Those of them on which the motion does not depend at all."""
 POSITIVE = (
     "length",
     "width",
@@ -35,29 +34,13 @@ POSITIVE = (
 )
 """Kinds that are searched as logarithms."""
 
-SEEN = 16.0
+CENTRE_KINDS = ("com_x", "com_y")
+"""Kinds that are one vector, either part of which may be zero or negative."""
+
+MEASURED = 16.0
 """A picture has measured a size when it knows it better than to a quarter: information of the logarithm."""
-LONGEST = 1.5
+LONGEST_STEP = 1.5
 """A logarithm moves by at most this much in one step of a search: a factor of 4.5."""
-
-MASS_KINDS = (
-    "thickness",
-    "density",
-    "mass",
-    "inertia",
-    "damping",
-    "friction",
-    "stiffness",
-    "armature",
-    "torque",
-)
-"""Kinds that are proportional to the scale of masses, which motion without a measured torque leaves open."""
-
-
-def kind_of(name: str) -> str:
-    """Return the last part of a parameter's name, ``length`` of ``link1.length``; ``torque`` of torques."""
-    parts = name.split(".")
-    return "torque" if len(parts) > 2 and parts[-2] == "torque" else parts[-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +49,8 @@ class Unknowns:
 
     Attributes:
         names: Parameter names, in the mechanism's order.
+        kinds: Their kinds, as in `Parameter`.
+        owners: Names of the bodies and joints that they belong to, empty for ``gravity`` and the like.
         start: Start values, (param,).
         log: True where the coordinate is the logarithm, (param,).
         lower: Lower bounds of the coordinates, (param,).
@@ -76,6 +61,8 @@ class Unknowns:
     """
 
     names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    owners: tuple[str, ...]
     start: np.ndarray
     log: np.ndarray
     lower: np.ndarray
@@ -95,22 +82,66 @@ class Unknowns:
     @cached_property
     def reach(self) -> np.ndarray:
         """Longest step of each coordinate in a search, (param,); what is searched as it is has none."""
-        return np.where(self.log, LONGEST, np.inf)
+        return np.where(self.log, LONGEST_STEP, np.inf)
+
+    @cached_property
+    def uniform(self) -> bool:
+        """True when inertias follow from sizes: none of them is an unknown of its own."""
+        return "inertia" not in self.kinds
+
+    def of_kind(self, *kinds: str) -> np.ndarray:
+        """Mark the unknowns of some kinds.
+
+        Args:
+            kinds: The kinds.
+
+        Returns:
+            True for an unknown of one of them, (param,).
+        """
+        return np.array([kind in kinds for kind in self.kinds], dtype=bool)
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
-        """Return the coordinates of parameter values, both (param,)."""
+        """Return the coordinates of parameter values.
+
+        Args:
+            values: Parameter values, (param,).
+
+        Returns:
+            Coordinates, (param,).
+        """
         return np.where(self.log, np.log(np.where(self.log, values, 1.0)), values)
 
     def values(self, x: np.ndarray) -> np.ndarray:
-        """Return the parameter values at coordinates ``x``, both (param,)."""
+        """Return the parameter values at coordinates.
+
+        Args:
+            x: Coordinates, (param,).
+
+        Returns:
+            Values, (param,).
+        """
         return np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
 
     def slope(self, x: np.ndarray) -> np.ndarray:
-        """Return d value / d coordinate at ``x``, (param,)."""
+        """Differentiate each parameter by its coordinate.
+
+        Args:
+            x: Coordinates, (param,).
+
+        Returns:
+            d value / d coordinate, (param,).
+        """
         return np.where(self.log, self.values(x), 1.0)
 
     def named(self, x: np.ndarray) -> dict[str, float]:
-        """Return the values at ``x`` by name, tied sizes included."""
+        """Return the values at coordinates by name, tied sizes included.
+
+        Args:
+            x: Coordinates, (param,).
+
+        Returns:
+            Value by parameter name.
+        """
         values = self.values(x)
         tied = self.tied_start * values[self.tied_to] / self.start[self.tied_to]
         return dict(zip((*self.names, *self.tied), (*values.tolist(), *tied.tolist()), strict=True))
@@ -127,30 +158,41 @@ class Unknowns:
         count = len(self)
         chain = np.zeros((count + len(self.tied), count))
         chain[range(count), range(count)] = self.slope(x)
+        # a tied size is s = (s0 / l0) l: its slope by the length's logarithm is s itself
         values = self.values(x)
         follow = self.tied_start / self.start[self.tied_to]
         chain[count + np.arange(len(self.tied)), self.tied_to] = follow * values[self.tied_to]
         return chain
 
     def carried(self, x: np.ndarray, other: Unknowns) -> np.ndarray:
-        """Return coordinates with those of other unknowns by name, this start for the rest, (param,).
+        """Take over the coordinates of other unknowns by name; the rest begin at their start.
 
         Args:
-            x: Coordinates of the others, (other param,).
+            x: Coordinates of the others, (param,).
             other: The others.
+
+        Returns:
+            Coordinates of these, within their bounds, (param,).
         """
         known = other.named(x)
         values = [known.get(name, value) for name, value in zip(self.names, self.start, strict=True)]
         return np.clip(self.coordinates(np.array(values)), self.lower, self.upper)
 
     def index(self, names: tuple[str, ...]) -> np.ndarray:
-        """Return the position of each of ``names`` among the unknowns, -1 where it is none."""
+        """Look names up among the unknowns.
+
+        Args:
+            names: Parameter names.
+
+        Returns:
+            Place of each, -1 for one that is no unknown, int (param,).
+        """
         where = {name: i for i, name in enumerate(self.names)}
         return np.array([where.get(name, -1) for name in names], dtype=int)
 
 
 def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unknowns:
-    """Pick the free parameters that the motion, or the picture's knowledge of sizes, can say something about.
+    """Choose the free parameters about which the motion, or the picture's knowledge of sizes, says something.
 
     Args:
         mechanism: The mechanism with its free and fixed parameters.
@@ -159,48 +201,53 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
     Returns:
         The unknowns; bounds of logarithms stay finite.
     """
-    measured: set[str] = set()
-    if mechanism.measured is not None:
-        known = np.diag(np.asarray(mechanism.measured.information))
-        # what is not a number stays in, for `size_prior` to complain about
-        measured = {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < SEEN}
-    chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p.name, measured)]
+    measured = _measured_names(mechanism)
+    # what follows from other parameters is no unknown of its own, and neither is what nothing determines
+    chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p, measured)]
     if torques_only:
-        chosen = [p for p in chosen if kind_of(p.name) == "torque"]
-    log = np.array([kind_of(p.name) in POSITIVE and p.value > 0 for p in chosen], dtype=bool)
+        chosen = [p for p in chosen if p.kind == "torque"]
+    log = np.array([p.kind in POSITIVE and p.value > 0 for p in chosen], dtype=bool)
     start = np.array([p.value for p in chosen], dtype=float)
     lower = np.array([p.lower for p in chosen], dtype=float)
     upper = np.array([p.upper for p in chosen], dtype=float)
+    # the logarithm of a bound at zero or infinity is no number that a search can step to
     floor = np.where(log, 1e-9 * np.where(log, start, 1.0), -np.inf)
     lower, upper = (
         np.where(log, np.maximum(lower, floor), lower),
         np.where(log, np.minimum(upper, 1e300), upper),
     )
     names = tuple(p.name for p in chosen)
-    where = {name: i for i, name in enumerate(names) if log[i]}
+    lengths = {p.owner: i for i, p in enumerate(chosen) if p.name == f"{p.owner}.length" and log[i]}
     tied = [
-        (p.name, where[length], p.value)
+        p
         for p in mechanism.parameters
-        if p.free and kind_of(p.name) in SEEN_ONLY and p.name not in names
-        if (length := f"{p.name.split('.')[0]}.length") in where
+        if p.free and p.kind in SEEN_ONLY and p.name not in names and p.owner in lengths
     ]
     blank = Unknowns(
-        names, start, log, lower, upper, tuple(t[0] for t in tied), np.array([t[1] for t in tied], dtype=int),
-        np.array([t[2] for t in tied], dtype=float),
+        names, tuple(p.kind for p in chosen), tuple(p.owner for p in chosen), start, log, lower, upper,
+        tuple(p.name for p in tied), np.array([lengths[p.owner] for p in tied], dtype=int),
+        np.array([p.value for p in tied], dtype=float),
     )  # fmt: skip
     return replace(blank, lower=blank.coordinates(lower), upper=blank.coordinates(upper))
 
 
-def _wanted(name: str, measured: set[str]) -> bool:
-    kind = kind_of(name)
-    if name.startswith("camera."):
-        return False
-    return kind not in SEEN_ONLY or (name in measured and kind in POSITIVE)
+def _measured_names(mechanism: Mechanism) -> set[str]:
+    """Names of the sizes that a picture has measured."""
+    if mechanism.measured is None:
+        return set()
+    known = np.diag(np.asarray(mechanism.measured.information))
+    # what is not a number counts as measured, so that `size_prior` can name it to the user
+    return {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < MEASURED}
+
+
+def _wanted(p: Parameter, measured: set[str]) -> bool:
+    """True for what the motion determines, or a picture has measured on a scale that the motion shares."""
+    return p.kind not in SEEN_ONLY or (p.name in measured and p.kind in POSITIVE)
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What the picture knows of the sizes: 1/2 d.information.d with d the change of the coordinates.
+    """What the picture knows of the sizes: the cost 1/2 d.information.d of a change d of the coordinates.
 
     Attributes:
         information: Information matrix over the unknowns, (param, param); zero for those not measured.
@@ -240,9 +287,7 @@ def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
     information, weights = np.zeros((count, count)), np.zeros(count)
     measured = mechanism.measured
     if measured is None:
-        lengths = [
-            i for i, name in enumerate(unknowns.names) if kind_of(name) == "length" and unknowns.log[i]
-        ]
+        lengths = np.flatnonzero(unknowns.of_kind("length") & unknowns.log)
         weights[lengths] = 1.0 / max(len(lengths), 1)
         return Prior(information, weights)
     where = unknowns.index(measured.names)
@@ -255,8 +300,11 @@ def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
         unusable = unusable or tuple(measured.names[i] for i in known[bad.any(axis=0)])
         return Prior(information, weights, unusable)
     at = where[known]
+    # information is never negative; where rounding or two pictures that disagree made it so, the nearest
+    # matrix without negative eigenvalues takes its place, and the user learns how much was cut off
     values, vectors = np.linalg.eigh(0.5 * (block + block.T))
     information[np.ix_(at, at)] = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    # sizes that are fixed keep their weight in the total: they have not changed, and so hold the scale near 1
     diagonal = np.diag(given).copy()
     diagonal[known] = np.diag(information)[at]
     diagonal = np.where(np.isfinite(diagonal), np.maximum(diagonal, 0.0), 0.0)
@@ -267,31 +315,3 @@ def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
     negative = max(-float(values.min(initial=0.0)), 0.0)
     relative = negative / largest if largest > 0 else float(negative > 0)
     return Prior(0.5 * (information + information.T), weights, (), relative)
-
-
-def scaled_start(unknowns: Unknowns, factor: float, mechanism: Mechanism) -> Mapping[str, float]:
-    """Return start values with all lengths, or the gravity or the time scale instead, changed by one factor.
-
-    Making everything ``factor`` times as long slows a mechanism down by sqrt(factor); where the lengths are
-    fixed, gravity or the time scale can do the same.
-
-    Args:
-        unknowns: The unknowns.
-        factor: Ratio of lengths.
-        mechanism: The mechanism they belong to.
-
-    Returns:
-        Values by name, of the unknowns that change; empty where nothing can.
-    """
-    powers = {"length": 1, "width": 1, "tail": 1, "tip": 1, "com_x": 1, "com_y": 1, "inertia": 2}
-    names = unknowns.names
-    if any(kind_of(name) in ("length", "inertia") for name in names):
-        scaled = {name: powers[kind_of(name)] for name in names if kind_of(name) in powers}
-    elif "gravity" in names:
-        scaled = {"gravity": -1}
-    elif "time_scale" in names:
-        scaled = {"time_scale": -0.5}
-    else:
-        return {}
-    values = mechanism.values
-    return {name: values[name] * factor**power for name, power in scaled.items()}

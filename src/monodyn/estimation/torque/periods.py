@@ -14,22 +14,28 @@ import numpy as np
 
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.record.smooth import Smoothed
-from monodyn.estimation.shooting.problem import Motion, Problem, posed, smooth_motion
-from monodyn.estimation.shooting.starts import sized
+from monodyn.estimation.shooting.accelerations import (
+    SmoothMotion,
+    mismatch_rows,
+    smooth_motion,
+    torque_response,
+)
+from monodyn.estimation.shooting.problem import Problem, posed
+from monodyn.estimation.shooting.starts import least_driven
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.drive import fourier_basis
 
 FEWEST_PERIODS = 1.25
 """A record this many periods long shows that something repeats."""
 FEWEST_ROWS = 8
-"""Rows with all joints measured; below that accelerations say nothing of a period."""
+"""Rows with all joints measured, at least; with fewer, accelerations say nothing of a period."""
 PER_HARMONIC = 2.5
 """Samples in the shortest harmonic."""
 CORRELATED = 4.0
 """Accelerations of smoothed motion share their neighbours' samples: so many count as one."""
 SCANNED_TERMS = (1, 2, 3)
 """Harmonics that the scan tries when their number is open."""
-LONGEST = 4.0
+LONGEST_SPAN = 4.0
 """Periods up to so many times the record are held against the best one that it shows more than once."""
 MARGIN = 10.0
 """A longer period whose criterion is not above that of the best by so much might as well be the true one."""
@@ -38,7 +44,7 @@ APART = 0.04
 
 
 @dataclass(frozen=True, eq=False)
-class Guess:
+class PeriodGuess:
     """A period that explains the accelerations.
 
     Attributes:
@@ -57,8 +63,8 @@ class Guess:
 
 
 @dataclass(frozen=True, eq=False)
-class Undriven:
-    """The problem without a periodic torque, which the accelerations ask for.
+class PeriodSearch:
+    """A search of the period: the problem without a periodic torque, and how its accelerations fall short.
 
     Attributes:
         problem: The problem.
@@ -69,52 +75,65 @@ class Undriven:
 
     problem: Problem
     x: np.ndarray
-    motion: Motion
+    motion: SmoothMotion
     bounds: tuple[float, float]
 
     @classmethod
-    def of(cls, mechanism: Mechanism, data: Data, smoothed: tuple[Smoothed, ...]) -> Undriven:
-        """Return it for a mechanism, whose ``torque.period`` says which periods are allowed.
+    def of(cls, mechanism: Mechanism, data: Data, smoothed: tuple[Smoothed, ...]) -> PeriodSearch:
+        """Return the search for a mechanism, whose ``torque.period`` says which periods are allowed.
 
         Args:
             mechanism: The start.
             data: The measurements.
             smoothed: Smooth motion of each record.
+
+        Returns:
+            The search, at the common scale that requires the least torque.
         """
         clock = mechanism.with_torque("fourier", terms=1, period=1.0).parameter("torque.period")
         problem = posed(mechanism.with_torque("friction"), data)
         motion = smooth_motion(problem, smoothed)
         bounds = (clock.lower, clock.upper) if clock.free else (clock.value, clock.value)
-        x = sized(problem, motion) if len(motion.time) else problem.unknowns.x0
+        x = least_driven(problem, motion) if len(motion.time) else problem.unknowns.x0
         return cls(problem, x, motion, bounds)
 
-    def guesses(self, terms: int) -> list[Guess]:
-        """Rank the periods that are allowed, see `guess_periods`; ``terms`` 0 lets the criterion choose."""
+    def guesses(self, terms: int) -> list[PeriodGuess]:
+        """Rank the periods that are allowed, as `guess_periods` does.
+
+        Args:
+            terms: Number of harmonics; 0 lets the criterion choose.
+
+        Returns:
+            Guesses, the best first.
+        """
         return guess_periods(self.problem, self.x, self.motion, terms, self.bounds)
 
-    def start(self, guess: Guess, driven: Problem) -> np.ndarray:
-        """Return the coordinates of a guess in a problem with a periodic torque, (param,).
+    def start(self, guess: PeriodGuess, driven: Problem) -> np.ndarray:
+        """Bring a guess into the coordinates of a problem with a periodic torque.
 
         Args:
             guess: The guess.
             driven: The problem; harmonics that the guess has not start at zero.
+
+        Returns:
+            Coordinates, (param,).
         """
         plain = self.problem.unknowns
         change = np.clip(guess.change, -plain.reach, plain.reach)
         start = driven.unknowns.carried(np.clip(self.x + change, plain.lower, plain.upper), plain)
-        ways = driven.mechanism.drive_entries(driven.unknowns.names)[:, : guess.table.shape[1]]
-        start[ways[ways >= 0]] = guess.table[ways >= 0]
+        entries = driven.mechanism.drive_entries(driven.unknowns.names)[:, : guess.table.shape[1]]
+        start[entries[entries >= 0]] = guess.table[entries >= 0]
         return start
 
 
 def guess_periods(
     problem: Problem,
     x: np.ndarray,
-    motion: Motion,
+    motion: SmoothMotion,
     terms: int,
     bounds: tuple[float, float] = (0.0, np.inf),
     most: int = 3,
-) -> list[Guess]:
+) -> list[PeriodGuess]:
     """Rank periods by how well a torque of that period explains the accelerations.
 
     Args:
@@ -137,17 +156,20 @@ def guess_periods(
     if len(motion.time) < FEWEST_ROWS:
         return []
     scan = _Scan(problem, x, motion)
+    # many harmonics make any long period fit: an open number is tried from few
     counts = SCANNED_TERMS if terms == 0 else (terms,)
     if bounds[0] == bounds[1]:
         return sorted((scan.fit(bounds[0], count) for count in counts), key=lambda guess: guess.criterion)[:1]
-    found: list[Guess] = []
+    found: list[PeriodGuess] = []
     for count in counts:
         tried = [scan.fit(p, count) for p in scan.periods(count, bounds)]
         values = np.array([guess.criterion for guess in tried])
+        # every local minimum of the scan is a candidate, also one at the end of the bounds
         ends = np.concatenate(([np.inf], values, [np.inf]))
         low = np.flatnonzero((values <= ends[:-2]) & (values < ends[2:]))
         found += [scan.refined(tried[i], bounds) for i in low if values[i] < scan.nothing]
-    kept: list[Guess] = []
+    # the same period is found with several numbers of harmonics: the best of them stands for all
+    kept: list[PeriodGuess] = []
     for guess in sorted(found, key=lambda guess: guess.criterion):
         if all(abs(np.log(guess.period / other.period)) > APART for other in kept):
             kept.append(guess)
@@ -159,12 +181,14 @@ def guess_periods(
 class _Scan:
     """Linear least squares at one period after the other, the other unknowns projected out."""
 
-    def __init__(self, problem: Problem, x: np.ndarray, motion: Motion) -> None:
-        rows, jacobian = problem.acceleration_rows(x, motion)
-        response = problem.torque_response(x, motion) * motion.weight[:, :, None]
+    def __init__(self, problem: Problem, x: np.ndarray, motion: SmoothMotion) -> None:
+        rows, jacobian = mismatch_rows(problem, x, motion)
+        response = torque_response(problem, x, motion) * motion.weight[:, :, None]
         self.frames, self.dofs, _ = response.shape
         self.clock = motion.time * problem.stretch(x)
         self.response, self.count, self.prior = response, len(x), len(rows) - motion.weight.size
+        # what the other unknowns can explain is taken out of rows and columns alike (variable projection), so
+        # that the series is fitted as if they had moved to their best for every period
         q, self.triangle = np.linalg.qr(jacobian)
         self.q, self.rows = q, rows
         self.left = rows - q @ (q.T @ rows)
@@ -173,6 +197,8 @@ class _Scan:
 
     def periods(self, terms: int, bounds: tuple[float, float]) -> np.ndarray:
         """Return the periods that the record can tell [s], evenly spaced in frequency, ends of bounds too."""
+        # the longest period is one that the record shows more than once, the shortest one whose last harmonic
+        # still has samples enough between its zeros
         span, step = float(np.ptp(self.clock)), float(np.median(np.diff(np.unique(self.clock))))
         low, high = FEWEST_PERIODS / span, 1.0 / (terms * PER_HARMONIC * step)
         scanned = 1.0 / np.arange(low, max(high, low), self.step(terms))
@@ -180,13 +206,15 @@ class _Scan:
         inside = scanned[(bounds[0] < scanned) & (scanned < bounds[1])]
         return np.sort(np.concatenate((inside, ends)))[::-1]
 
-    def longer(self, best: Guess, bounds: tuple[float, float]) -> float:
+    def longer(self, best: PeriodGuess, bounds: tuple[float, float]) -> float:
         """Return the least criterion of periods that the record does not hold, inf where none is allowed.
 
         A multiple of the best period, of which the best one is a harmonic, is no other period.
         """
+        # periods that the record does not hold fit anything smooth: where one explains as much as the best,
+        # nothing says that the motion repeats at all
         span = float(np.ptp(self.clock))
-        beyond = span / FEWEST_PERIODS * np.geomspace(1.0, LONGEST * FEWEST_PERIODS, 40)[1:]
+        beyond = span / FEWEST_PERIODS * np.geomspace(1.0, LONGEST_SPAN * FEWEST_PERIODS, 40)[1:]
         least = float("inf")
         for count in range(1, best.terms + 1):
             harmonics = np.arange(2, count + 1)
@@ -199,10 +227,11 @@ class _Scan:
         """Return the spacing of the scanned frequencies [Hz]: a tenth of a turn of the last harmonic."""
         return 0.1 / float(np.ptp(self.clock)) / terms
 
-    def refined(self, guess: Guess, bounds: tuple[float, float]) -> Guess:
+    def refined(self, guess: PeriodGuess, bounds: tuple[float, float]) -> PeriodGuess:
         """Move a period between its neighbours in the scan to where the criterion is least."""
         from scipy.optimize import minimize_scalar
 
+        # the criterion is smooth within a step of the scan, whose neighbours were both above this one
         step = self.step(guess.terms)
         ends = np.clip(
             (1.0 / guess.period - step, 1.0 / guess.period + step),
@@ -217,19 +246,21 @@ class _Scan:
         )
         return self.fit(1.0 / float(best.x), guess.terms)
 
-    def fit(self, period: float, terms: int) -> Guess:
+    def fit(self, period: float, terms: int) -> PeriodGuess:
         """Fit a series of one period, the other unknowns free to move."""
         shapes = fourier_basis(self.clock, period, terms)
         columns = np.zeros((len(self.rows), self.dofs * shapes.shape[1]))
         columns[: len(self.rows) - self.prior] = np.einsum("fij,fc->fijc", self.response, shapes).reshape(
             -1, columns.shape[1]
         )
+        # rows of the prior have no torque: their part of the columns stays zero
         free = columns - self.q @ (self.q.T @ columns)
         best, *_ = np.linalg.lstsq(free, -self.left, rcond=1e-9)
         left = self.left + free @ best
+        # with the series at its best the other unknowns follow from what their own columns see of the rest
         change = -np.linalg.lstsq(self.triangle, self.q.T @ (self.rows + columns @ best), rcond=1e-9)[0]
         criterion = self._criterion(float(left @ left), columns.shape[1] + 1)
-        return Guess(period, terms, criterion, best.reshape(self.dofs, -1), change)
+        return PeriodGuess(period, terms, criterion, best.reshape(self.dofs, -1), change)
 
     def _criterion(self, left_over: float, unknowns: int) -> float:
         return self.samples * np.log(max(left_over, 1e-300)) + unknowns * np.log(self.samples)

@@ -1,40 +1,49 @@
-"""What a fit does not know, why, and which one extra measurement would tell: plain sentences."""
+"""What a fit does not know, why, and which one further measurement would determine it: plain sentences."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.estimation.fit import Estimate
-from monodyn.estimation.shooting.unknowns import MASS_KINDS, kind_of
-from monodyn.mechanism import Mechanism
+from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
+from monodyn.estimation.verdict.uncertainty import NoiseFactors
+from monodyn.estimation.wording import amount, amounts, listed
+from monodyn.mechanism import Mechanism, Parameter
+from monodyn.mechanism.dimensions import MASS_KINDS
 
 LENGTH_KINDS = ("length", "width", "tail", "tip", "gravity", "time_scale")
+"""Kinds that are known together or not at all: sizes, and what makes time out of them."""
+NOTED = 3.0
+"""Residuals above so many times the stated noise are worth a sentence."""
+SLOW = 1.5
+"""Root of what autocorrelation costs, from which residuals are said to change slowly."""
 
 
-def listed(names: Sequence[str], most: int = 6) -> str:
-    """Write names as a list: ``a, b and c``; a long one is cut short."""
-    names = list(names)
-    if len(names) > most:
-        names = [*names[:most], f"{len(names) - most} more"]
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+def open_parameters(
+    mechanism: Mechanism, parameters: Sequence[Estimate], without_effect: Sequence[str]
+) -> list[str]:
+    """Say which parameters the data leave open and what would fix them.
 
+    Args:
+        mechanism: Gives the kinds of the parameters.
+        parameters: The estimates.
+        without_effect: Names of those on which nothing depends.
 
-def amount(mechanism: Mechanism, joint: str, value: float) -> str:
-    """Write a joint position difference: degrees for a hinge, millimetres for a slide."""
-    kind = next(j.kind for j in mechanism.joints if j.name == joint)
-    return f"{np.degrees(value):.3g} deg" if kind == "hinge" else f"{1000.0 * value:.3g} mm"
-
-
-def open_parameters(parameters: tuple[Estimate, ...], without_effect: Sequence[str]) -> list[str]:
-    """Say which parameters the data leave open and what would fix them."""
+    Returns:
+        Sentences.
+    """
+    kinds = {p.name: p.kind for p in mechanism.parameters}
+    # open: no interval at all; weak: an interval that reaches a factor of e either way
     lost = [p.name for p in parameters if p.free and not np.isfinite(p.std) and p.name not in without_effect]
     weak = [p.name for p in parameters if p.free and np.isfinite(p.std) and not p.identifiable]
-    regrouped = any(kind_of(name) == "com_x" for name in lost)
-    masses = [name for name in lost if kind_of(name) in MASS_KINDS]
-    centres = [name for name in lost if kind_of(name) in ("com_x", "com_y")]
-    lengths = [name for name in lost if kind_of(name) in LENGTH_KINDS]
+    # a centre of mass is open only where inertias act together, as those of free bodies do
+    regrouped = any(kinds[name] == "com_x" for name in lost)
+    masses = [name for name in lost if kinds[name] in MASS_KINDS]
+    centres = [name for name in lost if kinds[name] in CENTRE_KINDS]
+    lengths = [name for name in lost if kinds[name] in LENGTH_KINDS]
     advice = []
     if regrouped:
         advice.append(
@@ -65,6 +74,8 @@ def open_parameters(parameters: tuple[Estimate, ...], without_effect: Sequence[s
 def _open_lengths(names: Sequence[str]) -> str:
     """Say that the data leave the scale of lengths open, and what would fix it."""
     them = listed(names, 12)
+    # one of length, gravity and clock follows from the other two: which measurement helps depends on which
+    # are open
     sizes = [name for name in names if name not in ("gravity", "time_scale")]
     if "time_scale" not in names:
         return (
@@ -83,13 +94,15 @@ def _open_lengths(names: Sequence[str]) -> str:
     )
 
 
-def percent(share: float) -> str:
-    """Write a share in per cent."""
-    return f"{100 * share:.0f} %" if abs(share) >= 0.095 else f"{100 * share:.2g} %"
-
-
 def without_use(names: Sequence[str]) -> list[str]:
-    """Say which given values nothing depends on, as thicknesses of bodies whose file states their mass."""
+    """Say on which given values nothing depends, as on thicknesses of bodies whose file states their mass.
+
+    Args:
+        names: Names of the parameters.
+
+    Returns:
+        Sentences; none without names.
+    """
     if not names:
         return []
     verb = "was" if len(names) == 1 else "were"
@@ -99,17 +112,15 @@ def without_use(names: Sequence[str]) -> list[str]:
     ]
 
 
-def no_harmonic(mechanism: Mechanism) -> list[str]:
-    """Say that a periodic torque of a given period does not stand out from weight and inertia."""
-    period = mechanism.values["torque.period"]
-    return [
-        f"A torque of period {period:.4g} s is under a hundredth of weight and inertia at every joint: it "
-        "may be what the model lacks; nothing periodic need act."
-    ]
+def bounds(parameters: Sequence[Estimate]) -> list[str]:
+    """Say which parameters ended on a bound.
 
+    Args:
+        parameters: The estimates.
 
-def bounds(parameters: tuple[Estimate, ...]) -> list[str]:
-    """Say which parameters ended on a bound."""
+    Returns:
+        Sentences; none where no bound was met.
+    """
     zero = [p.name for p in parameters if p.at_bound and p.value == 0]
     other = [p.name for p in parameters if p.at_bound and p.value != 0]
     advice = []
@@ -120,44 +131,49 @@ def bounds(parameters: tuple[Estimate, ...]) -> list[str]:
     return advice
 
 
+class Assumed(NamedTuple):
+    """What a model assumed that may not hold, and then would leave a misfit.
+
+    Attributes:
+        uniform: Bodies were taken to be uniform.
+        frictionless: Dry frictions that were taken to be zero.
+        level: The camera was taken to be level, because the record comes from pictures.
+    """
+
+    uniform: bool
+    frictionless: Sequence[str]
+    level: bool
+
+
 def misfit(
-    mechanism: Mechanism,
-    rms: Mapping[str, float],
-    against_noise: np.ndarray,
-    autocorrelated: np.ndarray,
-    *,
-    uniform: bool,
-    frictionless: Sequence[str],
-    pictured: bool,
+    mechanism: Mechanism, rms: Mapping[str, float], noise: NoiseFactors, assumed: Assumed
 ) -> list[str]:
     """Say where the residual is far above the stated noise, and what the model may lack.
 
     Args:
         mechanism: Gives the joints.
         rms: Root mean square of the residual by joint [rad or m].
-        against_noise: The same in units of the stated noise, (dof,).
-        autocorrelated: What neighbouring residuals share, from ``noise_factors``, (dof,).
-        uniform: Whether to say that bodies were taken to be uniform.
-        frictionless: Dry frictions that were taken to be zero and may not be.
-        pictured: Whether the record comes from pictures, whose camera may have been tilted.
+        noise: How residuals compare with the stated noise.
+        assumed: What may be the reason.
 
     Returns:
         Sentences; none where every residual is near its noise.
     """
     advice = []
-    for (joint, value), ratio, spread in zip(rms.items(), against_noise, autocorrelated, strict=True):
-        if ratio > 3.0:
-            slow = " and changes slowly" if spread > 1.5 else ""
+    for (joint, value), ratio, correlation in zip(rms.items(), noise.size, noise.correlation, strict=True):
+        if ratio > NOTED:
+            slow = " and changes slowly" if correlation > SLOW else ""
             advice.append(
                 f"The residual of {joint}, {amount(mechanism, joint, value)}, is {ratio:.3g} times the "
                 f"stated noise{slow}: the model lacks something, or the record is less exact than it says; "
                 "the intervals are widened accordingly."
             )
-    if advice and uniform:
+    if advice and assumed.uniform:
         advice.append("Bodies were taken to be uniform; if they are not, try --identify.bodies free.")
-    if advice and frictionless:
-        advice.append(f"Dry friction was taken to be zero; --free {' '.join(frictionless)} estimates it.")
-    if advice and pictured:
+    if advice and assumed.frictionless:
+        names = " ".join(assumed.frictionless)
+        advice.append(f"Dry friction was taken to be zero; --free {names} estimates it.")
+    if advice and assumed.level:
         advice.append(
             "Gravity was taken straight down in the picture; where the camera was not level, give its tilt "
             "with --fix camera.roll=VALUE [rad] (positive turns the picture of the mechanism clockwise)."
@@ -166,19 +182,34 @@ def misfit(
 
 
 def beginning(mechanism: Mechanism, frames: Sequence[int], rms: Mapping[str, float]) -> str:
-    """Say that the beginning of a record, ``frames`` of it, fits though the whole does not."""
-    each = [f"{amount(mechanism, name, value)} ({name})" for name, value in rms.items()]
+    """Say that the beginning of a record fits though the whole does not.
+
+    Args:
+        mechanism: Gives the joints.
+        frames: Frame numbers of the beginning.
+        rms: Root mean square of its residual by joint [rad or m].
+
+    Returns:
+        The sentence.
+    """
     return (
-        f"The first {len(frames)} frames alone do fit, with rms residual {listed(each, 12)}: --fit-frames "
-        f"{frames[0]}:{frames[-1] + 1} for a clip, or a table that ends there. Small faults of the model "
-        "grow along a long or chaotic record."
+        f"The first {len(frames)} frames alone do fit, with rms residual {amounts(mechanism, rms)}: "
+        f"--fit-frames {frames[0]}:{frames[-1] + 1} for a clip, or a table that ends there. Small faults of "
+        "the model grow along a long or chaotic record."
     )
 
 
 def free_torques(mechanism: Mechanism) -> list[str]:
-    """Say what free torques rest on, and that they end with the record."""
+    """Say what free torques rest on, and that they end with the record.
+
+    Args:
+        mechanism: The mechanism under the torques.
+
+    Returns:
+        Sentences.
+    """
     kinds = ("length", "thickness", "mass", "inertia")
-    held = [p.name for p in mechanism.parameters if p.free and not p.follows and kind_of(p.name) in kinds]
+    held = [p.name for p in mechanism.parameters if p.free and not p.follows and p.kind in kinds]
     advice = []
     if held:
         advice.append(
@@ -191,7 +222,16 @@ def free_torques(mechanism: Mechanism) -> list[str]:
 
 
 def integration(substeps: int, error: float, bound: float) -> list[str]:
-    """Say that the integration error of the fitted motion, ``error``, stays above its bound [rad or m]."""
+    """Say that the integration error of the fitted motion stays above its bound.
+
+    Args:
+        substeps: Integration steps between two time stamps.
+        error: The error [rad or m].
+        bound: Its bound [rad or m].
+
+    Returns:
+        Sentences; none where the bound is kept.
+    """
     if error <= bound:
         return []
     return [
@@ -202,7 +242,15 @@ def integration(substeps: int, error: float, bound: float) -> list[str]:
 
 
 def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:
-    """Say which joints the simulated motion carries to their limits, which it does not know."""
+    """Say which joints the simulated motion carries past their limits, which it does not know.
+
+    Args:
+        mechanism: Gives the joints.
+        simulated: Simulated positions [rad or m], (row, dof).
+
+    Returns:
+        Sentences; none where all limits are kept.
+    """
     advice = []
     for i, joint in enumerate(mechanism.joints):
         if simulated[:, i].min() < joint.lower or simulated[:, i].max() > joint.upper:
@@ -215,7 +263,14 @@ def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:
 
 
 def contradictions(negative: float) -> list[str]:
-    """Say that the picture's knowledge of sizes was partly negative; rounding is not worth a word."""
+    """Say that the picture's knowledge of sizes was partly negative, by more than rounding.
+
+    Args:
+        negative: Size of that part against the largest, as in `Prior`.
+
+    Returns:
+        Sentences.
+    """
     if negative <= 1e-6:
         return []
     return [
@@ -224,29 +279,44 @@ def contradictions(negative: float) -> list[str]:
     ]
 
 
-def proportions(tied: tuple[str, ...]) -> list[str]:
-    """Say which sizes that count in the motion were neither measured nor estimated."""
-    tied = tuple(name for name in tied if kind_of(name) in ("width", "tail", "tip"))
-    if not tied:
+def proportions(tied: Sequence[Parameter]) -> list[str]:
+    """Say which sizes that count in the motion were neither measured nor estimated.
+
+    Args:
+        tied: Parameters that keep their proportion to a length.
+
+    Returns:
+        Sentences.
+    """
+    names = [p.name for p in tied if p.kind in ("width", "tail", "tip")]
+    if not names:
         return []
-    if len(tied) == 1:
+    if len(names) == 1:
         return [
-            f"Nothing tells {tied[0]}; it keeps its proportion to the length of its body, and the intervals "
+            f"Nothing tells {names[0]}; it keeps its proportion to the length of its body, and the intervals "
             "take that for exact. Give a measured value with --fix where its share of the inertia counts."
         ]
     return [
-        f"Nothing tells {listed(tied, 12)}; they keep their proportion to the length of their body, and the "
+        f"Nothing tells {listed(names, 12)}; they keep their proportion to the length of their body, and the "
         "intervals take that for exact. Give measured values with --fix where their share of the inertia "
         "counts."
     ]
 
 
-def clock(parameters: tuple[Estimate, ...]) -> list[str]:
-    """Say what identified lengths rest on; a time scale that stays open is as good as none."""
+def clock(mechanism: Mechanism, parameters: Sequence[Estimate]) -> list[str]:
+    """Say what identified lengths rest on; a time scale that stays open is as good as none.
+
+    Args:
+        mechanism: Gives the kinds of the parameters.
+        parameters: The estimates.
+
+    Returns:
+        Sentences.
+    """
     free = {p.name: p for p in parameters if p.free}
     if "gravity" in free or ("time_scale" in free and np.isfinite(free["time_scale"].std)):
         return []
-    if not any(kind_of(name) == "length" for name in free):
+    if not any(p.kind == "length" for p in mechanism.parameters if p.name in free):
         return []
     return [
         "Lengths follow from gravity and take the time stamps for real time: in a clip k times slower than "
@@ -255,7 +325,16 @@ def clock(parameters: tuple[Estimate, ...]) -> list[str]:
 
 
 def outliers(samples: int, count: int, frames: Sequence[int]) -> list[str]:
-    """Say how many samples were left out as gross errors; ``frames`` may be empty."""
+    """Say how many samples were left out as gross errors.
+
+    Args:
+        samples: Number of measured rows.
+        count: Number of those that were left out.
+        frames: Their frame numbers; may be empty.
+
+    Returns:
+        Sentences; none where all were kept.
+    """
     if count == 0:
         return []
     verb = "sample was" if samples == 1 else "samples were"
@@ -264,9 +343,48 @@ def outliers(samples: int, count: int, frames: Sequence[int]) -> list[str]:
 
 
 def few(samples: int, unknowns: int) -> list[str]:
-    """Say that the record is short for what is asked of it."""
+    """Say that the record is short for the number of unknowns.
+
+    Args:
+        samples: Number of measured positions.
+        unknowns: Number of unknowns.
+
+    Returns:
+        Sentences; none for a long record.
+    """
     if samples >= 4 * unknowns:
         return []
     return [
         f"{samples} measured positions are few for {unknowns} unknowns; more frames give smaller intervals."
     ]
+
+
+def search_end(converged: bool, tried: int) -> list[str]:
+    """Say how the search ended.
+
+    Args:
+        converged: Whether it reached its minimum.
+        tried: Number of starts that were tried.
+
+    Returns:
+        Sentences; none for a search from one start that reached its minimum.
+    """
+    advice = []
+    if not converged:
+        advice.append(
+            "The search ended before it was sure of the minimum; allow more with --identify.evaluations."
+        )
+    if tried > 1:
+        advice.append(f"{tried} starts were tried; the best of them is reported.")
+    return advice
+
+
+def zero_frictions(mechanism: Mechanism, unknowns: Unknowns) -> list[str]:
+    """Name the dry frictions that are zero and were not estimated.
+
+    Args:
+        mechanism: The mechanism.
+        unknowns: What was estimated.
+    """
+    dry = [p.name for p in mechanism.parameters if p.kind == "friction" and p.value == 0]
+    return [name for name in dry if name not in unknowns.names]

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.estimation.fit import Combination
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.unknowns import kind_of
+from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, COM_X, COM_Y, DAMPING, HINGE, INERTIA, MASS, Tree
 
+MOVED = 1e-3
+"""An open direction of length one moves a parameter when its relative change along it is above this."""
+SIMPLE = 1e-3
+"""Exponents are written as fractions when they are this near to them."""
+COMPLEX_STEP = 1e-30
+"""Step of the derivatives of the regrouped parameters, exact because no difference is taken."""
 REFERENCE = ("thickness", "density", "mass", "inertia", "length", "gravity", "time_scale")
-"""Kinds by which the others are divided, the most welcome first."""
+"""Kinds by which the others are divided, the first of them that serves."""
 
 
 def combinations(problem: Problem, x: np.ndarray, known: Knowledge) -> tuple[Combination, ...]:
@@ -39,12 +46,13 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
 
     Along an open direction N the logarithm of the product changes by N_i + e.N_f, so e = -N_i N_f^-1.
     """
-    names, values = problem.unknowns.names, problem.unknowns.values(x)
-    usable = (values > 0) & np.isin([kind_of(name) for name in names], ("com_x", "com_y"), invert=True)
-    moved = np.linalg.norm(known.open, axis=1) > 1e-3 if known.open.size else np.zeros(len(names), dtype=bool)
+    unknowns, values = problem.unknowns, problem.unknowns.values(x)
+    # a product needs logarithms: what may be zero or negative is no factor of it
+    usable = (values > 0) & ~unknowns.of_kind(*CENTRE_KINDS)
+    moved = _moved(unknowns, known)
     if not moved.any():
         return []
-    reference = _reference(names, known.open, usable & moved)
+    reference = _reference(unknowns, known.open, usable & moved)
     if len(reference) < known.open.shape[1]:
         return []
     found = []
@@ -52,39 +60,55 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
         if i in reference:
             continue
         exponents = -known.open[i] @ np.linalg.inv(known.open[reference])
+        # dimensions have simple fractions as exponents; anything else is no law but an accident of the record
         simple = [Fraction(float(e)).limit_denominator(6) for e in exponents]
-        if max(abs(float(s) - e) for s, e in zip(simple, exponents, strict=True)) > 1e-3:
+        if max(abs(float(s) - e) for s, e in zip(simple, exponents, strict=True)) > SIMPLE:
             continue
         # lengths go with the square of the time scale: length / time_scale^2 reads better than its root
-        whole = Fraction(-2 if kind_of(names[i]) == "time_scale" else 1)
-        powers = [(i, whole), *((f, whole * e) for f, e in zip(reference, simple, strict=True))]
+        whole = Fraction(-2 if unknowns.kinds[i] == "time_scale" else 1)
+        powers = [(int(i), whole), *((f, whole * e) for f, e in zip(reference, simple, strict=True))]
         if all(e <= 0 for _, e in powers):
             powers = [(k, -e) for k, e in powers]
-        terms = [(names[k], e) for k, e in powers]
-        gradient = np.zeros(len(names))
-        for k, e in powers:
-            gradient[k] += float(e) * known.relative[k]
-        value = float(np.prod([values[k] ** float(e) for k, e in powers]))
-        std = value * float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0)))
-        found.append(Combination(_product(terms), float(value), std))
+        found.append(_product_of(unknowns, values, powers, known))
     return found
 
 
-def _reference(names: tuple[str, ...], unfixed: np.ndarray, usable: np.ndarray) -> list[int]:
+def _moved(unknowns: Unknowns, known: Knowledge) -> np.ndarray:
+    """True for unknowns that some open direction changes, (param,)."""
+    if not known.open.size:
+        return np.zeros(len(unknowns), dtype=bool)
+    return np.linalg.norm(known.open, axis=1) > MOVED
+
+
+def _product_of(
+    unknowns: Unknowns, values: np.ndarray, powers: list[tuple[int, Fraction]], known: Knowledge
+) -> Combination:
+    """Value and standard deviation of a product of powers (unknown, exponent)."""
+    gradient = np.zeros(len(unknowns))
+    for k, e in powers:
+        gradient[k] += float(e) * known.relative[k]
+    value = float(np.prod([values[k] ** float(e) for k, e in powers]))
+    std = value * float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0)))
+    return Combination(_product([(unknowns.names[k], e) for k, e in powers]), float(value), std)
+
+
+def _reference(unknowns: Unknowns, unfixed: np.ndarray, usable: np.ndarray) -> list[int]:
     """Pick as many reference parameters as there are open directions, each of which one direction moves."""
+    # with an open clock lengths come first: everything else is then a product with a power of a length
     usual = {kind: i for i, kind in enumerate(REFERENCE)}
-    rank = dict(usual)
-    if any(kind_of(names[i]) == "time_scale" for i in np.flatnonzero(usable)):
+    kinds, rank = unknowns.kinds, dict(usual)
+    if any(kinds[i] == "time_scale" for i in np.flatnonzero(usable)):
         rank["length"] = -1
-    order = sorted(np.flatnonzero(usable), key=lambda i: (rank.get(kind_of(names[i]), len(rank)), i))
+    order = sorted(np.flatnonzero(usable), key=lambda i: (rank.get(kinds[i], len(rank)), i))
     picked: list[int] = []
     for i in order:
-        trial = unfixed[[*picked, int(i)]]
-        if np.linalg.svd(trial, compute_uv=False)[-1] > 1e-3:
+        # the block of the references is inverted later: each further one must add a direction to it
+        block = unfixed[[*picked, int(i)]]
+        if np.linalg.svd(block, compute_uv=False)[-1] > MOVED:
             picked.append(int(i))
         if len(picked) == unfixed.shape[1]:
             break
-    return sorted(picked, key=lambda i: (usual.get(kind_of(names[i]), len(usual)), i))
+    return sorted(picked, key=lambda i: (usual.get(kinds[i], len(usual)), i))
 
 
 def _product(terms: list[tuple[str, Fraction]]) -> str:
@@ -102,14 +126,16 @@ def _power(name: str, exponent: Fraction) -> str:
 
 def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combination]:
     """Inertial ratios with their standard deviations, where no open direction changes them."""
-    point = problem.at(x)
+    instance = problem.at(x)
     mechanism = problem.mechanism
-    free = any(kind_of(name) == "inertia" for name in problem.unknowns.names)
-    values = inertial_ratios(mechanism, point.tree, full=free)
+    # of uniform bodies the ratios follow from sizes that are known one by one, but for the dampings
+    free = not problem.unknowns.uniform
+    values = inertial_ratios(mechanism, instance.tree, full=free)
     slopes = []
     for p in range(len(x)):
-        step = inertial_ratios(mechanism, point.tree.along(point.directions, p, 1e-30j), full=free)
-        slopes.append([step[name].imag * 1e30 for name in values])
+        moved = instance.tree.along(instance.directions, p, COMPLEX_STEP * 1j)
+        step = inertial_ratios(mechanism, moved, full=free)
+        slopes.append([step[name].imag / COMPLEX_STEP for name in values])
     slope = np.array(slopes).T.reshape(len(values), len(x))
     found = []
     for (name, value), gradient in zip(values.items(), slope, strict=True):
@@ -141,46 +167,87 @@ def inertial_ratios(mechanism: Mechanism, tree: Tree, *, full: bool) -> dict[str
         Gautier and Khalil, Direct calculation of minimum set of inertial parameters of serial robots, 1990,
         in the plane.
     """
-    parent, kind, links, gravity = tree.parent, tree.kind, tree.links, tree.gravity
-    dofs = len(parent)
-    total = links[:, MASS].copy()
-    for i in range(dofs - 1, -1, -1):
-        if parent[i] >= 0:
-            total[parent[i]] += total[i]
-    hinges = [i for i in range(dofs) if kind[i] == HINGE and not _carries_slide(parent, kind, i)]
-    about, first_x, first_y = {}, {}, {}
-    for i in hinges:
-        mass, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]
-        children = np.flatnonzero(parent == i)
-        ax, ay = links[children, ANCHOR_X], links[children, ANCHOR_Y]
-        about[i] = links[i, INERTIA] + mass * (cx**2 + cy**2) + np.sum(total[children] * (ax**2 + ay**2))
-        first_x[i] = mass * cx + np.sum(total[children] * ax)
-        first_y[i] = mass * cy + np.sum(total[children] * ay)
-    body = [joint.body for joint in mechanism.joints]
+    about, carried = _regroup(tree), _carried_mass(tree)
     ratios: dict[str, complex] = {}
-    for i in range(dofs):
-        over = about.get(i, total[i] if kind[i] != HINGE else 0.0)
-        if over != 0 and links[i, DAMPING] != 0:
-            label = "J" if i in about else "M"
-            ratios[f"{mechanism.joints[i].name}.damping / {body[i]}.{label}"] = links[i, DAMPING] / over
-    if full and hinges:
-        last, fall = hinges[-1], np.sqrt(gravity[0] ** 2 + gravity[1] ** 2)
-        under = f"{body[last]}.J"
-        for i in hinges:
-            if i != last:
-                ratios[f"{body[i]}.J / {under}"] = about[i] / about[last]
-            ratios[f"{body[i]}.mx * gravity / {under}"] = first_x[i] * fall / about[last]
-            ratios[f"{body[i]}.my * gravity / {under}"] = first_y[i] * fall / about[last]
-            if parent[i] >= 0 and kind[parent[i]] == HINGE:
-                arm = np.sqrt(links[i, ANCHOR_X] ** 2 + links[i, ANCHOR_Y] ** 2)
-                ratios[f"{body[parent[i]]}.length * {body[i]}.mx / {under}"] = arm * first_x[i] / about[last]
-            if i != last and links[i, DAMPING] != 0:
-                ratios[f"{mechanism.joints[i].name}.damping / {under}"] = links[i, DAMPING] / about[last]
-        for i in range(dofs):
-            if kind[i] != HINGE:
-                ratios[f"{body[last]}.mx / {body[i]}.M"] = first_x[last] / total[i]
+    for i, joint in enumerate(mechanism.joints):
+        if i in about.inertia:
+            over, label = about.inertia[i], "J"
+        else:
+            over, label = (0.0 if tree.kind[i] == HINGE else carried[i]), "M"
+        damping = tree.links[i, DAMPING]
+        if over != 0 and damping != 0:
+            ratios[f"{joint.name}.damping / {joint.body}.{label}"] = damping / over
+    if full and about.inertia:
+        ratios |= _over_the_last(mechanism, tree, about, carried)
     return {name: complex(value) for name, value in ratios.items()}
 
 
-def _carries_slide(parent: np.ndarray, kind: np.ndarray, i: int) -> bool:
-    return any(kind[j] != HINGE for j in np.flatnonzero(parent == i))
+class _Regrouped(NamedTuple):
+    """Inertial parameters of the hinged bodies about their own hinge, those that hang on them included.
+
+    Attributes:
+        inertia: J of each, by row of the tree.
+        first_x: First moment along the body.
+        first_y: First moment across it.
+    """
+
+    inertia: dict[int, complex]
+    first_x: dict[int, complex]
+    first_y: dict[int, complex]
+
+
+def _carried_mass(tree: Tree) -> np.ndarray:
+    """Mass of everything that hangs on each joint, (dof,)."""
+    total = tree.links[:, MASS].copy()
+    for i in range(len(total) - 1, -1, -1):  # children stand after their parents
+        if tree.parent[i] >= 0:
+            total[tree.parent[i]] += total[i]
+    return total
+
+
+def _regroup(tree: Tree) -> _Regrouped:
+    """Move the mass of everything that hangs on a body to the joint it hangs on."""
+    links, total = tree.links, _carried_mass(tree)
+    found = _Regrouped({}, {}, {})
+    for i in range(len(total)):
+        # what slides on a hinged body changes its inertia with the motion: it cannot be regrouped
+        if tree.kind[i] != HINGE or _carries_slide(tree, i):
+            continue
+        mass, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]
+        children = np.flatnonzero(tree.parent == i)
+        ax, ay = links[children, ANCHOR_X], links[children, ANCHOR_Y]
+        own = links[i, INERTIA] + mass * (cx**2 + cy**2)
+        found.inertia[i] = own + np.sum(total[children] * (ax**2 + ay**2))
+        found.first_x[i] = mass * cx + np.sum(total[children] * ax)
+        found.first_y[i] = mass * cy + np.sum(total[children] * ay)
+    return found
+
+
+def _over_the_last(
+    mechanism: Mechanism, tree: Tree, about: _Regrouped, carried: np.ndarray
+) -> dict[str, complex]:
+    """Ratios of everything to J of the last hinged body, which fixes the scale of masses."""
+    links, joints, last = tree.links, mechanism.joints, max(about.inertia)
+    unit, fall = about.inertia[last], np.sqrt(tree.gravity[0] ** 2 + tree.gravity[1] ** 2)
+    under = f"{joints[last].body}.J"
+    ratios: dict[str, complex] = {}
+    for i in about.inertia:
+        body, parent = joints[i].body, tree.parent[i]
+        if i != last:
+            ratios[f"{body}.J / {under}"] = about.inertia[i] / unit
+        ratios[f"{body}.mx * gravity / {under}"] = about.first_x[i] * fall / unit
+        ratios[f"{body}.my * gravity / {under}"] = about.first_y[i] * fall / unit
+        if parent >= 0 and tree.kind[parent] == HINGE:
+            # the coupling of two bodies in the mass matrix: arm of the one times first moment of the other
+            arm = np.sqrt(links[i, ANCHOR_X] ** 2 + links[i, ANCHOR_Y] ** 2)
+            ratios[f"{joints[parent].body}.length * {body}.mx / {under}"] = arm * about.first_x[i] / unit
+        if i != last and links[i, DAMPING] != 0:
+            ratios[f"{joints[i].name}.damping / {under}"] = links[i, DAMPING] / unit
+    for i, joint in enumerate(joints):
+        if tree.kind[i] != HINGE:
+            ratios[f"{joints[last].body}.mx / {joint.body}.M"] = about.first_x[last] / carried[i]
+    return ratios
+
+
+def _carries_slide(tree: Tree, i: int) -> bool:
+    return any(tree.kind[j] != HINGE for j in np.flatnonzero(tree.parent == i))

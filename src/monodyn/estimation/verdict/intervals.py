@@ -12,8 +12,8 @@ import numpy as np
 
 from monodyn.estimation.fit import Estimate
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import Grown
-from monodyn.estimation.shooting.unknowns import PICTURE_ONLY, kind_of
+from monodyn.estimation.shooting.shoot import Optimum
+from monodyn.estimation.shooting.unknowns import PICTURE_ONLY
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Parameter
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS
@@ -24,49 +24,51 @@ OWNED = (MASS, COM_X, COM_Y, INERTIA)
 """Columns of the tree that may follow from other parameters, in the order of ``Plan.owned``."""
 
 
-def estimates(problem: Problem, grown: Grown, known: Knowledge, quantile: float) -> tuple[Estimate, ...]:
+def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: float) -> tuple[Estimate, ...]:
     """Bring every parameter together with its interval.
 
     Args:
         problem: The problem.
-        grown: The optimum.
+        optimum: The optimum.
         known: What the data know there.
         quantile: Half width of an interval in standard deviations.
 
     Returns:
         One estimate by parameter of the mechanism, in its order. What keeps its proportion to a length has
-        no interval, because nothing tells it; nor have offsets, on which the motion does not depend, and what
-        is held beside free torques.
+        no interval, because nothing determines it; nor have offsets, on which the motion does not depend, and
+        what is held under free torques.
     """
-    unknowns, x = problem.unknowns, grown.x
+    unknowns, x = problem.unknowns, optimum.x
     where = {name: i for i, name in enumerate(unknowns.names)}
     tied = set(unknowns.tied)
     mechanism = problem.mechanism_at(x)
+    # what follows from sizes stands in the tree: its derivatives are those of the tree's columns
     dlinks = problem.at(x).directions.links
     columns = {
         mechanism.plan.table.names[row]: dlinks[i, column]
         for i, rows in enumerate(mechanism.plan.owned)
         for row, column in zip(rows or (), OWNED, strict=False)
     }
+    # sizes that are held under free torques would do at any value: they are not known, though they are fixed
     held = mechanism.torque == "free"
     found = []
     for p in mechanism.parameters:
         if p.name in where:
             i = where[p.name]
             log = bool(unknowns.log[i])
-            spread = Spread(float(known.std[i]) * (p.value if log else 1.0), log)
-            found.append(_estimate(p, spread, quantile, free=True, at_bound=bool(grown.at_bound[i])))
-        elif p.name in tied or (p.free and (held or kind_of(p.name) in PICTURE_ONLY)):
-            found.append(_estimate(p, Spread(np.inf, False), quantile))
+            deviation = Deviation(float(known.std[i]) * (p.value if log else 1.0), log)
+            found.append(_estimate(p, deviation, quantile, free=True, at_bound=bool(optimum.at_bound[i])))
+        elif p.name in tied or (p.free and (held or p.kind in PICTURE_ONLY)):
+            found.append(_estimate(p, Deviation(np.inf, False), quantile))
         elif p.follows:
             found.append(_estimate(p, _along(columns[p.name], p.value, known), quantile))
         else:
-            found.append(_estimate(p, Spread(0.0, False), quantile))
+            found.append(_estimate(p, Deviation(0.0, False), quantile))
     return tuple(found)
 
 
 @dataclass(frozen=True)
-class Spread:
+class Deviation:
     """How far a value may be off.
 
     Attributes:
@@ -78,28 +80,30 @@ class Spread:
     ratio: bool
 
 
-def _along(gradient: np.ndarray, value: float, known: Knowledge) -> Spread:
+def _along(gradient: np.ndarray, value: float, known: Knowledge) -> Deviation:
     """Return how far a value that follows may be off, from its derivatives by coordinate (param,)."""
+    # a value is known where no open direction changes it, though all that it follows from may be open
     open_share = np.abs(known.open.T @ (gradient / known.relative)) if known.open.size else np.zeros(1)
     if open_share.max(initial=0.0) > 1e-3 * max(abs(value), 1e-300):
-        return Spread(np.inf, value > 0)
-    return Spread(float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0))), value > 0)
+        return Deviation(np.inf, value > 0)
+    return Deviation(float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0))), value > 0)
 
 
 def _estimate(
-    p: Parameter, spread: Spread, quantile: float, *, free: bool = False, at_bound: bool = False
+    p: Parameter, deviation: Deviation, quantile: float, *, free: bool = False, at_bound: bool = False
 ) -> Estimate:
     """Return a parameter with its interval, cut at its bounds."""
-    value, std = float(p.value), spread.std
+    value, std = float(p.value), deviation.std
     if std == 0.0:
         return Estimate(p.name, value, 0.0, value, value, p.unit, free, True, at_bound)
     if not np.isfinite(std):
         return Estimate(p.name, value, float("inf"), p.lower, p.upper, p.unit, free, False, at_bound)
-    if spread.ratio:
+    if deviation.ratio:
+        # the error of a logarithm is symmetric, that of the value is not; beyond e^700 there is no number
         reach = float(np.exp(min(quantile * std / value, 700.0)))
         lower, upper = value / reach, value * reach
     else:
         lower, upper = value - quantile * std, value + quantile * std
-    clear = not spread.ratio or std < WEAK * value
+    clear = not deviation.ratio or std < WEAK * value
     lower, upper = max(float(lower), p.lower), min(float(upper), p.upper)
     return Estimate(p.name, value, std, lower, upper, p.unit, free, clear, at_bound)

@@ -1,4 +1,4 @@
-"""The fit beside the record: what is close enough to be used, and the sentence that says so.
+"""The fit compared with the record: whether it is close enough to be used, and the sentence that says so.
 
 A record of angles states its own scatter at best, not how well the mechanism is known; so a fit is refused
 only where it misses the record by far more than the scatter *and* by more than a share of the motion.
@@ -10,89 +10,79 @@ import numpy as np
 
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import Grown, typical
-from monodyn.estimation.verdict import advice as say
+from monodyn.estimation.shooting.shoot import Optimum, typical_differences
+from monodyn.estimation.wording import amount, amounts, percent
 
-FAR = 0.015
-"""Not to be used when a joint's rms residual is above this share of its range (a turn at the most) ..."""
-LOUD = 20.0
+FAR_SHARE = 0.015
+"""Not to be used when a joint's rms residual is above this share of its range (at most one turn) ..."""
+FAR_NOISE = 20.0
 """... and above so many times its stated noise."""
-LOST = 0.1
+LOST_SHARE = 0.1
 """Does not follow at all when the typical residual is above this share of the motion's deviation ..."""
-LOST_LOUD = 5.0
+LOST_NOISE = 5.0
 """... and above so many times the stated noise."""
 
 
 def verdict(
-    problem: Problem, grown: Grown, rms: dict[str, float], against_noise: np.ndarray
+    problem: Problem, optimum: Optimum, rms: dict[str, float], against_noise: np.ndarray
 ) -> tuple[str, bool]:
     """Say what came of a fit, and whether it can be used.
 
     It can unless, for some joint, rms residual > max(20 stated noise, 1.5 % of its range of motion), with a
-    range of one turn at the most; or typical residual > max(5 stated noise, 10 % of the standard deviation of
+    range of at most one turn; or typical residual > max(5 stated noise, 10 % of the standard deviation of
     its motion).
 
     Args:
         problem: The problem, gross errors left out, with the noise as stated.
-        grown: The optimum.
+        optimum: The optimum.
         rms: Root mean square of the residual by joint [rad or m].
         against_noise: The same in units of the stated noise, (dof,).
 
     Returns:
         The status, one sentence, and whether the fit can be used.
     """
-    usual, moved = typical_differences(problem, grown), motion_sizes(problem.data)
+    usual, moved = typical_differences(problem, optimum.trial), problem.data.motion_size
     noise = np.array([_noise(problem.data, j) for j in range(len(usual))])
-    unit = np.where(problem.data.slide.any(axis=0), problem.size(grown.x), 1.0)
+    unit = np.where(problem.data.slide.any(axis=0), problem.size(optimum.x), 1.0)
     names = [joint.name for joint in problem.mechanism.joints]
+    # the typical residual shows a fit that does not follow at all, the rms one that is merely too far off;
+    # either must be large against the noise and against the motion, for a record may state too little noise
     share = usual / np.maximum(moved, 1e-12)
-    lost = (share > LOST) & (usual > LOST_LOUD * noise)
+    lost = (share > LOST_SHARE) & (usual > LOST_NOISE * noise)
     if lost.any():
         j = int(np.argmax(np.where(lost, share, 0.0)))
         return (
             f"The simulated motion does not follow the record: typically {names[j]} is off by "
-            f"{say.amount(problem.mechanism, names[j], usual[j] * unit[j])}, {say.percent(share[j])} of its "
+            f"{amount(problem.mechanism, names[j], usual[j] * unit[j])}, {percent(share[j])} of its "
             "motion; check that the mechanism is the one in the record and that no other force acts on it.",
             False,
         )
+    # rms is in metres of the identified scale, ranges are in the record's units
     residual = np.array([rms[name] for name in names]) / unit
     ranges = np.maximum(motion_ranges(problem), 1e-12)
-    far = (residual > FAR * ranges) & (against_noise > LOUD)
+    far = (residual > FAR_SHARE * ranges) & (against_noise > FAR_NOISE)
     if far.any():
         j = int(np.argmax(np.where(far, residual / ranges, 0.0)))
         return (
             f"The simulated motion is too far from the record to be used: rms residual of {names[j]} "
-            f"{say.amount(problem.mechanism, names[j], rms[names[j]])}, "
-            f"{say.percent(residual[j] / ranges[j])} of its range and {against_noise[j]:.3g} times the "
+            f"{amount(problem.mechanism, names[j], rms[names[j]])}, "
+            f"{percent(residual[j] / ranges[j])} of its range and {against_noise[j]:.3g} times the "
             "stated noise; fit a shorter record or let the model have what it lacks (see the advice).",
             False,
         )
-    records = len(problem.data.first) - 1
     frames = int(problem.data.measured.any(axis=1).sum())
-    source = f"{frames} frames" + (f" of {records} records" if records > 1 else "")
-    each = [f"{say.amount(problem.mechanism, name, value)} ({name})" for name, value in rms.items()]
-    return f"Identified from {source}; rms residual {say.listed(each, 12)}.", True
-
-
-def motion_sizes(data: Data) -> np.ndarray:
-    """Return the standard deviation of the measured positions of each joint [rad or m], (dof,)."""
-    return np.array(
-        [np.std(data.position[use, j]) if use.any() else 0.0 for j, use in enumerate(data.measured.T)]
-    )
-
-
-def typical_differences(problem: Problem, grown: Grown) -> np.ndarray:
-    """Return the robust size of measured less simulated positions of each joint [rad or m], (dof,)."""
-    difference = problem.differences(grown.x, grown.states, grown.pieces, grown.substeps)
-    return np.array(
-        [typical(difference[:, [j]], use[:, None]) for j, use in enumerate(problem.data.measured.T)]
-    )
+    source = f"{frames} frames" + (f" of {problem.data.records} records" if problem.data.records > 1 else "")
+    return f"Identified from {source}; rms residual {amounts(problem.mechanism, rms)}.", True
 
 
 def motion_ranges(problem: Problem) -> np.ndarray:
-    """Return the range of the measured positions of each joint within a record, (dof,).
+    """Return the range of the measured positions of each joint within a record.
 
-    In the record's units [rad or m]; a hinge has one turn at the most.
+    Args:
+        problem: Gives the data and the kinds of the joints.
+
+    Returns:
+        Ranges in the record's units [rad or m], of a hinge at most one turn, (dof,).
     """
     data = problem.data
     ranges = np.zeros(data.position.shape[1])

@@ -1,20 +1,20 @@
 """Jacobian at the optimum in, covariance and identifiability out.
 
 The start states are eliminated by QR, so that what is left says what the motion (and the picture) know of the
-shared unknowns alone. Its singular values, with every column scaled to length one, tell the directions that
+shared unknowns alone. Its singular values, with every column scaled to length one, show the directions that
 the data do not fix at all: along those the standard deviation is infinite, not large.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.estimation.record.samples import Data
+from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import Grown
-from monodyn.estimation.shooting.unknowns import Unknowns, kind_of
+from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
 
 BLIND = 1e-6
 """Singular values below this share of the largest count as zero; derivatives are exact to about 1e-8."""
@@ -41,19 +41,30 @@ class Knowledge:
     full: np.ndarray
 
     def without_effect(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Return those of ``names`` that are an open direction by themselves: nothing depends on them."""
+        """Name the unknowns that are an open direction by themselves: nothing depends on them.
+
+        Args:
+            names: Names of the unknowns.
+
+        Returns:
+            Those of them.
+        """
         if not self.open.size:
             return ()
         alone = np.linalg.norm(self.open, axis=1) > 1.0 - 1e-6
         return tuple(name for name, is_alone in zip(names, alone, strict=True) if is_alone)
 
 
-def know(problem: Problem, grown: Grown) -> Knowledge:
+def know(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: Pieces) -> Knowledge:
     """Compute covariance and identifiability at the optimum.
 
     Args:
-        problem: The problem, its data weighted with the noise as found.
-        grown: The optimum.
+        problem: Gives the unknowns and the picture's knowledge of sizes.
+        x: Coordinates of the optimum, (param,).
+        jacobian: Jacobian of the residuals, in standard deviations of the noise as found, by the shared
+            unknowns and then by the start state of the row's piece, (row, dof, column); without the latter's
+            columns where start states were given.
+        pieces: Which rows share a start state.
 
     Returns:
         What is known. The picture's knowledge of sizes counts as data, the damping of the search does not.
@@ -63,21 +74,23 @@ def know(problem: Problem, grown: Grown) -> Knowledge:
     """
     count = len(problem.unknowns)
     stacked, local = [], []
-    _, jacobian = problem.rows(grown.x, grown.states, grown.pieces, grown.substeps)
-    for first, stop in zip(grown.pieces.first[:-1], grown.pieces.first[1:], strict=True):
+    for first, stop in zip(pieces.first[:-1], pieces.first[1:], strict=True):
         rows = jacobian[first:stop].reshape(-1, jacobian.shape[2])
         rows = rows[np.any(rows != 0, axis=1)]
         shared, states = rows[:, :count], rows[:, count:]
+        # what a start state can make up for says nothing of the shared unknowns: its span is projected out,
+        # and kept, so that the start state's own covariance follows from theirs afterwards
         q, r = np.linalg.qr(states)
         inverse = np.linalg.pinv(r, rcond=1e-12)
         onto = q.T @ shared
         stacked.append(shared - q @ onto)
         local.append((inverse @ inverse.T, inverse @ onto))
+    # the picture's information is that of as many further rows as it has eigenvalues
     values, vectors = np.linalg.eigh(problem.prior.information)
     stacked.append(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
     _, triangle = np.linalg.qr(np.concatenate(stacked))
     covariance, blind = _split(triangle, problem.unknowns)
-    relative = relative_change(problem.unknowns, grown.x)
+    relative = relative_change(problem.unknowns, x)
     unfixed, loaded = _open_directions(blind, relative)
     std = np.where(loaded, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
     return Knowledge(covariance, unfixed, relative, std, _with_states(covariance, local))
@@ -93,6 +106,8 @@ def _split(triangle: np.ndarray, unknowns: Unknowns) -> tuple[np.ndarray, np.nda
     norms = np.where(norms > np.where(unknowns.log, 1e-3, 1e-12 * norms.max()), norms, 0.0)
     unit = np.where(norms > 0, norms, 1.0)
     _, singular, rows = np.linalg.svd(np.where(norms > 0, triangle / unit, 0.0), full_matrices=True)
+    # columns of length one make singular values comparable: a small one means unknowns that act alike, and
+    # not one in small units
     singular = np.concatenate((singular, np.zeros(count - len(singular))))
     fixed = singular > BLIND * singular[0] if singular[0] > 0 else np.zeros(count, dtype=bool)
     basis = rows[fixed].T / singular[fixed]
@@ -100,17 +115,24 @@ def _split(triangle: np.ndarray, unknowns: Unknowns) -> tuple[np.ndarray, np.nda
 
 
 def relative_change(unknowns: Unknowns, x: np.ndarray) -> np.ndarray:
-    """Return the relative change of each parameter by unit of its coordinate, (param,).
+    """Return the relative change of each parameter by unit of its coordinate.
 
     A damping or a centre of mass near zero is measured against the largest of its kind.
+
+    Args:
+        unknowns: The unknowns.
+        x: Their coordinates, (param,).
+
+    Returns:
+        1 for logarithms, one over the size of the others, (param,).
     """
     values = np.abs(unknowns.values(x))
     relative = np.ones(len(unknowns))
-    for i, name in enumerate(unknowns.names):
+    for i, kind in enumerate(unknowns.kinds):
         if not unknowns.log[i]:
-            kinds = ("com_x", "com_y") if kind_of(name) in ("com_x", "com_y") else (kind_of(name),)
-            like = [values[j] for j, other in enumerate(unknowns.names) if kind_of(other) in kinds]
-            relative[i] = 1.0 / max(values[i], 1e-2 * max(like), 1e-12)
+            alike = CENTRE_KINDS if kind in CENTRE_KINDS else (kind,)
+            largest = max(values[unknowns.of_kind(*alike)])
+            relative[i] = 1.0 / max(values[i], 1e-2 * largest, 1e-12)
     return relative
 
 
@@ -118,6 +140,7 @@ def _open_directions(blind: np.ndarray, relative: np.ndarray) -> tuple[np.ndarra
     """Orthonormal relative changes that the data do not see, and which parameters they move."""
     if blind.shape[1] == 0:
         return blind, np.zeros(len(relative), dtype=bool)
+    # in relative changes a direction compares a length with a damping; any basis of the same space will do
     changes, _ = np.linalg.qr(blind * relative[:, None])
     loaded = np.linalg.norm(changes, axis=1) > LOADED
     return changes, loaded
@@ -128,6 +151,7 @@ def _with_states(covariance: np.ndarray, local: list[tuple[np.ndarray, np.ndarra
     count = len(covariance)
     width = local[0][0].shape[0] if local else 0
     full = np.zeros((count + width * len(local), count + width * len(local)))
+    # a change d of the shared unknowns moves a start state by -gain d, to where it fits best again
     follow = np.concatenate([np.eye(count), *(-gain for _, gain in local)])
     full += follow @ covariance @ follow.T
     for k, (own, _) in enumerate(local):
@@ -136,10 +160,28 @@ def _with_states(covariance: np.ndarray, local: list[tuple[np.ndarray, np.ndarra
     return 0.5 * (full + full.T)
 
 
-def noise_factors(data: Data, difference: np.ndarray, unknowns: int) -> tuple[np.ndarray, np.ndarray]:
+class NoiseFactors(NamedTuple):
+    """How the residuals compare with the stated noise, by joint.
+
+    Attributes:
+        size: Size of the residuals against the stated noise, (dof,).
+        correlation: Root of the factor by which autocorrelation reduces the number of samples, at least 1,
+            (dof,).
+    """
+
+    size: np.ndarray
+    correlation: np.ndarray
+
+    @property
+    def both(self) -> np.ndarray:
+        """What the stated standard deviations are multiplied by for honest intervals, (dof,)."""
+        return self.size * self.correlation
+
+
+def noise_factors(data: Data, difference: np.ndarray, unknowns: int) -> NoiseFactors:
     """Compare the residuals with the stated noise, joint by joint.
 
-    Each residual is held against its own stated deviation, sqrt(C_jj), because the factor scales that; a
+    Each residual is compared with its own stated deviation, sqrt(C_jj), because the factor scales that; a
     whitened one would be a mixture of joints.
 
     The second factor is what residuals that resemble their neighbours cost: n samples with autocorrelation
@@ -151,23 +193,23 @@ def noise_factors(data: Data, difference: np.ndarray, unknowns: int) -> tuple[np
         unknowns: Number of unknowns that were fitted, start states included.
 
     Returns:
-        By joint: size of the residuals against the stated noise, and the root of the factor by which
-        autocorrelation reduces the number of samples, at least 1; both (dof,).
+        Both factors.
 
     Source:
         Bayley and Hammersley, The effective number of independent observations in an autocorrelated time
         series, 1946.
     """
     dofs = data.position.shape[1]
-    size, spread = np.ones(dofs), np.ones(dofs)
+    size, correlation = np.ones(dofs), np.ones(dofs)
     residuals = np.where(data.measured, difference / data.std, 0.0)
+    # a fit of as many unknowns as samples leaves nothing over; a tenth of them is left at least
     share = 1.0 - min(unknowns / max(data.samples, 1), 0.9)
     for dof in range(dofs):
         use = data.measured[:, dof]
         if use.any():
             size[dof] = np.sqrt(np.mean(residuals[use, dof] ** 2) / share)
-            spread[dof] = np.sqrt(_autocorrelation(data, residuals[:, dof], use))
-    return np.maximum(size, 1e-6), spread
+            correlation[dof] = np.sqrt(_autocorrelation(data, residuals[:, dof], use))
+    return NoiseFactors(np.maximum(size, 1e-6), correlation)
 
 
 def _autocorrelation(data: Data, values: np.ndarray, use: np.ndarray) -> float:
@@ -175,12 +217,13 @@ def _autocorrelation(data: Data, values: np.ndarray, use: np.ndarray) -> float:
     total, variance = 1.0, float(np.mean(values[use] ** 2))
     if variance <= 0:
         return 1.0
-    record = np.repeat(np.arange(len(data.first) - 1), np.diff(data.first))
+    record = data.by_row(np.arange(data.records))
     for lag in range(1, len(values) // 4):
         pairs = use[lag:] & use[:-lag] & (record[lag:] == record[:-lag])
         if pairs.sum() < 8:
             break
         rho = float(np.mean(values[lag:][pairs] * values[:-lag][pairs])) / variance
+        # correlations that are nothing but chance would sum up to any number
         if rho < 1.5 / np.sqrt(pairs.sum()):
             break
         total += 2.0 * rho

@@ -1,0 +1,225 @@
+"""A periodic torque as a Fourier series (Case II), its period and number of harmonics found from the motion.
+
+Periods come ranked from the accelerations; each is fitted, and the series is made shorter or longer as the
+fit to the positions, which knows better, demands.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monodyn.estimation.settings import USUAL_TERMS
+from monodyn.estimation.shooting.accelerations import SmoothMotion, model_accelerations, torque_response
+from monodyn.estimation.shooting.problem import Problem, posed
+from monodyn.estimation.shooting.search import obstacle
+from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
+from monodyn.estimation.torque.evidence import likeliest, pays, with_more_unknowns
+from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
+from monodyn.estimation.torque.task import Solution, Task, frictionless
+from monodyn.mechanism import Mechanism
+
+LEAST_SHARE = 0.01
+"""Share of weight and inertia at a joint from which a periodic torque stands out."""
+NO_PERIOD = (
+    "The period of the torque cannot be estimated: no period that the record shows more than once explains "
+    "the motion better than friction alone. Give more frames, or the period with "
+    "--fix torque.period=SECONDS, or leave out --identify.torque fourier."
+)
+
+
+def explain_by_series(mechanism: Mechanism, task: Task) -> Solution:
+    """Explain the motion by a periodic torque (Case II), in addition to viscous friction or alone.
+
+    Args:
+        mechanism: The start; a period that is not free in it counts as known.
+        task: What is to be explained.
+
+    Returns:
+        The solution.
+    """
+    settings = task.settings
+    if settings.series == "alone":
+        mechanism = frictionless(mechanism)
+    least = posed(mechanism.with_torque("fourier", terms=settings.terms or 1, period=1.0), task.data)
+    clock = least.mechanism.parameter("torque.period")
+    reason = obstacle(least, task.smoothed)
+    if reason is not None:
+        return Solution(least, None, reason=reason)
+    periods = PeriodSearch.of(mechanism, task.data, task.smoothed)
+    guesses = periods.guesses(settings.terms)
+    if not guesses:
+        return Solution(least, None, reason=NO_PERIOD)
+    route = task.search(periods.problem).route
+    tried = [_from_guess(mechanism, task, periods, guess) for guess in guesses]
+    problem, optimum = tried[likeliest(tried)]
+    if settings.terms == 0:
+        # shorter first: of a multiple of the true period only a division drops the idle harmonics
+        shorter = simpler_series(problem, optimum, route, divide=clock.free)
+        problem, optimum = more_terms(*shorter, route)
+    seen = periodic(problem, optimum, route) and stands_out(problem, optimum.x, periods.motion)
+    if clock.free and not seen:
+        return Solution(problem, None, reason=NO_PERIOD)
+    doubt = () if seen else (no_harmonic(problem.mechanism_at(optimum.x)),)
+    return Solution(problem, optimum, len(guesses), advice=doubt)
+
+
+def _from_guess(
+    mechanism: Mechanism, task: Task, periods: PeriodSearch, guess: PeriodGuess
+) -> tuple[Problem, Optimum]:
+    """Fit a series from one guess of the period."""
+    problem = posed(series(mechanism, guess.terms, guess.period), task.data)
+    return problem, task.search(problem).from_start(periods.start(guess, problem))
+
+
+def series(mechanism: Mechanism, terms: int, period: float) -> Mechanism:
+    """Return the mechanism under a periodic torque; a period that is not free stays.
+
+    Args:
+        mechanism: The mechanism.
+        terms: Number of harmonics.
+        period: Start of the period [s].
+    """
+    driven = mechanism.with_torque("fourier", terms=terms, period=period)
+    return driven.with_values({"torque.period": period} if driven.parameter("torque.period").free else {})
+
+
+def series_of(problem: Problem, optimum: Optimum) -> tuple[int, float]:
+    """Return the number of harmonics and the period [s] at an optimum.
+
+    Args:
+        problem: The problem with a periodic torque.
+        optimum: Its optimum.
+    """
+    mechanism = problem.mechanism_at(optimum.x)
+    return _terms(mechanism), mechanism.values["torque.period"]
+
+
+def _terms(mechanism: Mechanism) -> int:
+    """Number of harmonics: a series has its mean and two columns for each."""
+    return (mechanism.drive.table.shape[1] - 1) // 2
+
+
+def simpler_series(problem: Problem, optimum: Optimum, route: Route, divide: bool) -> tuple[Problem, Optimum]:
+    """Take harmonics off a periodic torque, or divide its period, as long as the rest explains as much.
+
+    Args:
+        problem: The problem with a periodic torque.
+        optimum: Its optimum.
+        route: How exact the search is.
+        divide: Whether the period may be divided.
+
+    Returns:
+        The problem with the series that Schwarz's criterion likes best, and its optimum.
+    """
+    while True:
+        terms, period = series_of(problem, optimum)
+        shorter = [(terms - 1, period)] if terms > 1 else []
+        if divide:
+            shorter += [(terms // d, period / d) for d in range(2, terms + 1)]
+        tried = [(problem, optimum)]
+        tried += [_shortened(problem, optimum, count, time, route) for count, time in shorter]
+        best = likeliest(tried)
+        problem, optimum = tried[best]
+        if best == 0:
+            return problem, optimum
+
+
+def _shortened(
+    problem: Problem, optimum: Optimum, terms: int, period: float, route: Route
+) -> tuple[Problem, Optimum]:
+    """Fit a shorter series from an optimum; harmonics of a divided period take over their coefficients."""
+    _, before = series_of(problem, optimum)
+    # 1 when only harmonics are dropped
+    times = round(before / period)
+    shorter = posed(series(problem.mechanism, terms, period), problem.data)
+    start = shorter.unknowns.carried(optimum.x, problem.unknowns)
+    if "torque.period" in shorter.unknowns.names:
+        start[shorter.unknowns.names.index("torque.period")] = np.log(period)
+    table = problem.mechanism_at(optimum.x).drive.table
+    entries = shorter.mechanism.drive_entries(shorter.unknowns.names)
+    # harmonic k of a period divided by d is harmonic d k of the whole one; columns are mean, cos1, sin1, ...
+    for k in range(1, terms + 1):
+        for part in (-1, 0):  # cosine and sine
+            new, old = entries[:, 2 * k + part], table[:, 2 * k * times + part]
+            start[new[new >= 0]] = old[new >= 0]
+    return shorter, fit_pieces(shorter, optimum.trial.at(start, optimum.trial.states), route, route.fine)
+
+
+def more_terms(problem: Problem, optimum: Optimum, route: Route) -> tuple[Problem, Optimum]:
+    """Add harmonics to a periodic torque as long as one of the next two pays.
+
+    Args:
+        problem: The problem with a periodic torque.
+        optimum: Its optimum.
+        route: How exact the search is.
+
+    Returns:
+        The problem with as many harmonics as pay, and its optimum.
+    """
+    dofs, period = len(problem.mechanism.joints), problem.mechanism.values["torque.period"]
+    terms = _terms(problem.mechanism)
+    further = terms + 1
+    # two ahead, because a torque that is odd or even about its middle lacks every other harmonic
+    while further <= min(terms + 2, USUAL_TERMS) and optimum.complete:
+        driven = series(problem.mechanism, further, period)
+        longer, found = with_more_unknowns(problem, optimum, driven, route)
+        if pays(optimum, found, 2 * dofs * (further - terms)):
+            problem, optimum, terms = longer, found, further
+        further += 1
+    return problem, optimum
+
+
+def periodic(problem: Problem, optimum: Optimum, route: Route) -> bool:
+    """Return whether a periodic torque explains the motion by far better than friction alone.
+
+    By far, because the best of many periods was taken.
+
+    Args:
+        problem: The problem with a periodic torque.
+        optimum: Its optimum.
+        route: How exact the search is.
+    """
+    undriven = posed(problem.mechanism.with_torque("friction"), problem.data)
+    x = undriven.unknowns.carried(optimum.x, problem.unknowns)
+    passive = fit_pieces(undriven, optimum.trial.at(x, optimum.trial.states), route, route.fine)
+    added = len(problem.unknowns) - len(undriven.unknowns)
+    return not passive.complete or pays(passive, optimum, added)
+
+
+def stands_out(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> bool:
+    """Return whether the periodic part of a torque counts in comparison with weight and inertia.
+
+    What the model lacks is often periodic as the motion is, and small; a torque of under a hundredth of
+    weight and inertia at every joint is taken for that.
+
+    Args:
+        problem: The problem with a periodic torque.
+        x: Coordinates, (param,).
+        motion: Smooth motion.
+    """
+    # both loads as torques along the measured motion, so that they compare with the drive's
+    response, none = torque_response(problem, x, motion), np.zeros_like(motion.position)
+    falling = model_accelerations(problem, x, motion.at_rest, none)
+    weight, inertia = (
+        np.linalg.solve(response, accelerations[:, :, None])[:, :, 0]
+        for accelerations in (falling, motion.acceleration)
+    )
+    load = np.sqrt(np.mean(weight**2 + inertia**2, axis=0))
+    torque = problem.at(x).drive.at(motion.time * problem.stretch(x))
+    swing = np.sqrt(np.mean((torque - torque.mean(axis=0)) ** 2, axis=0))
+    return bool((swing > LEAST_SHARE * load).any())
+
+
+def no_harmonic(mechanism: Mechanism) -> str:
+    """Say that a periodic torque of a given period does not stand out from weight and inertia.
+
+    Args:
+        mechanism: The mechanism under the torque.
+
+    Returns:
+        The sentence.
+    """
+    return (
+        f"A torque of period {mechanism.values['torque.period']:.4g} s is under a hundredth of weight and "
+        "inertia at every joint: it may be what the model lacks; nothing periodic need act."
+    )

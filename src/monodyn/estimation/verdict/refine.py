@@ -1,0 +1,155 @@
+"""The optimum of the search in, that of the plain least squares out: noise as found, gross errors left out.
+
+A search bounds the pull of gross errors and takes the noise as stated. The fit that is reported leaves gross
+errors out altogether, and weighs the joints with the noise that their residuals show.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.estimation.record.samples import Data
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.scaling import (
+    with_clock_of_start,
+    with_gravity_of_start,
+    with_masses_of_start,
+)
+from monodyn.estimation.shooting.shoot import Optimum, Route, choose_substeps, fit_pieces, typical
+from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.verdict.uncertainty import Knowledge, NoiseFactors, know, noise_factors
+from monodyn.optimize import SearchSettings
+
+MOST_REJECTED = 0.1
+"""With more far-off samples than this share they are no accident, and none is left out."""
+LONGEST_RUN = 3
+"""Nor is a run of more far-off measured rows than this: there the motion does not follow."""
+ROUNDS = 2
+"""Times that the noise is taken from the residuals, at least: the second from a fit weighted by the first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """The optimum of the plain least squares.
+
+    Attributes:
+        problem: The problem without gross errors, with the noise as stated.
+        optimum: Its optimum with the noise as found; ``evaluations`` counts all.
+        known: What the data know there.
+        noise: How residuals compare with the stated noise.
+        rejected: True for rows left out as gross errors, (row,).
+        substeps: Integration steps between stamps that the optimum needs.
+        error: Integration error with them [rad or m].
+    """
+
+    problem: Problem
+    optimum: Optimum
+    known: Knowledge
+    noise: NoiseFactors
+    rejected: np.ndarray
+    substeps: int
+    error: float
+
+    @property
+    def fitted(self) -> int:
+        """Number of unknowns that take a degree of freedom from the motion."""
+        return _fitted(self.problem, self.optimum)
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the intervals: samples that are independent, less the unknowns."""
+        left = max(self.problem.data.samples - self.fitted, 1)
+        return left / float(np.mean(self.noise.correlation)) ** 2
+
+
+def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Refined:
+    """Leave gross errors out and weigh the joints with the noise that their residuals show.
+
+    Args:
+        problem: The problem, with the noise as stated.
+        optimum: Its optimum, one piece a record.
+        settings: How gross errors are told from the motion, how exact the search is.
+
+    Returns:
+        The optimum and what is known there.
+    """
+    rejected = _gross(problem.data, optimum.residuals, settings.outlier)
+    stated = problem.with_data(problem.data.without(rejected))
+    fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-7, relative=1e-9)
+    route = Route(settings.piece, settings.error_bound, fine)
+    evaluations = optimum.evaluations
+    optimum = _settled(stated, optimum)
+    substeps, error, rounds = 0, 0.0, 0
+    # again where the optimum needs more integration steps than the search chose; they double at least
+    while rounds < ROUNDS or substeps > optimum.trial.substeps:
+        weighted = _weighted(stated, _noise(stated, optimum))
+        optimum = fit_pieces(weighted, optimum.trial, route, fine, robust=False)
+        evaluations, rounds = evaluations + optimum.evaluations, rounds + 1
+        substeps, error = choose_substeps(stated, optimum.trial, settings.error_bound)
+    noise = _noise(stated, optimum)
+    weighted = _weighted(stated, noise)
+    _, jacobian = weighted.rows(optimum.trial)
+    known = know(weighted, optimum.x, jacobian, optimum.trial.pieces)
+    return Refined(stated, replace(optimum, evaluations=evaluations), known, noise, rejected, substeps, error)
+
+
+def _noise(problem: Problem, optimum: Optimum) -> NoiseFactors:
+    return noise_factors(problem.data, problem.differences(optimum.trial), _fitted(problem, optimum))
+
+
+def _weighted(problem: Problem, noise: NoiseFactors) -> Problem:
+    """Return the problem weighted with the noise as found."""
+    return problem.with_data(problem.data.scaled(noise.both))
+
+
+def _fitted(problem: Problem, optimum: Optimum) -> int:
+    """Number of unknowns that take a degree of freedom from the motion."""
+    from_picture = problem.prior.rank
+    return max(len(problem.unknowns) - from_picture, 0) + optimum.trial.states.size
+
+
+def _settled(problem: Problem, optimum: Optimum) -> Optimum:
+    """Bring gravity, time scale and the scale of masses to the start where the motion does not fix them."""
+    before = float(np.sum(problem.residuals(optimum.trial) ** 2))
+    # each change is kept only where the motion stays as it is, which the change itself does not know: a given
+    # length, a spring or a friction may fix the scale. The rate within which friction changes sign does not
+    # scale, so that the clock changes a little, and the search goes on from there
+    steps = ((with_gravity_of_start, 1e-6), (with_clock_of_start, 1e-3), (with_masses_of_start, 1e-6))
+    for settle, change in steps:
+        moved = replace(optimum, trial=_in_units_of(problem, optimum, settle(problem, optimum.x)))
+        after = float(np.sum(problem.residuals(moved.trial) ** 2))
+        if abs(after - before) <= change * (1.0 + before):
+            optimum, before = moved, after
+    return optimum
+
+
+def _in_units_of(problem: Problem, optimum: Optimum, x: np.ndarray) -> Trial:
+    """Move to ``x`` (param,) with the measured start: states are in metres and true time, records are not."""
+    trial = optimum.trial
+    dofs = trial.states.shape[1] // 2
+    slide = np.tile(problem.data.slide[trial.pieces.record], 2)
+    states = trial.states * np.where(slide, problem.size(x) / problem.size(optimum.x), 1.0)
+    states[:, dofs:] *= problem.stretch(optimum.x) / problem.stretch(x)
+    return trial.at(x, states)
+
+
+def _gross(data: Data, residuals: np.ndarray, outlier: float) -> np.ndarray:
+    """Rows of short runs with a residual above ``outlier`` typical ones of their joint, (row,)."""
+    far = np.zeros(len(residuals), dtype=bool)
+    if outlier == 0:
+        return far
+    for dof, use in enumerate(data.measured.T):
+        size = max(typical(residuals[:, [dof]], use[:, None]), 1.0)
+        far[use & (np.abs(residuals[:, dof]) > outlier * size)] = True
+    # a gross error comes alone: where the motion itself is missed, many rows in a row are far off
+    measured = np.asarray(data.measured.any(axis=1))
+    alone = np.zeros_like(far)
+    for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
+        rows = first + np.flatnonzero(measured[first:stop])
+        ends = np.flatnonzero(np.diff(far[rows].astype(int), prepend=0, append=0))
+        for begin, end in ends.reshape(-1, 2):
+            alone[rows[begin:end]] = end - begin <= LONGEST_RUN
+    return alone if alone.sum() <= MOST_REJECTED * measured.sum() else np.zeros_like(far)

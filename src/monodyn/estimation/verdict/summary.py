@@ -1,0 +1,210 @@
+"""The optimum in, the fit out: intervals, status and advice."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from monodyn.estimation.fit import Estimate, Fit, Start
+from monodyn.estimation.record.samples import Data
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.shoot import Optimum, unexplained
+from monodyn.estimation.torque.task import Solution
+from monodyn.estimation.verdict import advice as say
+from monodyn.estimation.verdict.combinations import combinations
+from monodyn.estimation.verdict.intervals import estimates
+from monodyn.estimation.verdict.refine import Refined, refine
+from monodyn.estimation.verdict.trust import verdict
+from monodyn.estimation.verdict.uncertainty import Knowledge
+from monodyn.mechanism import Mechanism
+from monodyn.types import Poses
+
+UNSTARTED = (
+    "The motion of the start cannot be simulated through the record; check the mechanism file and that its "
+    "joints turn as in the record."
+)
+CLEAR_SHARE = 0.01
+"""Residuals below this share of the motion are too small for bodies or dry friction to be the reason."""
+
+
+def summarize(
+    solution: Solution, records: tuple[Poses, ...], settings: IdentifySettings, began: float
+) -> Fit:
+    """Turn the solution of a search into a fit.
+
+    Args:
+        solution: The problem, with the noise as stated, and its optimum or why there is none.
+        records: The records, for the shape of the residuals.
+        settings: How gross errors are told from the motion, how exact the last search is.
+        began: When the identification began.
+
+    Returns:
+        The fit; without an optimum one that says why.
+    """
+    problem, optimum = solution.problem, solution.optimum
+    if optimum is None:
+        return refused(problem, solution.reason, records, time.perf_counter() - began)
+    if not np.isfinite(optimum.cost):
+        status = UNSTARTED
+        return replace(refused(problem, status, records, time.perf_counter() - began), advice=solution.advice)
+    found = refine(problem, optimum, settings)
+    fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
+    status, ok = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
+    fit = replace(fit, status=status, ok=ok)
+    accuracy = say.integration(found.substeps, found.error, settings.error_bound)
+    advice = (*solution.advice, *accuracy, *_advice(found, fit, records))
+    return replace(fit, advice=(*advice, *say.search_end(found.optimum.converged, solution.tried)))
+
+
+def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:
+    """Return a fit that says why nothing was identified; the mechanism stays as it was.
+
+    Args:
+        problem: The problem.
+        status: The reason, a sentence.
+        records: The records.
+        seconds: Wall time [s].
+
+    Returns:
+        A fit without start states, whose ``ok`` is False.
+    """
+    parameters = tuple(
+        Estimate(p.name, p.value, np.inf, p.lower, p.upper, p.unit, True, False, False)
+        if p.name in problem.unknowns.names
+        else Estimate(p.name, p.value, 0.0, p.value, p.value, p.unit, False, False, False)
+        for p in problem.mechanism.parameters
+    )
+    residual = tuple(np.full(record.position.shape, np.nan) for record in records)
+    return Fit(
+        status=status, ok=False, advice=(), mechanism=problem.mechanism, parameters=parameters,
+        combinations=(), starts=(), tied=(), covariance=np.zeros((0, 0)), residual=residual,
+        rms={joint.name: float("nan") for joint in problem.mechanism.joints}, scale=1.0,
+        torque=problem.mechanism.torque, time=tuple(record.time for record in records), evaluations=0,
+        seconds=seconds,
+    )  # fmt: skip
+
+
+def fit_of(
+    problem: Problem,
+    optimum: Optimum,
+    known: Knowledge,
+    records: tuple[Poses, ...],
+    *,
+    freedom: float,
+    began: float,
+) -> Fit:
+    """Collect what was found, all but status and advice.
+
+    Args:
+        problem: The problem.
+        optimum: The optimum, one piece a record.
+        known: What is known of the unknowns and the start states.
+        records: The records, for the shape of the residuals.
+        freedom: Degrees of freedom of the intervals.
+        began: When the identification began.
+
+    Returns:
+        The fit, with an empty status.
+    """
+    from scipy.special import stdtrit
+
+    data, mechanism, unknowns = problem.data, problem.mechanism_at(optimum.x), problem.unknowns
+    # residuals are given in metres of the identified scale, as the user reads them
+    unit = np.where(data.slide, problem.size(optimum.x), 1.0)
+    difference = problem.differences(optimum.trial) * data.by_row(unit)
+    rms = np.sqrt(np.nanmean(difference**2, axis=0)).tolist()
+    tied = zip(unknowns.tied, unknowns.tied_to, strict=True)
+    covariance = _natural(problem, optimum, known)
+    return Fit(
+        status="",
+        ok=True,
+        advice=(),
+        mechanism=mechanism,
+        parameters=estimates(problem, optimum, known, float(stdtrit(max(freedom, 1.0), 0.975))),
+        combinations=combinations(problem, optimum.x, known),
+        starts=_starts(problem, optimum, covariance),
+        tied=tuple((name, unknowns.names[i]) for name, i in tied),
+        covariance=covariance,
+        residual=_by_record(data, difference, records),
+        rms=dict(zip((joint.name for joint in mechanism.joints), rms, strict=True)),
+        scale=problem.size(optimum.x),
+        torque=mechanism.torque,
+        time=tuple(record.time for record in records),
+        evaluations=optimum.evaluations,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _natural(problem: Problem, optimum: Optimum, known: Knowledge) -> np.ndarray:
+    """Bring the covariance from coordinates to the parameters themselves, (unknown, unknown)."""
+    # start states are their own coordinates
+    slope = np.ones(len(known.full))
+    slope[: len(problem.unknowns)] = problem.unknowns.slope(optimum.x)
+    return known.full * np.outer(slope, slope)
+
+
+def _starts(problem: Problem, optimum: Optimum, covariance: np.ndarray) -> tuple[Start, ...]:
+    """Start state of each record; its covariance is a view of the whole."""
+    count, width = len(problem.unknowns), optimum.trial.states.shape[1]
+    found = []
+    for k, state in enumerate(optimum.trial.states):
+        block = slice(count + k * width, count + (k + 1) * width)
+        when = float(problem.data.times[problem.data.first[k]])
+        q0, v0 = np.split(state, 2)
+        found.append(Start(when, q0, v0, covariance[block, block]))
+    return tuple(found)
+
+
+def _by_record(data: Data, difference: np.ndarray, records: tuple[Poses, ...]) -> tuple[np.ndarray, ...]:
+    """Cut the residuals back into the tables of the records."""
+    found = []
+    for k, record in enumerate(records):
+        table = np.full((len(record), difference.shape[1]), np.nan)
+        rows = slice(data.first[k], data.first[k + 1])
+        # rows that were put into gaps have no source, and belong to no table
+        source = data.source[rows]
+        table[source[source >= 0]] = difference[rows][source >= 0]
+        found.append(table)
+    return tuple(found)
+
+
+def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
+    """What the reader should know of the fit, the gravest first."""
+    problem, optimum, mechanism = found.problem, found.optimum, found.problem.mechanism
+    unknowns, gone = problem.unknowns, found.rejected
+    left_out = [int(records[0].frame[row]) for row in problem.data.source[gone]] if len(records) == 1 else []
+    # hardly any record states its noise well: what is small against the motion is no fault of the model
+    large = unexplained(problem, optimum.trial) > CLEAR_SHARE
+    assumed = say.Assumed(
+        uniform=unknowns.uniform and large,
+        frictionless=say.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
+        level=not all(record.metric for record in records),
+    )
+    advice = say.misfit(mechanism, fit.rms, found.noise, assumed)
+    advice += say.limits(mechanism, problem.simulated(optimum.trial))
+    advice += say.contradictions(problem.prior.negative)
+    if fit.ok:
+        without_effect = found.known.without_effect(unknowns.names)
+        advice += say.open_parameters(mechanism, fit.parameters, without_effect)
+        advice += say.bounds(fit.parameters)
+        advice += say.proportions([mechanism.parameter(n) for n in unknowns.tied] if unknowns.uniform else ())
+    advice += say.without_use(_without_use(mechanism))
+    if mechanism.torque == "free":
+        advice += say.free_torques(mechanism)
+    advice += say.clock(mechanism, fit.parameters)
+    total = int(problem.data.measured.any(axis=1).sum()) + int(gone.sum())
+    advice += say.outliers(total, int(gone.sum()), left_out)
+    return advice + say.few(problem.data.samples, found.fitted)
+
+
+def _without_use(mechanism: Mechanism) -> list[str]:
+    """Names of given thicknesses and densities on which no link depends."""
+    given = [
+        p.name
+        for p in mechanism.parameters
+        if p.name in mechanism.chosen and p.kind in ("thickness", "density") and not p.free
+    ]
+    return [name for name in given if not mechanism.directions([name]).links.any()]

@@ -1,0 +1,175 @@
+"""The end of the published search in, status and advice out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.verdict import advice as say
+from monodyn.estimation.verdict.uncertainty import noise_factors
+from monodyn.estimation.wording import amount, amounts, listed, percent
+from monodyn.paper.descent import Descent
+from monodyn.paper.filter import Gains
+from monodyn.paper.fixed_start import FixedStart
+from monodyn.paper.settings import PAPER_GAINS, PaperIdentifySettings
+from monodyn.paper.torque_model import TorqueModel
+from monodyn.types import Poses
+
+UNSURE_SHARE = 0.05
+"""A search that did not reach its minimum must come so near, as a share of the motion."""
+UNCLEAR_SHARE = 0.01
+"""Residuals above this share of the motion may come from bodies or friction that the model lacks."""
+SHORT_RECORD = 10
+"""Frames of a record that can hardly be shorter."""
+NOT_FOLLOWED_SHARE = 0.25
+"""The fit does not follow the record when the rms residual of a joint is above this share of its motion."""
+
+
+def published_verdict(
+    found: Descent, rms: dict[str, float], settings: PaperIdentifySettings, period: float | None
+) -> tuple[str, bool]:
+    """Say what came of the fit, and whether it follows the record at all.
+
+    Args:
+        found: Where the search ended.
+        rms: Root mean square of the residual by joint [rad or m].
+        settings: What was compared, under which torque model.
+        period: The period [s] that was estimated, or None.
+
+    Returns:
+        The status, one sentence, and whether the fit can be used.
+    """
+    problem, share = found.fixed.problem, _shares(found, rms)
+    # a search that ended early may be anywhere: it must have come nearer than one that is at its minimum
+    j = int(np.argmax(share))
+    name = list(rms)[j]
+    frames = int(problem.data.measured.any(axis=1).sum())
+    if not share[j] < (NOT_FOLLOWED_SHARE if found.converged else UNSURE_SHARE):
+        what = "The simulated motion does not follow the record"
+        instead = ["fit fewer frames"] if frames > SHORT_RECORD else []
+        if share[j] < NOT_FOLLOWED_SHARE:
+            what = "The search ended before its minimum"
+            instead = ["allow more with --identify.evaluations"]
+        elif settings.states == "filtered":
+            instead = ["compare with --identify.states measured, which do not lag"]
+        if period is not None:
+            known = f"give the period, estimated as {period:.4g} s, with --fix torque.period=SECONDS"
+            instead.append(known)
+        return (
+            f"{what}: rms residual of {name} {amount(problem.mechanism, name, rms[name])}, "
+            f"{percent(share[j])} of its motion; {', '.join([*instead, ''])}"
+            f"{'or ' if instead else ''}try --identify.method fast.",
+            False,
+        )
+    unknowns = len(problem.unknowns)
+    open_all = " (more than there are measured values: one of many solutions)"
+    lacking = open_all if found.fixed.compared <= unknowns else ""
+    return (
+        f"Identified {unknowns} unknowns{lacking} by the published method from {frames} frames, torque model "
+        f"{settings.torque}; rms residual {amounts(problem.mechanism, rms)}.",
+        True,
+    )
+
+
+def _shares(found: Descent, rms: dict[str, float]) -> np.ndarray:
+    """Rms residuals as shares of the motion, (dof,)."""
+    problem = found.fixed.problem
+    unit = np.where(problem.data.slide.any(axis=0), problem.size(found.x), 1.0)
+    return np.array(list(rms.values())) / np.maximum(problem.data.motion_size * unit, 1e-12)
+
+
+def published_advice(
+    found: Descent,
+    model: TorqueModel,
+    fit: Fit,
+    records: tuple[Poses, ...],
+    settings: PaperIdentifySettings,
+    without_effect: Sequence[str],
+) -> tuple[str, ...]:
+    """Say all that the reader should know, the gravest first.
+
+    Args:
+        found: Where the search ended.
+        model: The torque model.
+        fit: What was found, all but status and advice.
+        records: The records.
+        settings: What was compared, under which torque model.
+        without_effect: Names of unknowns on which nothing depends.
+
+    Returns:
+        Sentences.
+    """
+    fixed, problem, mechanism = found.fixed, found.fixed.problem, found.fixed.problem.mechanism
+    kinds = {p.name: p.kind for p in mechanism.parameters}
+    # torques are a means here: of hundreds of them nothing is said one by one
+    bodies = [p for p in fit.parameters if kinds[p.name] != "torque"]
+    advice = say.integration(fixed.substeps, found.error, settings.error_bound)
+    advice += _under_torques(fixed) if settings.torque == "free" else _misfit(found, fit, records)
+    advice += [*model.doubt, *_filtering(settings)]
+    if model.period is not None:
+        advice.append(f"The period of {model.period:.4g} s was estimated beforehand and held.")
+    if settings.torque != "free":
+        advice += say.open_parameters(mechanism, bodies, without_effect)
+        advice += say.few(fixed.compared, len(problem.unknowns))
+    advice += say.bounds(bodies)
+    advice += say.limits(mechanism, problem.simulated(fixed.trial(found.x)))
+    if settings.torque != "free":
+        advice += say.clock(mechanism, fit.parameters)
+    return (*advice, *say.search_end(found.converged, found.tried))
+
+
+def _under_torques(fixed: FixedStart) -> list[str]:
+    """Say what free torques leave open."""
+    unknowns = fixed.problem.unknowns
+    advice = [
+        f"{len(unknowns)} unknowns and {fixed.compared} measured values: free torques are underdetermined "
+        "and follow the noise of the poses; there are no intervals."
+    ]
+    pairs = zip(unknowns.names, unknowns.kinds, strict=True)
+    sizes = [name for name, kind in pairs if kind != "torque"]
+    if sizes:
+        advice.append(
+            f"Beside free torques any sizes and masses will do: {listed(sizes, 8)} are arbitrary; give "
+            "measured values with --fix."
+        )
+    return advice
+
+
+def _misfit(found: Descent, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
+    """Say where residuals are far above the stated noise; a given start state adds to them."""
+    problem, mechanism = found.fixed.problem, fit.mechanism
+    noise = noise_factors(problem.data, problem.differences(found.fixed.trial(found.x)), len(found.x))
+    large = bool(_shares(found, fit.rms).max() > UNCLEAR_SHARE)
+    assumed = say.Assumed(
+        uniform=large and problem.unknowns.uniform,
+        frictionless=say.zero_frictions(mechanism, problem.unknowns) if large else (),
+        level=not all(record.metric for record in records),
+    )
+    advice = say.misfit(mechanism, fit.rms, noise, assumed)
+    if advice:
+        advice.append(
+            "The published method holds the start state at the filtered one, whose error adds to the "
+            "residual; --identify.method fast estimates it."
+        )
+    return advice
+
+
+def _filtering(settings: PaperIdentifySettings) -> list[str]:
+    """Say what the gains do, where they are not the usual ones or ring."""
+    used = settings.rates or settings.states == "filtered"
+    if not used and tuple(settings.gains) != PAPER_GAINS:
+        return [
+            "The gains have no effect on this fit: measured angles are compared, and the start state is the "
+            "parabola through the first three samples."
+        ]
+    # the paper's own gains lie on the edge, where errors neither grow nor die out
+    gains = Gains.of(settings.gains)
+    if used and not gains.stable:
+        most = 2.0 * gains.alpha * gains.beta / (2.0 - gains.alpha)
+        return [
+            f"With these gains the filtered states ring and errors do not die out; take a gamma below "
+            f"{most:.3g} with --identify.gains."
+        ]
+    return []

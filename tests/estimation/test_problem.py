@@ -1,0 +1,70 @@
+"""Residuals of rollouts: their derivatives against differences."""
+
+import numpy as np
+import pytest
+
+from driven import (
+    DOUBLE,
+    started,
+)
+from monodyn.estimation.record.samples import cut, prepare
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.trial import Trial
+from monodyn.mechanism import load
+from swings import TIMES, motion, record
+
+
+@pytest.mark.parametrize("model", ["double", "cartpole"])
+def test_the_derivative_by_the_time_scale_is_exact(model):
+    """Against a central difference of the residuals themselves, slides in the scale of the picture."""
+    start = load(model).with_values({"time_scale": 0.7}).with_choices(free=["time_scale"])
+    damped = start.with_values({p.name: 0.01 for p in start.parameters if p.name.endswith(".damping")})
+    swing = motion(damped, TIMES, [0.1, 0.5], [0.2, 1.0])
+    data = prepare([record(damped, TIMES, swing, metric=False)], damped)
+    problem = posed(damped, data)
+    unknowns = problem.unknowns
+    pieces, at = cut(data, 20), unknowns.names.index("time_scale")
+    states = np.tile([0.1, 0.5, 0.2, 1.0], (len(pieces.record), 1))
+    step, trial = 1e-5 * np.eye(len(unknowns))[at], Trial(unknowns.x0, states, pieces, 4)
+    ends = [problem.residuals(trial.at(trial.x + sign * step, states)) for sign in (1.0, -1.0)]
+    _, jacobian = problem.rows(trial)
+    slope = (ends[0] - ends[1]) / 2e-5
+    # the difference is good to 1e-10 by its step and to 1e-11 of the residuals by rounding
+    np.testing.assert_allclose(jacobian[:, :, at], slope, rtol=0, atol=1e-7 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("name", ["joint1.torque.cos1", "torque.period", "time_scale", "link1.length"])
+def test_slopes_of_a_driven_rollout_are_differences(name, driven, tmp_path):
+    start = started(DOUBLE, tmp_path, 1.1).with_torque("fourier", terms=2, period=2.1)
+    start = start.with_choices(free=["time_scale"])
+    start = start.with_values({"joint1.torque.cos1": 0.02, "joint2.torque.sin2": 0.01, "time_scale": 1.1})
+    record = driven[0].part(20, 40)
+    data = prepare((record,), start)
+    problem, pieces = posed(start, data), cut(data, 20)
+    trial = Trial(problem.unknowns.x0, np.array([[-1.5, 0.3, 0.5, -1.0]]), pieces, 8)
+    at, step = problem.unknowns.names.index(name), 1e-5
+    _, jacobian = problem.rows(trial)
+    moved = []
+    for sign in (1, -1):
+        near = trial.x.copy()
+        near[at] += sign * step
+        # a start state is by true time: the same stamps begin elsewhere on another clock
+        moved.append(problem.rows(trial.at(near, trial.states))[0])
+    difference = (moved[0] - moved[1]) / (2 * step)
+    assert np.abs(jacobian[:, :, at] - difference).max() < 1e-5 * np.abs(difference).max()
+
+
+@pytest.mark.parametrize("model", ["fourier", "free"])
+def test_slopes_of_the_torque_are_differences(model):
+    knots = np.linspace(0.0, 2.0, 7)
+    mechanism = load("double").with_torque(model, terms=2, period=0.7, knots=knots)
+    names = tuple(n for n in mechanism.values if ".torque." in n or n == "torque.period")
+    rng = np.random.default_rng(1)
+    mechanism = mechanism.with_values({n: rng.uniform(0.5, 1.0) for n in names})
+    times = np.linspace(0.05, 1.9, 11)
+    torque, slopes = mechanism.drive.derivatives(mechanism.directions(names), times)
+    assert torque == pytest.approx(mechanism.drive.at(times))
+    for k, name in enumerate(names):
+        value, step = mechanism.values[name], 1e-6
+        ends = [mechanism.with_values({name: value + s * step}).drive.at(times) for s in (1, -1)]
+        assert slopes[:, :, k] == pytest.approx((ends[0] - ends[1]) / (2 * step), abs=1e-7)

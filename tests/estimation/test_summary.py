@@ -1,0 +1,49 @@
+"""The optimum as a fit, or the reason why there is none."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from monodyn.estimation.record.samples import Pieces, prepare
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.shoot import Optimum
+from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.torque.task import Solution
+from monodyn.estimation.verdict.summary import summarize
+
+
+def test_a_start_that_cannot_be_simulated_is_a_status(poses, double):
+    problem = posed(double, prepare([poses], double))
+    trial = Trial(problem.unknowns.x0, np.zeros((1, 4)), Pieces(np.array([0, 60]), np.array([0])))
+    lost = Optimum(trial, np.zeros((60, 2)), np.inf, np.inf, 1, False, np.zeros(len(trial.x), dtype=bool))
+    fit = summarize(Solution(problem, lost, advice=("Said before.",)), (poses,), IdentifySettings(), 0.0)
+    assert not fit.ok
+    assert fit.status == (
+        "The motion of the start cannot be simulated through the record; check the mechanism file and that "
+        "its joints turn as in the record."
+    )
+    assert fit.advice == ("Said before.",)
+    assert fit.mechanism is double
+    assert fit.starts == fit.names == ()
+    assert all(np.isnan(value) for value in fit.rms.values())
+
+
+def test_a_reason_becomes_the_status(poses, double):
+    problem = posed(double, prepare([poses], double))
+    fit = summarize(Solution(problem, None, reason="Not today."), (poses,), IdentifySettings(), 0.0)
+    assert (fit.ok, fit.status, fit.evaluations) == (False, "Not today.", 0)
+    free = {p.name for p in fit.parameters if p.free}
+    assert free == set(problem.unknowns.names)
+    assert all(np.isinf(p.std) for p in fit.parameters if p.free)
+
+
+def test_residuals_stay_in_the_rows_of_their_tables(poses, double):
+    from monodyn.stages import identify
+
+    seen = poses.seen.copy()
+    seen[[0, 1, 30]] = False
+    fit = identify([replace(poses, seen=seen), poses.part(10, 50)], double, IdentifySettings(starts=1))
+    assert [len(table) for table in fit.residual] == [60, 40]
+    np.testing.assert_array_equal(np.isfinite(fit.residual[0][:, 0]), seen)
+    assert np.isfinite(fit.residual[1]).all()

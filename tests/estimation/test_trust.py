@@ -1,0 +1,104 @@
+"""What is close enough to be used, and the sentence that says so."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monodyn.estimation.record.samples import Pieces, prepare
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.shoot import Optimum
+from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.verdict.trust import verdict
+from monodyn.mechanism import load
+from monodyn.stages import identify
+from swings import motion, record
+
+
+def test_motion_of_something_else_is_not_trusted(poses, double):
+    rng = np.random.default_rng(1)
+    fit = identify(
+        replace(poses, position=np.cumsum(rng.normal(size=(60, 2)), axis=0)),
+        double,
+        IdentifySettings(starts=1),
+    )
+    assert not fit.ok
+    found = re.search(r"typically (joint\d) is off by (\S+) deg, (\S+) % of its motion", fit.status)
+    assert found
+    joint, off, share = found.groups()
+    assert fit.status == (
+        f"The simulated motion does not follow the record: typically {joint} is off by {off} deg, {share} % "
+        "of its motion; check that the mechanism is the one in the record and that no other force acts on it."
+    )
+    assert float(share) > 10.0
+
+
+@pytest.fixture(scope="module")
+def bent():
+    """Two swings of a pendulum; from the second second on 0.2 rad of something else lies over them."""
+    single, times = load("single"), np.arange(120) / 30.0
+    swing = motion(single, times, [0.6], [0.0])
+    swing[60:, 0] += 0.2 * np.sin(12.0 * (times[60:] - 2.0))
+    return record(single, times, swing, noise=1e-3)
+
+
+def test_a_loud_and_large_residual_is_not_trusted(bent):
+    """Beyond 20 times the noise and 1.5 % of the range; the first half alone is fine, and is said to be."""
+    fit = identify(bent, load("single"))
+    size = np.ptp(bent.position)
+    assert fit.rms["joint1"] > 0.015 * size
+    assert not fit.ok
+    found = re.search(r"joint1 (\S+) deg, (\S+) % of its range and (\S+) times", fit.status)
+    assert found
+    rms, share, noise = found.groups()
+    assert fit.status == (
+        f"The simulated motion is too far from the record to be used: rms residual of joint1 {rms} deg, "
+        f"{share} % of its range and {noise} times the stated noise; fit a shorter record or let the model "
+        "have what it lacks (see the advice)."
+    )
+    assert float(rms) == pytest.approx(np.degrees(fit.rms["joint1"]), rel=1e-2)
+    assert re.fullmatch(
+        r"The first 60 frames alone do fit, with rms residual 0\.0\d+ deg \(joint1\): --fit-frames 0:60 for "
+        r"a clip, or a table that ends there\. Small faults of the model grow along a long or chaotic "
+        r"record\.",
+        fit.advice[0],
+    )
+    assert "Bodies were taken to be uniform; if they are not, try --identify.bodies free." in fit.advice
+    assert "Dry friction was taken to be zero; --free joint1.friction estimates it." in fit.advice
+    assert not any("camera.roll" in line for line in fit.advice)
+
+
+def test_a_misfit_of_pictures_may_be_a_tilted_camera(bent):
+    """Angles of an encoder have no camera; those of pictures count from a vertical that may not be one."""
+    told = (
+        "Gravity was taken straight down in the picture; where the camera was not level, give its tilt with "
+        "--fix camera.roll=VALUE [rad] (positive turns the picture of the mechanism clockwise)."
+    )
+    assert told in identify(replace(bent, metric=False), load("single")).advice
+    fine = replace(bent.part(0, 60), metric=False)
+    assert told not in identify(fine, load("single")).advice
+
+
+def test_a_residual_as_large_as_the_noise_is_fine_however_large(bent):
+    """The same record that admits to be inexact."""
+    fit = identify(replace(bent, covariance=bent.covariance * 50.0**2), load("single"))
+    assert fit.ok
+    assert fit.rms["joint1"] > 0.015 * np.ptp(bent.position)
+
+
+@pytest.mark.parametrize(
+    ("share", "noise", "ok"), [(0.014, 30.0, True), (0.016, 19.0, True), (0.016, 21.0, False)]
+)
+def test_a_fit_is_refused_only_where_it_misses_by_both_measures(share, noise, ok):
+    """At most 1.5 % of the range of motion, or at most twenty times the stated noise."""
+    single, times = load("single"), np.arange(60) / 30.0
+    poses = record(single, times, motion(single, times, [0.6], [0.0]), noise=1e-4)
+    problem = posed(single, prepare([poses], single))
+    trial = Trial(problem.unknowns.x0, np.array([[0.6, 0.0]]), Pieces(np.array([0, 60]), np.array([0])), 8)
+    optimum = Optimum(trial, problem.residuals(trial), 0.0, 1.0, 1, True, np.zeros(1, dtype=bool))
+    rms = share * float(np.ptp(poses.position))
+    status, good = verdict(problem, optimum, {"joint1": rms}, np.array([noise]))
+    assert good == ok
+    assert not ok or status == f"Identified from 60 frames; rms residual {np.degrees(rms):.3g} deg (joint1)."

@@ -1,0 +1,67 @@
+"""Which parameters are unknowns, and what the picture knows of them."""
+
+import numpy as np
+import pytest
+
+from monodyn.mechanism import Measured
+from monodyn.stages import identify
+from swings import SIZES
+
+
+def test_a_size_the_picture_hardly_knows_keeps_its_proportion(poses, double):
+    """Known to a quarter or better counts as measured; motion alone would trade a tail for a thickness."""
+    sizes = ("link1.length", "link2.length", "link1.tail", "link2.tail")
+    information = np.zeros((4, 4))
+    information[:2, :2] = [[100.0, -100.0], [-100.0, 100.0]]
+    information[2, 2], information[3, 3] = 15.0, 400.0
+    found = identify(poses, double.with_measured(Measured(sizes, information)))
+    free = {p.name: p.free for p in found.parameters}
+    assert (free["link1.tail"], free["link2.tail"]) == (False, True)
+    assert found.parameter("link1.tail").std == np.inf
+    assert found.parameter("link2.tail").std < 0.1 * found.parameter("link2.tail").value
+    assert any(line.startswith("Nothing tells link1.tail, link1.tip, ") for line in found.advice)
+
+
+def test_one_size_that_nothing_tells_is_one(poses, double):
+    rest = {name: value for name, value in double.values.items() if name.split(".")[-1] in SIZES[1:]}
+    del rest["link1.tail"]
+    fit = identify(poses, double.with_choices(fix=rest))
+    assert (
+        "Nothing tells link1.tail; it keeps its proportion to the length of its body, and the intervals take "
+        "that for exact. Give a measured value with --fix where its share of the inertia counts."
+    ) in fit.advice
+
+
+def seen(mechanism, information):
+    sizes = ("link1.length", "link2.length")
+    return mechanism.with_measured(Measured(sizes, np.array(information)))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e5, 1e12])
+def test_negative_information_of_sizes_is_left_out_and_said(poses, double, fit, size):
+    """Eigenvalues 3 and -1: what is below zero would reward sizes for running away."""
+    found = identify(poses, seen(double, size * np.array([[1.0, -2.0], [-2.0, 1.0]])))
+    assert all(np.isfinite(p.value) for p in found.parameters)
+    assert (
+        "What the picture knows of the sizes contradicts itself (its information matrix is negative in some "
+        "direction); that part was left out, so sizes rest on the motion alone there."
+    ) in found.advice
+    only = identify(poses, seen(double, size * np.array([[1.5, -1.5], [-1.5, 1.5]])))
+    assert found.ok == only.ok
+    np.testing.assert_allclose(
+        [p.value for p in found.parameters], [p.value for p in only.parameters], rtol=1e-6
+    )  # the search stops within 1e-9 of the cost
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_information_that_is_no_number_is_a_status(poses, double, value):
+    found = identify(poses, seen(double, [[1e4, -1e4], [-1e4, value]]))
+    assert not found.ok
+    assert found.status == (
+        "What the picture knows of link2.length is not a finite number; locate the mechanism in a clearer "
+        "part of the clip, or give measured values with --fix."
+    )
+    assert all(np.isfinite(p.value) for p in found.parameters)
+    length = double.values["link2.length"]
+    known = seen(double, [[1e4, -1e4], [-1e4, value]]).with_choices(fix={"link2.length": length})
+    assert np.isfinite(identify(poses, known).parameter("link1.length").value)

@@ -1,0 +1,145 @@
+"""Status and advice of the published fit, each sentence compared whole."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.record.samples import prepare
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.verdict.summary import refused
+from monodyn.mechanism import load
+from monodyn.paper.descent import Descent
+from monodyn.paper.fit_verdict import published_advice, published_verdict
+from monodyn.paper.fixed_start import FixedStart
+from monodyn.paper.torque_model import TorqueModel
+from swings import TIMES, motion, record
+from waves import PAPER
+
+SWING = 0.5
+"""Amplitude of the measured motion [rad]."""
+
+
+def ended(torque="friction", *, frames=40, compared=None, converged=True, tried=1, error=0.0):
+    """Return where a search of a single pendulum ended that follows a swing of standard deviation one."""
+    single = load("single").with_torque(torque, terms=1, period=1.0, knots=TIMES[:frames])
+    position = motion(load("single"), TIMES[:frames], [SWING], [0.0])
+    poses = record(load("single"), TIMES[:frames], position, noise=1e-4)
+    problem = posed(single, prepare((poses,), single))
+    x = problem.unknowns.x0
+    target = np.where(np.arange(frames)[:, None] < (compared or frames), poses.position, np.nan)
+    fixed = FixedStart(
+        problem=problem, start=np.array([[SWING, 0.0]]), target=target, white=None, scale=np.ones(len(x)),
+        substeps=4,
+    )  # fmt: skip
+    return Descent(fixed, x, np.stack((x - 1.0, x + 1.0)), 100, converged, tried, error), poses
+
+
+def fit_with(found, poses, rms) -> Fit:
+    """Return a fit with some residual, and no parameter of which anything can be said."""
+    blank = refused(found.fixed.problem, "", (poses,), 0.0)
+    return replace(blank, rms={"joint1": rms}, parameters=())
+
+
+@pytest.mark.parametrize(
+    ("share", "case", "period", "status"),
+    [
+        (
+            0.5, {}, None,
+            "The simulated motion does not follow the record: rms residual of joint1 {amount}, 50 % of its "
+            "motion; fit fewer frames, or try --identify.method fast.",
+        ),
+        (
+            0.5, {"states": "filtered"}, 1.234567,
+            "The simulated motion does not follow the record: rms residual of joint1 {amount}, 50 % of its "
+            "motion; compare with --identify.states measured, which do not lag, give the period, estimated "
+            "as 1.235 s, with --fix torque.period=SECONDS, or try --identify.method fast.",
+        ),
+        (
+            0.5, {"frames": 8}, None,
+            "The simulated motion does not follow the record: rms residual of joint1 {amount}, 50 % of its "
+            "motion; try --identify.method fast.",
+        ),
+        (
+            0.1, {"converged": False}, None,
+            "The search ended before its minimum: rms residual of joint1 {amount}, 10 % of its motion; allow "
+            "more with --identify.evaluations, or try --identify.method fast.",
+        ),
+    ],
+)  # fmt: skip
+def test_a_fit_that_does_not_follow(share, case, period, status):
+    settings = replace(PAPER, states=case.pop("states", "measured"))
+    found, _ = ended(**case)
+    rms = share * float(found.fixed.problem.data.motion_size[0])
+    amount = f"{np.degrees(rms):.3g} deg"
+    assert published_verdict(found, {"joint1": rms}, settings, period) == (
+        status.format(amount=amount),
+        False,
+    )
+
+
+def test_a_fit_that_follows():
+    found, _ = ended()
+    rms = {"joint1": np.radians(0.1)}
+    assert published_verdict(found, rms, PAPER, None) == (
+        "Identified 3 unknowns by the published method from 40 frames, torque model friction; rms residual "
+        "0.1 deg (joint1).",
+        True,
+    )
+    few, _ = ended(compared=3)
+    assert published_verdict(few, rms, PAPER, None)[0] == (
+        "Identified 3 unknowns (more than there are measured values: one of many solutions) by the published "
+        "method from 40 frames, torque model friction; rms residual 0.1 deg (joint1)."
+    )
+
+
+def test_advice_of_a_search_that_misses_and_stops_early():
+    found, poses = ended(converged=False, tried=2, error=1e-3, frames=11)
+    model = TorqueModel(found.fixed.problem, period=1.234567, doubt=("Doubt.",))
+    rms = 0.2 * float(found.fixed.problem.data.motion_size[0])
+    settings = replace(PAPER, states="filtered")
+    poses = replace(poses, position=poses.position + np.radians(2.0))
+    data = prepare((poses,), found.fixed.problem.mechanism)
+    problem = found.fixed.problem.with_data(data)
+    found = replace(found, fixed=replace(found.fixed, problem=problem))
+    advice = published_advice(found, model, fit_with(found, poses, rms), (poses,), settings, ())
+    assert advice[0].startswith("With 4 integration steps between time stamps")
+    assert advice[1].startswith("The residual of joint1, ")
+    assert advice[2:] == (
+        "Bodies were taken to be uniform; if they are not, try --identify.bodies free.",
+        "Dry friction was taken to be zero; --free joint1.friction estimates it.",
+        "The published method holds the start state at the filtered one, whose error adds to the residual; "
+        "--identify.method fast estimates it.",
+        "Doubt.",
+        "With these gains the filtered states ring and errors do not die out; take a gamma below 0.05 with "
+        "--identify.gains.",
+        "The period of 1.235 s was estimated beforehand and held.",
+        "11 measured positions are few for 3 unknowns; more frames give smaller intervals.",
+        "The search ended before it was sure of the minimum; allow more with --identify.evaluations.",
+        "2 starts were tried; the best of them is reported.",
+    )
+
+
+def test_gains_without_effect():
+    found, poses = ended()
+    fit = fit_with(found, poses, 1e-4)
+    settings = replace(PAPER, gains=(0.5, 0.1, 0.01))
+    model = SimpleNamespace(doubt=(), period=None)
+    assert published_advice(found, model, fit, (poses,), settings, ()) == (
+        "The gains have no effect on this fit: measured angles are compared, and the start state is the "
+        "parabola through the first three samples.",
+    )
+
+
+def test_advice_of_free_torques():
+    found, poses = ended("free", frames=12)
+    model = TorqueModel(found.fixed.problem)
+    settings = replace(PAPER, torque="free")
+    assert published_advice(found, model, fit_with(found, poses, 1e-4), (poses,), settings, ()) == (
+        "15 unknowns and 12 measured values: free torques are underdetermined and follow the noise of the "
+        "poses; there are no intervals.",
+        "Beside free torques any sizes and masses will do: link1.length, link1.thickness and joint1.damping "
+        "are arbitrary; give measured values with --fix.",
+    )

@@ -1,0 +1,102 @@
+"""Torque models of the paper: unknowns, periods, what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monodyn.errors import SettingsError
+from monodyn.estimation.torque.fourier import NO_PERIOD
+from monodyn.mechanism import load
+from monodyn.paper.identify import identify_published
+from support import refuses
+from swings import TIMES, double_truth, motion, record
+from waves import PAPER, SMALL, fourier_truth
+
+
+@pytest.mark.parametrize(("series", "count"), [("with-friction", 36), ("alone", 34)])
+def test_unknowns_of_case_two(series, count):
+    """Seven harmonics: 4 sizes, 2 (2 7 + 1) coefficients and, in the paper's count of 36, 2 dampings."""
+    times = np.arange(60) / 30.0
+    _, poses = fourier_truth(times)
+    start = load("double").with_torque("fourier", terms=1, period=1.0)
+    start = start.with_choices(fix={"torque.period": 1.1})
+    settings = replace(PAPER, torque="fourier", series=series, evaluations=5, starts=1)
+    fit = identify_published([poses], start, settings)
+    assert len(fit.names) - 4 == count
+    assert fit.mechanism.values["torque.period"] == 1.1
+    assert (fit.mechanism.values["joint1.damping"] == 0.0) == (series == "alone")
+    assert any("--identify.evaluations" in line for line in fit.advice)
+
+
+@pytest.mark.parametrize(
+    ("frames", "settings", "status"),
+    [
+        (
+            8, replace(PAPER, torque="fourier"),
+            "16 measured values cannot determine 36 unknowns; give more frames, fix parameters, or take "
+            "fewer harmonics with --identify.terms.",
+        ),
+        (2, PAPER, "Joint 'joint1' was measured 2 times, 5 are needed; give more frames."),
+    ],
+)  # fmt: skip
+def test_too_few_samples(frames, settings, status):
+    _, poses = fourier_truth(TIMES)
+    start = load("double").with_torque("fourier", terms=1, period=1.0)
+    fit = identify_published(
+        [poses.part(0, frames)], start.with_choices(fix={"torque.period": 1.1}), settings
+    )
+    assert fit.status == status
+    assert not fit.ok
+    assert fit.starts == ()
+    assert fit.torque == settings.torque
+
+
+def test_a_joint_seen_three_times_and_too_many_torques():
+    truth = double_truth()
+    times = np.arange(201) / 30.0
+    poses = record(truth, times, motion(truth, times, [0.9, 0.6], [0.0, 0.0]), noise=SMALL)
+    holes = poses.position.copy()
+    holes[3:, 0] = np.nan
+    fit = identify_published([replace(poses, position=holes)], load("double"), PAPER)
+    assert fit.status == "Joint 'joint1' was measured 3 times, 5 are needed; give more frames."
+    fit = identify_published([poses], load("double"), replace(PAPER, torque="free"))
+    assert fit.status == (
+        "402 torques, one a joint and time stamp, are too many for the published method; fit at most 200 "
+        "frames."
+    )
+
+
+def test_a_period_that_is_bounded():
+    _, poses = fourier_truth(np.arange(150) / 30.0)
+    start = load("double").with_torque("fourier", terms=1, period=2.0)
+    start = start.with_choices(bounds={"torque.period": (1.8, 2.5)})
+    settings = replace(PAPER, torque="fourier", evaluations=5, starts=1)
+    fit = identify_published([poses], start, settings)
+    assert 1.8 <= fit.mechanism.values["torque.period"] <= 2.5
+    assert "torque.period" not in fit.names
+
+
+def test_a_period_that_cannot_be_told():
+    """A swing without a torque has none; of two thirds of a period a wrong one is guessed."""
+    truth = double_truth()
+    poses = record(truth, TIMES, motion(truth, TIMES, [0.9, 0.6], [0.0, 0.0]), noise=SMALL)
+    fit = identify_published([poses], load("double"), replace(PAPER, torque="fourier", terms=1))
+    assert fit.status == NO_PERIOD
+    assert not fit.ok
+    assert fit.torque == "fourier"
+    _, poses = fourier_truth(np.arange(45) / 30.0, period=2.2)
+    fit = identify_published([poses], load("double"), replace(PAPER, torque="fourier", terms=1))
+    assert not fit.ok
+    assert "with --fix torque.period=SECONDS" in fit.status
+
+
+def test_nothing_to_be_found():
+    still = record(load("double"), TIMES, np.zeros((60, 2)))
+    fit = identify_published([still], load("double"), PAPER)
+    assert fit.status == "Nothing moves in the record: no joint leaves its noise; give frames with motion."
+    _, poses = fourier_truth(TIMES)
+    fit = identify_published([poses, poses], load("double"), replace(PAPER, torque="free"))
+    assert fit.status == "A torque over time belongs to one record; fit them one by one."
+    with refuses(SettingsError, "gains: expected alpha above 0 and up to 1 (eq. 7), got 2."):
+        identify_published([poses], load("double"), replace(PAPER, gains=(2.0, 0.1, 0.05)))
