@@ -27,7 +27,7 @@ def draw(clip: Clip, scene: Scene, poses: Poses, errors: np.ndarray, path: Path)
     """
     worst = int(np.argmax(np.nan_to_num(np.abs(errors), nan=9.0).max(axis=1)))
     wanted = [*np.linspace(0, len(poses) - 1, COLUMNS - 1).astype(int).tolist(), worst]
-    top, bottom, left, right = scene.masks.background.reach
+    top, bottom, left, right = scene.masks.background.window
     part = np.s_[max(0, top - 25) : bottom, left:right]
     scale = min(1.0, 400.0 / (right - left))
     columns = {}

@@ -28,6 +28,7 @@ from monodyn.paper.subproblems import History, mismatch
 from monodyn.paper.threshold import holds, silhouette
 from monodyn.paper.view import DEPTH, SIZES, View, X, seen, view_of
 from monodyn.types import Camera, Frame, Progress
+from monodyn.vision.drawing.camera import FOCAL
 from monodyn.vision.drawing.outline import covered_pixels, outline
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
@@ -92,12 +93,12 @@ def locate_published(
     """
     first, level, meter = next(iter(masks.video.frames())), settings.level, Meter(most, progress)
     held = start_view(mechanism, camera, pinned)
-    top, bottom, left, right = masks.background.reach
+    top, bottom, left, right = masks.background.window
     reading = read(
         shots_of(masks, first, level), held, mechanism, camera, max(bottom - top, right - left), meter,
         start=settings.start, seed=settings.seed,
     )  # fmt: skip
-    if ACCEPTED < reading.strange < UNLIKE and not masks.given and not meter.over():
+    if ACCEPTED < reading.strange < UNLIKE and not masks.background.given and not meter.over():
         masks, reading = _uncovered(masks, first, reading, mechanism, camera, level, meter)
     meter.expect(1)
     view, drawings = released(reading.view, mechanism, camera), 0
@@ -179,7 +180,7 @@ def size_ratios(view: View, mechanism: Mechanism, *, scale_free: bool) -> Measur
     names, sizes = view.names, view.sizes
     if view.reference:
         names, sizes = (*names, view.reference), np.append(sizes, mechanism.values[view.reference])
-    px = sizes * float(view.base.camera[12] / view.base.camera[DEPTH])
+    px = sizes * float(view.base.camera[FOCAL] / view.base.camera[DEPTH])
     known = px**2 / ((SIZE_SHARE * px) ** 2 + SIZE_PX**2)
     information = np.diag(known)
     if scale_free and known.any():
@@ -224,7 +225,7 @@ def _uncovered(
         pose, left, drawings = spread_pose(image, view)
         meter.step(drawings)
         lies = left < LIES * image.area
-        covered.append(covered_pixels(sized, behind, pose.position, grow=1.0) if lies else everything)
+        covered.append(covered_pixels(sized, behind, pose.position, margin=1.0) if lies else everything)
     other = masks.refined(covered)
     again = silhouette(reading.frame, other.background, level_of(other, level))
     if not holds(again):

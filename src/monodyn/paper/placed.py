@@ -12,8 +12,9 @@ import math
 import numpy as np
 from numba import njit
 
+from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, X, Y
 from monodyn.vision.drawing.rig import Rig
-from monodyn.vision.drawing.silhouette import hulls, link_frames, mismatch, outline_counts, project
+from monodyn.vision.drawing.silhouette import blank_outlines, blank_spans, draw, mismatch
 
 NOWHERE = 1e18
 """Mismatch of a mechanism that cannot be drawn [px^2]."""
@@ -55,17 +56,12 @@ def drawn(sums: np.ndarray, rig: Rig, position: np.ndarray) -> np.ndarray:
     pictures = sums.shape[0]
     geoms = rig.radius.shape[0]
     out = np.full(1 + pictures, np.nan)
-    starts = outline_counts(rig.first, rig.radius)
-    px = np.empty((starts[geoms], 2))
-    frames = link_frames(rig.parent, rig.kind, rig.links, position)
-    if not project(frames, rig.link, rig.first, rig.points, rig.radius, rig.camera, px):
+    outlines = blank_outlines(rig, geoms)
+    if not draw(rig, position, outlines):
         return out
-    hull = np.empty(starts[geoms] + 2 * geoms + 2, dtype=np.int64)
-    hull_first = np.zeros(geoms + 1, dtype=np.int64)
-    hulls(px, starts, geoms, hull, hull_first)
-    spans = np.empty((3 * sums.shape[1], max(geoms, 1), 2))
+    spans = blank_spans(sums[0], geoms)
     for i in range(pictures):
-        cost, area = mismatch(sums[i], px, hull, hull_first, geoms, spans)
+        cost, area = mismatch(sums[i], outlines, spans)
         out[0] = area
         out[1 + i] = 0.5 * (area - cost)
     return out
@@ -108,14 +104,14 @@ def placed_mismatch(
             if not d[1] > 0.0:
                 break
             growth = math.sqrt(d[1] / seen[0]) if moves[2] else 1.0
-            scale = own[12] / (own[11] * growth)
-            x, y = d[2] / d[1] - own[13], d[3] / d[1] - own[14]
+            scale = own[FOCAL] / (own[DEPTH] * growth)
+            x, y = d[2] / d[1] - own[CENTRE_X], d[3] / d[1] - own[CENTRE_Y]
             if moves[0]:
-                own[9] += (x / growth - (seen[1] - own[13])) / scale
+                own[X] += (x / growth - (seen[1] - own[CENTRE_X])) / scale
             if moves[1]:
-                own[10] -= (y / growth - (seen[2] - own[14])) / scale
-            own[11] *= growth
+                own[Y] -= (y / growth - (seen[2] - own[CENTRE_Y])) / scale
+            own[DEPTH] *= growth
         d = drawn(both, before, positions[i])
         costs[i] = d[0] - 2.0 * d[1] if d[0] >= 0.0 else NOWHERE
-        places[i] = own[9:12]
+        places[i] = own[X : DEPTH + 1]
     return costs, places

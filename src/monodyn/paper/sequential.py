@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from monodyn.paper.subproblems import History, fit_depth, fit_place, fit_pose, fit_ratios, followed, mismatch
 from monodyn.paper.view import Seen, View
-from monodyn.vision.drawing.rig import Rig
 
 
 @dataclass(frozen=True)
@@ -89,20 +86,3 @@ def camera_round(image: Seen, view: View) -> tuple[View, list[History]]:
         view, history = fit_place(image, view)
         histories.append(history)
     return view, histories
-
-
-def reach_of(rig: Rig) -> float:
-    """Return the farthest that any point gets from the first joint [m], the mechanism stretched out.
-
-    Args:
-        rig: The mechanism.
-    """
-    stretch = np.zeros(len(rig.parent))
-    for i, parent in enumerate(rig.parent):
-        if parent >= 0:
-            stretch[i] = stretch[parent] + float(np.hypot(rig.links[i, 0], rig.links[i, 1]))
-    far = 1e-9
-    for g, link in enumerate(rig.link):
-        points = rig.points[rig.first[g] : rig.first[g + 1], :2]
-        far = max(far, stretch[link] + float(np.hypot(*points.T).max()) + float(rig.radius[g]))
-    return float(far)

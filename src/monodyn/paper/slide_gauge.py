@@ -12,11 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.mechanism import Mechanism
-from monodyn.paper.sequential import reach_of
 from monodyn.paper.view import View, X, Y, view_of
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import camera_array
-from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.drawing.rig import longest_reach, rig_of, root_slides
 
 
 def start_view(mechanism: Mechanism, camera: Camera, pinned: Collection[str]) -> View:
@@ -28,14 +27,14 @@ def start_view(mechanism: Mechanism, camera: Camera, pinned: Collection[str]) ->
         pinned: ``camera.x``, ``camera.y`` and ``camera.depth`` as far as they must stay.
     """
     moves = camera_moves(mechanism, pinned, slide=False)
-    reach = reach_of(rig_of(mechanism, camera))
+    reach = longest_reach(rig_of(mechanism, camera))
     if moves[2]:
         camera = replace(camera, depth=camera.focal * reach / (0.3 * min(camera.width, camera.height)))
     x, y = (float(value) for value in mechanism.tree.links[0, :2])
     camera = replace(camera, x=x if moves[0] else camera.x, y=y if moves[1] else camera.y)
     view = view_of(mechanism, camera, np.zeros(len(mechanism.joints)), moves)
     limits = view.limits.copy()
-    gauge = _gauge(mechanism)
+    gauge = next(iter(root_slides(mechanism)), None)
     if gauge is not None and moves[gauge[1] - X]:
         limits[:, gauge[0]] = 0.0
     position = np.clip(np.zeros(limits.shape[1]), limits[0], limits[1])
@@ -51,7 +50,7 @@ def camera_moves(mechanism: Mechanism, pinned: Collection[str], *, slide: bool) 
         slide: A root's slide is estimated in place of the camera's place along it.
     """
     x, y, depth = (name not in pinned for name in ("camera.x", "camera.y", "camera.depth"))
-    gauge = _gauge(mechanism)
+    gauge = next(iter(root_slides(mechanism)), None)
     if gauge is not None and slide:
         x, y = x and gauge[1] != X, y and gauge[1] != Y
     return x, y, depth
@@ -67,7 +66,7 @@ def released(view: View, mechanism: Mechanism, camera: Camera) -> View:
     """
     limits = np.array([[j.lower for j in mechanism.joints], [j.upper for j in mechanism.joints]], dtype=float)
     out = replace(view, limits=limits)
-    gauge = _gauge(mechanism)
+    gauge = next(iter(root_slides(mechanism)), None)
     if gauge is None or view.limits[1, gauge[0]] > view.limits[0, gauge[0]]:
         return out
     row, column = gauge
@@ -80,12 +79,3 @@ def released(view: View, mechanism: Mechanism, camera: Camera) -> View:
     position[row] += slide
     packed[X : Y + 1] += slide * direction
     return replace(out, position=position).before(packed)
-
-
-def _gauge(mechanism: Mechanism) -> tuple[int, int] | None:
-    """Return the row of a sliding root and the camera's column that means the same, or None."""
-    for i, parent in enumerate(mechanism.tree.parent):
-        if parent < 0 and mechanism.tree.kind[i] == 1:
-            direction = np.abs(mechanism.tree.links[i, 3:5])
-            return i, X if direction[0] >= direction[1] else Y
-    return None

@@ -14,6 +14,7 @@ import numpy as np
 from monodyn.paper.placed import drawn, placed_mismatch
 from monodyn.paper.subproblems import FOLLOWING, fit_pose
 from monodyn.paper.view import Seen, View, X
+from monodyn.vision.drawing.camera import DEPTH, FOCAL
 from monodyn.vision.drawing.silhouette import pose_mismatch
 
 BUDGET = 12_000
@@ -161,7 +162,7 @@ def _unlike(poses: np.ndarray, joint: int, step: float) -> np.ndarray:
 def _ranges(image: Seen, view: View) -> tuple[np.ndarray, np.ndarray]:
     """Return the joint ranges: one turn, or across the picture, where there are no limits."""
     camera = view.base.camera
-    width = 0.75 * (image.sums.shape[1] - 1) * float(camera[11] / camera[12])
+    width = 0.75 * (image.sums.shape[1] - 1) * float(camera[DEPTH] / camera[FOCAL])
     half = np.where(view.base.kind == 0, np.pi, width)
     lower, upper = view.limits
     return np.where(np.isfinite(lower), lower, -half), np.where(np.isfinite(upper), upper, half)

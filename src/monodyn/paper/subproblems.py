@@ -18,8 +18,9 @@ from monodyn.optimize.bracket import line_search
 from monodyn.optimize.lagrangian import augmented_lagrangian
 from monodyn.paper.placed import NOWHERE, drawn, placed_mismatch
 from monodyn.paper.view import DEPTH, Seen, View, X, Y
+from monodyn.vision.drawing.camera import FOCAL
 from monodyn.vision.drawing.rig import Rig
-from monodyn.vision.drawing.silhouette import link_frames, outline_counts, project
+from monodyn.vision.drawing.silhouette import outline_starts, project
 
 LEAST_WIDTH_PX = 1.5
 """No size gets below this: what has no inside has no mismatch to come back by [px]."""
@@ -138,7 +139,7 @@ def fit_place(
     """
     rig, camera = view.rig, view.base.camera
     columns = [column for column, moves in zip((X, Y), view.moves, strict=False) if moves]
-    scale = float(camera[DEPTH] / camera[12])
+    scale = float(camera[DEPTH] / camera[FOCAL])
     height, width = image.sums.shape[0], image.sums.shape[1] - 1
     _, area, sum_x, sum_y = drawn(image.moments, rig, view.position)
     middle = [sum_x / area, sum_y / area] if area > 0.0 else [0.5 * width, 0.5 * height]
@@ -252,9 +253,8 @@ def outline_points(rig: Rig, position: np.ndarray) -> np.ndarray:
         rig: The mechanism.
         position: Joint positions, (dof,).
     """
-    px = np.empty((int(outline_counts(rig.first, rig.radius)[-1]), 2))
-    frames = link_frames(rig.parent, rig.kind, rig.links, position)
-    seen_whole = project(frames, rig.link, rig.first, rig.points, rig.radius, rig.camera, px)
+    px = np.empty((int(outline_starts(rig, len(rig.radius))[-1]), 2))
+    seen_whole = project(rig, position, px)
     return px if seen_whole else np.full_like(px, np.nan)
 
 
@@ -275,7 +275,7 @@ def fit_ratios(
     Source:
         The 2012 paper, eq. (4).
     """
-    least = LEAST_WIDTH_PX * float(view.base.camera[DEPTH] / view.base.camera[12])
+    least = LEAST_WIDTH_PX * float(view.base.camera[DEPTH] / view.base.camera[FOCAL])
     overhang = np.array([name.endswith((".tail", ".tip")) for name in view.names])
     lower = np.minimum(np.maximum(view.lower, np.where(overhang, 0.0, least)), view.upper)
     start = np.clip(view.sizes, lower, view.upper)

@@ -12,13 +12,14 @@ from monodyn.mechanism import Mechanism
 from monodyn.paper.placed import moment_sums
 from monodyn.paper.threshold import OPEN
 from monodyn.types import Camera
+from monodyn.vision.drawing.camera import DEPTH as DEPTH
+from monodyn.vision.drawing.camera import X as X
+from monodyn.vision.drawing.camera import Y as Y
 from monodyn.vision.drawing.rig import Rig, rig_of
 from monodyn.vision.drawing.silhouette import row_sums
 
 SIZES = (".length", ".width", ".tail", ".tip")
 """Sizes that a silhouette shows."""
-X, Y, DEPTH = 9, 10, 11
-"""Columns of the packed camera."""
 RATIO_RANGE = 30.0
 """An aspect ratio may become so many times larger or smaller than in the file."""
 

@@ -346,7 +346,7 @@ def view_of(fit: Fit, scene: Any, poses: Poses) -> View:
     lengths = ("camera.x", "camera.y", "camera.depth")
     # beside free torques the common scale is held, so nothing tells how far away the camera is
     unit = np.inf if fit.torque == "free" else scale
-    std = {name: value * (unit if name in lengths else 1.0) for name, value in scene.spread.items()}
+    std = {name: value * (unit if name in lengths else 1.0) for name, value in scene.camera_std.items()}
     mechanism = fit.mechanism if fit.starts else scene.mechanism
     return View(scene.masks.video, mechanism, camera, metric(poses, mechanism, scale), std)
 
