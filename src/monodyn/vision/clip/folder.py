@@ -100,7 +100,7 @@ def load_picture(path: Path, what: str) -> Planes:
 
     if not path.is_file():
         raise VideoError(f"{what} '{path}': expected a picture file, found none; check the path.")
-    # from memory, because cv2 opens no file whose path has letters that the system's code page lacks
+    # cv2 raises on an empty buffer; a single zero is no picture either, and gives None
     picture = cv2.imdecode(np.frombuffer(path.read_bytes() or b"\0", np.uint8), cv2.IMREAD_ANYCOLOR)
     if picture is None:
         raise VideoError(f"{what} '{path}': expected a png, jpg, bmp or tif picture, cannot read it as one.")

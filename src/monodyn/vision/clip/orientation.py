@@ -120,7 +120,7 @@ def plane_view(plane: Any) -> np.ndarray:
     """
     step = plane.line_size
     assert step > 0, "the decoder's planes run downward"
-    # a line is padded to a multiple of 32 bytes or so
+    # the decoder pads its lines: only the first ``width`` bytes of each are picture
     rows = np.frombuffer(plane, np.uint8)
     whole = rows[: step * plane.height]
     return whole.reshape(plane.height, step)[:, : plane.width]

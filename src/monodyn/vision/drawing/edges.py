@@ -304,7 +304,7 @@ def _find_edge(
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return False
     # Where another geom covers the outer side the mask has no edge: it goes on in the other geom. Four
-    # places along the normal are enough, because a body is wider than a third of the search length.
+    # places along the normal find every geom that is wider than a third of the search length.
     for g in range(outlines.first.shape[0] - 1):
         if g == own:
             continue

@@ -65,7 +65,7 @@ def blank_outlines(rig: Rig, geoms: int) -> Outlines:
     """
     starts = outline_starts(rig, geoms)
     px = np.empty((starts[geoms], 2))
-    # the chain of a convex hull needs two places more than the hull has corners, see ``convex_hull``
+    # each hull needs one place more than it has points, see ``convex_hull``
     hull = np.empty(starts[geoms] + 2 * geoms + 2, dtype=np.int64)
     return Outlines(starts, px, hull, np.zeros(geoms + 1, dtype=np.int64))
 
@@ -225,7 +225,7 @@ def convex_hull(px: np.ndarray, start: int, stop: int, hull: np.ndarray) -> int:
     order = np.empty(n, dtype=np.int64)
     for i in range(n):
         order[i] = start + i
-    # insertion sort by x, then y: geoms have 4 to 64 points, and those of a ring are half sorted already
+    # insertion sort by x, then y: most geoms have a few dozen points at most
     for i in range(1, n):
         item = order[i]
         j = i - 1

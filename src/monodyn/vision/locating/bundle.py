@@ -185,7 +185,7 @@ def refine(
         x = x + step
         x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
-        if reach == last and np.abs(step).max() < SETTLED:
+        if reach == last and len(x) and np.abs(step).max() < SETTLED:
             break
     mechanism, camera = variables.write(x, mechanism, camera)
     rig, shifts = _shifted_rigs(variables, x, mechanism, camera, masks.shrink)

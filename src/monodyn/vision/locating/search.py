@@ -108,7 +108,7 @@ def search_scene(frames: KeyFrames, start: SceneStart, count: int = 7) -> list[S
     hinged = start.mechanism.joints[0].kind == "hinge"
     roots = _root_points(chosen) if hinged else _root_lines(chosen)
     # Places are tried with the file's proportions first. Sizes and proportions are tried at the best two
-    # places only: all combinations would take ten times as long, and a wrong place is not saved by them.
+    # places only: all combinations would take three times as long, and do not save a wrong place.
     tried = [(_guess(chosen, start, root, 1.0, {}), root) for root in roots]
     tried.sort(key=lambda pair: pair[0].score)
     guesses = [guess for guess, _ in tried[:2]]
