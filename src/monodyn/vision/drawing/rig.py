@@ -69,10 +69,13 @@ def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
 
 
 def longest_reach(rig: Rig) -> float:
-    """Return the farthest that any point gets from the first joint [m], the mechanism stretched out.
+    """Return the farthest that any point gets from the first joint, the mechanism stretched out.
 
     Args:
         rig: The mechanism; its slides count at zero.
+
+    Returns:
+        The distance [m].
     """
     stretch = np.zeros(len(rig.parent))
     for i, parent in enumerate(rig.parent):

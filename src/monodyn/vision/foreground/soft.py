@@ -121,9 +121,6 @@ def soft_masks(
 
     Returns:
         The masks, computed frame by frame as they are iterated over.
-
-    Raises:
-        VideoError: Fewer than two frames, nothing moves, or the background picture has another size.
     """
     samples = sample_frames(video, progress=progress)
     scene = background_of(samples) if background is None else _given(background, video, samples)
