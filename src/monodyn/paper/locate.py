@@ -158,7 +158,7 @@ def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) 
         view, fell = camera_round(image, view)
         history += fell
     kept = {part.name: getattr(scene, part.name) for part in fields(Scene)}
-    kept |= {"camera": _camera_of(view, scene.camera), "spread": {}}
+    kept |= {"camera": _camera_of(view, scene.camera), "camera_std": {}}
     return PaperScene(**kept, evaluations=drawings_of(history), history=tuple(history), level=level)
 
 

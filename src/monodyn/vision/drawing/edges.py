@@ -196,15 +196,9 @@ def _moved_points(rig: Rig, shifts: Shifts, position: np.ndarray, outlines: Outl
         project(rig, shifted, moved[j])
     for k in range(shifts.steps.shape[0]):
         other = Rig(
-            rig.parent,
-            rig.kind,
-            shifts.links[k],
-            rig.link,
-            rig.first,
-            shifts.points[k],
-            shifts.radius[k],
+            rig.parent, rig.kind, shifts.links[k], rig.link, rig.first, shifts.points[k], shifts.radius[k],
             shifts.cameras[k],
-        )
+        )  # fmt: skip
         project(other, position, moved[dofs + k])
     return moved
 
@@ -234,14 +228,15 @@ def edge_samples(
     Returns:
         Number of samples.
     """
-    px, hull = outlines.px, outlines.hull
+    px, hull, first = outlines.px, outlines.hull, outlines.first
     reach, spacing = search
     count = 0
-    for g in range(outlines.first.shape[0] - 1):
-        a, b = outlines.first[g], outlines.first[g + 1]
+    for g in range(first.shape[0] - 1):
+        a, b = first[g], first[g + 1]
         size = b - a
         if size < 3:
             continue
+        coverage, known, shaded = planes[view.part[g]], view.trust[view.part[g]], view.shaded[g]
         # ``rest`` carries the spacing over the soft corners of a ring, whose edges are shorter than it
         rest = 0.5 * spacing
         for i in range(size):
@@ -267,7 +262,7 @@ def edge_samples(
                     return count
                 # the hull turns so that (ey, -ex) points outwards
                 at = _Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
-                if _find_edge(planes, view, outlines, g, at, reach, samples[count]):
+                if _find_edge(coverage, known, shaded, px, hull, first, g, at, reach, samples[count]):
                     ends[count, FROM], ends[count, TO] = p, q
                     samples[count, SHARE] = along / length
                     count += 1
@@ -285,32 +280,37 @@ def _turn(px: np.ndarray, p: int, q: int, ex: float, ey: float) -> float:
 
 @njit(cache=True)
 def _find_edge(
-    planes: np.ndarray,
-    view: View,
-    outlines: Outlines,
+    coverage: np.ndarray,
+    known: np.ndarray,
+    shaded: bool,
+    px: np.ndarray,
+    hull: np.ndarray,
+    first: np.ndarray,
     own: int,
     at: _Normal,
     reach: float,
     sample: np.ndarray,
 ) -> bool:
-    """Search one normal of geom ``own`` and fill ``sample`` (9,) but for its share; False where nothing can
-    be said."""
-    coverage, known = planes[view.part[own]], view.trust[view.part[own]]
+    """Search one normal of geom ``own`` in its plane and that plane's trust, and fill ``sample`` (9,) but for
+    its share; False where nothing can be said.
+
+    It runs for every sample, and takes plain arrays: reading them out of tuples costs a tenth of the search.
+    """
     height, width = coverage.shape
     x, y, nx, ny = at
     # no farther inwards than the middle of the body: beyond it the other side's edge would be integrated
-    inner = min(reach, 0.5 * _depth_inside(outlines, own, at))
+    inner = min(reach, 0.5 * _depth_inside(px, hull, first[own], first[own + 1], at))
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return False
     # Where another geom covers the outer side the mask has no edge: it goes on in the other geom. Four
     # places along the normal find every geom that is wider than a third of the search length.
-    for g in range(outlines.first.shape[0] - 1):
+    for g in range(first.shape[0] - 1):
         if g == own:
             continue
         for k in range(4):
             t = k * reach / 3.0
-            if _outside(outlines, g, x + t * nx, y + t * ny) < COVERED_PX:
+            if _outside(px, hull, first[g], first[g + 1], x + t * nx, y + t * ny) < COVERED_PX:
                 return False
     weight = 1.0
     for t in (-inner, -0.5 * inner, 0.0, 0.5 * reach, reach):
@@ -329,7 +329,7 @@ def _find_edge(
         total += 0.5 * c if k == 0 or k == steps else c
     # Trapezoids: the area under c over its level is how far the covered part of the normal goes. Light and
     # shade lower the level of a geom, and against full coverage its edge would seem to lie too far inside.
-    flat = view.shaded[own] and inner >= FLAT_PX and level > LEAST_LEVEL * FULL * deep
+    flat = shaded and inner >= FLAT_PX and level > LEAST_LEVEL * FULL * deep
     level = level / deep if flat else FULL
     sample[NORMAL_X], sample[NORMAL_Y] = nx, ny
     sample[AWAY] = total * step / level - inner
@@ -340,10 +340,8 @@ def _find_edge(
 
 
 @njit(cache=True)
-def _outside(outlines: Outlines, geom: int, x: float, y: float) -> float:
-    """Return how far a point lies outside of a geom's outline, negative inside [px]."""
-    px, hull = outlines.px, outlines.hull
-    a, b = outlines.first[geom], outlines.first[geom + 1]
+def _outside(px: np.ndarray, hull: np.ndarray, a: int, b: int, x: float, y: float) -> float:
+    """Return how far a point lies outside of the outline ``hull[a:b]``, negative inside [px]."""
     # of a convex outline: the largest of the distances from the lines through its edges
     most = -1e18
     for i in range(a, b):
@@ -358,10 +356,8 @@ def _outside(outlines: Outlines, geom: int, x: float, y: float) -> float:
 
 
 @njit(cache=True)
-def _depth_inside(outlines: Outlines, geom: int, at: _Normal) -> float:
-    """Return the width of a geom's outline from a place on it against the normal [px]."""
-    px, hull = outlines.px, outlines.hull
-    a, b = outlines.first[geom], outlines.first[geom + 1]
+def _depth_inside(px: np.ndarray, hull: np.ndarray, a: int, b: int, at: _Normal) -> float:
+    """Return the width of the outline ``hull[a:b]`` from a place on it against the normal [px]."""
     far = 1e18
     for i in range(a, b):
         p = hull[i]

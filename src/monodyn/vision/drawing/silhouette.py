@@ -322,37 +322,17 @@ def mismatch(sums: np.ndarray, outlines: Outlines, spans: np.ndarray) -> tuple[f
     Returns:
         The sum [px^2] and the area of the union [px^2].
     """
-    px, hull, first = outlines.px, outlines.hull, outlines.first
-    geoms = first.shape[0] - 1
-    height = sums.shape[0]
-    top, bottom = 1e18, -1e18
-    for i in range(first[geoms]):
-        top = min(top, px[hull[i], 1])
-        bottom = max(bottom, px[hull[i], 1])
+    geoms = outlines.first.shape[0] - 1
+    height, rows = sums.shape[0], spans.shape[0]
     # row y of the picture is row y + offset of the spans; what lies farther out is cut off
-    rows = spans.shape[0]
     offset = (rows - height) // 2
+    top, bottom = 1e18, -1e18
+    for i in range(outlines.first[geoms]):
+        top = min(top, outlines.px[outlines.hull[i], 1])
+        bottom = max(bottom, outlines.px[outlines.hull[i], 1])
     y0 = max(math.ceil(top), -offset)
     y1 = min(math.floor(bottom), rows - offset - 1)
-    for y in range(y0, y1 + 1):
-        for g in range(geoms):
-            spans[y + offset, g, LEFT] = 1e18
-            spans[y + offset, g, RIGHT] = -1e18
-    # An outline is convex, so its part of a row is one span: between the least and the largest of the
-    # crossings of its edges with the row's middle line.
-    for g in range(geoms):
-        a, b = first[g], first[g + 1]
-        for i in range(a, b):
-            p = hull[i]
-            q = hull[i + 1] if i + 1 < b else hull[a]
-            if px[p, 1] > px[q, 1]:
-                p, q = q, p
-            dy = px[q, 1] - px[p, 1]
-            slope = (px[q, 0] - px[p, 0]) / dy if dy > 1e-12 else 0.0
-            for y in range(max(math.ceil(px[p, 1]), y0), min(math.floor(px[q, 1]), y1) + 1):
-                x = px[p, 0] + (y - px[p, 1]) * slope
-                spans[y + offset, g, LEFT] = min(spans[y + offset, g, LEFT], x)
-                spans[y + offset, g, RIGHT] = max(spans[y + offset, g, RIGHT], x)
+    _fill_spans(outlines, y0, y1, offset, spans)
     # The union of a row's spans, from left to right: ``end`` is how far the row has been summed, and the
     # next piece belongs to the span that begins first beyond it. So no pixel counts twice.
     cost, area = 0.0, 0.0
@@ -372,6 +352,33 @@ def mismatch(sums: np.ndarray, outlines: Outlines, spans: np.ndarray) -> tuple[f
             if 0 <= y < height:
                 cost -= 2.0 * _covered(sums, y, left, right)
     return cost, area
+
+
+@njit(cache=True)
+def _fill_spans(outlines: Outlines, y0: int, y1: int, offset: int, spans: np.ndarray) -> None:
+    """Fill the span of each geom in the rows ``y0`` to ``y1``, which are those from ``y0 + offset`` on in
+    ``spans``, (row, geom, 2)."""
+    px, hull, first = outlines.px, outlines.hull, outlines.first
+    geoms = first.shape[0] - 1
+    for y in range(y0, y1 + 1):
+        for g in range(geoms):
+            spans[y + offset, g, LEFT] = 1e18
+            spans[y + offset, g, RIGHT] = -1e18
+    # An outline is convex, so its part of a row is one span: between the least and the largest of the
+    # crossings of its edges with the row's middle line.
+    for g in range(geoms):
+        a, b = first[g], first[g + 1]
+        for i in range(a, b):
+            p = hull[i]
+            q = hull[i + 1] if i + 1 < b else hull[a]
+            if px[p, 1] > px[q, 1]:
+                p, q = q, p
+            dy = px[q, 1] - px[p, 1]
+            slope = (px[q, 0] - px[p, 0]) / dy if dy > 1e-12 else 0.0
+            for y in range(max(math.ceil(px[p, 1]), y0), min(math.floor(px[q, 1]), y1) + 1):
+                x = px[p, 0] + (y - px[p, 1]) * slope
+                spans[y + offset, g, LEFT] = min(spans[y + offset, g, LEFT], x)
+                spans[y + offset, g, RIGHT] = max(spans[y + offset, g, RIGHT], x)
 
 
 @njit(cache=True)
