@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from monodyn.vision.drawing.edges import Agreement, edge_terms, no_shifts
+from monodyn.vision.drawing.edges import Agreement, edge_kernel, no_shifts
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.foreground.masks import View
 
@@ -38,7 +38,6 @@ class EdgeSearch(NamedTuple):
     spacing: float
 
 
-@njit(cache=True)
 def follow(
     planes: np.ndarray, view: View, rig: Rig, start: np.ndarray, limits: MoveLimits, search: EdgeSearch
 ) -> tuple[np.ndarray, np.ndarray, Agreement]:
@@ -59,6 +58,15 @@ def follow(
         Joint positions (dof,); information matrix for unit noise of a sample, (dof, dof); and how well the
         outline lies on the mask in the end.
     """
+    position, information, found = _follow(planes, view, rig, start, limits, search)
+    return position, information, Agreement(*found)
+
+
+@njit(cache=True)
+def _follow(
+    planes: np.ndarray, view: View, rig: Rig, start: np.ndarray, limits: MoveLimits, search: EdgeSearch
+) -> tuple[np.ndarray, np.ndarray, tuple[int, float, float, float]]:
+    """Do the work of ``follow``; a named tuple would be slow on its way back to Python."""
     shifts = no_shifts(rig)
     position = start.copy()
     # the spring also keeps the equations solvable when a link shows no edge at all
@@ -66,12 +74,14 @@ def follow(
     # The search lengths shrink: a long one finds the edge from far away, and a short one leaves out the
     # background's structure and other bodies' edges, which a long one takes for the outline's own.
     for reach in search.reaches:
-        normal, right, _ = edge_terms(planes, view, rig, shifts, position, reach, search.spacing)
+        normal, right, _ = edge_kernel(planes, view, rig, shifts, position, reach, search.spacing)
         for j in range(position.shape[0]):
             normal[j, j] += damping[j]
             right[j] += damping[j] * (start[j] - position[j])
         step = np.linalg.solve(normal, right)
         position = np.minimum(np.maximum(position + step, limits.lower), limits.upper)
     # once more, without the spring: the information is what the picture alone knows of the pose
-    normal, _, agreement = edge_terms(planes, view, rig, shifts, position, search.reaches[-1], search.spacing)
+    normal, _, agreement = edge_kernel(
+        planes, view, rig, shifts, position, search.reaches[-1], search.spacing
+    )
     return position, normal, agreement
