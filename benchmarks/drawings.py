@@ -36,7 +36,7 @@ def draw(clip: Clip, scene: Scene, poses: Poses, errors: np.ndarray, path: Path)
     """
     worst = int(np.argmax(np.nan_to_num(np.abs(errors), nan=np.inf).max(axis=1)))
     wanted = [*np.linspace(0, len(poses) - 1, SHOWN - 1).astype(int).tolist(), worst]
-    top, bottom, left, right = scene.masks.background.reach
+    top, bottom, left, right = scene.masks.background.window
     first = max(0, top - ABOVE)
     part = np.s_[first:bottom, left:right]
     scale = min(1.0, MOST_WIDTH / (right - left))

@@ -11,12 +11,14 @@ import monodyn
 from encoders import KNOWN_RATIOS, MOST_OFF, MOST_RESIDUAL, REQUIRED_WINDOW
 from figures import Figure, say
 from monodyn.vision.drawing.camera import pixels
-from monodyn.vision.locating.bundle import refine
+from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.locating.bundle import KeyMasks, refine, scene_variables
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.locating.search import SceneGuess
 
 LOOKS = 30
 """Frames spread over a clip in which the first link is measured by itself."""
-REACHES = (5.0, 4.0, 4.0, 4.0, 4.0, 4.0)
+EDGES = EdgeSearch(np.array([5.0, 4.0, 4.0, 4.0, 4.0, 4.0]), 3.0)
 """Edge search of these measurements [px]."""
 CLOCK = "time stamps"
 """Words of the advice that says what lengths depend on."""
@@ -149,16 +151,16 @@ def _lengths(seen: Seen) -> np.ndarray:
     rows = rows[np.linspace(0, len(rows) - 1, min(LOOKS, len(rows))).astype(int)]
     chosen = {int(poses.frame[row]): poses.position[row] for row in rows}
     size = "link1.length"
-    values = scene.mechanism.values
-    view = scene.masks.palette.view(len(scene.mechanism.shapes.radius))
+    variables = scene_variables(scene.mechanism, [size])
+    view = scene.masks.view(len(scene.mechanism.shapes.radius))
     found = []
     for frame in scene.masks.video.frames():
         if frame.index in chosen:
-            bundle = refine(
-                [scene.masks.of(frame).planes], view, scene.mechanism, scene.camera,
-                chosen[frame.index][None], [size], values, reaches=REACHES,
-            )  # fmt: skip
-            found.append(bundle.mechanism.values[size] / values[size] * seen.radius)
+            masks = KeyMasks([scene.masks.of(frame).planes], view)
+            position = chosen[frame.index][None]
+            guess = SceneGuess(scene.mechanism, scene.camera, position, np.zeros(1))
+            bundle = refine(masks, guess, variables, EDGES)
+            found.append(bundle.mechanism.values[size] / variables.start[size] * seen.radius)
     return np.array(found)
 
 

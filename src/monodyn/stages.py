@@ -21,7 +21,8 @@ from monodyn.settings import published_method
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.camera import PARAMETERS
-from monodyn.vision.foreground.masks import Masks, soft_masks
+from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.foreground.soft import soft_masks
 from monodyn.vision.locating.locate import Sought, find_scene
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.settings import CameraSettings, LocateSettings, SegmentSettings, TrackSettings

@@ -16,7 +16,6 @@ from monodyn.paper.ambiguity import (
     drawings_of,
     interpret,
 )
-from monodyn.paper.placed import DEPTH, FOCAL
 from monodyn.paper.sequential import RoundSchedule, camera_round, sequential
 from monodyn.paper.settings import PaperLocateSettings
 from monodyn.paper.silhouettes import ClipSilhouettes, SilhouetteFrame
@@ -25,6 +24,7 @@ from monodyn.paper.starts import pose_by_beam
 from monodyn.paper.subproblems import History, mismatch
 from monodyn.paper.view import CAMERA_HELD, ModelView, model_view, silhouette_image
 from monodyn.types import Frame, Progress
+from monodyn.vision.drawing.camera import DEPTH, FOCAL
 from monodyn.vision.drawing.outline import covered_pixels, outline
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
@@ -86,12 +86,12 @@ def locate_published(
     """
     first, budget = next(iter(masks.video.frames())), DrawingBudget(most, progress)
     silhouettes = ClipSilhouettes(masks, settings.level)
-    top, bottom, left, right = masks.background.reach
+    top, bottom, left, right = masks.background.window
     shrink = max(1, round(max(bottom - top, right - left) / COARSE_SIDE_PX))
     best = interpret(silhouettes.witnesses(first), model, settings, budget, shrink=shrink)
     # a background that still holds a part of the mechanism leaves a mismatch in between: a good
     # interpretation does not need another background, and a wrong one would take away the wrong pixels
-    if ACCEPTED < best.cross_mismatch < MISREAD and not masks.given and not budget.over():
+    if ACCEPTED < best.cross_mismatch < MISREAD and not masks.background.given and not budget.over():
         silhouettes, best = _uncovered(silhouettes, first, best, model, budget)
     budget.expect(1)
     view, drawings = model.released(best.view), 0
@@ -150,7 +150,7 @@ def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) 
         history += own
     kept = {part.name: getattr(scene, part.name) for part in fields(Scene)}
     # the standard deviations were those of the other method's camera
-    kept |= {"camera": model.placed(view), "spread": {}}
+    kept |= {"camera": model.placed(view), "camera_std": {}}
     return PaperScene(**kept, evaluations=drawings_of(history), history=tuple(history), level=level)
 
 
@@ -231,7 +231,7 @@ def _refined(
         pose, left, drawings = pose_by_beam(shown.image, view)
         budget.step(drawings)
         posed = left < POSED * shown.image.area
-        covered.append(covered_pixels(sized, camera, pose.position, grow=1.0) if posed else everything)
+        covered.append(covered_pixels(sized, camera, pose.position, margin=1.0) if posed else everything)
     return masks.refined(covered)
 
 

@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, X, Y
 from monodyn.vision.drawing.rig import Rig
-from monodyn.vision.drawing.silhouette import hulls, link_frames, mismatch, outline_counts, project
+from monodyn.vision.drawing.silhouette import blank_outlines, blank_spans, draw, mismatch
 
 UNDRAWABLE = 1e18
 """Mismatch of a mechanism that cannot be drawn [px^2]."""
-X, Y, DEPTH, FOCAL, CENTRE_X, CENTRE_Y = 9, 10, 11, 12, 13, 14
-"""Columns of the packed camera."""
 PLACEMENTS = 2
 """Steps of depth and place that a camera takes to a pose."""
 
@@ -88,18 +87,13 @@ def drawn(sums: np.ndarray, rig: Rig, position: np.ndarray) -> tuple[float, np.n
     pictures = sums.shape[0]
     geoms = rig.radius.shape[0]
     whole, inside = np.nan, np.full(pictures, np.nan)
-    starts = outline_counts(rig.first, rig.radius)
-    px = np.empty((starts[geoms], 2))
-    frames = link_frames(rig.parent, rig.kind, rig.links, position)
-    if not project(frames, rig.link, rig.first, rig.points, rig.radius, rig.camera, px):
+    outlines = blank_outlines(rig, geoms)
+    if not draw(rig, position, outlines):
         return whole, inside
-    hull = np.empty(starts[geoms] + 2 * geoms + 2, dtype=np.int64)
-    hull_first = np.zeros(geoms + 1, dtype=np.int64)
-    hulls(px, starts, geoms, hull, hull_first)
-    spans = np.empty((3 * sums.shape[1], max(geoms, 1), 2))
+    spans = blank_spans(sums[0], geoms)
     for i in range(pictures):
         # the kernel gives the sum of 1 - 2 I over the silhouette, area - 2 (sum of I)
-        cost, whole = mismatch(sums[i], px, hull, hull_first, geoms, spans)
+        cost, whole = mismatch(sums[i], outlines, spans)
         inside[i] = 0.5 * (whole - cost)
     return whole, inside
 

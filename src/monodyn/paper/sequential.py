@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
 from monodyn.paper.subproblems import (
     History,
     camera_placed,
@@ -17,7 +14,6 @@ from monodyn.paper.subproblems import (
     mismatch,
 )
 from monodyn.paper.view import ModelView, SilhouetteImage
-from monodyn.vision.drawing.rig import Rig
 
 
 @dataclass(frozen=True)
@@ -101,21 +97,3 @@ def camera_round(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, li
         view, history = fit_place(image, view)
         histories.append(history)
     return view, histories
-
-
-def reach_of(rig: Rig) -> float:
-    """Return the farthest that any point gets from the first joint [m], the mechanism stretched out.
-
-    Args:
-        rig: The mechanism.
-    """
-    # parents come before their children, so one pass adds the distances between the joints of each chain
-    stretch = np.zeros(len(rig.parent))
-    for i, parent in enumerate(rig.parent):
-        if parent >= 0:
-            stretch[i] = stretch[parent] + float(np.hypot(rig.links[i, ANCHOR_X], rig.links[i, ANCHOR_Y]))
-    far = 1e-9
-    for g, link in enumerate(rig.link):
-        points = rig.points[rig.first[g] : rig.first[g + 1], :2]
-        far = max(far, stretch[link] + float(np.hypot(*points.T).max()) + float(rig.radius[g]))
-    return float(far)

@@ -8,35 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, SLIDE
-from monodyn.paper.placed import DEPTH, CameraFree, X, Y
-from monodyn.paper.sequential import reach_of
-from monodyn.paper.view import SIZE_KINDS, ModelView, joint_limits, model_view
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y
+from monodyn.paper.placed import CameraFree
+from monodyn.paper.view import ModelView, joint_limits, model_view
 from monodyn.types import Camera
-from monodyn.vision.drawing.camera import camera_array
-from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.drawing.camera import DEPTH, X, Y, camera_array
+from monodyn.vision.drawing.rig import SIZE_KINDS, RootSlide, longest_reach, rig_of, root_slides
 
 START_SHARE = 0.3
 """The stretched mechanism reaches over this share of the picture's smaller side before the start camera."""
 AXIS = slice(AXIS_X, AXIS_Y + 1)
 """Columns of the link table that hold the direction of a slide."""
-
-
-class SlidingRoot(NamedTuple):
-    """A slide of a root, and the coordinate of the camera that means the same.
-
-    Attributes:
-        joint: Its row among the joints.
-        column: Column of the packed camera, ``X`` or ``Y``: the one that the slide is closer to.
-    """
-
-    joint: int
-    column: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +49,14 @@ class StartModel:
         """Return the mechanism before the camera, its first joint in the middle of the picture."""
         camera, free = self.camera, self.camera_free(slide=False)
         if free.depth:
-            reach = reach_of(rig_of(self.mechanism, camera))
+            reach = longest_reach(rig_of(self.mechanism, camera))
             side = START_SHARE * min(camera.width, camera.height)
             camera = replace(camera, depth=camera.focal * reach / side)
         x, y = (float(value) for value in self.mechanism.tree.links[0, [ANCHOR_X, ANCHOR_Y]])
         camera = replace(camera, x=x if free.x else camera.x, y=y if free.y else camera.y)
         view = model_view(self.mechanism, camera, np.zeros(len(self.mechanism.joints)), free)
         limits = view.limits.copy()
-        root = sliding_root(self.mechanism)
+        root = self._root_slide
         if root is not None and free[root.column - X]:
             limits[:, root.joint] = 0.0  # the camera moves in place of the slide
         position = np.clip(np.zeros(limits.shape[1]), limits[0], limits[1])
@@ -83,7 +69,7 @@ class StartModel:
             slide: A root's slide is estimated in place of the camera's place along it.
         """
         x, y, depth = (name not in self.pinned for name in ("camera.x", "camera.y", "camera.depth"))
-        root = sliding_root(self.mechanism)
+        root = self._root_slide
         if root is not None and slide:
             x, y = x and root.column != X, y and root.column != Y
         return CameraFree(x, y, depth)
@@ -95,7 +81,7 @@ class StartModel:
             view: From ``view``, or what was found from it.
         """
         out = replace(view, limits=joint_limits(self.mechanism))
-        root = sliding_root(self.mechanism)
+        root = self._root_slide
         if root is None or view.limits[1, root.joint] > view.limits[0, root.joint]:
             return out
         row, column = root
@@ -128,15 +114,7 @@ class StartModel:
         x, y, depth = (float(value) for value in view.base.camera[X : DEPTH + 1])
         return replace(self.camera, x=x, y=y, depth=depth)
 
-
-def sliding_root(mechanism: Mechanism) -> SlidingRoot | None:
-    """Return the first root that slides and the camera's coordinate that means the same, or None.
-
-    Args:
-        mechanism: The mechanism.
-    """
-    for i, parent in enumerate(mechanism.tree.parent):
-        if parent < 0 and mechanism.tree.kind[i] == SLIDE:
-            across, up = np.abs(mechanism.tree.links[i, AXIS])
-            return SlidingRoot(i, X if across >= up else Y)
-    return None
+    @property
+    def _root_slide(self) -> RootSlide | None:
+        """The first root that slides, and the camera's coordinate that means the same."""
+        return next(iter(root_slides(self.mechanism)), None)

@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.mechanism.tree import HINGE
-from monodyn.paper.placed import DEPTH, FOCAL, X, drawn, placed_mismatch
+from monodyn.paper.placed import drawn, placed_mismatch
 from monodyn.paper.subproblems import PLACED_DRAWINGS, fit_pose
 from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage
+from monodyn.vision.drawing.camera import DEPTH, FOCAL, X
 from monodyn.vision.drawing.silhouette import pose_mismatch
 
 GRID_POSES = 12_000

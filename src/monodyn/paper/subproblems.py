@@ -18,10 +18,11 @@ import numpy as np
 from monodyn.optimize.bracket import line_search
 from monodyn.optimize.lagrangian import augmented_lagrangian
 from monodyn.optimize.minimum import DirectSettings
-from monodyn.paper.placed import DEPTH, FOCAL, UNDRAWABLE, X, Y, drawn, placed_mismatch
+from monodyn.paper.placed import UNDRAWABLE, drawn, placed_mismatch
 from monodyn.paper.view import ModelView, SilhouetteImage
+from monodyn.vision.drawing.camera import DEPTH, FOCAL, X, Y
 from monodyn.vision.drawing.rig import Rig
-from monodyn.vision.drawing.silhouette import link_frames, outline_counts, project
+from monodyn.vision.drawing.silhouette import outline_starts, project
 
 LEAST_SIZE_PX = 1.5
 """No length or width gets below this: what has no inside has no mismatch to come back by [px]."""
@@ -288,9 +289,8 @@ def outline_points(rig: Rig, position: np.ndarray) -> np.ndarray:
         rig: The mechanism.
         position: Joint positions, (dof,).
     """
-    px = np.empty((int(outline_counts(rig.first, rig.radius)[-1]), 2))
-    frames = link_frames(rig.parent, rig.kind, rig.links, position)
-    seen_whole = project(frames, rig.link, rig.first, rig.points, rig.radius, rig.camera, px)
+    px = np.empty((int(outline_starts(rig, len(rig.radius))[-1]), 2))
+    seen_whole = project(rig, position, px)
     return px if seen_whole else np.full_like(px, np.nan)
 
 

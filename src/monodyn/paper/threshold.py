@@ -133,7 +133,7 @@ def otsu_level(frames: Sequence[Frame], background: Background) -> float:
     Source:
         Otsu, A threshold selection method from gray-level histograms, 1979.
     """
-    top, bottom, left, right = background.reach
+    top, bottom, left, right = background.window
     counts = np.zeros(256)
     for frame in frames:
         part = difference(frame, background)[top:bottom, left:right]

@@ -15,13 +15,13 @@ from monodyn.arrays import frozen
 from monodyn.errors import VideoError
 from monodyn.mechanism.tree import HINGE
 from monodyn.paper.locate import PaperScene
-from monodyn.paper.sequential import reach_of
 from monodyn.paper.settings import PaperTrackSettings
 from monodyn.paper.silhouettes import ClipSilhouettes
 from monodyn.paper.starts import pose_by_beam
 from monodyn.paper.subproblems import fit_pose
 from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage, model_view
 from monodyn.types import Poses, Progress
+from monodyn.vision.drawing.rig import longest_reach
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
 
@@ -273,7 +273,7 @@ def joint_ranges(view: ModelView) -> np.ndarray:
         view: The mechanism.
     """
     limited = np.isfinite(view.limits).all(axis=0)
-    whole = np.where(view.base.kind == HINGE, 2.0 * np.pi, 2.0 * reach_of(view.rig))
+    whole = np.where(view.base.kind == HINGE, 2.0 * np.pi, 2.0 * longest_reach(view.rig))
     return np.where(limited, np.minimum(np.diff(view.limits, axis=0)[0], whole), whole)
 
 

@@ -12,13 +12,11 @@ from monodyn.mechanism import Mechanism, Parameter
 from monodyn.paper.placed import AreaCentroid, CameraFree, moment_sums
 from monodyn.paper.threshold import OPEN
 from monodyn.types import Camera
-from monodyn.vision.drawing.rig import Rig, rig_of
+from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
 from monodyn.vision.drawing.silhouette import row_sums
 
 OVERHANGS = ("tail", "tip")
 """Kinds of sizes that say how far a body reaches beyond its hinges; they may be zero."""
-SIZE_KINDS = ("length", "width", *OVERHANGS)
-"""Kinds of sizes that a silhouette shows."""
 RATIO_RANGE = 30.0
 """Factor by which an aspect ratio may become larger or smaller than in the file."""
 LEAST_SCALE = 0.1

@@ -54,7 +54,7 @@ def filmed_of(fit: Fit, scene: Scene, poses: Poses) -> Filmed:
     camera = replace(camera, x=camera.x * scale, y=camera.y * scale, depth=camera.depth * scale)
     # the fit of free torques holds the common scale, so nothing determines how far away the camera is
     unit = np.inf if fit.torque == "free" else scale
-    std = {name: value * (unit if name in LENGTHS else 1.0) for name, value in scene.spread.items()}
+    std = {name: value * (unit if name in LENGTHS else 1.0) for name, value in scene.camera_std.items()}
     # without a fit the located mechanism is drawn, in the scale of its file
     mechanism = fit.mechanism if fit.starts else scene.mechanism
     return Filmed(scene.masks.video, mechanism, camera, metric(poses, mechanism, scale), std)

@@ -1,17 +1,21 @@
-"""How a clip is seen: the settings of each stage alone, for the command line to list."""
+"""The settings of the stages from a clip to poses; the command line is made from them."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from monodyn.errors import SettingsError
 
 RATES = (1e-3, 1e6)
 """Least and most frames a second [Hz] that a clip can be given."""
-METHODS = ("fast", "paper")
+Method = Literal["fast", "paper"]
 """What the method of a stage can be called; ``stages`` has the functions."""
+SegmentMethod = Literal["fast"]
+"""What the method of the segmentation can be called."""
+METHOD_NAMES: tuple[str, ...] = get_args(Method)
+SEGMENT_METHOD_NAMES: tuple[str, ...] = get_args(SegmentMethod)
 
 
 @dataclass(frozen=True)
@@ -20,17 +24,17 @@ class SegmentSettings:
 
     Attributes:
         method: ``fast``: each pixel's coverage from its background and the mechanism's colours.
-        colour: ``auto`` uses the colour channels only where grey alone does not tell the mechanism from the
-            background (colour has half the resolution); ``grey`` and ``colour`` force it.
+        colour: ``auto`` uses the colour channels only where grey alone does not distinguish the mechanism
+            from the background (colour has half the resolution); ``grey`` and ``colour`` force it.
         contrast: Least difference between mechanism and background that counts as seen [grey levels].
     """
 
-    method: Literal["fast"] | None = None
+    method: SegmentMethod | None = None
     colour: str = "auto"
     contrast: float = 14.0
 
     def __post_init__(self) -> None:
-        check_choice("segment.method", self.method, ("fast",))
+        check_choice("segment.method", self.method, SEGMENT_METHOD_NAMES)
         check_choice("segment.colour", self.colour, ("auto", "grey", "colour"))
         if not 0 < self.contrast <= 255:
             raise SettingsError(
@@ -48,10 +52,10 @@ class CameraSettings:
             whole run, and fast by itself.
     """
 
-    method: Literal["fast", "paper"] | None = None
+    method: Method | None = None
 
     def __post_init__(self) -> None:
-        check_choice("camera.method", self.method, METHODS)
+        check_choice("camera.method", self.method, METHOD_NAMES)
 
 
 @dataclass(frozen=True)
@@ -69,14 +73,14 @@ class LocateSettings:
         seed: Seed of random starts.
     """
 
-    method: Literal["fast", "paper"] | None = None
+    method: Method | None = None
     focal: float = 0.0
     search_frames: int = 7
     refine_frames: int = 32
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_choice("locate.method", self.method, METHODS)
+        check_choice("locate.method", self.method, METHOD_NAMES)
         if self.seed < 0:
             raise SettingsError(f"locate.seed: expected 0 or more, got {self.seed}; give a whole number.")
         if not 0.0 <= self.focal <= 1e6:
@@ -105,7 +109,7 @@ class TrackSettings:
         patience: Frames between two searches of the whole picture while the mechanism is lost.
     """
 
-    method: Literal["fast", "paper"] | None = None
+    method: Method | None = None
     spacing: float = 3.0
     reach: float = 4.0
     first_reach: float = 7.0
@@ -115,7 +119,7 @@ class TrackSettings:
     patience: int = 3
 
     def __post_init__(self) -> None:
-        check_choice("track.method", self.method, METHODS)
+        check_choice("track.method", self.method, METHOD_NAMES)
         for name, low, high in (
             ("spacing", 0.5, 100.0),
             ("reach", 1.0, 200.0),

@@ -7,17 +7,18 @@ not seen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from monodyn.mechanism.tree import HINGE
 from monodyn.types import Mask, Poses, Progress
-from monodyn.vision.drawing.follow import follow
+from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.rig import Rig, rig_of
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.keyframes import key_frame
 from monodyn.vision.locating.scene import Scene
-from monodyn.vision.locating.search import limits, place
+from monodyn.vision.locating.search import joint_limits, search_pose
 from monodyn.vision.settings import TrackSettings
 
 CORRELATION = 2.0
@@ -25,13 +26,21 @@ CORRELATION = 2.0
 LEAST_NOISE_PX = 0.05
 """Least standard deviation of an edge sample [px]."""
 
-COASTING = 8
+TURNS_KNOWN_FRAMES = 8
 """Frames out of sight over which the last rates count for the number of turns."""
-TOLD = 0.3
-"""A pose that the mask tells less well than this share of the move limit was not seen."""
-SLACK = 0.15
-"""A pose may fit so much worse than usual (of 2: all outline samples on edges, all covered inside)
-unquestioned."""
+PREDICTED_FRAMES = 30
+"""Frames out of sight after which the last poses predict nothing."""
+LEAST_SAMPLES = 8
+"""Outline samples below which a pose was not seen."""
+DETERMINED = 0.3
+"""A pose that the mask determines less well than this share of the move limit was not seen."""
+USUAL_SCORE = 1.8
+"""Score of a pose that fits as usual, before the first frames (of 2: all outline samples on edges, all
+covered inside)."""
+SCORE_SLACK = 0.15
+"""A pose whose score is lower than usual by no more than this is not questioned."""
+MOST_AMPLIFIED = 16.0
+"""Sum of the weights of an extrapolation above which it would mostly amplify noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +73,8 @@ def follow_clip(
     follower = Follower(scene, settings)
     blank = np.full(len(scene.mechanism.joints), np.nan)
     rows = []
-    for mask in replace(scene.masks, video=video):
+    for frame in video.frames():
+        mask = scene.masks.of(frame)
         rows += [
             (i, video.times[i], blank, np.outer(blank, blank), False) for i in range(len(rows), mask.index)
         ]  # frames that did not decode
@@ -77,21 +87,26 @@ def follow_clip(
 
 
 class Follower:
-    """Follows the mechanism from frame to frame; what it remembers is the motion so far."""
+    """Follows the mechanism from frame to frame; what it remembers is the motion so far.
+
+    Args:
+        scene: Camera, sizes and first pose.
+        settings: How the mechanism is followed.
+    """
 
     def __init__(self, scene: Scene, settings: TrackSettings) -> None:
         self._scene = scene
         self._settings = settings
         self._rig: Rig = rig_of(scene.mechanism, scene.camera)
-        self._view = scene.masks.palette.view(len(self._rig.radius))
-        self._lower, self._upper = limits(scene.mechanism)
-        self._hinge = self._rig.kind == 0
+        self._view = scene.masks.view(len(self._rig.radius))
+        self._lower, self._upper = joint_limits(scene.mechanism)
+        self._hinge = self._rig.kind == HINGE
         reach = float(np.ptp(scene.mechanism.shapes.points[:, :2], axis=0).max())
         self._move = np.where(self._hinge, settings.move, settings.move * reach)
         self._known = dict(zip(scene.key_frames, scene.key_positions, strict=True))
         self._past: list[tuple[float, np.ndarray]] = []
         self._lost = 0
-        self._usual = 1.8
+        self._usual = USUAL_SCORE
 
     def step(self, mask: Mask) -> tuple[np.ndarray, np.ndarray, bool]:
         """Find the pose in the next frame.
@@ -104,10 +119,13 @@ class Follower:
         """
         found = None
         predictions = self._predictions(mask)
+        # Every start is tried with a short search, then with a long one, until a pose fits about as well as
+        # those before it. A pose that fits much worse may have locked on a wrong edge: it is kept, but the
+        # other starts and the search of the whole picture have their chance to do better.
         for first_reach in (self._settings.first_reach, 3.0 * self._settings.first_reach):
             for start in predictions:
                 found = _better(found, self._follow(mask, start, first_reach))
-                if found.fits and found.score > self._usual - SLACK:
+                if found.fits and found.score > self._usual - SCORE_SLACK:
                     break
             else:
                 continue
@@ -116,6 +134,7 @@ class Follower:
             if self._lost % self._settings.patience == 0:
                 found = _better(found, self._search(mask))
         if found is not None and found.fits:
+            # three poses are what the prediction by constant acceleration needs
             self._past = [*self._past[-2:], (mask.time, found.position)]
             self._lost = 0
             self._usual += 0.1 * (found.score - self._usual)
@@ -130,16 +149,17 @@ class Follower:
         past = self._past
         if mask.index in self._known and not past:
             predictions.append(self._known[mask.index])
-        if past and self._lost < 30:
+        if past and self._lost < PREDICTED_FRAMES:
             t = [time for time, _ in past]
             q = [position for _, position in past]
             if len(past) == 3:
+                # the parabola through three poses (Lagrange); the time stamps need not be equally spaced
                 weights = [
                     (mask.time - t[1]) * (mask.time - t[2]) / ((t[0] - t[1]) * (t[0] - t[2])),
                     (mask.time - t[0]) * (mask.time - t[2]) / ((t[1] - t[0]) * (t[1] - t[2])),
                     (mask.time - t[0]) * (mask.time - t[1]) / ((t[2] - t[0]) * (t[2] - t[1])),
                 ]
-                if np.sum(np.abs(weights)) < 16.0:
+                if np.sum(np.abs(weights)) < MOST_AMPLIFIED:
                     predictions.append(sum(w * p for w, p in zip(weights, q, strict=True)))
             if len(past) >= 2:
                 rate = (q[-1] - q[-2]) / (t[-1] - t[-2])
@@ -156,28 +176,26 @@ class Follower:
             reaches = np.array([s.first_reach, 0.5 * (s.first_reach + s.reach), s.reach, s.reach])
         lower = np.maximum(self._lower, start - self._move)
         upper = np.minimum(self._upper, start + self._move)
-        q, normal, facts = follow(
+        q, information, agreement = follow(
             mask.planes,
-            *self._view,
-            *self._rig,
+            self._view,
+            self._rig,
             start,
-            lower,
-            upper,
-            self._move,
-            reaches,
-            s.spacing,
+            MoveLimits(lower, upper, self._move),
+            EdgeSearch(reaches, s.spacing),
         )
-        noise = CORRELATION * max(facts[2], LEAST_NOISE_PX) ** 2
-        covariance = np.linalg.inv(normal / noise + np.diag(1.0 / self._move**2))
-        spread = np.sqrt(np.diag(covariance))
-        told = np.all(spread < TOLD * self._move)
-        fits = told and facts[0] >= 8 and facts[1] >= s.matched and facts[3] >= s.inside
-        return _Found(q, covariance, bool(fits), float(facts[1] + facts[3]))
+        noise = CORRELATION * max(agreement.rms_px, LEAST_NOISE_PX) ** 2
+        # where the picture shows nothing of a joint, the move limit is all that is known of it
+        covariance = np.linalg.inv(information / noise + np.diag(1.0 / self._move**2))
+        std = np.sqrt(np.diag(covariance))
+        determined = np.all(std < DETERMINED * self._move) and agreement.samples >= LEAST_SAMPLES
+        fits = determined and agreement.matched >= s.matched and agreement.inside >= s.inside
+        return _Found(q, covariance, bool(fits), float(agreement.matched + agreement.inside))
 
     def _expected(self, time: float) -> np.ndarray:
         """Return where the joints would be by now at their last rate; after a long gap, where they were."""
         last, position = self._past[-1]
-        if len(self._past) < 2 or self._lost > COASTING:
+        if len(self._past) < 2 or self._lost > TURNS_KNOWN_FRAMES:
             return position
         before, earlier = self._past[-2]
         return position + (position - earlier) * (time - last) / (last - before)
@@ -187,7 +205,8 @@ class Follower:
         scene = self._scene
         frame, frames = key_frame(mask, scene.masks, len(self._rig.radius))
         coarse = rig_of(scene.mechanism, scene.camera, shrink=frames.shrink)
-        q, _ = place(frame, frames, coarse, scene.mechanism)
+        q, _ = search_pose(frame, frames, coarse, scene.mechanism)
+        # a picture shows a hinge's angle but for whole turns; those come from the motion so far
         if self._past:
             turns = np.round((self._expected(mask.time) - q) / (2.0 * np.pi))
             q = q + np.where(self._hinge & ~np.isfinite(self._lower), 2.0 * np.pi * turns, 0.0)

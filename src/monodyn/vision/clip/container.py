@@ -1,4 +1,9 @@
-"""A video file through libav: time stamps of all frames first, then streaming decode by frame number."""
+"""A video file through libav: time stamps of all frames first, then streaming decode by frame number.
+
+The stamps come from the packets, which costs no decoding. A packet that carries no stamp, or first pictures
+whose stamps are not among the packets', mean that the container cannot be trusted: then the file is decoded
+once for the stamps of what is shown.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +11,7 @@ import contextlib
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +21,56 @@ from monodyn.vision.clip.orientation import Turn, square_size, turn_of, upright_
 
 _NOT_CLIPS = ("hls", "concat", "dash", "sdp", "image2", "image2pipe", "tty", "webm_dash_manifest")
 """Formats that name other files or are one picture or text, by the demuxer's name."""
+
+
+OPENING = 4
+"""Pictures that are decoded to compare their stamps with those of the packets."""
+NO_TIMESTAMPS = 0x0080
+"""libav's flag for formats without stamps (``AVFMT_NOTIMESTAMPS``)."""
+
+
+class _Layout(NamedTuple):
+    """How the pictures of a file are stored.
+
+    Attributes:
+        shape: Stored width and height [px]; a picture of another shape is left out.
+        size: Width and height in square pixels, before the turn [px].
+        turn: What brings a picture upright.
+    """
+
+    shape: tuple[int, int]
+    size: tuple[int, int]
+    turn: Turn
+
+
+class _Opening(NamedTuple):
+    """What the first pictures of a file show.
+
+    Attributes:
+        pts: Their stamps, as the decoder gives them; None where it gives none.
+        base: Length of a tick [s].
+        stampless: True when the format stores no stamps, so that those of the decoder are made up.
+        layout: How the pictures are stored.
+    """
+
+    pts: list[int | None]
+    base: Fraction
+    stampless: bool
+    layout: _Layout
+
+
+class _Stamps(NamedTuple):
+    """Time stamps of all frames in the order of display.
+
+    Attributes:
+        ticks: Stamps of the file, increasing, int64 (frame,).
+        times: Times [s], (frame,).
+        own: True when they are the file's own, so that a picture finds its number by its stamp.
+    """
+
+    ticks: np.ndarray
+    times: np.ndarray
+    own: bool
 
 
 def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, Any, list[str]]:
@@ -29,12 +84,12 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
         Width and height [px], times [s] (frame,), the decode function and the notes, as ``Video`` takes them.
 
     Raises:
-        VideoError: not a video, no picture stream, nothing decodes, no time stamps, fewer than two frames.
+        VideoError: The file has no time stamps, or fewer than two frames.
     """
     notes: list[str] = []
-    first, size, turn = _first_picture(path)
-    ticks, stamped = _stamps(path, first, notes)
-    if rate is None and not stamped:
+    opening = _first_pictures(path)
+    ticks, own = _ticks(path, opening, notes)
+    if rate is None and not own:
         raise VideoError(
             f"clip '{path}': expected time stamps, the file has none; give its frame rate with --rate."
         )
@@ -43,18 +98,20 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
         raise VideoError(
             f"clip '{path}': expected a clip of at least two frames, got {found}; record a longer clip."
         )
-    if not turn.exact:
+    layout = opening.layout
+    if not layout.turn.exact:
         notes.append(
-            "The file asks for a rotation that is not a quarter turn; the nearest quarter turn is used."
+            "The file requires a rotation that is not a quarter turn; the nearest quarter turn is used."
         )
     if rate is None:
-        times = np.array([float(tick * first["base"]) for tick in ticks.tolist()])
+        # in exact fractions: 1001/30000 s times a large number of ticks must not be rounded twice
+        times = np.array([float(tick * opening.base) for tick in ticks.tolist()])
         _note_missing(path, times, notes)
     else:
         times = np.arange(len(ticks)) / rate
         notes.append(f"Time stamps replaced by {rate:g} frames a second.")
-    clip = _Clip(path, ticks, times, first["shape"], size, turn, stamped, notes)
-    width, height = (size[1], size[0]) if turn.transpose else size
+    clip = _Clip(path, layout, _Stamps(ticks, times, own), notes)
+    width, height = layout.size[::-1] if layout.turn.transpose else layout.size
     return width, height, times, clip.decode, notes
 
 
@@ -68,7 +125,7 @@ def open_stream(path: Path) -> tuple[Any, Any]:
         ``av`` container and video stream; the caller closes the container.
 
     Raises:
-        VideoError: libav cannot read the file, or it holds no moving picture.
+        VideoError: The file cannot be read as a video, or it holds no moving picture.
     """
     import av
     import av.error
@@ -83,6 +140,7 @@ def open_stream(path: Path) -> tuple[Any, Any]:
             f"clip '{path}': expected a video file, cannot read it as one ({why}); "
             "check the file or convert it to mp4."
         ) from None
+    # a playlist would open files that the user has not named
     names = set(container.format.name.split(","))
     if names & set(_NOT_CLIPS) or any(name.endswith("_pipe") for name in names):
         container.close()
@@ -90,6 +148,7 @@ def open_stream(path: Path) -> tuple[Any, Any]:
             f"clip '{path}': expected a video file, got {_kind(names)}; "
             "give a clip or a folder of numbered pictures."
         )
+    # the cover picture of a sound file is a video stream to libav
     streams = [s for s in container.streams.video if "attached_pic" not in str(s.disposition)]
     if not streams:
         found = "only sound" if container.streams.audio else "no picture stream"
@@ -109,8 +168,8 @@ def _kind(names: set[str]) -> str:
     return f"a list of other files ({', '.join(sorted(names))})"
 
 
-def _first_picture(path: Path) -> tuple[dict[str, Any], tuple[int, int], Turn]:
-    """Decode the first frames: stamps to compare, stored shape, square size and turn."""
+def _first_pictures(path: Path) -> _Opening:
+    """Decode the first pictures: their stamps, how they are stored, and whether the format has stamps."""
     container, stream = open_stream(path)
     with container:
         aspect: Fraction | None = stream.sample_aspect_ratio
@@ -120,70 +179,59 @@ def _first_picture(path: Path) -> tuple[dict[str, Any], tuple[int, int], Turn]:
             if not pts:
                 shape, turn = (frame.width, frame.height), turn_of(frame)
             pts.append(frame.pts)
-            if len(pts) == 4:
+            if len(pts) == OPENING:
                 break
         base = stream.time_base
-        stampless = _stampless(container.format)
+        stampless = bool(int(getattr(container.format, "flags", 0)) & NO_TIMESTAMPS)
     if not pts:
         raise VideoError(
             f"clip '{path}': expected pictures, none of them decodes; the file is empty or damaged."
         )
-    first = {"pts": pts, "shape": shape, "base": base, "stampless": stampless}
-    return first, square_size(*shape, aspect), turn
+    return _Opening(pts, base, stampless, _Layout(shape, square_size(*shape, aspect), turn))
 
 
-def _stampless(form: Any) -> bool:
-    flags = getattr(form, "flags", 0)
-    return bool(int(flags) & 0x0080)
-
-
-def pictures(container: Any, stream: Any, faults: list[int] | None = None) -> Iterator[Any]:
-    """Decode every packet that decodes.
+def pictures(container: Any, stream: Any) -> Iterator[Any]:
+    """Decode every packet that decodes; what is damaged is left out.
 
     Args:
         container: Open ``av`` container.
         stream: Its picture stream.
-        faults: One entry is added for every packet or picture that is damaged.
+
+    Yields:
+        ``av.VideoFrame``, in the order of display.
     """
-    import av
     import av.error
 
-    faults = [] if faults is None else faults
     packets = container.demux(stream)
     while True:
+        # a damaged container ends here, as does a whole one; a damaged packet costs its own pictures only
         try:
             packet = next(packets)
-        except (StopIteration, EOFError):
-            return
-        except av.error.FFmpegError:
-            faults.append(-1)
+        except (StopIteration, EOFError, av.error.FFmpegError):
             return
         try:
             decoded = packet.decode()
         except EOFError:
             return
         except av.error.FFmpegError:
-            faults.append(packet.pts or 0)
             continue
-        for frame in decoded:
-            if getattr(frame, "is_corrupt", False):
-                faults.append(frame.pts or 0)
-            else:
-                yield frame
+        yield from (frame for frame in decoded if not getattr(frame, "is_corrupt", False))
 
 
-def _stamps(path: Path, first: dict[str, Any], notes: list[str]) -> tuple[np.ndarray, bool]:
-    """Return the stamps [ticks] in display order (frame,) and whether the file has any."""
-    if first["stampless"] or None in first["pts"]:
+def _ticks(path: Path, opening: _Opening, notes: list[str]) -> tuple[np.ndarray, bool]:
+    """Return the stamps [ticks] in display order (frame,) and whether they are the file's own."""
+    if opening.stampless or None in opening.pts:
         count = sum(1 for _ in _all_pictures(path))
         return np.arange(count, dtype=np.int64), False
     packets = _packet_stamps(path)
-    if packets is None or not set(first["pts"]) <= set(packets):
+    if packets is None or not set(opening.pts) <= set(packets):
         shown = [frame.pts for frame in _all_pictures(path)]
         if None in shown:
             return np.arange(len(shown), dtype=np.int64), False
+        # pictures come in the order of display, so a stamp that falls is an error: it is dropped below
         ticks = np.maximum.accumulate(np.array(shown, dtype=np.int64))
     else:
+        # packets come in the order of decoding, in which pictures that others are predicted from come first
         ticks = np.sort(np.array(packets, dtype=np.int64))
     kept = np.concatenate([[True], np.diff(ticks) > 0]) if len(ticks) else np.zeros(0, bool)
     dropped = int(np.sum(~kept))
@@ -206,6 +254,7 @@ def _packet_stamps(path: Path) -> list[int] | None:
                 packet = next(packets)
             except (StopIteration, EOFError, av.error.FFmpegError):
                 return found
+            # an empty packet ends the stream; one to be discarded is decoded for others and never shown
             if packet.size == 0 or getattr(packet, "is_discard", False):
                 continue
             if packet.pts is None:
@@ -228,6 +277,7 @@ def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
         start = float(container.start_time) / 1e6 if container.start_time else 0.0
         alone = len(container.streams) == 1
     step = float(np.median(np.diff(times)))
+    # the duration is that of the longest stream: with sound it says nothing of the pictures
     if announced > len(times) + 1:
         notes.append(f"The file announces {announced} frames but holds {len(times)}; it is cut short.")
     elif alone and duration > times[-1] - start + max(3 * step, 0.05 * duration):
@@ -239,23 +289,17 @@ def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
 class _Clip:
     """One file with its stamps; decodes any range by frame number."""
 
-    def __init__(
-        self,
-        path: Path,
-        ticks: np.ndarray,
-        times: np.ndarray,
-        shape: tuple[int, int],
-        size: tuple[int, int],
-        turn: Turn,
-        stamped: bool,
-        notes: list[str],
-    ) -> None:
-        self.path, self.ticks, self.times, self.notes = path, ticks, times, notes
-        self.shape, self.size, self.turn, self.stamped = shape, size, turn, stamped
-        self.numbers = {int(tick): number for number, tick in enumerate(ticks)}
+    def __init__(self, path: Path, layout: _Layout, stamps: _Stamps, notes: list[str]) -> None:
+        self.path, self.layout, self.stamps, self.notes = path, layout, stamps, notes
+        self.numbers = {int(tick): number for number, tick in enumerate(stamps.ticks)}
 
     def decode(self, start: int, stop: int) -> Iterator[Frame]:
-        """Yield frames ``start`` to ``stop - 1`` that decode; says in the notes what a whole pass misses."""
+        """Yield frames ``start`` to ``stop - 1`` that decode; a whole pass notes how many it misses.
+
+        Args:
+            start: First frame number.
+            stop: Frame number after the last one.
+        """
         if start >= stop:
             return
         given = 0
@@ -265,15 +309,17 @@ class _Clip:
             if frame.index >= start:
                 given += 1
                 yield frame
-        if start == 0 and stop == len(self.ticks) and given < stop:
+        if start == 0 and stop == len(self.stamps.ticks) and given < stop:
             note = f"{stop - given} of {stop} frames cannot be decoded; {given} are used."
             if note not in self.notes:
                 self.notes.append(note)
 
     def _from(self, start: int) -> Iterator[Frame]:
         """Yield decoded frames from a key frame at or before ``start``."""
-        if start > 0 and self.stamped:
-            frames = self._run(int(self.ticks[start]))
+        # A seek leads to the key frame before the stamp, but not in every container: where it comes out
+        # behind the frame, or nowhere, the file is decoded from its start.
+        if start > 0 and self.stamps.own:
+            frames = self._run(int(self.stamps.ticks[start]))
             first = next(frames, None)
             if first is not None and first.index <= start:
                 yield first
@@ -286,6 +332,7 @@ class _Clip:
         import av.error
         from av.video.reformatter import VideoReformatter
 
+        layout = self.layout
         reformatter, last, position = VideoReformatter(), -1, -1
         container, stream = open_stream(self.path)
         with contextlib.closing(container):
@@ -296,9 +343,11 @@ class _Clip:
                     return
             for picture in pictures(container, stream):
                 position += 1
-                index = self.numbers.get(picture.pts) if self.stamped else position
-                if index is None or index <= last or (picture.width, picture.height) != self.shape:
+                # A number belongs to a stamp and not to a count of pictures: so it means the same in every
+                # pass, whatever the decoder drops after a seek or at damage.
+                index = self.numbers.get(picture.pts) if self.stamps.own else position
+                if index is None or index <= last or (picture.width, picture.height) != layout.shape:
                     continue
                 last = index
-                luma, chroma = upright_planes(picture, reformatter, self.size, self.turn)
-                yield Frame(index, float(self.times[index]), luma, chroma)
+                luma, chroma = upright_planes(picture, reformatter, layout.size, layout.turn)
+                yield Frame(index, float(self.stamps.times[index]), luma, chroma)

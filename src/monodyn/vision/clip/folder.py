@@ -31,8 +31,7 @@ def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, A
         Width and height [px], times [s] (frame,), the decode function and the notes, as ``Video`` takes them.
 
     Raises:
-        VideoError: no numbered pictures, more than one series, fewer than two pictures, or the first is
-            unreadable.
+        VideoError: The folder has fewer than two pictures.
     """
     files, numbers = _series(path)
     if len(files) < 2:
@@ -45,6 +44,7 @@ def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, A
             f"A folder of pictures has no time stamps: {DEFAULT_RATE:g} pictures a second assumed; "
             "give --rate if it differs."
         )
+    # numbers in steps of ten are a series of every picture: the unit is their greatest common divisor
     steps = np.diff(numbers)
     unit = int(np.gcd.reduce(steps))
     if np.any(steps != unit):
@@ -71,8 +71,6 @@ def read_still(path: Path) -> tuple[int, int, np.ndarray, Any, list[str]]:
     Returns:
         Width and height [px], times [s] (frame,), the decode function and the notes, as ``Video`` takes them.
 
-    Raises:
-        VideoError: the file is missing or is not a picture.
     """
     luma, chroma = load_picture(path, "picture")
     frame = Frame(0, 0.0, luma, chroma)
@@ -94,7 +92,7 @@ def load_picture(path: Path, what: str) -> Planes:
         Luma (height, width) in video range and two chroma planes, or None for a grey picture; uint8.
 
     Raises:
-        VideoError: the file is missing or is not a picture.
+        VideoError: The file is missing or is not a picture.
     """
     import av
     import cv2
@@ -102,6 +100,7 @@ def load_picture(path: Path, what: str) -> Planes:
 
     if not path.is_file():
         raise VideoError(f"{what} '{path}': expected a picture file, found none; check the path.")
+    # cv2 raises on an empty buffer; a single zero is no picture either, and gives None
     picture = cv2.imdecode(np.frombuffer(path.read_bytes() or b"\0", np.uint8), cv2.IMREAD_ANYCOLOR)
     if picture is None:
         raise VideoError(f"{what} '{path}': expected a png, jpg, bmp or tif picture, cannot read it as one.")
@@ -114,6 +113,7 @@ def _series(path: Path) -> tuple[list[Path], list[int]]:
     """Return the pictures in the order of their last number, and these numbers."""
     found: dict[str, list[tuple[int, Path]]] = {}
     for file in path.iterdir():
+        # the last number of the name counts; what is around it names the series
         match = re.fullmatch(r"(.*?)(\d+)(\D*)", file.name)
         if match and file.suffix.lower() in SUFFIXES and not file.name.startswith("."):
             found.setdefault(f"{match[1]}#{match[3]}", []).append((int(match[2]), file))

@@ -23,7 +23,7 @@ class Turn:
         transpose: Rows become columns.
         flip_x: Mirror left and right.
         flip_y: Mirror top and bottom.
-        exact: False when the file asks for another angle than a quarter turn and this is the nearest one.
+        exact: False when the file requires another angle than a quarter turn and this is the nearest one.
     """
 
     transpose: bool = False
@@ -46,6 +46,7 @@ def turn_of(frame: Any) -> Turn:
     data = next((bytes(item) for item in frame.side_data if item.type.name == "DISPLAYMATRIX"), b"")
     if len(data) < 36:
         return Turn()
+    # nine numbers row by row, the third of each row for perspective; a picture's rows count downwards
     a, b, _, c, d = np.frombuffer(data, np.int32, 5).astype(float)
     straight, crossed = max(abs(a), abs(d)), max(abs(b), abs(c))
     if straight == crossed == 0.0:
@@ -63,6 +64,9 @@ def square_size(width: int, height: int, aspect: Fraction | None) -> tuple[int, 
         width: Stored width [px].
         height: Stored height [px].
         aspect: Width of a stored pixel over its height; None or 0 when it is not given.
+
+    Returns:
+        Width and height [px].
     """
     if not aspect or aspect == 1:
         return width, height
@@ -83,6 +87,7 @@ def upright_planes(frame: Any, reformatter: Any, size: tuple[int, int], turn: Tu
     Returns:
         Luma (height, width) and the two chroma planes, or None for a grey frame; read-only uint8.
     """
+    # anything but 8-bit 4:2:0 in video range is converted; what is in it already is viewed as it is
     grey = frame.format.name.startswith("gray")
     if frame.format.name != "yuv420p" or int(frame.color_range) == 2:
         full = grey or frame.format.name.startswith("yuvj") or int(frame.color_range) == 2
@@ -105,14 +110,17 @@ def upright_planes(frame: Any, reformatter: Any, size: tuple[int, int], turn: Tu
 
 
 def plane_view(plane: Any) -> np.ndarray:
-    """View one 8-bit plane (height, width) of a decoded frame without a copy; the view keeps the frame alive.
+    """View one 8-bit plane of a decoded frame without a copy; the view keeps the frame alive.
 
     Args:
         plane: ``av.video.plane.VideoPlane``.
+
+    Returns:
+        The plane, uint8 (height, width).
     """
     step = plane.line_size
-    if step <= 0:
-        raise AssertionError("the decoder's planes run downward")
+    assert step > 0, "the decoder's planes run downward"
+    # the decoder pads its lines: only the first ``width`` bytes of each are picture
     rows = np.frombuffer(plane, np.uint8)
     whole = rows[: step * plane.height]
     return whole.reshape(plane.height, step)[:, : plane.width]

@@ -32,6 +32,8 @@ class Video:
         width: Picture width in square pixels, upright [px].
         height: Picture height in square pixels, upright [px].
         times: Presentation time stamps of all frames [s], increasing, (frame,).
+        decode: Streams the frames of a range of frame numbers.
+        remarks: Where the notes are collected.
     """
 
     path: Path
@@ -69,7 +71,7 @@ class Video:
             An iterator of frames with increasing numbers.
 
         Raises:
-            VideoError: the range lies outside the clip.
+            VideoError: The range lies outside the clip.
         """
         end = self.count if stop is None else stop
         if not 0 <= start <= end <= self.count:
@@ -94,7 +96,7 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
         The clip; its pictures are decoded by ``Video.frames``.
 
     Raises:
-        VideoError: the path is missing or not a video, has no picture stream, no time stamps, or fewer than
+        VideoError: The path is missing or not a video, has no picture stream, no time stamps, or fewer than
             two frames; or it is no picture although ``still`` says so.
 
     Example:

@@ -1,4 +1,4 @@
-"""The pinhole camera: from a ``Camera`` to the numbers the kernels use, and from points to pixels."""
+"""The pinhole camera: from a ``Camera`` to the packed array of the kernels, and from points to pixels."""
 
 from __future__ import annotations
 
@@ -19,13 +19,20 @@ PARAMETERS = {
 }
 """Names and units of the camera's parameters."""
 
+ROTATION = 9
+"""The first so many entries of a packed camera are its rotation ``R_camera_plane``, row by row."""
+X, Y, DEPTH, FOCAL, CENTRE_X, CENTRE_Y = range(ROTATION, 15)
+"""Columns of a packed camera after the rotation: position [m], focal length and principal point [px]."""
+
 
 def rotation(camera: Camera) -> np.ndarray:
-    """Return ``R_camera_plane``, (3, 3): plane frame (x right, y up, z to the camera) to camera frame
-    (OpenCV).
+    """Return the rotation from the plane frame (x right, y up, z to the camera) to the camera frame (OpenCV).
 
     Args:
         camera: The camera.
+
+    Returns:
+        ``R_camera_plane``, (3, 3).
     """
     cr, sr = np.cos(camera.roll), np.sin(camera.roll)
     cp, sp = np.cos(camera.pitch), np.sin(camera.pitch)
@@ -33,14 +40,18 @@ def rotation(camera: Camera) -> np.ndarray:
     roll = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
     pitch = np.array([[1.0, 0.0, 0.0], [0.0, cp, sp], [0.0, -sp, cp]])
     yaw = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
+    # the last factor turns y down and z away from the camera: what is left is the identity for a level camera
     return roll @ pitch @ yaw @ np.diag([1.0, -1.0, -1.0])
 
 
 def camera_array(camera: Camera) -> np.ndarray:
-    """Pack rotation (9), position (3), focal length and principal point for the kernels: (15,).
+    """Pack a camera for the kernels.
 
     Args:
         camera: The camera.
+
+    Returns:
+        Rotation, position [m], focal length and principal point [px], in the columns named above, (15,).
     """
     centre = [(camera.width - 1) / 2.0, (camera.height - 1) / 2.0]
     return np.concatenate(
@@ -52,21 +63,29 @@ def shrunk(packed: np.ndarray, factor: float) -> np.ndarray:
     """Return the packed camera for a picture reduced by ``factor`` (area averaging).
 
     Args:
-        packed: From ``camera_array``.
+        packed: From ``camera_array``, (15,).
         factor: Old pixels per new pixel.
+
+    Returns:
+        The packed camera, (15,).
     """
     out = packed.copy()
-    out[12] /= factor
-    out[13:15] = (packed[13:15] + 0.5) / factor - 0.5
+    out[FOCAL] /= factor
+    # pixel 0 covers -0.5 to 0.5, and its reduced pixel the same corner: centres shift by half a pixel
+    centre = slice(CENTRE_X, CENTRE_Y + 1)
+    out[centre] = (packed[centre] + 0.5) / factor - 0.5
     return out
 
 
 def pixels(camera: Camera, points: np.ndarray) -> np.ndarray:
-    """Project points of the plane frame [m], (point, 3), to pixels, (point, 2).
+    """Project points of the plane frame.
 
     Args:
         camera: The camera.
-        points: Points before the camera.
+        points: Points before the camera [m], (point, 3).
+
+    Returns:
+        Their places in the picture [px], (point, 2).
     """
     seen = (np.asarray(points, dtype=np.float64) - [camera.x, camera.y, camera.depth]) @ rotation(camera).T
     centre = np.array([(camera.width - 1) / 2.0, (camera.height - 1) / 2.0])
@@ -74,11 +93,14 @@ def pixels(camera: Camera, points: np.ndarray) -> np.ndarray:
 
 
 def value_of(camera: Camera, name: str) -> float:
-    """Return the camera parameter ``camera.<field>``.
+    """Return a parameter of the camera.
 
     Args:
         camera: The camera.
         name: One of ``PARAMETERS``.
+
+    Returns:
+        Its value, in the unit that ``PARAMETERS`` gives.
     """
     return float(getattr(camera, name.removeprefix("camera.")))
 
@@ -88,6 +110,9 @@ def with_values(camera: Camera, values: dict[str, float]) -> Camera:
 
     Args:
         camera: The camera.
-        values: Parameter names, of ``PARAMETERS``, and values.
+        values: Values by name, the names from ``PARAMETERS``.
+
+    Returns:
+        The new camera.
     """
     return replace(camera, **{name.removeprefix("camera."): float(value) for name, value in values.items()})

@@ -11,18 +11,21 @@ along its normals.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
-from monodyn.vision.drawing.silhouette import hulls, link_frames, outline_counts, project
+from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, project
+from monodyn.vision.foreground.masks import View
 
 CORNER_PX = 2.5
 """Outline within this distance of a sharp corner is left out: blur rounds corners."""
 SHARP = math.cos(math.radians(35.0))
 """Edges that turn by more than 35 degrees meet in a corner."""
-STEP = 0.5
+STEP_PX = 0.5
 """Distance of the picture samples along a normal [px]."""
 FLAT_PX = 3.0
 """Search length inwards from which the coverage levels off; an edge is taken against its own level there."""
@@ -31,96 +34,239 @@ LEAST_LEVEL = 0.35
 thought."""
 TRUSTED = 0.09
 """Least trust of the picture along a normal."""
+COVERED_PX = 0.75
+"""A place this close to another outline, or inside of it, is taken as covered by it [px]."""
+MATCHED_PX = 1.5
+"""An outline sample whose edge is closer than this lies on it [px]."""
+INSIDE_PX = 3.0
+"""Depth at which the coverage inside of the outline is read, at most [px]."""
+POSE_STEP = 1e-6
+"""Shift of a joint for the derivative of the outline [rad or m]."""
+MOST_SAMPLES = 4096
+"""Outline samples of a mechanism that are used."""
+
+FROM, TO = range(2)
+"""Columns of a sample's edge: the outline points between which it lies."""
+SHARE, NORMAL_X, NORMAL_Y, AWAY, WEIGHT, INNER, AT_X, AT_Y, GEOM = range(9)
+"""Columns of a sample: share of the second point of its edge; outward normal; displacement t* of the edge of
+the mask [px]; weight; length of the search inwards [px]; its place [px]; its geom."""
+
+
+class Agreement(NamedTuple):
+    """How well an outline lies on a mask, its samples weighted by their trust.
+
+    Attributes:
+        samples: Number of outline samples at which an edge could be looked for.
+        matched: Share of them within ``MATCHED_PX`` of an edge.
+        rms_px: Root mean square displacement of these [px].
+        inside: Mean coverage just inside of the outline.
+    """
+
+    samples: int
+    matched: float
+    rms_px: float
+    inside: float
+
+
+class Shifts(NamedTuple):
+    """A rig with each of some shared parameters shifted by a step, for derivatives.
+
+    Attributes:
+        links: Link tables, (param, dof, 14).
+        points: Points of the geoms [m], (param, point, 3).
+        radius: Radius of the geoms [m], (param, geom).
+        cameras: Packed cameras, (param, 15).
+        steps: The steps, in units of each parameter, (param,).
+    """
+
+    links: np.ndarray
+    points: np.ndarray
+    radius: np.ndarray
+    cameras: np.ndarray
+    steps: np.ndarray
+
+
+class _Normal(NamedTuple):
+    """A place on an outline [px] and the outward unit normal there."""
+
+    x: float
+    y: float
+    nx: float
+    ny: float
 
 
 @njit(cache=True)
-def _bilinear(picture: np.ndarray, x: float, y: float) -> float:
-    """Return the picture's value between pixels; the caller keeps (x, y) inside."""
-    ix, iy = int(x), int(y)
-    fx, fy = x - ix, y - iy
-    top = picture[iy, ix] * (1.0 - fx) + picture[iy, ix + 1] * fx
-    low = picture[iy + 1, ix] * (1.0 - fx) + picture[iy + 1, ix + 1] * fx
-    return top * (1.0 - fy) + low * fy
+def no_shifts(rig: Rig) -> Shifts:
+    """Return the shifts of no parameter.
+
+    Args:
+        rig: The mechanism.
+
+    Returns:
+        Shifts whose param axis has length 0.
+    """
+    links = np.empty((0, rig.links.shape[0], rig.links.shape[1]))
+    points = np.empty((0, rig.points.shape[0], 3))
+    cameras = np.empty((0, rig.camera.shape[0]))
+    return Shifts(links, points, np.empty((0, rig.radius.shape[0])), cameras, np.empty(0))
+
+
+def edge_terms(
+    planes: np.ndarray,
+    view: View,
+    rig: Rig,
+    shifts: Shifts,
+    position: np.ndarray,
+    reach: float,
+    spacing: float,
+) -> tuple[np.ndarray, np.ndarray, Agreement]:
+    """Form the normal equations of one mask over (pose, shared parameters).
+
+    Args:
+        planes: Mask by colour, uint8 (colour, height, width).
+        view: How its planes are to be read.
+        rig: The mechanism and its camera.
+        shifts: The same with each shared parameter shifted.
+        position: Joint positions, (dof,).
+        reach: Length of the search along the normals [px].
+        spacing: Distance between samples [px].
+
+    Returns:
+        Normal matrix (dof + param, dof + param) and right side (dof + param,) for unit noise of a sample,
+        and how well the outline lies on the mask; all zero where the pose cannot be drawn.
+    """
+    normal, right, found = edge_kernel(planes, view, rig, shifts, position, reach, spacing)
+    return normal, right, Agreement(*found)
 
 
 @njit(cache=True)
-def _outside(px: np.ndarray, hull: np.ndarray, a: int, b: int, x: float, y: float) -> float:
-    """Return how far a point lies outside of a convex outline, negative inside [px]."""
-    most = -1e18
-    for i in range(a, b):
-        p = hull[i]
-        q = hull[i + 1] if i + 1 < b else hull[a]
-        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
-        length = math.sqrt(ex * ex + ey * ey)
-        if length < 1e-9:
-            continue
-        most = max(most, ((x - px[p, 0]) * ey - (y - px[p, 1]) * ex) / length)
-    return most
+def edge_kernel(
+    planes: np.ndarray,
+    view: View,
+    rig: Rig,
+    shifts: Shifts,
+    position: np.ndarray,
+    reach: float,
+    spacing: float,
+) -> tuple[np.ndarray, np.ndarray, tuple[int, float, float, float]]:
+    """Do the work of ``edge_terms`` for it and for other kernels.
+
+    A named tuple costs a tenth of a millisecond on its way back to Python, so the agreement is a plain one.
+
+    Args:
+        planes: Mask by colour, uint8 (colour, height, width).
+        view: How its planes are to be read.
+        rig: The mechanism and its camera.
+        shifts: The same with each shared parameter shifted.
+        position: Joint positions, (dof,).
+        reach: Length of the search along the normals [px].
+        spacing: Distance between samples [px].
+
+    Returns:
+        Normal matrix (dof + param, dof + param), right side (dof + param,), and the fields of ``Agreement``.
+    """
+    dofs, shared, geoms = position.shape[0], shifts.steps.shape[0], rig.radius.shape[0]
+    size = dofs + shared
+    normal, right, row = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    outlines = blank_outlines(rig, geoms)
+    if not draw(rig, position, outlines):
+        return normal, right, (0, 0.0, 0.0, 0.0)
+    ends = np.empty((MOST_SAMPLES, 2), dtype=np.int64)
+    samples = np.empty((MOST_SAMPLES, 9))
+    count = edge_samples(planes, view, outlines, (reach, spacing), ends, samples)
+    px, moved = outlines.px, _moved_points(rig, shifts, position, outlines)
+    scale = max(0.35 * reach, 1.0)
+    total, near, squares, covered = 0.0, 0.0, 0.0, 0.0
+    for s in range(count):
+        p, r = ends[s, FROM], ends[s, TO]
+        share, nx, ny, away = samples[s, SHARE], samples[s, NORMAL_X], samples[s, NORMAL_Y], samples[s, AWAY]
+        # A sample lies at a fixed share of its edge, and moves with the edge's two points. Only what moves
+        # it along the normal can be seen: along itself an edge looks the same.
+        for j in range(size):
+            h = POSE_STEP if j < dofs else shifts.steps[j - dofs]
+            dx = (1.0 - share) * (moved[j, p, 0] - px[p, 0]) + share * (moved[j, r, 0] - px[r, 0])
+            dy = (1.0 - share) * (moved[j, p, 1] - px[p, 1]) + share * (moved[j, r, 1] - px[r, 1])
+            row[j] = (dx * nx + dy * ny) / h
+        # the robust weight changes as the outline comes near: it is for the step, and not for the agreement
+        trusted = samples[s, WEIGHT]
+        w = trusted * robust_weight(away, scale)
+        total += trusted
+        if abs(away) < MATCHED_PX:
+            near += trusted
+            squares += trusted * away * away
+        deep = min(INSIDE_PX, samples[s, INNER])
+        ix = int(samples[s, AT_X] - deep * nx + 0.5)
+        iy = int(samples[s, AT_Y] - deep * ny + 0.5)
+        g = int(samples[s, GEOM])
+        whole = LEAST_LEVEL * FULL if view.shaded[g] else FULL
+        covered += trusted * min(planes[view.part[g], iy, ix] / whole, 1.0)
+        for j in range(size):
+            right[j] += w * row[j] * away
+            for k in range(size):
+                normal[j, k] += w * row[j] * row[k]
+    rms = np.sqrt(squares / max(near, 1e-9))
+    total = max(total, 1e-9)
+    return normal, right, (count, near / total, rms, covered / total)
 
 
 @njit(cache=True)
-def _depth_inside(
-    px: np.ndarray, hull: np.ndarray, a: int, b: int, x: float, y: float, nx: float, ny: float
-) -> float:
-    """Return the width of a convex outline from (x, y) against the normal (nx, ny) [px]."""
-    far = 1e18
-    for i in range(a, b):
-        p = hull[i]
-        q = hull[i + 1] if i + 1 < b else hull[a]
-        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
-        across = -nx * ey + ny * ex
-        if across > 1e-9:
-            away = ((px[p, 0] - x) * ey - (px[p, 1] - y) * ex) / across
-            if away > 0.0:
-                far = min(far, away)
-    return far
+def _moved_points(rig: Rig, shifts: Shifts, position: np.ndarray, outlines: Outlines) -> np.ndarray:
+    """Return the outline points with each joint, then each shared parameter, shifted by its step.
+
+    Forward differences are exact enough: 1e-6 of a mechanism's size moves a point by less than a thousandth
+    of a pixel, over which its path is straight. A shift keeps the number of points, because no radius
+    becomes zero by it. Shape (dof + param, outline point, 2) [px].
+    """
+    dofs = position.shape[0]
+    moved = np.empty((dofs + shifts.steps.shape[0], outlines.px.shape[0], 2))
+    for j in range(dofs):
+        shifted = position.copy()
+        shifted[j] += POSE_STEP
+        project(rig, shifted, moved[j])
+    for k in range(shifts.steps.shape[0]):
+        other = Rig(
+            rig.parent, rig.kind, shifts.links[k], rig.link, rig.first, shifts.points[k], shifts.radius[k],
+            shifts.cameras[k],
+        )  # fmt: skip
+        project(other, position, moved[dofs + k])
+    return moved
 
 
 @njit(cache=True)
 def edge_samples(
     planes: np.ndarray,
-    trust: np.ndarray,
-    part: np.ndarray,
-    shaded: np.ndarray,
-    px: np.ndarray,
-    hull: np.ndarray,
-    hull_first: np.ndarray,
-    geoms: int,
-    spacing: float,
-    reach: float,
+    view: View,
+    outlines: Outlines,
+    search: tuple[float, float],
     ends: np.ndarray,
-    values: np.ndarray,
+    samples: np.ndarray,
 ) -> int:
     """Find the edges of a mask along the visible outline.
 
     Samples are left out at sharp corners, where another body's outline covers the outer side, where the
-    background cannot be told from the mechanism, and outside of the picture.
+    background cannot be distinguished from the mechanism, and outside of the picture.
 
     Args:
         planes: Mask by colour, uint8 (colour, height, width).
-        trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
-        part: Plane of each geom, (geom,).
-        shaded: True for geoms whose edges are taken against their own level, bool (geom,).
-        px: Outline points [px], (outline point, 2).
-        hull: Indices of the outlines.
-        hull_first: Where each outline starts.
-        geoms: Number of outlines.
-        spacing: Distance between samples [px].
-        reach: Length of the search to either side [px].
+        view: How its planes are to be read.
+        outlines: The outlines of the pose.
+        search: Length of the search to either side and distance between samples [px].
         ends: Filled with the two outline points of each sample's edge, (sample, 2).
-        values: Filled for each sample with share of the second point, normal x, normal y, displacement t*
-            [px], weight, length of the search inwards [px], x, y, geom, (sample, 9).
+        samples: Filled with what is found, (sample, 9), in the columns named above.
 
     Returns:
         Number of samples.
     """
+    px, hull, first = outlines.px, outlines.hull, outlines.first
+    reach, spacing = search
     count = 0
-    most = values.shape[0]
-    for g in range(geoms):
-        a, b = hull_first[g], hull_first[g + 1]
+    for g in range(first.shape[0] - 1):
+        a, b = first[g], first[g + 1]
         size = b - a
         if size < 3:
             continue
+        coverage, known, shaded = planes[view.part[g]], view.trust[view.part[g]], view.shaded[g]
+        # ``rest`` carries the spacing over the soft corners of a ring, whose edges are shorter than it
         rest = 0.5 * spacing
         for i in range(size):
             p, q = hull[a + i], hull[a + (i + 1) % size]
@@ -130,8 +276,9 @@ def edge_samples(
             if length < 1e-9:
                 continue
             ex, ey = ex / length, ey / length
-            nx, ny = ey, -ex
             start, stop = rest, length
+            # Blur rounds a sharp corner, so that the mask's edge lies inside of the outline there: the
+            # samples keep away from it, and between two such corners they are centred on the edge.
             if _turn(px, before, p, ex, ey) < SHARP:
                 start = max(
                     CORNER_PX, 0.5 * (length - spacing * math.floor((length - 2 * CORNER_PX) / spacing))
@@ -140,28 +287,13 @@ def edge_samples(
                 stop = length - CORNER_PX
             along = start
             while along <= stop:
-                if count >= most:
+                if count >= samples.shape[0]:
                     return count
-                x, y = px[p, 0] + along * ex, px[p, 1] + along * ey
-                if _edge(
-                    planes,
-                    trust,
-                    part,
-                    shaded,
-                    px,
-                    hull,
-                    hull_first,
-                    geoms,
-                    g,
-                    x,
-                    y,
-                    nx,
-                    ny,
-                    reach,
-                    values[count],
-                ):
-                    ends[count, 0], ends[count, 1] = p, q
-                    values[count, 0] = along / length
+                # the hull turns so that (ey, -ex) points outwards
+                at = _Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
+                if _find_edge(coverage, known, shaded, px, hull, first, g, at, reach, samples[count]):
+                    ends[count, FROM], ends[count, TO] = p, q
+                    samples[count, SHARE] = along / length
                     count += 1
                 along += spacing
             rest = along - length if along > length else 0.5 * spacing
@@ -176,44 +308,45 @@ def _turn(px: np.ndarray, p: int, q: int, ex: float, ey: float) -> float:
 
 
 @njit(cache=True)
-def _edge(
-    planes: np.ndarray,
-    trust: np.ndarray,
-    part: np.ndarray,
-    shaded: np.ndarray,
+def _find_edge(
+    coverage: np.ndarray,
+    known: np.ndarray,
+    shaded: bool,
     px: np.ndarray,
     hull: np.ndarray,
-    hull_first: np.ndarray,
-    geoms: int,
+    first: np.ndarray,
     own: int,
-    x: float,
-    y: float,
-    nx: float,
-    ny: float,
+    at: _Normal,
     reach: float,
-    value: np.ndarray,
+    sample: np.ndarray,
 ) -> bool:
-    """Search one normal; fill normal, displacement, weight, inner length and place; False where nothing can
-    be said."""
-    coverage, known = planes[part[own]], trust[part[own]]
+    """Search one normal of geom ``own`` in its plane and that plane's trust, and fill ``sample`` (9,) but for
+    its share; False where nothing can be said.
+
+    It runs for every sample, and takes plain arrays: reading them out of tuples costs a tenth of the search.
+    """
     height, width = coverage.shape
-    inner = min(reach, 0.5 * _depth_inside(px, hull, hull_first[own], hull_first[own + 1], x, y, nx, ny))
+    x, y, nx, ny = at
+    # no farther inwards than the middle of the body: beyond it the other side's edge would be integrated
+    inner = min(reach, 0.5 * _depth_inside(px, hull, first[own], first[own + 1], at))
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return False
-    for g in range(geoms):
+    # Where another geom covers the outer side the mask has no edge: it goes on in the other geom. Four
+    # places along the normal find every geom that is wider than a third of the search length.
+    for g in range(first.shape[0] - 1):
         if g == own:
             continue
         for k in range(4):
             t = k * reach / 3.0
-            if _outside(px, hull, hull_first[g], hull_first[g + 1], x + t * nx, y + t * ny) < 0.75:
+            if _outside(px, hull, first[g], first[g + 1], x + t * nx, y + t * ny) < COVERED_PX:
                 return False
     weight = 1.0
     for t in (-inner, -0.5 * inner, 0.0, 0.5 * reach, reach):
         weight = min(weight, known[int(y + t * ny + 0.5), int(x + t * nx + 0.5)])
     if weight < TRUSTED:
         return False
-    steps = max(2, math.ceil((inner + reach) / STEP))
+    steps = max(2, math.ceil((inner + reach) / STEP_PX))
     step = (inner + reach) / steps
     total, deep, level = 0.0, 0, 0.0
     for k in range(steps + 1):
@@ -223,13 +356,59 @@ def _edge(
             deep += 1
             level += c
         total += 0.5 * c if k == 0 or k == steps else c
-    level = level / deep if shaded[own] and inner >= FLAT_PX and level > LEAST_LEVEL * FULL * deep else FULL
-    value[1], value[2] = nx, ny
-    value[3] = total * step / level - inner
-    value[4] = weight * weight
-    value[5] = inner
-    value[6], value[7], value[8] = x, y, own
+    # Trapezoids: the area under c over its level is how far the covered part of the normal goes. Light and
+    # shade lower the level of a geom, and against full coverage its edge would seem to lie too far inside.
+    flat = shaded and inner >= FLAT_PX and level > LEAST_LEVEL * FULL * deep
+    level = level / deep if flat else FULL
+    sample[NORMAL_X], sample[NORMAL_Y] = nx, ny
+    sample[AWAY] = total * step / level - inner
+    sample[WEIGHT] = weight * weight
+    sample[INNER] = inner
+    sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
     return True
+
+
+@njit(cache=True)
+def _outside(px: np.ndarray, hull: np.ndarray, a: int, b: int, x: float, y: float) -> float:
+    """Return how far a point lies outside of the outline ``hull[a:b]``, negative inside [px]."""
+    # of a convex outline: the largest of the distances from the lines through its edges
+    most = -1e18
+    for i in range(a, b):
+        p = hull[i]
+        q = hull[i + 1] if i + 1 < b else hull[a]
+        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
+        length = math.sqrt(ex * ex + ey * ey)
+        if length < 1e-9:
+            continue
+        most = max(most, ((x - px[p, 0]) * ey - (y - px[p, 1]) * ex) / length)
+    return most
+
+
+@njit(cache=True)
+def _depth_inside(px: np.ndarray, hull: np.ndarray, a: int, b: int, at: _Normal) -> float:
+    """Return the width of the outline ``hull[a:b]`` from a place on it against the normal [px]."""
+    far = 1e18
+    for i in range(a, b):
+        p = hull[i]
+        q = hull[i + 1] if i + 1 < b else hull[a]
+        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
+        # the line against the normal leaves the outline through the first edge that it crosses outwards
+        across = -at.nx * ey + at.ny * ex
+        if across > 1e-9:
+            away = ((px[p, 0] - at.x) * ey - (px[p, 1] - at.y) * ex) / across
+            if away > 0.0:
+                far = min(far, away)
+    return far
+
+
+@njit(cache=True)
+def _bilinear(picture: np.ndarray, x: float, y: float) -> float:
+    """Return the picture's value between pixels; the caller keeps (x, y) inside."""
+    ix, iy = int(x), int(y)
+    fx, fy = x - ix, y - iy
+    top = picture[iy, ix] * (1.0 - fx) + picture[iy, ix + 1] * fx
+    low = picture[iy + 1, ix] * (1.0 - fx) + picture[iy + 1, ix + 1] * fx
+    return top * (1.0 - fy) + low * fy
 
 
 @njit(cache=True)
@@ -239,114 +418,12 @@ def robust_weight(residual: float, scale: float) -> float:
     Args:
         residual: The residual.
         scale: Residual at which the weight has fallen to a quarter.
+
+    Returns:
+        The weight, from 0 to 1.
+
+    Source:
+        Geman and McClure, "Statistical methods for tomographic image reconstruction", 1987.
     """
     u = residual / scale
     return 1.0 / (1.0 + u * u) ** 2
-
-
-@njit(cache=True)
-def edge_terms(
-    planes: np.ndarray,
-    trust: np.ndarray,
-    part: np.ndarray,
-    shaded: np.ndarray,
-    parent: np.ndarray,
-    kind: np.ndarray,
-    link: np.ndarray,
-    first: np.ndarray,
-    links: np.ndarray,
-    points: np.ndarray,
-    radius: np.ndarray,
-    cameras: np.ndarray,
-    steps: np.ndarray,
-    q: np.ndarray,
-    reach: float,
-    spacing: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Form the normal equations of one mask over (pose, shared parameters).
-
-    ``links``, ``points``, ``radius`` and ``cameras`` hold the mechanism in row 0 and, after it, the
-    mechanism with each shared parameter shifted by its step.
-
-    Args:
-        planes: Mask by colour, uint8 (colour, height, width).
-        trust: How well each pixel tells each colour from the background, float32 (colour, height, width).
-        part: Plane of each geom, (geom,).
-        shaded: True for geoms whose edges are taken against their own level, bool (geom,).
-        parent: Parent of each link.
-        kind: Joint kinds.
-        link: Link of each geom.
-        first: Where each geom's points start.
-        links: Link tables, (1 + param, dof, 14).
-        points: Points of the geoms [m], (1 + param, point, 3).
-        radius: Radius of the geoms [m], (1 + param, geom).
-        cameras: Packed cameras, (1 + param, 15).
-        steps: Shift of each shared parameter, (param,).
-        q: Joint positions, (dof,).
-        reach: Length of the search along the normals [px].
-        spacing: Distance between samples [px].
-
-    Returns:
-        Normal matrix (dof + param, dof + param) and right side (dof + param,) for unit noise of a sample,
-        and facts: number of samples, share of them within 1.5 px of an edge, root mean square of these
-        [px], and mean coverage just inside of the outline, all weighted like the samples.
-    """
-    dofs, shared, geoms = q.shape[0], steps.shape[0], radius.shape[1]
-    size = dofs + shared
-    starts = outline_counts(first, radius[0])
-    total = starts[geoms]
-    px, moved = np.empty((total, 2)), np.empty((size, total, 2))
-    hull, hull_first = np.empty(total + 2 * geoms + 2, dtype=np.int64), np.zeros(geoms + 1, dtype=np.int64)
-    ends, values = np.empty((4096, 2), dtype=np.int64), np.empty((4096, 9))
-    normal, right, row, facts = np.zeros((size, size)), np.zeros(size), np.zeros(size), np.zeros(4)
-    if not project(link_frames(parent, kind, links[0], q), link, first, points[0], radius[0], cameras[0], px):
-        return normal, right, facts
-    hulls(px, starts, geoms, hull, hull_first)
-    count = edge_samples(
-        planes, trust, part, shaded, px, hull, hull_first, geoms, spacing, reach, ends, values
-    )
-    for j in range(size):
-        shifted = q.copy()
-        k = 0
-        if j < dofs:
-            shifted[j] += 1e-6
-        else:
-            k = j - dofs + 1
-        project(
-            link_frames(parent, kind, links[k], shifted),
-            link,
-            first,
-            points[k],
-            radius[k],
-            cameras[k],
-            moved[j],
-        )
-    scale, total_weight = max(0.35 * reach, 1.0), 0.0
-    for s in range(count):
-        p, r = ends[s, 0], ends[s, 1]
-        share, nx, ny, t = values[s, 0], values[s, 1], values[s, 2], values[s, 3]
-        for j in range(size):
-            h = 1e-6 if j < dofs else steps[j - dofs]
-            dx = (1.0 - share) * (moved[j, p, 0] - px[p, 0]) + share * (moved[j, r, 0] - px[r, 0])
-            dy = (1.0 - share) * (moved[j, p, 1] - px[p, 1]) + share * (moved[j, r, 1] - px[r, 1])
-            row[j] = (dx * nx + dy * ny) / h
-        trusted = values[s, 4]
-        w = trusted * robust_weight(t, scale)
-        total_weight += trusted
-        if abs(t) < 1.5:
-            facts[1] += trusted
-            facts[2] += trusted * t * t
-        deep = min(3.0, values[s, 5])
-        ix, iy = int(values[s, 6] - deep * nx + 0.5), int(values[s, 7] - deep * ny + 0.5)
-        g = int(values[s, 8])
-        whole = LEAST_LEVEL * FULL if shaded[g] else FULL
-        facts[3] += trusted * min(planes[part[g], iy, ix] / whole, 1.0)
-        for j in range(size):
-            right[j] += w * row[j] * t
-            for k in range(size):
-                normal[j, k] += w * row[j] * row[k]
-    facts[0] = count
-    facts[2] = np.sqrt(facts[2] / max(facts[1], 1e-9))
-    facts[1] /= max(total_weight, 1e-9)
-    facts[3] /= max(total_weight, 1e-9)
-    return normal, right, facts

@@ -2,103 +2,86 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
-from monodyn.vision.drawing.edges import edge_terms
+from monodyn.vision.drawing.edges import Agreement, edge_kernel, no_shifts
+from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.foreground.masks import View
 
 
-@njit(cache=True)
+class MoveLimits(NamedTuple):
+    """What holds a pose while it is moved.
+
+    Attributes:
+        lower: Least joint positions, (dof,).
+        upper: Largest joint positions, (dof,).
+        std: Standard deviation of the start: holds what the picture does not show, (dof,).
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    std: np.ndarray
+
+
+class EdgeSearch(NamedTuple):
+    """How the edges are looked for.
+
+    Attributes:
+        reaches: Search length along the normals in each iteration [px], (iteration,).
+        spacing: Distance between outline samples [px].
+    """
+
+    reaches: np.ndarray
+    spacing: float
+
+
 def follow(
-    planes: np.ndarray,
-    trust: np.ndarray,
-    part: np.ndarray,
-    shaded: np.ndarray,
-    parent: np.ndarray,
-    kind: np.ndarray,
-    links: np.ndarray,
-    link: np.ndarray,
-    first: np.ndarray,
-    points: np.ndarray,
-    radius: np.ndarray,
-    camera: np.ndarray,
-    start: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    spread: np.ndarray,
-    reaches: np.ndarray,
-    spacing: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Move a pose until its outline lies on the edges of the mask (Gauss-Newton).
+    planes: np.ndarray, view: View, rig: Rig, start: np.ndarray, limits: MoveLimits, search: EdgeSearch
+) -> tuple[np.ndarray, np.ndarray, Agreement]:
+    """Move a pose until its outline lies on the edges of the mask.
+
+    Gauss-Newton on the displacements of the edges: each step solves the normal equations of ``edge_terms``,
+    with a spring to the start, and is cut off at the limits.
 
     Args:
         planes: Mask by colour, uint8 (colour, height, width).
-        trust: How well each pixel tells each colour from the background.
-        part: Plane of each geom, (geom,).
-        shaded: True for geoms whose edges are taken against their own level, bool (geom,).
-        parent: Parent of each link.
-        kind: Joint kinds.
-        links: Link table, (dof, 14).
-        link: Link of each geom.
-        first: Where each geom's points start.
-        points: Points of the geoms [m].
-        radius: Radius of the geoms [m].
-        camera: From ``camera_array``.
+        view: How its planes are to be read.
+        rig: The mechanism and its camera.
         start: Joint positions to start from, (dof,).
-        lower: Lower move limits, (dof,).
-        upper: Upper move limits, (dof,).
-        spread: Standard deviation of the start: holds what the picture does not show, (dof,).
-        reaches: Search length of each iteration [px].
-        spacing: Distance between samples [px].
+        limits: What holds the pose.
+        search: How the edges are looked for.
 
     Returns:
-        Joint positions (dof,); information matrix for unit noise of a sample, (dof, dof); and the facts of
-        ``edge_terms`` at the end.
+        Joint positions (dof,); information matrix for unit noise of a sample, (dof, dof); and how well the
+        outline lies on the mask in the end.
     """
-    steps = np.empty(0)
-    tables, places = links[np.newaxis], points[np.newaxis]
-    radii, cameras = radius[np.newaxis], camera[np.newaxis]
-    q = start.copy()
-    damping = 1.0 / (spread * spread) + 1e-9
-    for reach in reaches:
-        normal, right, _ = edge_terms(
-            planes,
-            trust,
-            part,
-            shaded,
-            parent,
-            kind,
-            link,
-            first,
-            tables,
-            places,
-            radii,
-            cameras,
-            steps,
-            q,
-            reach,
-            spacing,
-        )
-        for j in range(q.shape[0]):
+    position, information, found = _follow(planes, view, rig, start, limits, search)
+    return position, information, Agreement(*found)
+
+
+@njit(cache=True)
+def _follow(
+    planes: np.ndarray, view: View, rig: Rig, start: np.ndarray, limits: MoveLimits, search: EdgeSearch
+) -> tuple[np.ndarray, np.ndarray, tuple[int, float, float, float]]:
+    """Do the work of ``follow``; a named tuple would be slow on its way back to Python."""
+    shifts = no_shifts(rig)
+    position = start.copy()
+    # the spring also keeps the equations solvable when a link shows no edge at all
+    damping = 1.0 / (limits.std * limits.std) + 1e-9
+    # The search lengths shrink: a long one finds the edge from far away, and a short one leaves out the
+    # background's structure and other bodies' edges, which a long one takes for the outline's own.
+    for reach in search.reaches:
+        normal, right, _ = edge_kernel(planes, view, rig, shifts, position, reach, search.spacing)
+        for j in range(position.shape[0]):
             normal[j, j] += damping[j]
-            right[j] += damping[j] * (start[j] - q[j])
-        q = np.minimum(np.maximum(q + np.linalg.solve(normal, right), lower), upper)
-    normal, _, facts = edge_terms(
-        planes,
-        trust,
-        part,
-        shaded,
-        parent,
-        kind,
-        link,
-        first,
-        tables,
-        places,
-        radii,
-        cameras,
-        steps,
-        q,
-        reaches[-1],
-        spacing,
+            right[j] += damping[j] * (start[j] - position[j])
+        step = np.linalg.solve(normal, right)
+        position = np.minimum(np.maximum(position + step, limits.lower), limits.upper)
+    # once more, without the spring: the information is what the picture alone knows of the pose
+    normal, _, agreement = edge_kernel(
+        planes, view, rig, shifts, position, search.reaches[-1], search.spacing
     )
-    return q, normal, facts
+    return position, normal, agreement

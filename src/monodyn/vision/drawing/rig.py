@@ -1,4 +1,4 @@
-"""A mechanism before a camera, as the plain arrays that the silhouette kernels take."""
+"""A mechanism before a camera, as the plain arrays that the kernels of this folder take."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, AXIS_X, AXIS_Y, SLIDE
 from monodyn.types import Camera
-from monodyn.vision.drawing.camera import camera_array, shrunk
+from monodyn.vision.drawing.camera import X, Y, camera_array, shrunk
+
+SIZE_KINDS = ("length", "width", "tail", "tip")
+"""Kinds of the parameters whose sizes a picture shows."""
 
 
 class Rig(NamedTuple):
-    """Arguments that every silhouette kernel shares, in their order.
+    """A mechanism before a camera; the kernels take it whole.
 
     Attributes:
         parent: Parent of each link, -1 for the world, (dof,).
@@ -39,6 +43,9 @@ class Rig(NamedTuple):
 
         Args:
             camera: From ``camera_array``, (15,).
+
+        Returns:
+            The rig with that camera.
         """
         return self._replace(camera=camera)
 
@@ -57,4 +64,58 @@ def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
     tree, shapes = mechanism.tree, mechanism.shapes
     packed = shrunk(camera_array(camera), shrink)
     arrays = (tree.parent, tree.kind, tree.links, shapes.link, shapes.first, shapes.points, shapes.radius)
+    # copies: the mechanism's own arrays are read-only, for which numba would compile every kernel again
     return Rig._make([*(array.copy() for array in arrays), packed])
+
+
+def longest_reach(rig: Rig) -> float:
+    """Return the farthest that any point gets from the first joint, the mechanism stretched out.
+
+    Args:
+        rig: The mechanism; its slides count at zero.
+
+    Returns:
+        The distance [m].
+    """
+    stretch = np.zeros(len(rig.parent))
+    for i, parent in enumerate(rig.parent):
+        if parent >= 0:
+            anchor = float(np.hypot(rig.links[i, ANCHOR_X], rig.links[i, ANCHOR_Y]))
+            stretch[i] = stretch[parent] + anchor
+    far = 1e-9
+    for g, link in enumerate(rig.link):
+        points = rig.points[rig.first[g] : rig.first[g + 1], :2]
+        far = max(far, stretch[link] + float(np.hypot(*points.T).max()) + float(rig.radius[g]))
+    return float(far)
+
+
+class RootSlide(NamedTuple):
+    """A slide of a root, and the camera coordinate that means the same.
+
+    Attributes:
+        joint: Its row among the joints.
+        column: Column of the packed camera, ``X`` or ``Y``: the one that the slide is closer to.
+    """
+
+    joint: int
+    column: int
+
+
+def root_slides(mechanism: Mechanism) -> list[RootSlide]:
+    """Find the slides of the root, each with the camera coordinate that means the same.
+
+    Where a root's slide is zero is a matter of choice: moving it by a constant, and the camera along, leaves
+    every picture as it is. One of the two has to be held.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        Each such slide, in the order of the joints.
+    """
+    slides = []
+    for i, parent in enumerate(mechanism.tree.parent):
+        if parent < 0 and mechanism.tree.kind[i] == SLIDE:
+            along = np.abs(mechanism.tree.links[i, [AXIS_X, AXIS_Y]])
+            slides.append(RootSlide(i, X if along[0] >= along[1] else Y))
+    return slides

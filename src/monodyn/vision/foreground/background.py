@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,15 @@ STILL_GREY = 8.0
 """Grey levels that a pixel may change between two frames by noise alone."""
 
 
+class Window(NamedTuple):
+    """A rectangle of the picture: rows ``top`` to ``bottom - 1``, columns ``left`` to ``right - 1`` [px]."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+
 @dataclass(frozen=True, eq=False)
 class Background:
     """What the camera sees without the mechanism.
@@ -33,14 +43,16 @@ class Background:
             grey clip.
         noise: Standard deviation of a pixel's grey level over time [grey levels].
         known: False where too few samples show the pixel uncovered, bool (height, width).
-        reach: Part of the picture in which anything moves: (top, bottom, left, right) [px].
+        window: Part of the picture in which anything moves.
+        given: True when it is a picture that the user gave, and not taken from the clip.
     """
 
     luma: np.ndarray
     chroma: tuple[np.ndarray, np.ndarray] | None
     noise: float
     known: np.ndarray
-    reach: tuple[int, int, int, int]
+    window: Window
+    given: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +61,11 @@ class Samples:
 
     Attributes:
         frames: The frames, in the order of time.
-        reach: Part of the picture in which anything moves over the whole clip: (top, bottom, left, right)
-            [px].
+        window: Part of the picture in which anything moves over the whole clip.
     """
 
     frames: tuple[Frame, ...]
-    reach: tuple[int, int, int, int]
+    window: Window
 
 
 def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
@@ -68,8 +79,9 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
         At most ``SAMPLES`` frames, and where anything moves.
 
     Raises:
-        VideoError: the clip has fewer than two frames.
+        VideoError: The clip has fewer than two frames.
     """
+    # twice as many as wanted are kept, so that a choice is left after a halving
     limit = max(16, min(2 * SAMPLES, int(SAMPLE_BYTES / (1.5 * video.width * video.height))))
     kept: list[Frame] = []
     places: list[float] = []
@@ -79,6 +91,7 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
     for done, frame in enumerate(video.frames(), start=1):
         small = _thumbnail(frame)
         if previous.size:
+            # noise does not travel; the tiny rest keeps the path increasing while the clip stands still
             moved = np.maximum(np.abs(small - previous) - STILL_GREY, 0.0)
             travelled += float(moved.sum()) + 1e-6
             np.maximum(lightest, small, out=lightest)
@@ -89,6 +102,8 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
         if not places or travelled - places[-1] >= step:
             kept.append(_own_copy(frame))
             places.append(travelled)
+        # The length of the whole path is not known before its end: every frame is kept at first, and each
+        # time that memory is full every other one is dropped and the step between two doubled.
         if len(kept) >= limit:
             kept, places = kept[::2], places[::2]
             step = max(2.0 * step, (places[-1] - places[0]) / max(1, len(places) - 1))
@@ -98,11 +113,11 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
         raise VideoError(
             f"{video.path}: expected at least 2 frames, got {len(kept)}; give a clip that shows motion."
         )
-    reach = _reach(np.any(lightest - darkest > STILL_GREY, axis=0), video)
+    window = _moving_window(np.any(lightest - darkest > STILL_GREY, axis=0), video)
     targets = np.linspace(places[0], places[-1], min(SAMPLES, len(kept)))
     picks = np.unique(np.searchsorted(places, targets))
     kept = [kept[i] for i in picks]
-    return Samples(tuple(kept), reach)
+    return Samples(tuple(kept), window)
 
 
 def background_of(
@@ -126,6 +141,7 @@ def background_of(
     hidden = np.zeros((0, 0, 0), dtype=np.bool_) if covered is None else np.stack(covered)
     grey, spread, count = masked_median(luma, hidden)
     known = count >= max(2, len(frames) // 24)
+    # the typical pixel's; half a grey level at least, which rounding makes of no noise at all
     noise = max(0.5, float(np.median(spread)))
     chroma = None
     if all(frame.chroma is not None for frame in frames):
@@ -137,6 +153,7 @@ def background_of(
                 small = np.stack([_shrink(mask, stack.shape[1:]) for mask in covered])
             planes.append(masked_median(stack, small)[0])
         chroma = (planes[0], planes[1])
+    # a pixel that is never seen uncovered keeps the first guess, which the palette then does not trust
     if fallback is not None:
         grey = np.where(known, grey, fallback.luma)
         if chroma is not None and fallback.chroma is not None:
@@ -145,7 +162,7 @@ def background_of(
                 np.where(known_small, new, old) for new, old in zip(chroma, fallback.chroma, strict=True)
             )
             chroma = (blue, red)
-    return Background(grey, chroma, noise, known, samples.reach)
+    return Background(grey, chroma, noise, known, samples.window)
 
 
 def _thumbnail(frame: Frame) -> np.ndarray:
@@ -159,20 +176,21 @@ def _thumbnail(frame: Frame) -> np.ndarray:
     )
 
 
-def _reach(moves: np.ndarray, video: Video) -> tuple[int, int, int, int]:
+def _moving_window(moves: np.ndarray, video: Video) -> Window:
     """Return the bounding box of the moving cells of the reduced picture, lone ones aside, with a margin."""
     import cv2
 
+    # a lone cell is a flicker of the codec; label 0 is what does not move
     _, labels, stats, _ = cv2.connectedComponentsWithStats(moves.astype(np.uint8), connectivity=8)
     large = stats[:, cv2.CC_STAT_AREA] >= 6
     large[0] = False
     moves = large[np.asarray(labels, dtype=np.intp)]
     rows, columns = np.nonzero(moves.any(axis=1))[0], np.nonzero(moves.any(axis=0))[0]
     if not len(rows):
-        return (0, video.height, 0, video.width)
+        return Window(0, video.height, 0, video.width)
     scale_y, scale_x = video.height / moves.shape[0], video.width / moves.shape[1]
     margin = max(16, video.height // 24)
-    return (
+    return Window(
         max(0, int(rows[0] * scale_y) - margin),
         min(video.height, int((rows[-1] + 1) * scale_y) + margin),
         max(0, int(columns[0] * scale_x) - margin),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from monodyn.types import FULL, Frame
-from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette
 
 ANY_CONTRAST = 30.0
@@ -15,6 +17,26 @@ levels]."""
 
 CLOSING = 0.004
 """Gaps up to twice this share of the picture's longer side are closed where the colours vary."""
+
+
+GREY, BLUE, RED = range(3)
+"""Columns of a colour."""
+
+
+class _Projection(NamedTuple):
+    """What stays the same from frame to frame.
+
+    Attributes:
+        background: Grey level of each pixel, float32 (height, width).
+        colours: Colours of the mechanism, float32 (colour, 3).
+        scale: ``FULL`` over the squared contrast, float32 (colour, height, width).
+        window: Part of the picture in which anything moves.
+    """
+
+    background: np.ndarray
+    colours: np.ndarray
+    scale: np.ndarray
+    window: Window
 
 
 def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
@@ -27,16 +49,16 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
 
     Returns:
         Coverage by each colour, and by any difference where they vary, uint8 (plane, height, width),
-        ``FULL`` where the mechanism covers the whole pixel; 0 out of the background's reach.
+        ``FULL`` where the mechanism covers the whole pixel; 0 outside of the background's window.
     """
     colours = palette.colours.astype(np.float32)
     planes = np.zeros((len(colours), *frame.luma.shape), dtype=np.uint8)
     if palette.grey_only or frame.chroma is None or background.chroma is None:
         chroma = np.zeros((0, 0, 0), dtype=np.float32)
     else:
-        chroma = _chroma_part(frame.chroma, background.chroma, colours, frame.luma.shape, background.reach)
-    reach = np.array(background.reach)
-    _project(frame.luma, background.luma, colours, chroma, palette.scale, reach, planes)
+        chroma = _chroma_part(frame.chroma, background.chroma, colours, frame.luma.shape, background.window)
+    projection = _Projection(background.luma, colours, palette.scale, background.window)
+    _project(frame.luma, chroma, projection, planes)
     if palette.varied:
         other = _closed(np.maximum(planes.max(axis=0), _any_difference(frame, background, palette)))
         planes = np.concatenate([planes, other[np.newaxis]])
@@ -62,9 +84,10 @@ def _any_difference(frame: Frame, background: Background, palette: Palette) -> n
         blue, red = (plane - back for plane, back in zip(frame.chroma, background.chroma, strict=True))
         small = blue**2 + red**2
         squares = squares + CHROMA_WEIGHT * cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
+    # noise makes a difference everywhere, and this plane has no colour by which it would average out
     beyond = np.sqrt(squares) - max(6.0, 4.0 * background.noise)
     share = np.clip(beyond * (FULL / ANY_CONTRAST), 0.0, FULL).astype(np.uint8)
-    top, bottom, left, right = background.reach
+    top, bottom, left, right = background.window
     out = np.zeros_like(share)
     out[top:bottom, left:right] = share[top:bottom, left:right]
     return out
@@ -75,12 +98,13 @@ def _chroma_part(
     background: tuple[np.ndarray, np.ndarray],
     colours: np.ndarray,
     shape: tuple[int, ...],
-    reach: tuple[int, int, int, int],
+    window: Window,
 ) -> np.ndarray:
-    """Return the projection of the colour differences, for each colour at full size within the reach."""
+    """Return the projection of the colour differences, for each colour at full size within the window."""
     import cv2
 
-    top, bottom, left, right = reach
+    top, bottom, left, right = window
+    # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
     rows, columns = shape[0] / chroma[0].shape[0], shape[1] / chroma[0].shape[1]
     part = (
         slice(int(top / rows), int(np.ceil(bottom / rows))),
@@ -112,34 +136,28 @@ def _project_chroma(
         for y in range(out.shape[1]):
             for x in range(out.shape[2]):
                 b0, r0 = blue_background[y, x], red_background[y, x]
-                b = (np.float32(blue[y, x]) - b0) * (colours[k, 1] - b0)
-                r = (np.float32(red[y, x]) - r0) * (colours[k, 2] - r0)
+                b = (np.float32(blue[y, x]) - b0) * (colours[k, BLUE] - b0)
+                r = (np.float32(red[y, x]) - r0) * (colours[k, RED] - r0)
                 out[k, y, x] = weight * (b + r)
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _project(
-    luma: np.ndarray,
-    background: np.ndarray,
-    colours: np.ndarray,
-    chroma: np.ndarray,
-    scale: np.ndarray,
-    reach: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def _project(luma: np.ndarray, chroma: np.ndarray, projection: _Projection, out: np.ndarray) -> None:
     """Fill ``out`` with the coverage by each colour; ``chroma`` has length 0 when grey alone counts."""
-    top, left = reach[0], reach[2]
+    background, colours, scale, window = projection
     none, most, half = np.float32(0.0), np.float32(255.0), np.float32(0.5)
+    # the two cases are separate loops, so that the common one, grey, has no branch and uses vector registers
     for k in range(colours.shape[0]):
-        target = colours[k, 0]
-        for y in range(reach[0], reach[1]):
+        target = colours[k, GREY]
+        for y in range(window.top, window.bottom):
             if chroma.shape[0] == 0:
-                for x in range(reach[2], reach[3]):
+                for x in range(window.left, window.right):
                     b = background[y, x]
                     value = (np.float32(luma[y, x]) - b) * (target - b) * scale[k, y, x]
                     out[k, y, x] = np.uint8(min(most, max(none, value + half)))
             else:
-                for x in range(reach[2], reach[3]):
+                for x in range(window.left, window.right):
                     b = background[y, x]
-                    value = (np.float32(luma[y, x]) - b) * (target - b) + chroma[k, y - top, x - left]
+                    difference = chroma[k, y - window.top, x - window.left]
+                    value = (np.float32(luma[y, x]) - b) * (target - b) + difference
                     out[k, y, x] = np.uint8(min(most, max(none, value * scale[k, y, x] + half)))

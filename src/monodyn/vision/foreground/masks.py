@@ -1,134 +1,144 @@
-"""From frames to soft foreground coverage per pixel, streamed.
+"""What a segmentation method returns: the interface through which the later stages see the foreground.
 
-A pixel that the mechanism covers by a share c shows ``I = (1 - c) B + c F``. With the background B of the
-pixel and the colour F of the mechanism, c is the projection of ``I - B`` on ``F - B``, weighted by the
-noise of each
-channel: linear in the picture, so the edge of the mechanism keeps its sub-pixel place.
+A mask has one plane or several; each gives the share of a pixel that the mechanism covers. The edges are
+found by integrating a plane along the outline's normals, so a plane must be linear in the picture: where the
+mechanism covers a third of a pixel its value is a third of ``FULL``, not one of two levels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from monodyn.errors import VideoError
-from monodyn.types import Frame, Mask, Progress
-from monodyn.vision.clip.video import Video, read
-from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
-from monodyn.vision.foreground.palette import Palette, Parts, choose_palette, lingering
-from monodyn.vision.settings import SegmentSettings
+from monodyn.types import Frame, Mask
+from monodyn.vision.clip.video import Video
+from monodyn.vision.foreground.background import Background, Samples
+
+VARIED = -1
+"""Stands for the colour of a geom that has none of its own."""
+
+
+class View(NamedTuple):
+    """How the planes of a mask are to be read; the edge kernels take it whole.
+
+    Attributes:
+        trust: How reliably each pixel distinguishes the mechanism from the background in each plane, 0 to 1,
+            float32 (plane, height, width).
+        part: Plane of each geom, int64 (geom,).
+        shaded: True for geoms whose edges are taken against their own level, bool (geom,).
+    """
+
+    trust: np.ndarray
+    part: np.ndarray
+    shaded: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class Masks:
-    """The soft foreground of a clip; iterate over it for one ``Mask`` a frame.
+class GeomColours:
+    """Colours measured on the geoms of a located mechanism.
 
     Attributes:
-        video: The clip.
-        background: What the pixels show without the mechanism.
-        palette: Colours of the mechanism and each pixel's gain.
-        samples: Frames spread over the motion, from which the background was taken.
-        settings: How the foreground was found.
-        given: True when the background is a picture that the user gave.
+        colours: Grey level, blue and red difference of each colour, (colour, 3).
+        part: Colour of each geom, int64 (geom,); ``VARIED`` for one that has none of its own.
+        shaded: True for geoms that show it at many levels, bool (geom,).
     """
 
-    video: Video
-    background: Background
-    palette: Palette
-    samples: Samples = field(repr=False)
-    settings: SegmentSettings
-    given: bool = False
+    colours: np.ndarray
+    part: np.ndarray
+    shaded: np.ndarray
 
-    def __iter__(self) -> Iterator[Mask]:
-        """Stream the masks in the order of time."""
-        for frame in self.video.frames():
-            yield self.of(frame)
+
+class Masks(Protocol):
+    """The foreground of a clip, as ``locate``, ``track`` and the published method use it.
+
+    A segmentation method returns an object of this shape; it need not inherit from this class. Such objects
+    are not changed: ``refined`` and ``coloured`` return new ones, and may return ``self``.
+    """
+
+    @property
+    def video(self) -> Video:
+        """The clip."""
+        ...
+
+    @property
+    def samples(self) -> Samples:
+        """Frames spread over the motion; key frames are chosen among them, in the order of time."""
+        ...
+
+    @property
+    def background(self) -> Background:
+        """What the pixels show without the mechanism; ``background.given`` says who chose it."""
+        ...
+
+    @property
+    def varied(self) -> bool:
+        """True where any difference from the background counts as foreground.
+
+        Then what is outside of the located mechanism is no sign of a wrong place.
+        """
+        ...
 
     def of(self, frame: Frame) -> Mask:
-        """Return the mask of one frame of the clip.
+        """Return the mask of one frame.
 
         Args:
-            frame: A frame of ``video``.
+            frame: A frame of the clip, or of another clip of the same camera and background.
 
         Returns:
-            Its soft foreground.
+            Its soft foreground, with the planes of which ``view`` speaks, or any number of planes where
+            ``view`` speaks of one: then the largest coverage counts.
         """
-        from monodyn.vision.foreground.coverage import coverage_of
+        ...
 
-        return Mask(frame.index, frame.time, coverage_of(frame, self.background, self.palette))
+    def __iter__(self) -> Iterator[Mask]:
+        """Stream the masks of the clip in the order of time."""
+        ...
 
-    def coloured(self, parts: Parts | None) -> Masks:
-        """Return the masks with colours measured on the located mechanism.
+    def view(self, geoms: int) -> View:
+        """Return how the planes of the masks are to be read.
 
         Args:
-            parts: The colours, or None to keep those found without it.
+            geoms: Number of geoms of the mechanism.
 
         Returns:
-            New masks of the same clip over the same background.
+            Trust of the planes and the plane of each geom.
         """
-        if parts is None:
-            return self
-        colour = "grey" if self.palette.grey_only else "colour"
-        frames, contrast = self.samples.frames, self.settings.contrast
-        return replace(self, palette=choose_palette(frames, self.background, colour, contrast, parts))
+        ...
 
     def refined(self, covered: Sequence[np.ndarray]) -> Masks:
-        """Return the masks over a background from which the mechanism is taken out.
+        """Return the masks found anew, given where the mechanism is.
 
         Args:
             covered: For each of the sample frames the pixels that the mechanism covers, bool (height, width).
 
         Returns:
-            New masks of the same clip, the colours looked for anew; a background that was given stays.
+            Masks of the same clip, without measured colours.
         """
-        background = self.background
-        if not self.given:
-            background = background_of(self.samples, covered, fallback=self.background)
-        frames, settings = self.samples.frames, self.settings
-        palette = choose_palette(frames, background, settings.colour, settings.contrast)
-        return replace(self, background=background, palette=palette)
+        ...
+
+    def coloured(self, colours: GeomColours | None) -> Masks:
+        """Return the masks by colours that were measured on the located mechanism.
+
+        Args:
+            colours: The colours, or None where none could be measured.
+
+        Returns:
+            Masks of the same clip over the same background.
+        """
+        ...
 
 
-def soft_masks(
-    video: Video, settings: SegmentSettings, background: str | Path | None, progress: Progress | None
-) -> Masks:
-    """Find background and colours of a clip; its masks follow from them frame by frame.
+def plain_view(trust: np.ndarray, geoms: int) -> View:
+    """Return the view of masks with one plane for all geoms.
 
     Args:
-        video: The clip, from ``read``.
-        settings: How the foreground is found.
-        background: A picture of the scene without the mechanism, of the clip's size; else it is taken from
-            the clip.
-        progress: Called with the number of frames read.
+        trust: How reliably each pixel distinguishes mechanism and background, float32 (height, width).
+        geoms: Number of geoms of the mechanism.
 
     Returns:
-        The masks, computed frame by frame as they are iterated over.
-
-    Raises:
-        VideoError: fewer than two frames, nothing moves, or the background picture has another size.
+        The view.
     """
-    samples = sample_frames(video, progress=progress)
-    scene = background_of(samples) if background is None else _given(background, video, samples)
-    palette = choose_palette(samples.frames, scene, settings.colour, settings.contrast)
-    masks = Masks(video, scene, palette, samples, settings, background is not None)
-    return masks if background is not None else masks.refined(lingering(samples.frames, scene, palette))
-
-
-def _given(picture: str | Path, video: Video, samples: Samples) -> Background:
-    """Take the background from a picture and its noise from the clip."""
-    frame = next(iter(read(picture, still=True).frames()))
-    if frame.luma.shape != (video.height, video.width):
-        height, width = frame.luma.shape
-        raise VideoError(
-            f"{picture}: expected a background of {video.width}x{video.height} like the clip, "
-            f"got {width}x{height}; give a frame of the same camera without the mechanism."
-        )
-    measured = background_of(samples)
-    chroma = None
-    if frame.chroma is not None and measured.chroma is not None:
-        chroma = (frame.chroma[0].astype(np.float32), frame.chroma[1].astype(np.float32))
-    known = np.ones(frame.luma.shape, dtype=np.bool_)
-    return Background(frame.luma.astype(np.float32), chroma, measured.noise, known, measured.reach)
+    return View(trust[np.newaxis], np.zeros(geoms, np.int64), np.zeros(geoms, np.bool_))

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 NEAR = 12.0
-"""Samples within so many grey levels of the median tell the noise."""
+"""Samples within so many grey levels of the median count as noise; others show something else."""
 
 
 @njit(cache=True)
@@ -33,6 +33,8 @@ def masked_median(stack: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np
     row = np.empty((width, frames), dtype=np.uint8)
     shown = np.ones((width, frames), dtype=np.bool_)
     levels = np.zeros(256, dtype=np.int32)
+    # The stack is read along its rows, which lie together in memory, into a table with the samples of each
+    # pixel together.
     use_hidden = hidden.shape[0] > 0
     for y in range(height):
         for k in range(frames):
@@ -50,12 +52,14 @@ def masked_median(stack: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np
                     value = row[x, k]
                     levels[value] += 1
                     low, high = min(low, value), max(high, value)
+            # the middle level is the one at which half of the samples are reached
             total = n if n > 0 else frames
             below, middle = 0, low
             while below + levels[middle] < 0.5 * total:
                 below += levels[middle]
                 middle += 1
             centre = middle - 0.5 + (0.5 * total - below) / levels[middle]
+            # the levels are cleared on the way: only those between the least and the largest are in use
             squares, near = 0.0, 0
             for value in range(low, high + 1):
                 if abs(value - centre) <= NEAR:

@@ -1,19 +1,20 @@
 """From samples and background to the colours of the mechanism and every pixel's contrast with them.
 
-Where the mechanism has the background's own colour the picture says nothing: such pixels are not trusted.
+Where the mechanism has the background's own colour the picture carries no information: such pixels are not
+trusted.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.masks import VARIED, GeomColours, View, plain_view
 
 CHROMA_WEIGHT = 0.25
 """Weight of a colour difference against a grey difference: a chroma sample covers four pixels."""
@@ -25,24 +26,17 @@ VARIED_SHARE = 0.1
 """Share of moving pixels unlike every colour from which the mechanism counts as varied."""
 VARIED_TRUST = 0.1
 """Trust of a pixel that differs from the background but has none of the mechanism's colours."""
-VARIED = -1
-"""Stands for the colour of a geom that has none of its own."""
 COLOURS = 3
 """Most colours a mechanism may have."""
+MERGED = 45.0
+"""Clusters of moving pixels closer than this are one colour [grey levels]."""
+RARE = 0.12
+"""Share of the moving pixels below which a cluster is no colour of the mechanism."""
+LEAST_PIXELS = 50
+"""Moving pixels below which nothing moves."""
 
-
-class View(NamedTuple):
-    """How the planes of a mask are to be read; arguments of the contour kernels, in their order.
-
-    Attributes:
-        trust: How well each pixel tells each plane from the background, float32 (plane, height, width).
-        part: Plane of each geom, int64 (geom,).
-        shaded: True for geoms whose edges are taken against their own level, bool (geom,).
-    """
-
-    trust: np.ndarray
-    part: np.ndarray
-    shaded: np.ndarray
+SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
+"""Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +48,9 @@ class Palette:
             grey clip.
         scale: ``FULL`` over the squared contrast ``|F - B|^2``, 0 where the contrast is too low, float32
             (colour, height, width).
-        grey_only: True where grey alone tells the mechanism from the background.
-        trust: How well a pixel tells each plane of the mask from the background, 0 to 1, float32
-            (plane, height, width).
+        grey_only: True where grey alone distinguishes the mechanism from the background.
+        trust: How reliably a pixel distinguishes the mechanism from the background in each plane of the mask,
+            0 to 1, float32 (plane, height, width).
         varied: True where the colours leave much of the mechanism unexplained (a shiny rod): then a last
             plane of the mask counts any difference from the background as foreground too.
         part: Plane of the mask for each geom once its colour has been measured, int64 (geom,), or None.
@@ -76,34 +70,26 @@ class Palette:
 
         Args:
             geoms: Number of geoms of the mechanism.
+
+        Returns:
+            Trust of the planes and the plane of each geom.
         """
         if self.part is None or self.shaded is None:
-            return View(self.least_trust[np.newaxis], np.zeros(geoms, np.int64), np.zeros(geoms, np.bool_))
+            return plain_view(self.least_trust, geoms)
         return View(self.trust, self.part, self.shaded)
 
     @property
     def least_trust(self) -> np.ndarray:
-        """How well a pixel tells the least distinct colour from the background, float32 (height, width)."""
+        """Trust in the least distinct colour, float32 (height, width)."""
         return self.trust[-1] if self.varied else self.trust.min(axis=0)
 
 
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """Colours measured on the geoms of a located mechanism.
-
-    Attributes:
-        colours: Grey level, blue and red difference of each colour, (colour, 3).
-        part: Colour of each geom, int64 (geom,); ``VARIED`` for one that has none of its own.
-        shaded: True for geoms that show it at many levels, bool (geom,).
-    """
-
-    colours: np.ndarray
-    part: np.ndarray
-    shaded: np.ndarray
-
-
 def choose_palette(
-    samples: Sequence[Frame], background: Background, colour: str, contrast: float, parts: Parts | None = None
+    samples: Sequence[Frame],
+    background: Background,
+    colour: str,
+    contrast: float,
+    measured: GeomColours | None = None,
 ) -> Palette:
     """Find the mechanism's colours among the pixels that differ from the background.
 
@@ -112,31 +98,32 @@ def choose_palette(
         background: Its background.
         colour: ``auto``, ``grey`` or ``colour``.
         contrast: Least difference that counts as seen [grey levels].
-        parts: Colours measured on the mechanism; else the main colours of the moving pixels are taken.
+        measured: Colours measured on the mechanism; else the main colours of the moving pixels are taken.
 
     Returns:
         The palette.
 
     Raises:
-        VideoError: no pixel differs from the background: nothing moves.
+        VideoError: No pixel differs from the background: nothing moves.
     """
     grey_only = colour == "grey" or background.chroma is None or any(f.chroma is None for f in samples)
     pixels = _moving_pixels(samples, background, grey_only, contrast)
-    if len(pixels) < 50:
+    if len(pixels) < LEAST_PIXELS:
         raise VideoError(
             "the clip: expected a mechanism that moves, got a still picture; nothing differs from the "
             f"background by more than {contrast:g} grey levels (--segment.contrast lowers that)."
         )
-    colours = _clusters(pixels, grey_only) if parts is None else parts.colours
+    colours = _clusters(pixels, grey_only) if measured is None else measured.colours
     if colour == "auto" and not grey_only:
         grey_only = _grey_suffices(pixels, colours, contrast)
-    if grey_only and parts is None:
+    if grey_only and measured is None:
         colours = _clusters(pixels, True)
-    if parts is None:
+    if measured is None:
         return _palette(colours, background, grey_only, contrast, _is_varied(pixels, colours, grey_only))
-    palette = _palette(colours, background, grey_only, contrast, bool(np.any(parts.part == VARIED)))
-    part = np.where(parts.part == VARIED, len(colours), parts.part)
-    return replace(palette, part=part, shaded=parts.shaded)
+    palette = _palette(colours, background, grey_only, contrast, bool(np.any(measured.part == VARIED)))
+    # the plane of any difference comes after those of the colours
+    part = np.where(measured.part == VARIED, len(colours), measured.part)
+    return replace(palette, part=part, shaded=measured.shaded)
 
 
 def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool:
@@ -146,10 +133,11 @@ def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool
     counts.
     """
     used = [0] if grey_only else [0, 1, 2]
-    near = np.min([np.linalg.norm(pixels[:, used] - colour[used], axis=1) for colour in colours], axis=0)
-    contrast = np.linalg.norm(pixels[:, used] - pixels[:, [3 + i for i in used]], axis=1)
+    shown, behind = pixels[:, SHOWN][:, used], pixels[:, BEHIND][:, used]
+    near = np.min([np.linalg.norm(shown - colour[used], axis=1) for colour in colours], axis=0)
+    contrast = np.linalg.norm(shown - behind, axis=1)
     far = near > 0.7 * contrast
-    shares = [float(np.mean(far[pixels[:, 6] == frame])) for frame in np.unique(pixels[:, 6])]
+    shares = [float(np.mean(far[pixels[:, FRAME] == frame])) for frame in np.unique(pixels[:, FRAME])]
     return float(np.percentile(shares, 20.0)) > VARIED_SHARE
 
 
@@ -201,8 +189,8 @@ def _moving_pixels(
     grey_only: bool,
     contrast: float,
 ) -> np.ndarray:
-    """Gather colours of inner foreground pixels beside their backgrounds and the frame's number: (pixel,
-    7)."""
+    """Gather the colours of inner foreground pixels, those of their backgrounds and the frames' numbers, in
+    the columns named above, (pixel, 7)."""
     import cv2
 
     rows = []
@@ -214,7 +202,10 @@ def _moving_pixels(
         frame = samples[i]
         planes = _full_size(frame.luma, None if grey_only else frame.chroma)
         moving = _apart(planes, behind) > max(contrast, 5.0 * background.noise) ** 2
+        # Where the first background shows the mechanism itself, what moves is its absence: such a pixel is
+        # more like its surroundings than the background is, and does not count.
         moving &= _apart(planes, around) > _apart(behind, around)
+        # pixels at an edge are mixed with the background; only a thin mechanism has to make do with them
         core = cv2.erode(moving.astype(np.uint8), inner) > 0
         if core.sum() < 20:
             core = moving
@@ -235,6 +226,8 @@ def _surroundings(samples: Sequence[Frame], background: Background) -> list[np.n
 
     stack = np.stack([frame.luma for frame in samples[:: max(1, len(samples) // 24)]])
     moves = (stack.max(axis=0).astype(np.int16) - stack.min(axis=0)) > max(16.0, 8.0 * background.noise)
+    # A blur in which moving pixels have no weight, normalized by the blurred weights: it fills the places
+    # where anything moves from the still ones around them.
     still = 1.0 - cv2.dilate(moves.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.float32)
     size = (still.shape[1] // 8, still.shape[0] // 8)
     blur = 0.06 * max(size)
@@ -252,21 +245,23 @@ def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:
     """Return the main colours (colour, 3) by k-means, near ones merged, rare ones dropped."""
     import cv2
 
-    values = pixels[:, :3].astype(np.float32)
+    values = pixels[:, SHOWN].astype(np.float32)
     if grey_only:
         values[:, 1:] = 0.0
     if float(values.std(axis=0).max()) < 1.0:
         return np.median(values, axis=0)[None].astype(np.float64)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.5)
+    # k-means starts from random centres: the seed makes two runs alike
     cv2.setRNGSeed(1)
     _, labels, _ = cv2.kmeans(values, COLOURS, np.zeros(0, np.int32), criteria, 3, cv2.KMEANS_PP_CENTERS)
+    # the largest cluster first, so that a smaller one near it is merged into it and not the other way round
     groups = [values[labels[:, 0] == k] for k in range(COLOURS)]
     groups = sorted((g for g in groups if len(g)), key=len, reverse=True)
     centres: list[np.ndarray] = []
     sizes: list[int] = []
     for group in groups:
         centre = np.median(group, axis=0)
-        near = [i for i, other in enumerate(centres) if np.linalg.norm(other - centre) < 45.0]
+        near = [i for i, other in enumerate(centres) if np.linalg.norm(other - centre) < MERGED]
         if near:
             i = near[0]
             centres[i] = (centres[i] * sizes[i] + centre * len(group)) / (sizes[i] + len(group))
@@ -274,14 +269,14 @@ def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:
         else:
             centres.append(centre)
             sizes.append(len(group))
-    kept = [c for c, n in zip(centres, sizes, strict=True) if n >= 0.12 * len(values)]
+    kept = [c for c, n in zip(centres, sizes, strict=True) if n >= RARE * len(values)]
     return np.array(kept or centres[:1], dtype=np.float64)
 
 
 def _grey_suffices(pixels: np.ndarray, colours: np.ndarray, contrast: float) -> bool:
-    """Return whether the grey level alone tells nearly every moving pixel from its background."""
-    nearest = np.argmin(np.linalg.norm(pixels[:, None, :3] - colours[None], axis=2), axis=1)
-    grey = np.abs(colours[nearest, 0] - pixels[:, 3])
+    """Return whether the grey level alone distinguishes nearly every moving pixel from its background."""
+    nearest = np.argmin(np.linalg.norm(pixels[:, None, SHOWN] - colours[None], axis=2), axis=1)
+    grey = np.abs(colours[nearest, 0] - pixels[:, BEHIND][:, 0])
     return float(np.mean(grey > 2.5 * contrast)) > 0.9
 
 
@@ -297,6 +292,7 @@ def _palette(
             for colour in colours.astype(np.float32)
         ]
     )
+    # too little contrast would blow the noise up to full coverage: such a pixel shows nothing
     seen = strength > contrast**2
     scale = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
     trust = np.clip(np.sqrt(np.where(seen, strength, 0.0)) / TRUSTED_CONTRAST, 0.0, 1.0) * background.known

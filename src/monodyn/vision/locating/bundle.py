@@ -8,21 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from monodyn.mechanism import Measured, Mechanism
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import PARAMETERS, value_of, with_values
-from monodyn.vision.drawing.edges import edge_terms
-from monodyn.vision.drawing.rig import rig_of
-from monodyn.vision.foreground.palette import View
+from monodyn.vision.drawing.edges import Agreement, Shifts, edge_terms
+from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
+from monodyn.vision.foreground.masks import View
+from monodyn.vision.locating.search import SceneGuess
 
-SIZES = (".length", ".width", ".tail", ".tip")
-"""Sizes that a picture shows; they are refined as logarithms."""
 NOISE_PX = 0.3
 """Standard deviation of an edge sample, systematic part included [px]."""
-OFFSET_SPREAD = 0.02
+OFFSET_STD = 0.02
 """Standard deviation of how far a body may stand before its parent, in mean lengths of the mechanism."""
 LEAST_WIDTH_PX = 1.5
 """No width gets below this while it is refined: an outline without an inside has no edges to come back by
@@ -30,10 +31,31 @@ LEAST_WIDTH_PX = 1.5
 SETTLED = 1e-5
 """Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
 SYSTEMATIC_PX = 0.2
-"""Standard deviation of a size that more key frames do not better: blur, light and the codec shift edges
+"""Standard deviation of a size that more key frames do not reduce: blur, light and the codec shift edges
 [px]."""
-LOG_SPREAD = 1.0
+LOG_STD = 1.0
 """Standard deviation of the logarithm of a start size: the file's sizes are only a start."""
+MOST_STEP = 0.35
+"""Largest change of a variable or a joint in one step."""
+LOG_CAMERA = ("camera.depth", "camera.focal")
+"""Parameters of the camera that are refined as logarithms, like the sizes."""
+CAMERA_TURNS = ("camera.roll", "camera.pitch", "camera.yaw")
+"""Parameters of the camera that a weak spring holds at zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeyMasks:
+    """Masks of key frames, whole or reduced.
+
+    Attributes:
+        planes: The mask of each by colour, uint8 (colour, height, width).
+        view: How the planes are to be read.
+        shrink: Pixels of the camera per pixel of the masks.
+    """
+
+    planes: Sequence[np.ndarray]
+    view: View
+    shrink: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,18 +66,18 @@ class Bundle:
         mechanism: Sizes in the start scale.
         camera: The camera.
         positions: Joint positions, (key frame, dof).
-        names: Parameters that were refined.
-        information: Information matrix of the refined parameters (sizes and depth as logarithms), poses
-            eliminated, without the weak start values, (param, param).
-        rms_px: Root mean square of the edge displacements of each key frame [px].
-        matched: Share of outline samples within 1.5 px of an edge, by key frame.
-        inside: Mean coverage inside of the outline, by key frame.
+        variables: The parameters that were refined.
+        information: Information matrix of these (sizes and depth as logarithms), poses eliminated, without
+            the weak start values, (param, param).
+        rms_px: Root mean square of the edge displacements of each key frame [px], (key frame,).
+        matched: Share of outline samples on an edge, (key frame,).
+        inside: Mean coverage inside of the outline, (key frame,).
     """
 
     mechanism: Mechanism
     camera: Camera
     positions: np.ndarray
-    names: tuple[str, ...]
+    variables: SceneVariables
     information: np.ndarray
     rms_px: np.ndarray
     matched: np.ndarray
@@ -63,77 +85,116 @@ class Bundle:
 
 
 @dataclass(frozen=True, eq=False)
-class _Variables:
-    """The refined parameters as one vector: sizes and depths as logarithms, the rest as they are."""
+class SceneVariables:
+    """The refined parameters as one vector: sizes and depths as logarithms, the rest as they are.
+
+    Attributes:
+        names: Names of the parameters: sizes, offsets and ``camera.*``.
+        kinds: Their kinds; the name itself for one of the camera's.
+        start: Values of the mechanism file by name, to which weak springs hold what the masks do not show.
+        length: Mean length of the bodies in the file [m]; 0 without any.
+    """
 
     names: tuple[str, ...]
-    log: np.ndarray
+    kinds: tuple[str, ...]
+    start: dict[str, float]
+    length: float
+
+    @cached_property
+    def is_size(self) -> np.ndarray:
+        """True for sizes, bool (param,)."""
+        return np.array([kind in SIZE_KINDS for kind in self.kinds], dtype=bool)
+
+    @cached_property
+    def log(self) -> np.ndarray:
+        """True for what is refined as a logarithm, bool (param,)."""
+        return np.array([kind in SIZE_KINDS or kind in LOG_CAMERA for kind in self.kinds], dtype=bool)
 
     def read(self, mechanism: Mechanism, camera: Camera) -> np.ndarray:
-        values = mechanism.values
+        """Read the vector off a mechanism and a camera.
+
+        Args:
+            mechanism: The mechanism.
+            camera: The camera.
+
+        Returns:
+            The variables, (param,).
+        """
+        values, log = mechanism.values, self.log
         x = np.array([value_of(camera, n) if n in PARAMETERS else values[n] for n in self.names])
-        return np.where(self.log, np.log(np.where(self.log, np.maximum(x, 1e-12), 1.0)), x)
+        return np.where(log, np.log(np.where(log, np.maximum(x, 1e-12), 1.0)), x)
 
     def write(self, x: np.ndarray, mechanism: Mechanism, camera: Camera) -> tuple[Mechanism, Camera]:
+        """Write the vector into a mechanism and a camera.
+
+        Args:
+            x: The variables, (param,).
+            mechanism: The mechanism.
+            camera: The camera.
+
+        Returns:
+            Both with the new values.
+        """
         values = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
         pairs = dict(zip(self.names, values.tolist(), strict=True))
-        seen = {n: v for n, v in pairs.items() if n in PARAMETERS}
-        return mechanism.with_values({n: v for n, v in pairs.items() if n not in PARAMETERS}), with_values(
-            camera, seen
-        )
+        of_camera = {n: v for n, v in pairs.items() if n in PARAMETERS}
+        of_mechanism = {n: v for n, v in pairs.items() if n not in PARAMETERS}
+        return mechanism.with_values(of_mechanism), with_values(camera, of_camera)
+
+
+def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariables:
+    """Name the parameters that are refined.
+
+    Args:
+        mechanism: The mechanism as in its file.
+        names: Sizes, offsets and ``camera.*``.
+
+    Returns:
+        The variables.
+    """
+    kinds = tuple(name if name in PARAMETERS else mechanism.parameter(name).kind for name in names)
+    lengths = [p.value for p in mechanism.parameters if p.kind == "length"]
+    return SceneVariables(tuple(names), kinds, mechanism.values, float(np.mean(lengths or [0.0])))
 
 
 def refine(
-    masks: Sequence[np.ndarray],
-    view: View,
-    mechanism: Mechanism,
-    camera: Camera,
-    positions: np.ndarray,
-    names: Sequence[str],
-    start: dict[str, float],
-    *,
-    reaches: Sequence[float],
-    settle: int = 0,
-    shrink: float = 1.0,
-    spacing: float = 3.0,
+    masks: KeyMasks, guess: SceneGuess, variables: SceneVariables, search: EdgeSearch, *, settle: int = 0
 ) -> Bundle:
     """Refine camera, sizes and poses together.
 
     Args:
-        masks: Masks of the key frames by colour, each uint8 (colour, height, width).
-        view: How the planes of the masks are to be read.
-        mechanism: Start sizes.
-        camera: Start camera.
-        positions: Start poses, (key frame, dof).
-        names: Parameters to refine: sizes and ``camera.*``.
-        start: Values of the mechanism file, to which a weak spring holds what the masks do not show.
-        reaches: Search length along the normals of each iteration [px].
+        masks: Masks of the key frames.
+        guess: Where to start; its poses are those of the key frames.
+        variables: What is refined in addition to the poses.
+        search: How the edges are looked for; one iteration for each search length.
         settle: Most further iterations with the last search length, until nothing changes.
-        shrink: Pixels of the camera per pixel of the masks.
-        spacing: Distance between outline samples [px].
 
     Returns:
         The refined bundle.
     """
-    variables = _Variables(
-        tuple(names), np.array([n.endswith(SIZES) or n in LOG_CAMERA for n in names], dtype=bool)
-    )
+    mechanism, camera = guess.mechanism, guess.camera
     x = variables.read(mechanism, camera)
-    q = np.array(positions, dtype=np.float64)
-    wide = np.array([name.endswith(".width") for name in names], dtype=bool)
-    for reach in (*map(float, reaches), *[float(reaches[-1])] * settle):
+    q = np.array(guess.positions, dtype=np.float64)
+    wide = np.array([kind == "width" for kind in variables.kinds], dtype=bool)
+    last = float(search.reaches[-1])
+    for reach in (*map(float, search.reaches), *[last] * settle):
         mechanism, camera = variables.write(x, mechanism, camera)
-        terms = _terms(masks, view, variables, x, mechanism, camera, q, reach, shrink, spacing)
-        step, q_step = _step(terms, x, *_springs(variables, x, start))
+        rig, shifts = _shifted_rigs(variables, x, mechanism, camera, masks.shrink)
+        terms = _normal_equations(masks, rig, shifts, q, (reach, search.spacing))
+        step, q_step = _step(terms, x, *_springs(variables, x))
         x = x + step
         x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
-        if reach == reaches[-1] and np.abs(step).max() < SETTLED:
+        if reach == last and len(x) and np.abs(step).max() < SETTLED:
             break
     mechanism, camera = variables.write(x, mechanism, camera)
-    final = _terms(masks, view, variables, x, mechanism, camera, q, float(reaches[-1]), shrink, spacing)
-    matched, rms, inside = final.facts[:, 1], final.facts[:, 2], final.facts[:, 3]
-    return Bundle(mechanism, camera, q, tuple(names), _information(final), rms, matched, inside)
+    rig, shifts = _shifted_rigs(variables, x, mechanism, camera, masks.shrink)
+    final = _normal_equations(masks, rig, shifts, q, (last, search.spacing))
+    matched, rms, inside = (
+        np.array([getattr(found, name) for found in final.agreement])
+        for name in ("matched", "rms_px", "inside")
+    )
+    return Bundle(mechanism, camera, q, variables, _information(final), rms, matched, inside)
 
 
 def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
@@ -147,15 +208,18 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
     Returns:
         Information matrix on the logarithms of the sizes.
     """
-    sizes = [i for i, name in enumerate(bundle.names) if name.endswith(SIZES)]
-    others = [i for i in range(len(bundle.names)) if i not in sizes]
+    is_size = bundle.variables.is_size
+    sizes, others = np.flatnonzero(is_size), np.flatnonzero(~is_size)
+    # The Schur complement of the others: what is known of the sizes when the others are free to follow.
     rest = bundle.information[np.ix_(others, others)] + 1e-9 * np.eye(len(others))
     cross = bundle.information[np.ix_(sizes, others)]
     known = bundle.information[np.ix_(sizes, sizes)] - cross @ np.linalg.solve(rest, cross.T)
+    # Adding the same number to all logarithms is the common scale. Eliminating that direction, instead of
+    # setting it to zero, keeps what is known of the ratios and makes the matrix exactly blind to it.
     along = known.sum(axis=1)
     if scale_free and along.sum() > 1e-9 * np.trace(known):
         known = known - np.outer(along, along) / along.sum()
-    names = tuple(bundle.names[i] for i in sizes)
+    names = tuple(bundle.variables.names[i] for i in sizes)
     values = bundle.mechanism.values
     px = np.array([values[name] for name in names]) * bundle.camera.focal / bundle.camera.depth
     # (K^-1 + D)^-1 for a K that may be singular, D the variance that no number of frames takes away
@@ -164,104 +228,112 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
     return Measured(names, 0.5 * (known + known.T))
 
 
-def camera_spread(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
+def camera_std(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
     """Return the standard deviations of the refined camera parameters [m, rad, px].
 
     Args:
         bundle: A refined bundle.
         scale_free: True where nothing pins the common scale; then it is held, as for the mean size.
+
+    Returns:
+        Standard deviation by name.
     """
-    information = bundle.information + 1e-6 * np.eye(len(bundle.names))
-    sizes = np.array([name.endswith(SIZES) for name in bundle.names], dtype=np.float64)
+    names = bundle.variables.names
+    information = bundle.information + 1e-6 * np.eye(len(names))
+    sizes = bundle.variables.is_size.astype(np.float64)
     if scale_free:
+        # the gauge: a stiff spring on the mean logarithm of the sizes holds the common scale
         information = information + 1e6 * np.trace(information) * np.outer(sizes, sizes) / max(
             sizes.sum(), 1.0
         )
     covariance = np.linalg.pinv(information, hermitian=True)
-    spread = {}
-    for i, name in enumerate(bundle.names):
+    std = {}
+    for i, name in enumerate(names):
         if name in PARAMETERS:
             unit = value_of(bundle.camera, name) if name in LOG_CAMERA else 1.0
-            spread[name] = unit * float(np.sqrt(max(covariance[i, i], 0.0)))
-    return spread
-
-
-LOG_CAMERA = ("camera.depth", "camera.focal")
+            std[name] = unit * float(np.sqrt(max(covariance[i, i], 0.0)))
+    return std
 
 
 @dataclass(frozen=True, eq=False)
 class _Terms:
-    """Normal equations of every key frame: blocks of poses (q) and shared parameters (x)."""
+    """Normal equations of every key frame: blocks of poses (q) and shared parameters (x).
+
+    ``qq`` (key frame, dof, dof), ``qx`` (key frame, dof, param), ``xx`` (key frame, param, param), right
+    sides ``q`` (key frame, dof) and ``x`` (key frame, param), and how well the outlines lie on the masks.
+    """
 
     qq: np.ndarray
     qx: np.ndarray
     xx: np.ndarray
     q: np.ndarray
     x: np.ndarray
-    facts: np.ndarray
+    agreement: list[Agreement]
 
 
-def _springs(variables: _Variables, x: np.ndarray, start: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+def _shifted_rigs(
+    variables: SceneVariables, x: np.ndarray, mechanism: Mechanism, camera: Camera, shrink: float
+) -> tuple[Rig, Shifts]:
+    """Return the rig of the mechanism before the camera, and with each variable shifted by its step."""
+    rig = rig_of(mechanism, camera, shrink=shrink)
+    steps = np.where(variables.log, 1e-6, 1e-7)
+    others = []
+    for i in range(len(x)):
+        shifted = x.copy()
+        shifted[i] += steps[i]
+        others.append(rig_of(*variables.write(shifted, mechanism, camera), shrink=shrink))
+    links, points, radius, cameras = (
+        np.array([getattr(other, field) for other in others]).reshape(len(x), *getattr(rig, field).shape)
+        for field in ("links", "points", "radius", "camera")
+    )
+    return rig, Shifts(links, points, radius, cameras, steps)
+
+
+def _normal_equations(
+    masks: KeyMasks, rig: Rig, shifts: Shifts, q: np.ndarray, search: tuple[float, float]
+) -> _Terms:
+    """Search the edges of every key frame and form its normal equations; ``search`` is reach and spacing."""
+    blocks = [
+        edge_terms(planes, masks.view, rig, shifts, pose, *search)
+        for planes, pose in zip(masks.planes, q, strict=True)
+    ]
+    dofs = q.shape[1]
+    normal = np.stack([block[0] for block in blocks])
+    right = np.stack([block[1] for block in blocks])
+    poses, shared = slice(0, dofs), slice(dofs, None)
+    return _Terms(
+        qq=normal[:, poses, poses],
+        qx=normal[:, poses, shared],
+        xx=normal[:, shared, shared],
+        q=right[:, poses],
+        x=right[:, shared],
+        agreement=[block[2] for block in blocks],
+    )
+
+
+def _springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return where the weak springs pull the variables ``x`` and their stiffness (1 / variance).
 
     A length is held to its start; another size to its start proportion to the lengths.
     """
-    names = variables.names
+    names, kinds, start = variables.names, variables.kinds, variables.start
     anchor, stiffness = np.zeros(len(names)), np.zeros(len(names))
-    grown = [x[i] - np.log(start[name]) for i, name in enumerate(names) if name.endswith(".length")]
+    # Depth and sizes grow together unseen: the springs of the lengths alone fix the common scale, and the
+    # other sizes follow it, so that they do not pull it back to the file's.
+    grown = [x[i] - np.log(start[name]) for i, name in enumerate(names) if kinds[i] == "length"]
     common = float(np.mean(grown)) if grown else 0.0
-    reach = OFFSET_SPREAD * float(np.mean([v for n, v in start.items() if n.endswith(".length")] or [0.0]))
+    reach = OFFSET_STD * variables.length
     for i, name in enumerate(names):
-        if name.endswith(".length"):
-            anchor[i], stiffness[i] = np.log(start[name]), 1.0 / LOG_SPREAD**2
-        elif name.endswith(SIZES):
-            spread = LOG_SPREAD if name.endswith(".width") else 0.5 * LOG_SPREAD
-            anchor[i], stiffness[i] = np.log(start[name]) + common, 1.0 / spread**2
-        elif name.endswith(".offset"):
+        if kinds[i] == "length":
+            anchor[i], stiffness[i] = np.log(start[name]), 1.0 / LOG_STD**2
+        elif kinds[i] in SIZE_KINDS:
+            std = LOG_STD if kinds[i] == "width" else 0.5 * LOG_STD
+            anchor[i], stiffness[i] = np.log(start[name]) + common, 1.0 / std**2
+        elif kinds[i] == "offset":
             anchor[i], stiffness[i] = start[name], 1.0 / (abs(start[name]) + reach + 1e-12) ** 2
-        elif name in ("camera.roll", "camera.pitch", "camera.yaw"):
+        elif name in CAMERA_TURNS:
             stiffness[i] = 1.0
     return anchor, stiffness
-
-
-def _terms(
-    masks: Sequence[np.ndarray],
-    view: View,
-    variables: _Variables,
-    x: np.ndarray,
-    mechanism: Mechanism,
-    camera: Camera,
-    q: np.ndarray,
-    reach: float,
-    shrink: float,
-    spacing: float,
-) -> _Terms:
-    """Search the edges of every key frame and form its normal equations."""
-    base = rig_of(mechanism, camera, shrink=shrink)
-    rigs = [base]
-    steps = np.where(variables.log, 1e-6, 1e-7)
-    for i in range(len(x)):
-        shifted = x.copy()
-        shifted[i] += steps[i]
-        rigs.append(rig_of(*variables.write(shifted, mechanism, camera), shrink=shrink))
-    links, points, radius, cameras = (
-        np.stack([getattr(rig, field) for rig in rigs]) for field in ("links", "points", "radius", "camera")
-    )
-    blocks = [
-        edge_terms(
-            planes, *view, base.parent, base.kind, base.link, base.first, links, points, radius,
-            cameras, steps, pose, reach, spacing,
-        )
-        for planes, pose in zip(masks, q, strict=True)
-    ]  # fmt: skip
-    dofs = q.shape[1]
-    normal = np.stack([block[0] for block in blocks])
-    right = np.stack([block[1] for block in blocks])
-    facts = np.stack([block[2] for block in blocks])
-    return _Terms(
-        normal[:, :dofs, :dofs], normal[:, :dofs, dofs:], normal[:, dofs:, dofs:], right[:, :dofs], right[:,
-        dofs:], facts,
-    )  # fmt: skip
 
 
 def _step(
@@ -269,19 +341,27 @@ def _step(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve the damped normal equations by eliminating the poses."""
     weight = 1.0 / NOISE_PX**2
-    good = (terms.facts[:, 0] > 0).astype(np.float64)
+    # a key frame whose pose cannot be drawn, or that shows no edge, takes no part
+    good = np.array([float(found.samples > 0) for found in terms.agreement])
     damping = 1e-4 + 1e-3 * np.einsum("kii->ki", terms.qq)
     qq = terms.qq + np.einsum("ki,ij->kij", damping, np.eye(terms.qq.shape[1]))
+    # A pose appears in its own frame only, so the equations are an arrow: a block qq for each frame and one
+    # common border. From the frame's own rows, q = qq^-1 (right_q - qx step). Inserted into the rows of the
+    # shared parameters, and summed over the frames, this leaves
+    # (xx - qx' qq^-1 qx) step = right_x - qx' qq^-1 right_q.
     inverse = np.linalg.inv(qq)
     gain = np.einsum("kij,kjx->kix", inverse, terms.qx)
     xx = np.einsum("k,kxy->xy", good, terms.xx - np.einsum("kix,kiy->kxy", terms.qx, gain))
     right = np.einsum("k,kx->x", good, terms.x - np.einsum("kix,ki->kx", gain, terms.q))
+    # The springs act on this reduced system; the further damping is relative to its diagonal (Levenberg), so
+    # that a direction which the frames do not show takes no large step.
     system = weight * xx + np.diag(stiffness)
     system += np.diag(1e-3 * weight * np.maximum(np.diag(xx), 0.0) + 1e-9)
     step = np.linalg.solve(system, weight * right + stiffness * (anchor - x))
-    step = np.clip(step, -0.35, 0.35)
+    # the poses follow the step as it is made, so it is cut off before they are computed
+    step = np.clip(step, -MOST_STEP, MOST_STEP)
     q_step = np.einsum("kij,kj->ki", inverse, terms.q - np.einsum("kix,x->ki", terms.qx, step))
-    return step, np.clip(q_step, -0.35, 0.35)
+    return step, np.clip(q_step, -MOST_STEP, MOST_STEP)
 
 
 def _information(terms: _Terms) -> np.ndarray:

@@ -6,15 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monodyn.mechanism import Mechanism
-from monodyn.types import Camera, Frame
+from monodyn.types import Frame
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background
-from monodyn.vision.foreground.palette import VARIED, Parts
+from monodyn.vision.foreground.masks import VARIED, GeomColours
+from monodyn.vision.foreground.palette import BEHIND, SHOWN
+from monodyn.vision.locating.search import SceneGuess
 
-ALIKE = 10.0
+SHARED_COLOUR = 10.0
 """Geoms whose colours differ by less share one [grey levels]."""
-FRAMES = 16
+MOST_FRAMES = 16
 """Frames in which the colours are measured."""
 INNER_PX = 3.0
 """Distance from every outline at which a pixel shows its geom alone; 80 % of the half width where a geom is
@@ -25,26 +26,23 @@ ENOUGH = 20
 """Least number of pixels for a colour."""
 SHADED_PERCENT, SHADED_LEVEL = 15.0, 0.75
 """A geom is shaded if this share of its pixels shows less than this level of its colour."""
-VARIED_SHARE = 0.25
+UNLIKE_SHARE = 0.25
 """Share of pixels unlike the median colour from which a geom has no colour of its own (a shiny rod)."""
+UNSEEN = -2
+"""Stands for the colour of a geom that shows too few pixels to measure it."""
+DEPTH = 6
+"""Column of a table of pixels, after ``SHOWN`` and ``BEHIND``: the geom's half width in the picture [px]."""
 
 
-def measured_parts(
-    samples: Sequence[Frame],
-    background: Background,
-    mechanism: Mechanism,
-    camera: Camera,
-    positions: np.ndarray,
-    fits: np.ndarray,
-) -> Parts | None:
+def geom_colours(
+    samples: Sequence[Frame], background: Background, guess: SceneGuess, fits: np.ndarray
+) -> GeomColours | None:
     """Measure the colour of every geom where no other geom is near.
 
     Args:
         samples: Sample frames.
         background: What they show without the mechanism.
-        mechanism: The located mechanism.
-        camera: The camera.
-        positions: Pose in every sample frame, (frame, dof).
+        guess: The located mechanism, with its pose in every sample frame.
         fits: True where that pose lies on the mask, bool (frame,).
 
     Returns:
@@ -52,31 +50,38 @@ def measured_parts(
         too thin to show its own has the nearest of the others.
     """
     good = np.flatnonzero(fits)
-    good = good[:: max(1, len(good) // FRAMES)]
-    geoms = len(mechanism.shapes.radius)
+    good = good[:: max(1, len(good) // MOST_FRAMES)]
+    geoms = len(guess.mechanism.shapes.radius)
     rows: list[list[np.ndarray]] = [[] for _ in range(geoms)]
     for i in good:
-        for g, found in enumerate(_inner_pixels(samples[i], background, mechanism, camera, positions[i])):
+        outlines = [polygon for _, polygon in outline(guess.mechanism, guess.camera, guess.positions[i])]
+        for g, found in enumerate(_inner_pixels(samples[i], background, outlines)):
             rows[g].append(found)
     pixels = [np.concatenate(own) if own else np.zeros((0, 7)) for own in rows]
+    part, colours = _joined(pixels)
+    if not colours:
+        return None
+    part[part == UNSEEN] = 0
+    shaded = np.array([part[g] != VARIED and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
+    return GeomColours(np.array(colours), part, shaded)
+
+
+def _joined(pixels: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return the colour of each geom, (geom,), and the colours, from the inner pixels of the geoms."""
     medians = [_colour(own) for own in pixels]
-    varied = [len(own) >= ENOUGH and _is_varied(own) for own in pixels]
     colours: list[np.ndarray] = []
-    part = np.full(geoms, -2, dtype=np.int64)
-    depth = [float(np.median(own[:, 6])) if len(own) else 0.0 for own in pixels]
+    part = np.full(len(pixels), UNSEEN, dtype=np.int64)
+    depth = [float(np.median(own[:, DEPTH])) if len(own) else 0.0 for own in pixels]
+    # the widest geom first: its colour is the purest, and a thinner one of nearly that colour takes it over
     for g in np.argsort(depth)[::-1]:
-        if varied[g]:
+        if len(pixels[g]) >= ENOUGH and _is_varied(pixels[g]):
             part[g] = VARIED
         elif np.isfinite(medians[g][0]):
-            near = [k for k, other in enumerate(colours) if _apart(other, medians[g]) < ALIKE]
+            near = [k for k, other in enumerate(colours) if _apart(other, medians[g]) < SHARED_COLOUR]
             if not near:
                 colours.append(medians[g])
             part[g] = near[0] if near else len(colours) - 1
-    if not colours:
-        return None
-    part[part == -2] = 0
-    shaded = np.array([part[g] != VARIED and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
-    return Parts(np.array(colours), part, shaded)
+    return part, colours
 
 
 def _colour(pixels: np.ndarray) -> np.ndarray:
@@ -84,10 +89,10 @@ def _colour(pixels: np.ndarray) -> np.ndarray:
     the background, that of the quarter that stands out most."""
     if len(pixels) < ENOUGH:
         return np.full(3, np.nan)
-    if float(np.median(pixels[:, 6])) < THIN_PX:
-        contrast = np.nansum((pixels[:, :3] - pixels[:, 3:6]) ** 2, axis=1)
+    if float(np.median(pixels[:, DEPTH])) < THIN_PX:
+        contrast = np.nansum((pixels[:, SHOWN] - pixels[:, BEHIND]) ** 2, axis=1)
         pixels = pixels[contrast >= np.percentile(contrast, 75.0)]
-    return np.median(pixels[:, :3], axis=0)
+    return np.median(pixels[:, SHOWN], axis=0)
 
 
 def _apart(one: np.ndarray, other: np.ndarray) -> float:
@@ -97,50 +102,57 @@ def _apart(one: np.ndarray, other: np.ndarray) -> float:
 
 def _is_varied(pixels: np.ndarray) -> bool:
     """Return whether many pixels of a geom are nearer to the background than to the geom's median colour."""
-    median = np.median(pixels[:, :3], axis=0)
-    off = np.sqrt(np.nansum((pixels[:, :3] - median) ** 2, axis=1))
-    contrast = np.sqrt(np.nansum((median - pixels[:, 3:6]) ** 2, axis=1))
-    return float(np.mean(off > 0.5 * contrast)) > VARIED_SHARE
+    median = np.median(pixels[:, SHOWN], axis=0)
+    off = np.sqrt(np.nansum((pixels[:, SHOWN] - median) ** 2, axis=1))
+    contrast = np.sqrt(np.nansum((median - pixels[:, BEHIND]) ** 2, axis=1))
+    return float(np.mean(off > 0.5 * contrast)) > UNLIKE_SHARE
 
 
 def _is_shaded(pixels: np.ndarray, colour: np.ndarray) -> bool:
     """Return whether many inner pixels of a geom show much less of its colour than all of it."""
-    if len(pixels) < ENOUGH or float(np.median(pixels[:, 6])) < THIN_PX:
+    if len(pixels) < ENOUGH or float(np.median(pixels[:, DEPTH])) < THIN_PX:
         return False
-    full = colour - pixels[:, 3:6]
-    share = np.nansum((pixels[:, :3] - pixels[:, 3:6]) * full, axis=1) / np.maximum(
+    # each pixel's level of the colour, by projection as for the masks; only the channels that exist count
+    full = colour - pixels[:, BEHIND]
+    share = np.nansum((pixels[:, SHOWN] - pixels[:, BEHIND]) * full, axis=1) / np.maximum(
         np.nansum(full**2, axis=1), 1.0
     )
     return float(np.percentile(share, SHADED_PERCENT)) < SHADED_LEVEL
 
 
-def _inner_pixels(
-    frame: Frame, background: Background, mechanism: Mechanism, camera: Camera, position: np.ndarray
-) -> list[np.ndarray]:
-    """Return colour, background colour and depth [px] of pixels deep inside of each geom and outside of the
-    others, each (pixel, 7)."""
+def _inner_pixels(frame: Frame, background: Background, outlines: list[np.ndarray]) -> list[np.ndarray]:
+    """Return the pixels deep inside of each outline and outside of the others, each (pixel, 7)."""
     import cv2
 
-    size = (camera.width, camera.height)
-    planes: list[np.ndarray] = []
-    for luma, chroma in ((frame.luma, frame.chroma), (background.luma, background.chroma)):
-        planes.append(luma)
-        planes += [cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in chroma or ()]
-        planes += [np.full(luma.shape, np.nan, dtype=np.float32)] * (
-            3 - len(planes) % 3 if len(planes) % 3 else 0
-        )
+    height, width = frame.luma.shape
+    planes = _colour_planes(frame, background)
     masks = []
-    for _, polygon in outline(mechanism, camera, position):
-        mask = np.zeros((camera.height, camera.width), np.uint8)
+    for polygon in outlines:
+        mask = np.zeros((height, width), np.uint8)
         cv2.fillPoly(mask, [np.round(polygon * 16.0).astype(np.int32)], 1, cv2.LINE_8, 4)
         masks.append(mask)
-    owners = np.sum(masks, axis=0, dtype=np.int64) if masks else np.zeros((camera.height, camera.width))
+    owners = np.sum(masks, axis=0, dtype=np.int64) if masks else np.zeros((height, width))
     found = []
     for mask in masks:
         depth = cv2.distanceTransform(mask, cv2.DIST_L2, 3)
         deepest = float(depth.max())
         y, x = np.nonzero((depth >= min(INNER_PX, 0.8 * deepest)) & (owners == 1))
+        # at most a few hundred pixels of each frame: medians need no more
         step = max(1, len(y) // 400)
         values = [plane[y[::step], x[::step]].astype(np.float64) for plane in planes]
         found.append(np.column_stack([*values, np.full(len(values[0]), deepest)]))
     return found
+
+
+def _colour_planes(frame: Frame, background: Background) -> list[np.ndarray]:
+    """Return the three planes of a frame and of its background at full size; NaN for missing ones."""
+    import cv2
+
+    height, width = frame.luma.shape
+    planes: list[np.ndarray] = []
+    for luma, chroma in ((frame.luma, frame.chroma), (background.luma, background.chroma)):
+        small = chroma or ()
+        planes.append(luma)
+        planes += [cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR) for plane in small]
+        planes += [np.full(luma.shape, np.nan, dtype=np.float32)] * (2 - len(small))
+    return planes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,12 +10,11 @@ import numpy as np
 
 from monodyn.types import FULL, Mask
 from monodyn.vision.drawing.silhouette import row_sums
-from monodyn.vision.foreground.masks import Masks
-from monodyn.vision.foreground.palette import View
+from monodyn.vision.foreground.masks import Masks, View, plain_view
 
 UNKNOWN = 0.06
-"""Trust below which a pixel says nothing."""
-NOISE = FULL * 0.16
+"""Trust below which a pixel carries no information."""
+LEAST_COVERAGE = FULL * 0.16
 """Coverage of a reduced pixel below which it counts as none."""
 COARSE_PX = 170
 """Largest side of the reduced picture of the moving part [px]."""
@@ -28,8 +28,9 @@ class KeyFrame:
         index: Number of the frame in the clip.
         time: Time stamp [s].
         planes: Mask by colour, uint8 (colour, height, width); one plane until the geoms' colours are known.
-        coarse: Reduced mask, half of ``FULL`` where the background is not known, uint8.
-        sums: Row prefix sums of ``coarse``.
+        coarse: Reduced mask, half of ``FULL`` where the background is not known, uint8 (height,
+            width).
+        sums: Row prefix sums of ``coarse``, float32 (height, width + 1).
         area: Covered area of the reduced mask [reduced px^2].
     """
 
@@ -49,7 +50,7 @@ class KeyFrames:
         frames: The key frames, in the order of time.
         shrink: Pixels of the clip per reduced pixel.
         view: How the planes of the masks are to be read.
-        coarse_trust: How well it tells the least distinct colour, reduced, float32.
+        coarse_trust: Trust in the least distinct plane, reduced, float32 (height, width).
     """
 
     frames: tuple[KeyFrame, ...]
@@ -57,19 +58,37 @@ class KeyFrames:
     view: View
     coarse_trust: np.ndarray
 
-    def spread(self, count: int) -> list[int]:
-        """Return the numbers of ``count`` frames whose masks differ most, the fullest first.
+    def most_distinct(self, count: int) -> list[int]:
+        """Choose the frames whose masks differ most.
 
         Args:
             count: How many, at most.
+
+        Returns:
+            Their rows in ``frames``, the fullest first.
         """
         return self._order[:count]
+
+    def only(self, rows: Sequence[int]) -> KeyFrames:
+        """Return some of the frames as a set of their own.
+
+        Args:
+            rows: Their rows in ``frames``.
+
+        Returns:
+            These, in the order of ``rows``.
+        """
+        return replace(self, frames=tuple(self.frames[row] for row in rows))
 
     @property
     def coarse_view(self) -> View:
         """How the one plane of the reduced masks is to be read."""
-        part, shaded = self.view.part, self.view.shaded
-        return View(self.coarse_trust[np.newaxis], np.zeros_like(part), np.zeros_like(shaded))
+        return plain_view(self.coarse_trust, len(self.view.part))
+
+    @property
+    def unknown(self) -> np.ndarray:
+        """True where a reduced pixel carries no information, bool (height, width)."""
+        return self.coarse_trust < UNKNOWN
 
     @cached_property
     def _order(self) -> list[int]:
@@ -80,6 +99,7 @@ class KeyFrames:
         small = np.stack(
             [cv2.resize(frame.coarse, size, interpolation=cv2.INTER_AREA).ravel() for frame in self.frames]
         ).astype(np.float32)
+        # farthest-point order: ``apart`` is each frame's distance from the nearest one chosen so far
         chosen = [int(np.argmax([frame.area for frame in self.frames]))]
         apart = np.full(len(small), np.inf)
         while len(chosen) < len(small):
@@ -97,7 +117,7 @@ def key_frames(masks: Masks, geoms: int) -> KeyFrames:
         geoms: Number of geoms of the mechanism.
 
     Returns:
-        One key frame a sample.
+        One key frame per sample.
     """
     empty = _empty(masks, geoms)
     return replace(empty, frames=tuple(_reduced(masks.of(frame), empty) for frame in masks.samples.frames))
@@ -123,15 +143,18 @@ def _empty(masks: Masks, geoms: int) -> KeyFrames:
     """Return a set without frames: the reduction of the picture and its trust."""
     import cv2
 
-    least = masks.palette.least_trust
-    top, bottom, left, right = masks.background.reach
-    shrink = max(1, round(max(bottom - top, right - left) / COARSE_PX))
+    view = masks.view(geoms)
+    # until the pose is known, a pixel is worth what it shows of the colour that it shows least
+    least = view.trust[-1] if masks.varied else view.trust.min(axis=0)
+    window = masks.background.window
+    size = max(window.bottom - window.top, window.right - window.left)
+    shrink = max(1, round(size / COARSE_PX))
     height, width = least.shape
-    size = (width // shrink, height // shrink)
+    reduced = (width // shrink, height // shrink)
     coarse_trust = cv2.resize(
-        least[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA
+        least[: reduced[1] * shrink, : reduced[0] * shrink], reduced, interpolation=cv2.INTER_AREA
     )
-    return KeyFrames((), shrink, masks.palette.view(geoms), coarse_trust)
+    return KeyFrames((), shrink, view, coarse_trust)
 
 
 def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
@@ -145,8 +168,10 @@ def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
         union[: height * shrink, : width * shrink], (width, height), interpolation=cv2.INTER_AREA
     )
     np.minimum(coarse, FULL, out=coarse)
-    coarse[coarse < NOISE] = 0
+    coarse[coarse < LEAST_COVERAGE] = 0
     area = float(coarse.sum()) / FULL
-    coarse[frames.coarse_trust < UNKNOWN] = FULL // 2
+    # Half covered costs a pose the same whether it covers the pixel or not: 1 - 2 I_a is zero there.
+    coarse[frames.unknown] = FULL // 2
+    # a view of one plane reads masks of any number of planes by the largest coverage
     planes = mask.planes if len(frames.view.trust) == len(mask.planes) else union[np.newaxis]
     return KeyFrame(mask.index, mask.time, planes, coarse, row_sums(coarse), area)

@@ -24,7 +24,8 @@ class Scene:
         position: Joint positions there [rad; m in the start scale], (dof,).
         key_frames: Numbers of the frames that were refined jointly.
         key_positions: Joint positions there, (key frame, dof).
-        spread: Standard deviations of the refined camera parameters by name, the common scale held.
+        camera_std: Standard deviations of the refined camera parameters by name [m, rad, px], the common
+            scale held.
         rms_px: Root mean square distance between outline and mask edges [px].
         advice: Sentences for the user.
     """
@@ -36,6 +37,6 @@ class Scene:
     position: np.ndarray
     key_frames: tuple[int, ...]
     key_positions: np.ndarray
-    spread: Mapping[str, float]
+    camera_std: Mapping[str, float]
     rms_px: float
     advice: tuple[str, ...]

@@ -1,0 +1,149 @@
+"""The default segmentation: from frames to soft foreground coverage per pixel, streamed.
+
+A pixel that the mechanism covers by a share c shows ``I = (1 - c) B + c F``. With the background B of the
+pixel and the colour F of the mechanism, c is the projection of ``I - B`` on ``F - B``, weighted by the
+noise of each channel: linear in the picture, so the edge of the mechanism keeps its sub-pixel place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.types import Frame, Mask, Progress
+from monodyn.vision.clip.video import Video, read
+from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
+from monodyn.vision.foreground.masks import GeomColours, View
+from monodyn.vision.foreground.palette import Palette, choose_palette, lingering
+from monodyn.vision.settings import SegmentSettings
+
+
+@dataclass(frozen=True, eq=False)
+class SoftMasks:
+    """The soft foreground of a clip; iterate over it for one ``Mask`` a frame.
+
+    Attributes:
+        video: The clip.
+        background: What the pixels show without the mechanism.
+        palette: Colours of the mechanism and each pixel's gain.
+        samples: Frames spread over the motion, from which the background was taken.
+        settings: How the foreground was found.
+    """
+
+    video: Video
+    background: Background
+    palette: Palette
+    samples: Samples = field(repr=False)
+    settings: SegmentSettings
+
+    @property
+    def varied(self) -> bool:
+        """True where the colours leave much of the mechanism unexplained, so that any difference counts."""
+        return self.palette.varied
+
+    def __iter__(self) -> Iterator[Mask]:
+        """Stream the masks in the order of time."""
+        for frame in self.video.frames():
+            yield self.of(frame)
+
+    def of(self, frame: Frame) -> Mask:
+        """Return the mask of one frame of the clip.
+
+        Args:
+            frame: A frame of ``video``.
+
+        Returns:
+            Its soft foreground.
+        """
+        from monodyn.vision.foreground.coverage import coverage_of
+
+        return Mask(frame.index, frame.time, coverage_of(frame, self.background, self.palette))
+
+    def view(self, geoms: int) -> View:
+        """Return how the planes of the masks are to be read.
+
+        Args:
+            geoms: Number of geoms of the mechanism.
+
+        Returns:
+            Trust of the planes and the plane of each geom.
+        """
+        return self.palette.view(geoms)
+
+    def coloured(self, colours: GeomColours | None) -> SoftMasks:
+        """Return the masks with colours measured on the located mechanism.
+
+        Args:
+            colours: The colours, or None to keep those found without it.
+
+        Returns:
+            New masks of the same clip over the same background.
+        """
+        if colours is None:
+            return self
+        # the choice between grey and colour has been made from the moving pixels, and stays
+        channels = "grey" if self.palette.grey_only else "colour"
+        frames, contrast = self.samples.frames, self.settings.contrast
+        return replace(self, palette=choose_palette(frames, self.background, channels, contrast, colours))
+
+    def refined(self, covered: Sequence[np.ndarray]) -> SoftMasks:
+        """Return the masks over a background from which the mechanism is taken out.
+
+        Args:
+            covered: For each of the sample frames the pixels that the mechanism covers, bool (height, width).
+
+        Returns:
+            New masks of the same clip, the colours looked for anew; a background that was given stays.
+        """
+        background = self.background
+        if not background.given:
+            background = background_of(self.samples, covered, fallback=self.background)
+        frames, settings = self.samples.frames, self.settings
+        palette = choose_palette(frames, background, settings.colour, settings.contrast)
+        return replace(self, background=background, palette=palette)
+
+
+def soft_masks(
+    video: Video, settings: SegmentSettings, background: str | Path | None, progress: Progress | None
+) -> SoftMasks:
+    """Find background and colours of a clip; its masks follow from them frame by frame.
+
+    Args:
+        video: The clip, from ``read``.
+        settings: How the foreground is found.
+        background: A picture of the scene without the mechanism, of the clip's size; else it is taken from
+            the clip.
+        progress: Called with the number of frames read.
+
+    Returns:
+        The masks, computed frame by frame as they are iterated over.
+    """
+    samples = sample_frames(video, progress=progress)
+    scene = background_of(samples) if background is None else _given(background, video, samples)
+    palette = choose_palette(samples.frames, scene, settings.colour, settings.contrast)
+    masks = SoftMasks(video, scene, palette, samples, settings)
+    # a mechanism that rests most of the time is the first background's own: it is taken out of it once
+    return masks if scene.given else masks.refined(lingering(samples.frames, scene, palette))
+
+
+def _given(picture: str | Path, video: Video, samples: Samples) -> Background:
+    """Take the background from a picture and its noise from the clip."""
+    frame = next(iter(read(picture, still=True).frames()))
+    if frame.luma.shape != (video.height, video.width):
+        height, width = frame.luma.shape
+        raise VideoError(
+            f"{picture}: expected a background of {video.width}x{video.height} like the clip, "
+            f"got {width}x{height}; give a frame of the same camera without the mechanism."
+        )
+    measured = background_of(samples)
+    chroma = None
+    if frame.chroma is not None and measured.chroma is not None:
+        chroma = (frame.chroma[0].astype(np.float32), frame.chroma[1].astype(np.float32))
+    known = np.ones(frame.luma.shape, dtype=np.bool_)
+    return Background(
+        frame.luma.astype(np.float32), chroma, measured.noise, known, measured.window, given=True
+    )

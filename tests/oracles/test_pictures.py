@@ -1,0 +1,195 @@
+"""The picture kernels against slow, obvious twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monodyn.mechanism import load
+from monodyn.types import FULL, Frame
+from monodyn.vision.drawing.edges import AT_X, AT_Y, AWAY, INNER, NORMAL_X, NORMAL_Y, edge_samples
+from monodyn.vision.drawing.outline import outline
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.drawing.silhouette import (
+    Outlines,
+    blank_outlines,
+    blank_spans,
+    convex_hull,
+    draw,
+    mismatch,
+    pose_mismatch,
+    row_sums,
+)
+from monodyn.vision.foreground.background import Background, Window
+from monodyn.vision.foreground.coverage import coverage_of
+from monodyn.vision.foreground.median import NEAR, masked_median
+from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette
+from pictures import CAMERA, drawn_mask, trusted
+
+
+def slow_hull(points: np.ndarray) -> set[int]:
+    """List the corners: points that some line has on itself with all others on one side."""
+    found = set()
+    for i, p in enumerate(points):
+        for j, q in enumerate(points):
+            if i == j:
+                continue
+            side = (q[0] - p[0]) * (points[:, 1] - p[1]) - (q[1] - p[1]) * (points[:, 0] - p[0])
+            if (np.delete(side, [i, j]) > 0).all():
+                found |= {i, j}
+    return found
+
+
+@pytest.mark.parametrize("count", [3, 5, 12, 40])
+def test_convex_hull_has_the_corners_of_a_slow_one(count: int) -> None:
+    points = np.random.default_rng(count).normal(size=(count, 2))
+    hull = np.empty(count + 1, np.int64)
+    size = convex_hull(points, 0, count, hull)
+    assert set(hull[:size].tolist()) == slow_hull(points)
+
+
+def test_convex_hull_leaves_out_points_along_an_edge() -> None:
+    points = np.array([[0, 0], [1, 0], [2, 0], [2, 2], [1, 2], [0, 2], [0, 1]], dtype=float)
+    hull = np.empty(8, np.int64)
+    assert sorted(hull[: convex_hull(points, 0, 7, hull)].tolist()) == [0, 2, 3, 5]
+
+
+def test_row_sums_are_sums_of_the_row() -> None:
+    mask = np.random.default_rng(0).integers(0, 256, (7, 13), dtype=np.uint8)
+    shares = np.minimum(mask, FULL).astype(float) / FULL
+    expected = np.array([[shares[y, :x].sum() for x in range(14)] for y in range(7)])
+    # float32 of sums up to 13
+    np.testing.assert_allclose(row_sums(mask), expected, atol=1e-6)
+
+
+def slow_mismatch(mask: np.ndarray, polygons: list[np.ndarray], fine: int = 64) -> tuple[float, float]:
+    """Sum 1 - 2 I_a and area along the middle line of every row, sampled ``fine`` times a pixel."""
+    height, width = mask.shape
+    x = (np.arange(-width * fine, 2 * width * fine) + 0.5) / fine - 0.5
+    column = np.round(x).astype(int)
+    cost = area = 0.0
+    for y in range(-height, 2 * height):
+        inside = np.zeros(len(x), bool)
+        for polygon in polygons:
+            crossings = []
+            for p, q in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+                if min(p[1], q[1]) <= y < max(p[1], q[1]):
+                    crossings.append(p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]))
+            if crossings:
+                inside |= (x > min(crossings)) & (x < max(crossings))
+        known = inside & (column >= 0) & (column < width) & (0 <= y < height)
+        covered = np.minimum(mask[y, column[known]], FULL).sum() / FULL if known.any() else 0.0
+        area += inside.sum() / fine
+        cost += (inside.sum() - 2.0 * covered) / fine
+    return cost, area
+
+
+@pytest.mark.parametrize("shift", [0.0, 18.0, -25.0])
+def test_mismatch_counts_every_covered_pixel_once(shift: float) -> None:
+    """Overlapping outlines, in and partly out of a small picture."""
+    rng = np.random.default_rng(2)
+    mask = rng.integers(0, FULL + 40, (24, 32), dtype=np.uint8)
+    polygons = [
+        np.array([[3.3, 2.1], [20.4, 6.7], [17.2, 15.9], [5.5, 12.2]]) + shift,
+        np.array([[10.1, 4.4], [29.7, 9.3], [15.6, 20.8]]) + shift,
+    ]
+    px = np.concatenate(polygons)
+    starts = np.array([0, 4, 7])
+    hull, first = np.empty(13, np.int64), np.zeros(3, np.int64)
+    for g in range(2):
+        first[g + 1] = first[g] + convex_hull(px, starts[g], starts[g + 1], hull[first[g] :])
+    sums = row_sums(mask)
+    cost, area = mismatch(sums, Outlines(starts, px, hull, first), blank_spans(sums, 2))
+    expected = slow_mismatch(mask, polygons)
+    # a 64th of a pixel at each of two to four ends in each of 20 rows, at random
+    assert cost == pytest.approx(expected[0], abs=0.5)
+    assert area == pytest.approx(expected[1], abs=0.5)
+
+
+def test_pose_mismatch_of_the_first_geoms_alone() -> None:
+    mechanism = load("double")
+    rig = rig_of(mechanism, CAMERA)
+    mask = drawn_mask(mechanism, CAMERA, np.array([-0.4, 0.5]))[0]
+    q = np.array([-0.5, 1.9])
+    polygons = [polygon for _, polygon in outline(mechanism, CAMERA, q)]
+    geoms = int(np.sum(rig.link <= 0))
+    found = pose_mismatch(row_sums(mask), rig, q[None], geoms)[0]
+    assert found == pytest.approx(slow_mismatch(mask, polygons[:geoms], 16)[0], abs=2.0)
+
+
+def slow_median(samples: np.ndarray) -> tuple[float, float]:
+    """Median within the middle level by its share of the counts, and noise of the samples near it."""
+    ordered = np.sort(samples.astype(float))
+    middle = next(v for v in ordered if np.sum(ordered <= v) >= 0.5 * len(ordered))
+    below, at = np.sum(ordered < middle), np.sum(ordered == middle)
+    centre = middle - 0.5 + (0.5 * len(ordered) - below) / at
+    near = ordered[np.abs(ordered - centre) <= NEAR]
+    return centre, float(np.sqrt(np.mean((near - centre) ** 2))) if len(near) else 0.0
+
+
+def test_masked_median_counts_levels_as_a_sorted_list_does() -> None:
+    rng = np.random.default_rng(3)
+    stack = np.clip(rng.normal(90, 6, (17, 4, 5)), 0, 255).astype(np.uint8)
+    hidden = rng.random(stack.shape) < 0.4
+    hidden[:, 0, 0] = True
+    median, noise, count = masked_median(stack, hidden)
+    np.testing.assert_array_equal(count, np.sum(~hidden, axis=0))
+    for y in range(4):
+        for x in range(5):
+            shown = stack[~hidden[:, y, x], y, x] if count[y, x] else stack[:, y, x]
+            expected = slow_median(shown)
+            assert median[y, x] == pytest.approx(expected[0], abs=1e-4)
+            assert noise[y, x] == pytest.approx(expected[1], abs=1e-4)
+
+
+@pytest.mark.parametrize("grey_only", [True, False])
+def test_coverage_is_the_projection_of_each_pixel_on_each_colour(grey_only: bool) -> None:
+    rng = np.random.default_rng(4)
+    size, window = (8, 12), Window(2, 8, 0, 10)
+    luma = rng.integers(16, 235, size, dtype=np.uint8)
+    back = rng.uniform(40, 200, size).astype(np.float32)
+    # the colour planes are constant, so that their enlargement to the picture's size is too
+    chroma = tuple(np.full((4, 6), value, np.uint8) for value in (110, 150))
+    behind = tuple(np.full((4, 6), value, np.float32) for value in (128.0, 126.0))
+    colours = np.array([[30.0, 100.0, 160.0], [220.0, 128.0, 90.0]])
+    scale = rng.uniform(0.001, 0.01, (2, *size)).astype(np.float32)
+    trust = np.ones((2, *size), np.float32)
+    palette = Palette(colours, scale, grey_only, trust, False, None, None)
+    background = Background(back, behind, 1.0, np.ones(size, bool), window)
+    found = coverage_of(Frame(0, 0.0, luma, chroma), background, palette)
+    for k, (grey, blue, red) in enumerate(colours):
+        for y in range(8):
+            for x in range(12):
+                value = (float(luma[y, x]) - back[y, x]) * (grey - back[y, x])
+                if not grey_only:
+                    value += CHROMA_WEIGHT * ((110 - 128) * (blue - 128) + (150 - 126) * (red - 126))
+                inside = window.top <= y < window.bottom and window.left <= x < window.right
+                expected = min(max(value * scale[k, y, x], 0.0), 255.0) if inside else 0.0
+                # rounded to a level; single precision may round the other way
+                assert abs(found[k, y, x] - expected) <= 0.51
+
+
+def test_an_edge_sample_is_the_area_under_the_coverage_along_its_normal() -> None:
+    """The integral along the normal in steps of a hundredth of a pixel, less the length inside."""
+    mechanism = load("single")
+    rig = rig_of(mechanism, CAMERA)
+    mask = drawn_mask(mechanism, CAMERA, np.array([-0.5]))
+    outlines = blank_outlines(rig, len(rig.radius))
+    assert draw(rig, np.array([-0.505]), outlines)
+    ends, samples = np.empty((400, 2), np.int64), np.empty((400, 9))
+    count = edge_samples(mask, trusted(mechanism), outlines, (4.0, 5.0), ends, samples)
+    assert count > 10
+    for sample in samples[:count]:
+        t = np.arange(-sample[INNER], 4.0, 0.01) + 0.005
+        x, y = sample[AT_X] + t * sample[NORMAL_X], sample[AT_Y] + t * sample[NORMAL_Y]
+        ix, iy = x.astype(int), y.astype(int)
+        fx, fy = x - ix, y - iy
+        c = (
+            mask[0, iy, ix] * (1 - fx) * (1 - fy)
+            + mask[0, iy, ix + 1] * fx * (1 - fy)
+            + mask[0, iy + 1, ix] * (1 - fx) * fy
+            + mask[0, iy + 1, ix + 1] * fx * fy
+        )
+        area = float(np.minimum(c, FULL).sum()) * 0.01 / FULL
+        # trapezoids of half a pixel over bilinear pieces
+        assert sample[AWAY] == pytest.approx(area - sample[INNER], abs=0.03)

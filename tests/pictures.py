@@ -1,0 +1,65 @@
+"""Pictures with known content, for the tests of the stages from a clip to poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from monodyn.mechanism import Mechanism
+from monodyn.types import FULL, Camera, Frame
+from monodyn.vision.drawing.outline import outline
+from monodyn.vision.foreground.background import Samples, Window
+from monodyn.vision.foreground.masks import View, plain_view
+
+CAMERA = Camera(320, 240, 300.0, x=0.05, y=-0.1, depth=0.9)
+"""A camera before the bundled mechanisms."""
+H, W = 60, 80
+"""Size of the frames of ``wandering`` [px]."""
+WHOLE = Window(0, H, 0, W)
+
+
+def drawn_mask(mechanism: Mechanism, camera: Camera, q: np.ndarray, blur: float = 0.8) -> np.ndarray:
+    """Draw a soft mask sixteen times finer than the pixels, then average and blur it: (1, height, width)."""
+    fine = 16
+    big = np.zeros((camera.height * fine, camera.width * fine), np.uint8)
+    for _, polygon in outline(mechanism, camera, q):
+        corners = np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)
+        cv2.fillPoly(big, [corners], FULL, cv2.LINE_8, 4)
+    mask = cv2.resize(big, (camera.width, camera.height), interpolation=cv2.INTER_AREA).astype(np.float32)
+    return np.round(cv2.GaussianBlur(mask, (0, 0), blur)).astype(np.uint8)[None]
+
+
+def trusted(mechanism: Mechanism, camera: Camera = CAMERA) -> View:
+    """Read one plane for all geoms, trusted everywhere."""
+    return plain_view(np.ones((camera.height, camera.width), np.float32), len(mechanism.shapes.radius))
+
+
+def wandering(
+    count: int = 24,
+    noise: float = 1.0,
+    *,
+    colour: Sequence[int] = (90, 128, 128),
+    back: Sequence[int] = (160, 128, 128),
+    places: Sequence[int] | None = None,
+) -> list[Frame]:
+    """A square of 20 px wanders over a plain background."""
+    rng = np.random.default_rng(4)
+    made = []
+    for i in range(count):
+        x = 5 + 2 * i if places is None else places[i]
+        luma = np.full((H, W), float(back[0])) + rng.normal(scale=noise, size=(H, W))
+        luma[20:40, x : x + 20] = colour[0]
+        planes = []
+        for value, behind in zip(colour[1:], back[1:], strict=True):
+            plane = np.full((H // 2, W // 2), behind, np.uint8)
+            plane[10:20, (x + 1) // 2 : (x + 20) // 2] = value
+            planes.append(plane)
+        made.append(Frame(i, i / 30, np.clip(luma.round(), 0, 255).astype(np.uint8), (planes[0], planes[1])))
+    return made
+
+
+def samples(made: Sequence[Frame]) -> Samples:
+    """Take all frames as samples, with motion anywhere."""
+    return Samples(tuple(made), WHOLE)

@@ -1,0 +1,81 @@
+"""Camera, sizes and poses refined together on drawn masks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monodyn.mechanism import load
+from monodyn.types import Camera
+from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.locating.bundle import KeyMasks, camera_std, refine, scene_variables, size_information
+from monodyn.vision.locating.search import SceneGuess
+from pictures import CAMERA, drawn_mask, trusted
+
+
+def test_refine_recovers_camera_and_size_ratios() -> None:
+    start = load("double")
+    true = start.with_values(
+        {"link1.length": 0.23, "link1.width": 0.036, "link2.length": 0.16, "link2.width": 0.027}
+    )
+    camera = Camera(320, 240, 300.0, x=0.02, y=-0.03, depth=0.95)
+    rng = np.random.default_rng(2)
+    poses = np.column_stack([rng.uniform(-2.5, -0.5, 10), rng.uniform(-1.5, 1.5, 10)])
+    masks = [drawn_mask(true, camera, q) for q in poses]
+    names = [
+        "link1.length",
+        "link1.width",
+        "link1.tail",
+        "link1.tip",
+        "link2.length",
+        "link2.width",
+        "link2.tail",
+    ]
+    near = Camera(320, 240, 300.0, x=0.03, y=-0.02, depth=0.9)
+    guess = SceneGuess(start, near, poses + rng.normal(scale=0.05, size=poses.shape), np.zeros(10))
+    variables = scene_variables(start, [*names, "camera.x", "camera.y", "camera.depth"])
+    reaches = np.array([8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0])
+    bundle = refine(KeyMasks(masks, trusted(true)), guess, variables, EdgeSearch(reaches, 2.0))
+    found, wanted = bundle.mechanism.values, true.values
+    scale = wanted["link1.length"] / found["link1.length"]
+    # 0.05 px on links of 70 and 50 px, and on widths of 10 px
+    assert found["link2.length"] * scale == pytest.approx(0.16, rel=2e-3)
+    assert found["link1.width"] * scale == pytest.approx(0.036, rel=0.01)
+    assert found["link2.width"] * scale == pytest.approx(0.027, rel=0.015)
+    assert bundle.camera.x * scale == pytest.approx(0.02, abs=3e-4)
+    assert bundle.camera.y * scale == pytest.approx(-0.03, abs=3e-4)
+    measured = size_information(bundle, scale_free=True)
+    assert measured.names == tuple(names)
+    information = measured.information
+    # what is left of the common scale; the links' ratio to 0.2 px on 70 and 50 px each
+    assert np.abs(information @ np.ones(len(names))).max() < 1e-6 * np.trace(information)
+    ratio = np.zeros(len(names))
+    ratio[[0, 4]] = 1.0, -1.0
+    assert np.sqrt(ratio @ np.linalg.pinv(information) @ ratio) == pytest.approx(5e-3, rel=0.3)
+
+
+def test_camera_std_is_held_to_the_common_scale() -> None:
+    """Sizes and depth grow together unseen: with the scale held the depth is known better."""
+    mechanism = load("single")
+    camera = Camera(320, 240, 300.0, x=0.02, y=-0.03, depth=0.95)
+    poses = np.linspace(-2.0, 0.5, 6)[:, None]
+    masks = KeyMasks([drawn_mask(mechanism, camera, q) for q in poses], trusted(mechanism))
+    variables = scene_variables(mechanism, ["link1.length", "link1.width", "camera.x", "camera.depth"])
+    search = EdgeSearch(np.array([4.0, 4.0]), 2.0)
+    bundle = refine(masks, SceneGuess(mechanism, camera, poses, np.zeros(6)), variables, search)
+    held, free = (camera_std(bundle, scale_free=scale_free) for scale_free in (True, False))
+    assert set(held) == {"camera.x", "camera.depth"}
+    # 0.3 px of noise and a few hundred samples on links of 60 px
+    assert held["camera.depth"] < 0.01
+    assert free["camera.depth"] > 1.5 * held["camera.depth"]
+
+
+def test_nothing_to_refine_but_the_poses() -> None:
+    mechanism = load("single")
+    truth = np.array([[-0.4], [0.3]])
+    masks = KeyMasks([drawn_mask(mechanism, CAMERA, q) for q in truth], trusted(mechanism))
+    guess = SceneGuess(mechanism, CAMERA, truth + 0.02, np.zeros(2))
+    bundle = refine(masks, guess, scene_variables(mechanism, []), EdgeSearch(np.full(4, 4.0), 2.0))
+    # a few hundredths of a pixel over a link of 60 px
+    np.testing.assert_allclose(bundle.positions, truth, atol=2e-3)
+    assert bundle.mechanism.values == mechanism.values

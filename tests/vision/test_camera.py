@@ -1,0 +1,70 @@
+"""The pinhole camera and its packed array."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monodyn.types import Camera
+from monodyn.vision.drawing.camera import (
+    CENTRE_X,
+    CENTRE_Y,
+    DEPTH,
+    FOCAL,
+    PARAMETERS,
+    ROTATION,
+    X,
+    Y,
+    camera_array,
+    pixels,
+    rotation,
+    shrunk,
+    value_of,
+    with_values,
+)
+from pictures import CAMERA
+
+
+@pytest.mark.parametrize(
+    "turn", [{}, {"roll": 0.2}, {"pitch": 0.3}, {"yaw": -0.4}, {"roll": 0.1, "pitch": -0.2, "yaw": 0.3}]
+)
+def test_camera_turns_as_documented(turn: dict[str, float]) -> None:
+    camera = Camera(100, 80, 90.0, depth=2.0, **turn)
+    r = rotation(camera)
+    np.testing.assert_allclose(r @ r.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(r) == pytest.approx(1.0)
+    right, up, middle = pixels(camera, np.array([[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.0]]))
+    if "roll" in turn and len(turn) == 1:
+        assert right[1] > middle[1]  # clockwise: the right end goes down
+    if "pitch" in turn and len(turn) == 1:
+        assert middle[1] > 39.5  # looking up: the mechanism moves down
+    if "yaw" in turn and len(turn) == 1:
+        assert middle[0] > 49.5  # looking left: the mechanism moves right
+    if not turn:
+        assert right[0] > middle[0]
+        assert up[1] < middle[1]
+
+
+def test_reduced_camera_sees_the_centre_of_each_block() -> None:
+    whole = camera_array(CAMERA)
+    small = shrunk(whole, 4.0)
+    # pixel 0 of the reduced picture covers pixels 0..3, whose centre is 1.5
+    for whole_px, small_px in ((1.5, 0.0), (5.5, 1.0)):
+        assert (whole_px - whole[CENTRE_X]) / whole[FOCAL] == pytest.approx(
+            (small_px - small[CENTRE_X]) / small[FOCAL]
+        )
+
+
+def test_the_packed_camera_has_its_parameters_in_named_columns() -> None:
+    packed = camera_array(CAMERA)
+    np.testing.assert_array_equal(packed[:ROTATION].reshape(3, 3), rotation(CAMERA))
+    assert packed[[X, Y, DEPTH, FOCAL]].tolist() == [CAMERA.x, CAMERA.y, CAMERA.depth, CAMERA.focal]
+    assert packed[[CENTRE_X, CENTRE_Y]].tolist() == [159.5, 119.5]
+    assert len(packed) == CENTRE_Y + 1
+
+
+def test_parameters_by_name() -> None:
+    changed = with_values(CAMERA, {"camera.depth": 2.0, "camera.yaw": 0.1})
+    assert (changed.depth, changed.yaw, changed.x) == (2.0, 0.1, CAMERA.x)
+    assert [value_of(changed, name) for name in ("camera.depth", "camera.yaw")] == [2.0, 0.1]
+    assert all(hasattr(CAMERA, name.removeprefix("camera.")) for name in PARAMETERS)

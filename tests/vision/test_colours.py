@@ -1,0 +1,61 @@
+"""Colours measured inside of located geoms."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from monodyn.mechanism import load
+from monodyn.types import Frame
+from monodyn.vision.drawing.outline import outline
+from monodyn.vision.foreground.background import Background, Window
+from monodyn.vision.foreground.masks import VARIED
+from monodyn.vision.locating.colours import geom_colours
+from monodyn.vision.locating.search import SceneGuess
+from pictures import CAMERA
+
+SIZE = (CAMERA.height, CAMERA.width)
+BACKGROUND = Background(
+    np.full(SIZE, 160.0, np.float32), None, 1.0, np.ones(SIZE, bool), Window(0, SIZE[0], 0, SIZE[1])
+)
+POSES = np.array([[-0.9, 0.8], [-0.5, 1.1], [-0.2, 0.9]])
+MECHANISM = load("double").with_values({"link1.width": 0.05, "link2.width": 0.05})
+GUESS = SceneGuess(MECHANISM, CAMERA, POSES, np.zeros(3))
+
+
+def painted(*levels: int, stripes: int = 0) -> list[Frame]:
+    """Paint each geom in its grey level; ``stripes`` alternates the last one's with the background's."""
+    frames = []
+    for i, q in enumerate(POSES):
+        luma = np.full(SIZE, 160, np.uint8)
+        for (_, polygon), level in zip(outline(MECHANISM, CAMERA, q), levels, strict=True):
+            cv2.fillPoly(luma, [np.round(polygon).astype(np.int32)], level)
+        if stripes:
+            inside = luma == levels[-1]
+            luma[inside & ((np.indices(SIZE).sum(axis=0) // stripes) % 3 == 0)] = 160
+        frames.append(Frame(i, i / 30, luma))
+    return frames
+
+
+def test_each_geom_has_its_own_colour() -> None:
+    found = geom_colours(painted(60, 230), BACKGROUND, GUESS, np.ones(3, bool))
+    assert found is not None
+    assert found.colours[found.part, 0].tolist() == [60.0, 230.0]
+    assert not found.shaded.any()
+
+
+def test_geoms_alike_share_a_colour() -> None:
+    found = geom_colours(painted(60, 65), BACKGROUND, GUESS, np.ones(3, bool))
+    assert found is not None
+    assert len(found.colours) == 1
+    assert found.part.tolist() == [0, 0]
+
+
+def test_a_geom_that_often_looks_like_the_background_has_no_colour() -> None:
+    found = geom_colours(painted(60, 230, stripes=2), BACKGROUND, GUESS, np.ones(3, bool))
+    assert found is not None
+    assert found.part[1] == VARIED
+
+
+def test_frames_in_which_the_mechanism_is_not_found_do_not_count() -> None:
+    assert geom_colours(painted(60, 230), BACKGROUND, GUESS, np.zeros(3, bool)) is None

@@ -1,0 +1,101 @@
+"""Sub-pixel edges and their derivatives, on drawn masks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monodyn.mechanism import Mechanism, load
+from monodyn.mechanism.tree import SLIDE
+from monodyn.vision.drawing.camera import X
+from monodyn.vision.drawing.edges import Agreement, Shifts, edge_terms, no_shifts, robust_weight
+from monodyn.vision.drawing.rig import rig_of
+from pictures import CAMERA, drawn_mask, trusted
+
+
+def terms(mechanism: Mechanism, mask: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, Agreement]:
+    rig = rig_of(mechanism, CAMERA)
+    return edge_terms(mask, trusted(mechanism), rig, no_shifts(rig), q, 4.0, 2.0)
+
+
+@pytest.mark.parametrize("name", ["single", "double", "bob", "cartpole"])
+@pytest.mark.parametrize("blur", [0.6, 1.5])
+def test_edges_lie_on_the_outline_whatever_the_blur(name: str, blur: float) -> None:
+    mechanism = load(name)
+    q = np.linspace(-0.8, 0.5, len(mechanism.joints)) * np.where(mechanism.tree.kind == SLIDE, 0.1, 1.0)
+    _, _, agreement = terms(mechanism, drawn_mask(mechanism, CAMERA, q, blur), q)
+    assert agreement.samples > 40
+    assert agreement.matched == 1.0
+    # 8-bit masks and half-pixel sampling leave a few hundredths; blur takes more off near the corners
+    assert agreement.rms_px < 0.08 + 0.09 * blur
+
+
+def test_gradient_is_the_derivative_of_the_residuals() -> None:
+    """Half the sum of squared displacements falls along the right side of the normal equations."""
+    mechanism = load("double")
+    truth = np.array([-0.4, 0.5])
+    mask = drawn_mask(mechanism, CAMERA, truth)
+    near = truth + np.array([0.01, -0.008])
+    normal, right, _ = terms(mechanism, mask, near)
+    np.testing.assert_allclose(normal, normal.T, atol=1e-9 * normal.max())
+    # one Gauss-Newton step from 0.01 rad away lands within the drawing's own error
+    np.testing.assert_allclose(near + np.linalg.solve(normal, right), truth, atol=2e-3)
+
+
+def test_edges_hidden_by_another_body_do_not_count() -> None:
+    mechanism = load("double")
+    folded = np.array([0.4, np.pi - 0.05])
+    _, _, hidden = terms(mechanism, drawn_mask(mechanism, CAMERA, folded), folded)
+    open_ = np.array([0.4, 1.5])
+    _, _, shown = terms(mechanism, drawn_mask(mechanism, CAMERA, open_), open_)
+    assert hidden.samples < 0.75 * shown.samples
+    assert hidden.rms_px < 0.15
+
+
+def test_derivatives_by_shared_parameters_against_finite_differences() -> None:
+    """The rows of the normal equations hold the outline's motion by pose and by size: they agree where a
+    size moves the outline as a joint does."""
+    mechanism = load("cartpole")
+    q = np.array([0.03, 0.4])
+    mask = drawn_mask(mechanism, CAMERA, q)
+    rig, step = rig_of(mechanism, CAMERA), 1e-6
+    camera = rig.camera.copy()
+    camera[X] -= step
+    shifts = Shifts(rig.links[None], rig.points[None], rig.radius[None], camera[None], np.array([step]))
+    normal, right, _ = edge_terms(mask, trusted(mechanism), rig, shifts, q, 4.0, 2.0)
+    # the cart slides to the right as the camera goes to the left
+    np.testing.assert_allclose(normal[2], normal[0], rtol=1e-6, atol=1e-6 * normal.max())
+    assert right[2] == pytest.approx(right[0], rel=1e-5, abs=1e-6 * abs(right).max())
+
+
+def test_a_shaded_geom_is_taken_against_its_own_level() -> None:
+    """At 70 % of its colour all around, an edge against full coverage seems to lie 30 % of the search length
+    too far inside."""
+    mechanism = load("single")
+    q = np.array([-0.5])
+    mask = (0.7 * drawn_mask(mechanism, CAMERA, q)).astype(np.uint8)
+    rig, view = rig_of(mechanism, CAMERA), trusted(mechanism)
+    _, _, plain = edge_terms(mask, view, rig, no_shifts(rig), q, 4.0, 2.0)
+    shaded = view._replace(shaded=np.ones_like(view.shaded))
+    _, _, own = edge_terms(mask, shaded, rig, no_shifts(rig), q, 4.0, 2.0)
+    assert plain.rms_px > 1.0
+    assert own.rms_px < 0.2
+
+
+def test_a_pose_that_cannot_be_drawn_has_no_samples() -> None:
+    mechanism = load("single")
+    rig = rig_of(mechanism, replace(CAMERA, depth=-1.0))
+    mask = np.zeros((1, CAMERA.height, CAMERA.width), np.uint8)
+    normal, right, agreement = edge_terms(
+        mask, trusted(mechanism), rig, no_shifts(rig), np.zeros(1), 4.0, 2.0
+    )
+    assert agreement == (0, 0.0, 0.0, 0.0)
+    assert not normal.any()
+    assert not right.any()
+
+
+def test_the_robust_weight_falls_to_a_quarter() -> None:
+    assert robust_weight(0.0, 2.0) == 1.0
+    assert robust_weight(2.0, 2.0) == pytest.approx(0.25)

@@ -1,0 +1,74 @@
+"""What a located mechanism says of itself, and which parameters the pictures determine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from monodyn.mechanism import load
+from monodyn.vision.locating.bundle import Bundle, scene_variables
+from monodyn.vision.locating.locate import Sought, _refined_names, scene_advice
+from monodyn.vision.settings import LocateSettings
+from pictures import CAMERA
+
+
+def bundle(matched: float = 1.0, inside: float = 1.0) -> Bundle:
+    mechanism = load("single")
+    variables = scene_variables(mechanism, ["camera.x"])
+    frames = np.ones(4)
+    return Bundle(
+        mechanism, CAMERA, np.zeros((4, 1)), variables, np.eye(1), 0.1 * frames, matched * frames,
+        inside * frames,
+    )  # fmt: skip
+
+
+def test_a_good_scene_has_no_advice() -> None:
+    assert scene_advice(bundle(), {"camera.x": 1.0, "camera.yaw": 0.05}, 0.1, varied=False) == []
+
+
+def test_a_scene_that_fits_in_few_frames() -> None:
+    assert scene_advice(bundle(matched=0.3), {}, 0.1, varied=False) == [
+        "The mechanism lies on its mask in only 0% of the key frames: check the drawn outline in the "
+        "overlay, the mechanism file, and whether other things move in the clip."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("std", "names"),
+    [
+        ({"camera.focal": 70.0}, "camera.focal"),
+        ({"camera.yaw": 0.2, "camera.pitch": 0.3}, "camera.yaw, camera.pitch"),
+    ],
+)
+def test_a_camera_that_the_clip_does_not_determine(std: Mapping[str, float], names: str) -> None:
+    assert scene_advice(bundle(), std, 0.1, varied=False) == [
+        f"The clip hardly determines {names}: leave out --free, or give the value with --fix."
+    ]
+
+
+def test_foreground_that_is_not_the_mechanism() -> None:
+    assert scene_advice(bundle(), {}, 0.5, varied=False) == [
+        "50% of what stands out from the background is not the mechanism as it was found: it may be in the "
+        "wrong place or of the wrong size, or other things move; look at the overlay, or give --background a "
+        "picture without the mechanism."
+    ]
+    assert scene_advice(bundle(), {}, 0.5, varied=True) == []
+
+
+def sought(name: str, fix: Mapping[str, float], free: tuple[str, ...]) -> Sought:
+    masks = None  # the names do not depend on the pictures
+    return Sought(masks, load(name), LocateSettings(), fix, free, lambda *_: None)  # type: ignore[arg-type]
+
+
+def test_what_is_fixed_is_not_refined_and_what_is_freed_is() -> None:
+    names = _refined_names(sought("double", {"camera.depth": 1.0}, ("camera.yaw",)))
+    assert [n for n in names if n.startswith("camera")] == ["camera.x", "camera.y", "camera.yaw"]
+    assert "link1.length" in names
+    assert "link1.thickness" not in names
+
+
+def test_a_sliding_root_takes_the_cameras_place_along_it() -> None:
+    names = _refined_names(sought("cartpole", {}, ()))
+    assert [n for n in names if n.startswith("camera")] == ["camera.y", "camera.depth"]

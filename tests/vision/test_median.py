@@ -1,0 +1,37 @@
+"""The median over the frames of a stack of pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monodyn.vision.foreground.median import masked_median
+
+
+def test_median_against_numpy() -> None:
+    stack = np.random.default_rng(0).integers(0, 256, (15, 6, 7), dtype=np.uint8)
+    median, _, count = masked_median(stack, np.zeros((0, 0, 0), np.bool_))
+    # interpolated within the middle grey level, so at most half a level from the plain median of an odd count
+    np.testing.assert_allclose(median, np.median(stack, axis=0), atol=0.5)
+    assert (count == 15).all()
+
+
+def test_median_leaves_hidden_samples_out() -> None:
+    stack = np.full((9, 3, 3), 50, np.uint8)
+    stack[:6] = 200
+    hidden = np.zeros(stack.shape, np.bool_)
+    hidden[:6, 1, 1] = True
+    median, _, count = masked_median(stack, hidden)
+    assert median[1, 1] == pytest.approx(50, abs=0.5)
+    assert median[0, 0] == pytest.approx(200, abs=0.5)
+    assert count[1, 1] == 3
+
+
+def test_median_takes_the_steps_out_of_shading() -> None:
+    rng = np.random.default_rng(1)
+    stack = np.round(100.3 + rng.normal(scale=1.5, size=(400, 2, 2))).astype(np.uint8)
+    median, noise, _ = masked_median(stack, np.zeros((0, 0, 0), np.bool_))
+    # standard error of a median of 400: 1.25 * 1.5 / 20
+    np.testing.assert_allclose(median, 100.3, atol=0.4)
+    # rounding adds 1/12 to the variance
+    np.testing.assert_allclose(noise, 1.53, rtol=0.15)

@@ -1,0 +1,52 @@
+"""Colours of the mechanism and the trust of every pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monodyn.types import FULL
+from monodyn.vision.foreground.background import Background, background_of
+from monodyn.vision.foreground.coverage import coverage_of
+from monodyn.vision.foreground.palette import choose_palette, lingering
+from pictures import WHOLE, H, W, samples, wandering
+
+
+def test_two_colours_are_both_foreground() -> None:
+    made = wandering()
+    for frame in made:
+        x = 5 + 2 * frame.index
+        frame.luma[30:40, x : x + 20] = 240
+    background = background_of(samples(made))
+    palette = choose_palette(made, background, "grey", 14.0)
+    assert sorted(palette.colours[:, 0].round(-1).tolist()) == [90, 240]
+    mask = coverage_of(made[10], background, palette).max(axis=0)
+    assert mask[22:38, 27:43].min() > 0.9 * FULL
+
+
+def test_a_lingering_mechanism_is_not_its_own_background() -> None:
+    """Two thirds of the time the square stands still: the plain median shows it."""
+    made = wandering(places=[5 + i for i in range(16)] + [50] * 32, count=48)
+    first = background_of(samples(made))
+    assert first.luma[30, 60] == pytest.approx(90, abs=2)
+    palette = choose_palette(made, first, "grey", 14.0)
+    second = background_of(samples(made), lingering(made, first, palette), fallback=first)
+    assert second.luma[30, 60] == pytest.approx(160, abs=2)
+
+
+def test_pixels_never_uncovered_are_not_trusted() -> None:
+    made = wandering(places=[30 + i % 3 for i in range(24)])
+    first = background_of(samples(made))
+    covered = [np.zeros((H, W), bool) for _ in made]
+    for frame, mask in zip(made, covered, strict=True):
+        mask[20:40, 30 + frame.index % 3 : 50 + frame.index % 3] = True
+    background = background_of(samples(made), covered, fallback=first)
+    assert not background.known[30, 40]
+    palette = choose_palette(
+        made,
+        Background(np.full((H, W), 160, np.float32), None, 1.0, background.known, WHOLE),
+        "grey",
+        14.0,
+    )
+    assert palette.trust[0, 30, 40] == 0
+    assert palette.trust[0, 5, 5] > 0.5

@@ -1,0 +1,63 @@
+"""What the settings of the vision stages take, and what they say of anything else."""
+
+from __future__ import annotations
+
+import pytest
+
+from monodyn import stages
+from monodyn.errors import SettingsError
+from monodyn.vision.settings import (
+    METHOD_NAMES,
+    SEGMENT_METHOD_NAMES,
+    CameraSettings,
+    LocateSettings,
+    SegmentSettings,
+    TrackSettings,
+)
+from support import refuses
+
+
+def test_the_stages_have_every_method_that_the_settings_take() -> None:
+    assert set(stages.SEGMENT_METHODS) == set(SEGMENT_METHOD_NAMES)
+    assert {pair[0] for pair in stages.LOCATE} == set(METHOD_NAMES)
+    assert {pair[1] for pair in stages.LOCATE} == set(METHOD_NAMES)
+    assert set(stages.TRACK) == set(METHOD_NAMES)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "known"),
+    [
+        (SegmentSettings, "segment", "'fast'"),
+        (CameraSettings, "camera", "'fast', 'paper'"),
+        (LocateSettings, "locate", "'fast', 'paper'"),
+        (TrackSettings, "track", "'fast', 'paper'"),
+    ],
+)
+def test_methods(kind: type, name: str, known: str) -> None:
+    with refuses(SettingsError, f"{name}.method: expected one of {known}, got 'slow'."):
+        kind(method="slow")
+
+
+def test_segment_settings() -> None:
+    with refuses(SettingsError, "segment.colour: expected one of 'auto', 'grey', 'colour', got 'sepia'."):
+        SegmentSettings(colour="sepia")
+    with refuses(
+        SettingsError, "segment.contrast: expected more than 0 and at most 255 grey levels, got 0.0."
+    ):
+        SegmentSettings(contrast=0.0)
+
+
+def test_locate_settings() -> None:
+    with refuses(SettingsError, "locate.seed: expected 0 or more, got -1; give a whole number."):
+        LocateSettings(seed=-1)
+    with refuses(SettingsError, "locate.focal: expected 0 to 1e6 px, got -5.0."):
+        LocateSettings(focal=-5.0)
+    with refuses(SettingsError, "locate.search_frames: expected 2 to 1000 key frames, got 1."):
+        LocateSettings(search_frames=1)
+
+
+def test_track_settings() -> None:
+    with refuses(SettingsError, "track.move: expected 0.001 to 10, got -1.0."):
+        TrackSettings(move=-1.0)
+    with refuses(SettingsError, "track.inside: expected a share from 0 to 1, got 1.5."):
+        TrackSettings(inside=1.5)

@@ -1,0 +1,69 @@
+"""The default segmentation as a whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.stages import segment
+from monodyn.types import FULL
+from monodyn.vision.clip.video import read
+from monodyn.vision.foreground.masks import VARIED, GeomColours
+from support import ClipMaker, refuses
+
+
+def test_a_still_clip_is_refused(make_clip: ClipMaker) -> None:
+    video = read(make_clip("still.mp4", step=0))
+    with refuses(
+        VideoError,
+        "the clip: expected a mechanism that moves, got a still picture; nothing differs from the background "
+        "by more than 14 grey levels (--segment.contrast lowers that).",
+    ):
+        segment(video)
+
+
+def test_a_background_of_another_size_is_refused(make_clip: ClipMaker, tmp_path: Path) -> None:
+    path = tmp_path / "wall.png"
+    cv2.imwrite(str(path), np.full((24, 32), 60, np.uint8))
+    with refuses(
+        VideoError,
+        f"{path}: expected a background of 64x48 like the clip, got 32x24; give a frame of the same camera "
+        "without the mechanism.",
+    ):
+        segment(read(make_clip()), background=path)
+
+
+def test_a_background_that_was_given_stays(make_clip: ClipMaker, tmp_path: Path) -> None:
+    path = tmp_path / "wall.png"
+    cv2.imwrite(str(path), np.full((48, 64), 60, np.uint8))
+    masks = segment(read(make_clip(count=30, size=(64, 48))), background=path)
+    assert masks.background.given
+    covered = [np.zeros((48, 64), bool) for _ in masks.samples.frames]
+    assert masks.refined(covered).background is masks.background
+
+
+def test_masks_stream_in_the_order_of_time(make_clip: ClipMaker) -> None:
+    masks = segment(read(make_clip(count=30, size=(128, 96))))
+    streamed = list(masks)
+    assert [mask.index for mask in streamed] == list(range(30))
+    frame = next(masks.video.frames(7, 8))
+    np.testing.assert_array_equal(masks.of(frame).planes, streamed[7].planes)
+    # the square of 10 px whose left edge is at column 9
+    assert masks.of(frame).coverage[6:16, 9:19].mean() > 0.9 * FULL
+    assert masks.of(frame).coverage[30:].max() == 0
+
+
+def test_measured_colours_are_taken_over(make_clip: ClipMaker) -> None:
+    masks = segment(read(make_clip(count=30, size=(128, 96))))
+    assert masks.coloured(None) is masks
+    colours = GeomColours(np.array([[205.0, 128.0, 128.0]]), np.array([0, VARIED]), np.array([False, False]))
+    measured = masks.coloured(colours)
+    assert measured.varied
+    view = measured.view(2)
+    # the plane of any difference comes after that of the one colour
+    assert view.part.tolist() == [0, 1]
+    assert len(view.trust) == 2
+    assert len(next(iter(measured)).planes) == 2
