@@ -33,7 +33,7 @@ class Form:
 
 
 def frame_range(option: str, text: str | None) -> tuple[int, int | None] | None:
-    """Read ``A:B``; either end may be left out.
+    """Return the range ``A:B``, where either end may be left out.
 
     Args:
         option: Name of the option, for the message.
@@ -51,7 +51,7 @@ def frame_range(option: str, text: str | None) -> tuple[int, int | None] | None:
 
 
 def values(option: str, words: Sequence[Sequence[str]]) -> dict[str, float]:
-    """Read ``NAME=VALUE`` words.
+    """Return the values by name that ``NAME=VALUE`` words give.
 
     Args:
         option: Name of the option, for the message.
@@ -72,7 +72,7 @@ def values(option: str, words: Sequence[Sequence[str]]) -> dict[str, float]:
 
 
 def intervals(option: str, words: Sequence[Sequence[str]]) -> dict[str, tuple[float, float]]:
-    """Read ``NAME=LOW:HIGH`` words.
+    """Return the intervals by name that ``NAME=LOW:HIGH`` words give.
 
     Args:
         option: Name of the option, for the message.

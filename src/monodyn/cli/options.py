@@ -65,14 +65,14 @@ class CommonOptions:
 
     @contextmanager
     def progress(self) -> Iterator[Progress | None]:
-        """Show progress on the error stream while the block runs."""
+        """Yield what shows progress on the error stream while the block runs, or None with ``--quiet``."""
         from monodyn.cli.show import progress_on
 
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             yield progress
 
     def show(self, outcome: Outcome) -> int:
-        """Print what was found; return the exit code.
+        """Return the exit code after what was found has been printed.
 
         Args:
             outcome: What was found.
@@ -95,7 +95,7 @@ class RunOptions(CommonOptions):
     out: Folder
 
     def go(self) -> int:
-        """Run the command; return the exit code."""
+        """Return the exit code after running the command."""
         settings = self.settings()
         from monodyn.pipeline import run
 
@@ -117,7 +117,7 @@ class TrackOptions(CommonOptions):
     out: Folder
 
     def go(self) -> int:
-        """Run the command; return the exit code."""
+        """Return the exit code after running the command."""
         settings = self.settings()
         from monodyn.pipeline import track_clip
 
@@ -141,7 +141,7 @@ class IdentifyOptions(CommonOptions):
     out: MaybeFolder = None
 
     def go(self) -> int:
-        """Run the command; return the exit code.
+        """Return the exit code after running the command.
 
         Raises:
             SettingsError: there is no table.
@@ -171,7 +171,7 @@ class ModelsOptions:
     json: bool = False
 
     def go(self) -> int:
-        """Run the command; return the exit code."""
+        """Return the exit code after running the command."""
         from monodyn.cli.show import show_models
 
         return show_models(as_json=self.json)

@@ -113,7 +113,7 @@ def _solid(solid: Solid, along: Any, across: Any, deep: Any) -> tuple[Any, Any]:
 
 
 def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
-    """Compute the joint tree.
+    """Return the joint tree at these parameter values.
 
     Args:
         plan: The mechanism's plan.
@@ -125,7 +125,7 @@ def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
 
 
 def shapes_of(plan: Plan, values: np.ndarray) -> Shapes:
-    """Compute what the camera sees.
+    """Return the shapes that the camera sees at these parameter values.
 
     Args:
         plan: The mechanism's plan.

@@ -77,7 +77,7 @@ def _keep_looks(root: ET.Element) -> None:
 
 
 def parse(path: Path) -> ET.Element:
-    """Parse one XML file.
+    """Return the root element of one XML file.
 
     Args:
         path: The file.
@@ -121,7 +121,7 @@ def parse(path: Path) -> ET.Element:
 
 
 def read_bytes(path: Path, most: int, shown: str) -> bytes:
-    """Read a regular file of limited size.
+    """Return the content of a regular file of limited size.
 
     Args:
         path: The file.

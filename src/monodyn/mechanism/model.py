@@ -382,7 +382,7 @@ def _around(value: float) -> tuple[float, float]:
 
 
 def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
-    """Make a mechanism of its parts.
+    """Return a mechanism made of its parts.
 
     Args:
         name: Name of the model.

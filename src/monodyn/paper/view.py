@@ -125,7 +125,7 @@ class ModelView:
 
 
 def silhouette_image(silhouette: np.ndarray, *, shrink: int = 1) -> SilhouetteImage:
-    """Take area, centroid and row sums of a binary silhouette.
+    """Return area, centroid and row sums of a binary silhouette.
 
     Args:
         silhouette: uint8 (height, width), ``FULL`` on the mechanism, ``OPEN`` where that is not known.
@@ -159,7 +159,7 @@ def silhouette_image(silhouette: np.ndarray, *, shrink: int = 1) -> SilhouetteIm
 
 
 def model_view(mechanism: Mechanism, camera: Camera, position: np.ndarray, free: CameraFree) -> ModelView:
-    """Prepare a mechanism before a camera for the problems.
+    """Return a mechanism before a camera in the form in which the problems use it.
 
     Of the free sizes the first length stays when the depth is estimated: a picture does not determine the
     common scale, so the others are ratios to it.

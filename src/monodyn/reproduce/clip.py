@@ -174,7 +174,7 @@ def truth_document(truth: Truth, settings: ClipSettings) -> dict[str, Any]:
 
 
 def simulated(settings: ClipSettings) -> Truth:
-    """Simulate the pendulum with MuJoCo from rest.
+    """Return the pendulum's motion from rest, simulated with MuJoCo.
 
     Args:
         settings: Pendulum, rate and number of frames.
@@ -207,7 +207,7 @@ def simulated(settings: ClipSettings) -> Truth:
 
 
 def painted(settings: ClipSettings, position: np.ndarray, background: np.ndarray) -> np.ndarray:
-    """Paint one frame without noise, RGB from 0 to 255, (height, width, 3).
+    """Return one painted frame without noise, RGB from 0 to 255, (height, width, 3).
 
     Args:
         settings: Pendulum, camera and colours.
@@ -272,11 +272,11 @@ def _box_faces(low: np.ndarray, high: np.ndarray) -> list[tuple[np.ndarray, np.n
 
 
 def project(camera: Camera, points: np.ndarray) -> np.ndarray:
-    """Project points of the plane frame [m] (point, 3) to pixels (point, 2); pixel centres are whole numbers.
+    """Return points of the plane frame in the picture [px], (point, 2); pixel centres are whole numbers.
 
     Args:
         camera: A camera without roll, pitch and yaw.
-        points: x to the right, y up, z toward the camera, (point, 3).
+        points: x to the right, y up, z toward the camera [m], (point, 3).
     """
     scale = camera.focal / (camera.depth - points[:, 2])
     column = (camera.width - 1) / 2 + scale * (points[:, 0] - camera.x)

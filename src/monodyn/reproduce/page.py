@@ -317,7 +317,7 @@ def picture_rows(
 
 
 def model_picture(scene: Scene, position: np.ndarray) -> bytes:
-    """Draw the mechanism as a method found it, as a JPEG file.
+    """Return a picture of the mechanism as a method found it, as the bytes of a JPEG file.
 
     Args:
         scene: Mechanism and camera.

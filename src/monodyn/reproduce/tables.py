@@ -94,7 +94,7 @@ def gains(cases: Sequence[Case], joints: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def grouped(cases: Sequence[Case]) -> list[list[Case]]:
-    """Put neighbours that differ in the method alone together.
+    """Return groups of neighbours that differ in the method alone.
 
     Args:
         cases: Fits, methods side by side.

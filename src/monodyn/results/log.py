@@ -86,7 +86,7 @@ class RunLog:
 
 @contextmanager
 def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
-    """Write ``run.json`` however the block ends, and put the run into its place when it is complete.
+    """Yield ``log``; then write ``run.json`` however the block ends, and move a complete run to its place.
 
     Args:
         folder: The run folder; None writes nothing.

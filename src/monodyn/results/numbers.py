@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def number(value: float | None, std: float | None = None) -> str:
-    """Write a number with the digits that its standard deviation leaves, five without one.
+    """Return a number as text, with the digits that its standard deviation leaves, five without one.
 
     Args:
         value: The number; None is unknown.
@@ -29,7 +29,7 @@ def number(value: float | None, std: float | None = None) -> str:
 
 
 def short(value: float) -> str:
-    """Write a standard deviation with two digits.
+    """Return a standard deviation as text with two digits.
 
     Args:
         value: The standard deviation.
