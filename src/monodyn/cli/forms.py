@@ -1,4 +1,4 @@
-"""How a setting is written on the command line: what takes the place of types that words cannot have."""
+"""How a setting is written on the command line when a single word cannot hold its type."""
 
 from __future__ import annotations
 
@@ -121,4 +121,4 @@ FORMS: dict[Any, Form] = {
     Sequence[str]: Form(Words, (), "NAME ...", names),
     Mapping[str, tuple[float, float]]: Form(Words, (), "NAME=LOW:HIGH ...", intervals),
 }
-"""The form of each type of setting that words cannot have; all others are written as they are."""
+"""The form of each type of setting that a single word cannot hold; all others are one word."""

@@ -181,8 +181,8 @@ class Command(NamedTuple):
     """One command.
 
     Attributes:
-        options: What it states itself.
-        example: A line that shows it.
+        options: The dataclass of the options that it states itself.
+        example: A command line that shows its use.
         without: Settings of a run that it does not take.
     """
 
@@ -221,7 +221,7 @@ def options_class(command: Command) -> type[Any]:
     if not issubclass(command.options, CommonOptions):
         return command.options
     taken = [setting for setting in fields(RunSettings) if setting.name not in command.without]
-    # the classes are asked for at each call, because they depend on which methods are installed
+    # the classes are looked up at each call, because they depend on which methods are installed
     hints, stages = get_type_hints(RunSettings), settings_classes()
     made = []
     for setting in taken:

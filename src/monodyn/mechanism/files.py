@@ -1,7 +1,7 @@
 """The text of a mechanism file and of the files it names, read before MuJoCo sees any of it.
 
 A mechanism file may come from anywhere: it may only read files of its own folder, and may not declare
-entities. What it names is read here; what MuJoCo gets is one text and the bytes of the meshes.
+entities. What it names is read here; what MuJoCo receives is one text and the bytes of the meshes.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def parse(path: Path) -> ET.Element:
             f"{path.name}: document types and entities are not supported; remove <!DOCTYPE>."
         )
 
-    # Expat is asked first, because ElementTree would resolve entities and recurse before anybody can refuse.
+    # Expat reads it first, because ElementTree would resolve entities and recurse before anybody can refuse.
     depth = 0
 
     def enter(*_: object) -> None:

@@ -21,7 +21,7 @@ ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, MASS, COM_X, COM_Y, INERTIA = range(9
 DAMPING, FRICTION, STIFFNESS, REST, ARMATURE, DRAG = range(9, 15)
 COLUMNS = 15
 PASSIVE = (DAMPING, FRICTION, STIFFNESS, DRAG)
-"""Columns of what acts at a joint by itself, in proportion to the column."""
+"""Columns of what acts at a single joint, in proportion to the column."""
 BRAKES = {"friction": 0, "damping": 1, "drag": 2}
 """Kinds of parameter that take energy out of a joint, with the power of the rate in the torque."""
 
@@ -110,7 +110,7 @@ class Directions:
 
         Args:
             chain: Derivatives of these parameters by the other variables, (param, variable); a parameter that
-                is an entry of the drive's table must be the variable of its own number.
+                is an entry of the drive's table must be the variable of the same number.
         """
 
         def turned(table: np.ndarray) -> np.ndarray:

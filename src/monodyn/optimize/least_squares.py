@@ -57,7 +57,7 @@ def minimize(
         reach: Longest step of each unknown, (param,) or one for all.
 
     Returns:
-        The best point found; its status says why the search ended.
+        The best point found; its status is the reason why the search ended.
 
     Raises:
         SettingsError: A longest step is not above 0, the bounds are reversed or the start lies outside them.

@@ -27,7 +27,7 @@ class SearchSettings:
     """When a least-squares search stops.
 
     Attributes:
-        evaluations: The residuals are evaluated at most so often.
+        evaluations: Most evaluations of the residuals.
         relative: Done when the predicted decrease of the cost is below this share of the cost.
         decrease: Done when the predicted decrease of the cost is below this, in units of the cost.
         damping: First damping, relative to the squared norm of each column of the Jacobian.
@@ -121,7 +121,7 @@ def minimize_arrow(
             nothing calls it back.
 
     Returns:
-        The best point found; its status says why the search ended.
+        The best point found; its status is the reason why the search ended.
 
     Source:
         Marquardt, An algorithm for least-squares estimation of nonlinear parameters, 1963; the scaling by the
@@ -262,7 +262,7 @@ def _scaled_solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:
-    """Diagonals of the model; an unknown without influence gets 1."""
+    """Diagonals of the model; 1 for an unknown without influence."""
     shared = np.diag(model.hessian)
     local = np.diagonal(model.local_hessian, axis1=1, axis2=2)
     return np.where(shared > 0, shared, 1.0), np.where(local > 0, local, 1.0)

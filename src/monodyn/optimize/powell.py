@@ -138,7 +138,7 @@ class _Lines:
             return
         # The round's own direction takes the place of that of the largest fall, unless the value rises beyond
         # the round's end (then it adds nothing) or that fall was most of the round's (then the two directions
-        # nearly agree and the new set would be dependent), which the inequality below says in one.
+        # nearly agree and the new set would be dependent), both of which the inequality below tests.
         move = (self.x - x_before) / self.step
         length = float(np.linalg.norm(move))
         beyond = self.tally(2.0 * self.x - x_before)

@@ -173,7 +173,7 @@ def _finalists(
     """
     small = silhouette_image(own.silhouette, shrink=shrink)
     coarse = start.before(shrunk(start.base.camera, shrink))
-    # half of what is left at the start; the finalists in the whole picture need the rest
+    # half of the silhouettes that remain at the start; the finalists in the whole picture need the rest
     limit = budget.drawn + COARSE_SHARE * (budget.most - budget.drawn)
     if settings.start == "evolution":
         starts, drawings = evolved_starts(small, coarse, seed=settings.seed)
@@ -191,7 +191,7 @@ def _finalists(
 
 
 def _distinct(views: list[ModelView]) -> list[ModelView]:
-    """Leave out views that came to the same pose as a better one before them."""
+    """Leave out views whose search ended in the same pose as a better one before them."""
     kept: list[ModelView] = []
     for view in views:
         hinge = view.base.kind == HINGE

@@ -16,7 +16,7 @@ from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
 from monodyn.vision.drawing.silhouette import row_sums
 
 OVERHANGS = ("tail", "tip")
-"""Kinds of sizes that say how far a body reaches beyond its hinges; they may be zero."""
+"""Kinds of sizes by which a body reaches beyond its hinges; they may be zero."""
 RATIO_RANGE = 30.0
 """Factor by which an aspect ratio may become larger or smaller than in the file."""
 LEAST_SCALE = 0.1
@@ -67,7 +67,7 @@ class ModelView:
         sizes: Their values [m], (param,).
         lower: Lower bounds [m], (param,).
         upper: Upper bounds [m], (param,).
-        base: The rig at sizes of zero, with the camera as it is now.
+        base: The rig at sizes of zero, with the present camera.
         slopes: Derivatives of links, points and radius by size, each (param, ...).
         position: Joint positions, (dof,).
         limits: Lower and upper joint limits, (2, dof).

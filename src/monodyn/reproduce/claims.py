@@ -217,7 +217,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
 
 
 def _ratios(values: Sequence[Mapping[str, float]]) -> str:
-    """Say by how much what the motion can tell differs between fits at most."""
+    """Write by how much what the motion determines differs at most between fits."""
     shares = {}
     for name in values[0]:
         numbers = [found[name] for found in values]

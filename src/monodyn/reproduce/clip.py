@@ -1,6 +1,6 @@
 """A clip of an aluminium double pendulum with known truth: simulated by MuJoCo, painted, encoded.
 
-Nothing of the estimation is used here, on purpose: projection, faces and coverage are written a second time
+No part of the estimation is used here, on purpose: projection, faces and coverage are written a second time
 and independently of ``vision.drawing``, so that a mistake there cannot cancel. This module is the oracle that
 both methods are judged by. Each rod is a box before a pinhole camera. The share of every pixel that a face
 covers is computed, not sampled over the width, and the faces of a box that look at the camera do not overlap,
@@ -311,7 +311,7 @@ def coverage(polygon: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice,
         column = a[0] + along * (b[0] - a[0])
         enter = np.where(crossed, np.minimum(enter, column), enter)
         leave = np.where(crossed, np.maximum(leave, column), leave)
-    # a line that misses the polygon gets an empty stretch, so that no infinity meets another below
+    # a line that misses the polygon has an empty stretch, so that no difference of infinities is formed below
     leave = np.maximum(leave, np.where(np.isfinite(enter), enter, 0.0))
     enter = np.where(np.isfinite(enter), enter, leave)
     edge = np.arange(left, right) - 0.5

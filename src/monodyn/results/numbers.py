@@ -20,7 +20,7 @@ def number(value: float | None, std: float | None = None) -> str:
         return "unknown"
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
-    # without an error of its own a value has five digits
+    # a value without a standard deviation has five digits
     if std is None or not math.isfinite(std) or std <= 0 or value == 0:
         return f"{value:.5g}".replace("-", "−")
     # two digits of the standard deviation, and all digits of the value down to there

@@ -30,7 +30,7 @@ def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) ->
     """Return the report as HTML text.
 
     Args:
-        findings: The fit, its records and what else is said of it.
+        findings: The fit, its records and what else is reported about it.
         pictures: JPEG files with a caption each.
     """
     from markupsafe import Markup

@@ -185,7 +185,7 @@ class Follower:
             EdgeSearch(reaches, s.spacing),
         )
         noise = CORRELATION * max(agreement.rms_px, LEAST_NOISE_PX) ** 2
-        # where the picture shows nothing of a joint, the move limit is all that is known of it
+        # where the picture does not show a joint, the move limit is all that is known of it
         covariance = np.linalg.inv(information / noise + np.diag(1.0 / self._move**2))
         std = np.sqrt(np.diag(covariance))
         determined = np.all(std < DETERMINED * self._move) and agreement.samples >= LEAST_SAMPLES

@@ -1,7 +1,8 @@
 """Smooth motion in, accelerations of the model along it out: a comparison without integrating.
 
 Along a motion that is known well enough to be differentiated twice the equations of motion are algebraic in
-the unknowns, and nearly linear. What is found so only gives a start, because the smoothing is no truth.
+the unknowns, and nearly linear. What is found so only gives a start, because the smoothed motion is not
+exact.
 """
 
 from __future__ import annotations

@@ -16,15 +16,15 @@ from monodyn.optimize import SearchSettings, first_good
 from monodyn.types import Progress
 
 FOLLOWED_NOISE = 3.0
-"""A motion is explained when the typical residual is below so many times the stated noise ..."""
+"""A motion is explained when the typical residual is below this many times the stated noise ..."""
 FOLLOWED_SHARE = 0.005
 """... or below this share of the motion."""
 HOPELESS_NOISE = 10.0
-"""A start is given up after its first stage when the typical residual is above so many times the noise ..."""
+"""A start is given up after its first stage if the typical residual is above this many times the noise ..."""
 HOPELESS_SHARE = 0.01
 """... and above this share of the motion: pieces so short follow any motion that the model has."""
 STILL_NOISE = 4.0
-"""A joint whose positions scatter by less than so many times their noise does not move."""
+"""A joint whose positions scatter by less than this many times their noise does not move."""
 
 
 class Search:
@@ -118,7 +118,7 @@ def residual_size(optimum: Optimum) -> float:
 
 
 def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
-    """Say why there is no point in a search.
+    """Find the reason why there is no point in a search.
 
     Args:
         problem: The problem.

@@ -28,7 +28,7 @@ def pays(before: Optimum, after: Optimum, added: int) -> bool:
 
 
 def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
-    """Choose by Schwarz's criterion, in which every unknown must earn its place.
+    """Choose by Schwarz's criterion, which charges the logarithm of the number of samples for every unknown.
 
     The noise is that of the optimum which follows best.
 
@@ -56,7 +56,7 @@ def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
 def with_more_unknowns(
     problem: Problem, optimum: Optimum, mechanism: Mechanism, route: Route
 ) -> tuple[Problem, Optimum]:
-    """Search on from an optimum with more unknowns, as far as they seem to pay.
+    """Go on from an optimum with more unknowns: one step, and to the end where that step pays.
 
     Args:
         problem: The problem.

@@ -321,7 +321,7 @@ def _find_edge(
     sample: np.ndarray,
 ) -> bool:
     """Search one normal of geom ``own`` in its plane and that plane's trust, and fill ``sample`` (9,) but for
-    its share; False where nothing can be said.
+    its share; False where the edge cannot be judged.
 
     It runs for every sample, and takes plain arrays: reading them out of tuples costs a tenth of the search.
     """
