@@ -220,7 +220,7 @@ def identify(
     """Find the parameters and start states whose simulated motion is closest to the measured one.
 
     Minimizes sum_t |W_t (q_sim(t; parameters, start) - q_t)|^2 with W_t.W_t the inverse covariance of sample
-    t, plus what the picture knows of the sizes; ``settings.torque`` chooses the torque model.
+    t, plus the picture's information about the sizes; ``settings.torque`` chooses the torque model.
 
     Args:
         poses: One record, or several that share the parameters.

@@ -1,4 +1,4 @@
-"""Which parameters are unknowns, and what the picture knows of them."""
+"""Which parameters are unknowns, and the picture's information about them."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_negative_information_of_sizes_is_left_out_and_said(poses, double, fit, 
     found = identify(poses, seen(double, size * np.array([[1.0, -2.0], [-2.0, 1.0]])))
     assert all(np.isfinite(p.value) for p in found.parameters)
     assert (
-        "What the picture knows of the sizes contradicts itself (its information matrix is negative in some "
+        "The picture's information about the sizes contradicts itself (its matrix is negative in some "
         "direction); that part was left out, so that the motion alone determines the sizes there."
     ) in found.advice
     only = identify(poses, seen(double, size * np.array([[1.5, -1.5], [-1.5, 1.5]])))
@@ -58,7 +58,7 @@ def test_information_that_is_no_number_is_a_status(poses, double, value):
     found = identify(poses, seen(double, [[1e4, -1e4], [-1e4, value]]))
     assert not found.ok
     assert found.status == (
-        "What the picture knows of link2.length is not a finite number; locate the mechanism in a clearer "
+        "The picture's information about link2.length is not finite; locate the mechanism in a clearer "
         "part of the clip, or give measured values with --fix."
     )
     assert all(np.isfinite(p.value) for p in found.parameters)

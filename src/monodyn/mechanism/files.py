@@ -92,7 +92,8 @@ def parse(path: Path) -> ET.Element:
             f"{path.name}: document types and entities are not supported; remove <!DOCTYPE>."
         )
 
-    # Expat reads it first, because ElementTree would resolve entities and recurse before anybody can refuse.
+    # Expat reads it first, because ElementTree would resolve entities and recurse before anything can be
+    # refused.
     depth = 0
 
     def enter(*_: object) -> None:

@@ -40,7 +40,7 @@ class Mechanism:
         own: True where a mass, centre of mass or inertia has its own value instead of following, bool
             (param,).
         chosen: Names whose freedom the user chose; ``with_bodies`` leaves them alone.
-        measured: What the picture knows about sizes, or None.
+        measured: The picture's information about sizes, or None.
     """
 
     name: str

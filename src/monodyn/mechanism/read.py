@@ -132,7 +132,8 @@ class _File:
         """Return the frame of one joint's link: at the joint, turned as its body is."""
         body, plane = int(self.model.jnt_bodyid[j]), self.plane
         angle = plane.angle(self.data.xmat[body].reshape(3, 3))
-        # A body that is also tilted out of the plane has no angle in the plane; any constant one will do.
+        # A body that is also tilted out of the plane has no angle in the plane; any constant one may be
+        # chosen.
         angle = parent.angle if angle is None else angle
         place = self.data.xanchor[j] if plane.hinges[j] else self.data.xpos[body]
         return _Frame(plane.place(place)[:2], angle, float(plane.place(self.data.xpos[body])[2]))

@@ -1,9 +1,9 @@
-"""The one door to motion: accelerations, rollouts and their derivatives of a mechanism's tree and drive.
+"""The only interface to motion: accelerations, rollouts and derivatives of a mechanism's tree and drive.
 
-Nothing outside of this room calls the kernels behind it, so that another engine can stand here one day. What
-an engine has to offer is what the functions below promise: accelerations by joint, energy, a rollout over
+Nothing outside of this room calls the kernels behind it, so that another engine can take its place. Such an
+engine has to provide what the functions below state: accelerations by joint, energy, a rollout over
 given time stamps with a given number of steps between them, and the exact derivatives of that very rollout.
-Arrays are checked and made contiguous here, because the kernels read them without looking. A rollout takes
+Arrays are checked and made contiguous here, because the kernels do not check them. A rollout takes
 equal Runge-Kutta steps between time stamps; `simulate` chooses their number from a stated error bound.
 """
 

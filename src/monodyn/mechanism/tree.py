@@ -155,7 +155,7 @@ class Shapes:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the picture knows about sizes, around the current values of the mechanism that carries it.
+    """The picture's information about sizes, around the current values of the mechanism that carries it.
 
     Attributes:
         names: Names of the size parameters.

@@ -45,7 +45,7 @@ NOT_IN_URDF = ("stiffness", "armature", "drag")
 """Kinds of parameters of a joint that URDF has no place for."""
 
 MASSLESS = 1e-12
-"""Mass [kg] and inertia [kg m^2] of a URDF link between two joints of one body; none at all is refused."""
+"""Mass [kg] and inertia [kg m^2] of a URDF link between two joints of one body; zero would be refused."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ def powell(
 ) -> Minimum:
     """Minimize a function by line searches along directions that become conjugate.
 
-    A round searches each direction in turn and then, where Powell's test promises it, the direction from the
+    A round searches each direction in turn and then, where Powell's test allows it, the direction from the
     round's start to its end, which replaces the direction of the largest decrease. Nearly dependent
     directions are replaced by the axes. Where a round does not move, another set is tried before the search
     is taken as done (the axes, or the ones between them): along a kink no axis may go down. NaN counts as

@@ -74,7 +74,7 @@ class DrawingBudget:
         self._report()
 
     def over(self, limit: float | None = None) -> bool:
-        """Return whether the silhouettes are used up, and remember it.
+        """Return whether the silhouettes are used up, and keep that in ``cut``.
 
         Args:
             limit: In place of ``most``.
@@ -125,7 +125,8 @@ def interpret(
     start = model.view()
     every = max(1, (len(shown) - 1) // (MOST_PICTURES - 1))
     best: Interpretation | None = None
-    # links that hide each other in one picture stand apart in another, so a bad best moves on to the next one
+    # links that hide each other in one picture stand apart in another, so where the best is bad, the next one
+    # is tried
     for own in [shown[0], *shown[1::every]][:MOST_PICTURES]:
         if best is not None and budget.over():
             break

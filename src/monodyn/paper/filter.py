@@ -1,8 +1,8 @@
 """Measured joint positions in, filtered positions, rates and accelerations out: the alpha-beta-gamma filter.
 
 The filter is linear in the measurements, so the covariance of its states follows from theirs without any
-approximation. It looks only backwards, hence its states lag behind fast motion; the covariance knows of noise
-alone and not of that lag.
+approximation. It looks only backwards, hence its states lag behind fast motion; the covariance contains the
+noise alone, and not that lag.
 
 In the last line of eq. (6) the paper prints a_p(k-1), though a_p is defined nowhere: it is read as the
 prediction of a constant acceleration. Where the filter starts is left open: here from the parabola through

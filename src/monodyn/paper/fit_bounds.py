@@ -18,7 +18,7 @@ from monodyn.paper.torque import inverse_dynamics
 SIZE_REACH = float(np.log(10.0))
 """Positive parameters are looked for within a factor of ten of what file or picture give."""
 FREE_LENGTH_REACH = float(np.log(3.0))
-"""Lengths under free torques within a factor of three: any of them would do."""
+"""Lengths under free torques within a factor of three: any of them explains the motion."""
 MOST_LOADS = {"fourier": 10.0, "free": 3.0}
 """Torques up to this many times that of weight and inertia."""
 TYPICAL_CHANGE = 0.1

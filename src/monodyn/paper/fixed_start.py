@@ -164,7 +164,7 @@ class FixedStart:
         found = np.full((rows, 2 * dofs), np.nan)
         data = self.problem.data
         for first, stop, response in zip(data.first[:-1], data.first[1:], self.response, strict=True):
-            # the filter knows the rows of the record's table alone, none of those that were put into gaps
+            # the filter was given the rows of the record's table alone, none of those that were put into gaps
             of = first + np.flatnonzero(data.source[first:stop] >= 0)
             at = data.source[of]
             part = response[np.ix_(at, np.arange(2), np.arange(dofs), at)]

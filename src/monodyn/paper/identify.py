@@ -85,7 +85,8 @@ def identify_published(
         return _refused(model, UNSTARTED, records, settings, began)
     problem = model.problem
     if settings.torque == "fourier" and not stands_out(problem, found.x, smooth_motion(problem, smoothed)):
-        # a period that was estimated is that of the motion then, and no torque's; a given one may be doubted
+        # without such a torque an estimated period is only that of the motion; a given one is kept, with
+        # advice
         if model.period is not None:
             return _refused(model, NO_PERIOD, records, settings, began)
         model = replace(model, doubt=(no_harmonic(problem.mechanism_at(found.x)),))

@@ -370,7 +370,7 @@ CLAIMS = (
     Criterion(
         "Case III tracks the estimated poses exactly but follows their noise.",
         "Case III, Fig. 9",
-        "residual below a quarter of the poses' error, with which that of the motion correlates above 0.9",
+        "residual below a quarter of the poses' error, correlation of the two errors above 0.9",
         free_torque_follows_noise,
     ),
     Criterion(

@@ -120,7 +120,7 @@ def states_figure(seen: Seen, true: np.ndarray | None, rates: np.ndarray | None,
         "Figure 3: filtered states",
         f"Poses of the {TITLES[seen.method]} method through the α-β-γ filter, α = {alpha:g}, β = {beta:g}, "
         f"γ = {gamma:g}, over {stop} frames. In eq. (6) an error of the states dies out for γ below "
-        f"2αβ/(2 − α) = {2 * alpha * beta / (2 - alpha):.3g}; at that edge it rings on.",
+        f"2αβ/(2 − α) = {2 * alpha * beta / (2 - alpha):.3g}; at that limit it rings without end.",
         len(seen.poses.joints),
         panels,
         (

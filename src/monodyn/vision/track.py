@@ -38,7 +38,7 @@ USUAL_SCORE = 1.8
 """Score of a pose that fits as usual, before the first frames (of 2: all outline samples on edges, all
 covered inside)."""
 SCORE_SLACK = 0.15
-"""A pose whose score is lower than usual by no more than this is not questioned."""
+"""A pose whose score is lower than usual by no more than this is accepted as it stands."""
 MOST_AMPLIFIED = 16.0
 """Sum of the weights of an extrapolation above which it would mostly amplify noise."""
 
@@ -87,7 +87,7 @@ def follow_clip(
 
 
 class Follower:
-    """Follows the mechanism from frame to frame; what it remembers is the motion so far.
+    """Follows the mechanism from frame to frame; what it keeps is the motion so far.
 
     Args:
         scene: Camera, sizes and first pose.

@@ -92,8 +92,8 @@ def mismatch_rows(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> tupl
         motion: Smooth motion.
 
     Returns:
-        Mismatches (row,) and their Jacobian (row, param): those of each time stamp and joint, then what the
-        picture knows of the sizes.
+        Mismatches (row,) and their Jacobian (row, param): those of each time stamp and joint, then the
+        picture's information about the sizes.
     """
     instance, root, weight = problem.at(x), motion.prior_root, motion.weight
     jacobian = np.zeros((weight.size, len(x)))

@@ -1,6 +1,6 @@
 """Changes of units that do not change the motion: they find a start, and settle what no motion determines.
 
-A camera knows neither masses nor, without gravity or a true clock, lengths. Along such a direction a search
+A camera shows neither masses nor, without gravity or a true clock, lengths. Along such a direction a search
 ends anywhere; of all the ends with the same motion, the one with round values is reported. How a parameter
 changes with the units of mass, length and time stands in ``mechanism.dimensions``.
 """

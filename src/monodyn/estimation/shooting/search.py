@@ -130,12 +130,11 @@ def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
     data, unusable = problem.data, problem.prior.unusable
     records, dofs = data.slide.shape
     if unusable:
-        verb = "is" if len(unusable) == 1 else "are"
         return (
-            f"What the picture knows of {listed(unusable, 12)} {verb} not a finite number; locate the "
+            f"The picture's information about {listed(unusable, 12)} is not finite; locate the "
             "mechanism in a clearer part of the clip, or give measured values with --fix."
         )
-    # what the picture knows of the sizes counts as data
+    # the picture's information about the sizes counts as data
     known = problem.prior.rank
     unknowns = len(problem.unknowns) - known + 2 * dofs * records
     if data.samples <= unknowns:

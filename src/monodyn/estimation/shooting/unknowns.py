@@ -1,4 +1,4 @@
-"""A mechanism in, the unknowns of its identification and what the picture knows of them out.
+"""A mechanism in, the unknowns of its identification and the picture's information about them out.
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
 and centres of mass are searched directly, because they may be zero or negative. Sizes that neither the
@@ -38,7 +38,7 @@ CENTRE_KINDS = ("com_x", "com_y")
 """Kinds that are one vector, either part of which may be zero or negative."""
 
 MEASURED = 16.0
-"""A picture has measured a size when it knows it better than to a quarter: information of the logarithm."""
+"""Information of the logarithm above which a picture has measured a size: it determines it to a quarter."""
 LONGEST_STEP = 1.5
 """A logarithm moves by at most this much in one step of a search: a factor of 4.5."""
 
@@ -247,7 +247,7 @@ def _wanted(p: Parameter, measured: set[str]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What the picture knows of the sizes: the cost 1/2 d.information.d of a change d of the coordinates.
+    """The picture's information about sizes: the cost 1/2 d.information.d of a change d of the coordinates.
 
     Attributes:
         information: Information matrix over the unknowns, (param, param); zero for those not measured.

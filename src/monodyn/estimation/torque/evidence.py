@@ -1,4 +1,4 @@
-"""Which unknowns pay: more of them must explain more than chance would."""
+"""Which further unknowns are justified: they must explain more than chance would."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
         Schwarz, Estimating the dimension of a model, 1978.
     """
     noise = max(min(optimum.sigma for _, optimum in tried), 1.0)
-    # with the noise as large as the best fit leaves it, a fit that misses is not excused by a record that
-    # states too little noise
+    # with the noise as large as the best fit leaves it, a record that states too little noise does not
+    # favour a fit that misses
     criteria = [
         2.0 * optimum.cost / noise**2 + len(problem.unknowns) * np.log(problem.data.samples)
         if optimum.complete

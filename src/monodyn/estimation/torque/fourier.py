@@ -1,7 +1,7 @@
 """A periodic torque as a Fourier series (Case II), its period and number of harmonics found from the motion.
 
 Periods come ranked from the accelerations; each is fitted, and the series is made shorter or longer as the
-fit to the positions, which knows better, demands.
+fit to the positions, which is more exact, requires.
 """
 
 from __future__ import annotations

@@ -274,7 +274,7 @@ def contradictions(negative: float) -> list[str]:
     if negative <= 1e-6:
         return []
     return [
-        "What the picture knows of the sizes contradicts itself (its information matrix is negative in some "
+        "The picture's information about the sizes contradicts itself (its matrix is negative in some "
         "direction); that part was left out, so that the motion alone determines the sizes there."
     ]
 

@@ -60,7 +60,7 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
         if i in reference:
             continue
         exponents = -known.open[i] @ np.linalg.inv(known.open[reference])
-        # dimensions have simple fractions as exponents; anything else is no law but an accident of the record
+        # dimensions have simple fractions as exponents; others are a coincidence of the record, and no law
         simple = [Fraction(float(e)).limit_denominator(6) for e in exponents]
         if max(abs(float(s) - e) for s, e in zip(simple, exponents, strict=True)) > SIMPLE:
             continue

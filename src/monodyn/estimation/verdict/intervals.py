@@ -49,7 +49,7 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
         for i, rows in enumerate(mechanism.plan.owned)
         for row, column in zip(rows or (), OWNED, strict=False)
     }
-    # sizes that are held under free torques would do at any value: they are not known, though they are fixed
+    # sizes that are held under free torques could have any value: they are not known, though they are fixed
     held = mechanism.torque == "free"
     found = []
     for p in mechanism.parameters:

@@ -140,7 +140,7 @@ def _open_directions(blind: np.ndarray, relative: np.ndarray) -> tuple[np.ndarra
     """Orthonormal relative changes that the data do not see, and which parameters they move."""
     if blind.shape[1] == 0:
         return blind, np.zeros(len(relative), dtype=bool)
-    # in relative changes a direction compares a length with a damping; any basis of the same space will do
+    # in relative changes a direction compares a length with a damping; any basis of the same space is as good
     changes, _ = np.linalg.qr(blind * relative[:, None])
     loaded = np.linalg.norm(changes, axis=1) > LOADED
     return changes, loaded

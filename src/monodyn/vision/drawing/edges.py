@@ -30,8 +30,8 @@ STEP_PX = 0.5
 FLAT_PX = 3.0
 """Search length inwards from which the coverage levels off; an edge is taken against its own level there."""
 LEAST_LEVEL = 0.35
-"""Coverage inside of an edge below which the edge is looked for against full coverage: it is not where it is
-thought."""
+"""Coverage inside of an edge below which the edge is looked for against full coverage: it is not where it was
+expected."""
 TRUSTED = 0.09
 """Least trust of the picture along a normal."""
 COVERED_PX = 0.75

@@ -205,7 +205,7 @@ def _moving_pixels(
         # Where the first background shows the mechanism itself, what moves is its absence: such a pixel is
         # more like its surroundings than the background is, and does not count.
         moving &= _apart(planes, around) > _apart(behind, around)
-        # pixels at an edge are mixed with the background; only a thin mechanism has to make do with them
+        # pixels at an edge are mixed with the background; only a thin mechanism has no others
         core = cv2.erode(moving.astype(np.uint8), inner) > 0
         if core.sum() < 20:
             core = moving

@@ -212,7 +212,7 @@ def _refined_whole(
 
 
 def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
-    """Collect the result, and what the picture knows of the sizes, over the key frames of the bundle."""
+    """Collect the result, and the picture's information about sizes, over the key frames of the bundle."""
     names = bundle.variables.names
     sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS]
     # a single size that is held, or the depth, pins the common scale
