@@ -1,7 +1,7 @@
 """The options of each command, made from the settings of a run.
 
-A command states its inputs and what it prints; which settings of `RunSettings` it takes is the list of those
-that it does not. A new field of `RunSettings`, or of a stage's settings, is an option of every command that
+A command states its inputs, what it prints, and the settings of `RunSettings` that it does not take; it takes
+all others. A new field of `RunSettings`, or of a stage's settings, is an option of every command that
 takes them, with its help text and its default, without a line here.
 """
 

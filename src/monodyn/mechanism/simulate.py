@@ -21,7 +21,7 @@ from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.tree import Directions, Tree
 
 MOST_SUBSTEPS = 4096
-"""Steps between two time stamps at most: beyond, long chaotic motion gains nothing."""
+"""Most steps between two time stamps: with more, long chaotic motion does not become more exact."""
 
 
 @dataclass(frozen=True, eq=False)

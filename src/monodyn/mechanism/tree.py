@@ -2,7 +2,7 @@
 
 Both are in the plane frame: x right, y up, z toward the camera. Every joint owns one link; a link's frame
 sits at its joint and turns with it, so a body with several joints becomes a chain of massless links and one
-that carries it all.
+that carries geoms and inertia.
 """
 
 from __future__ import annotations

@@ -176,7 +176,7 @@ def golden_section(
         # is not at that ratio, as that of a bracket is not.
         above = high - best > best - low
         x = best + GOLDEN * ((high - best) if above else (low - best))
-        if x in (low, best, high):  # the interval is as short as numbers are
+        if x in (low, best, high):  # the interval is as short as floating-point numbers allow
             break
         trial = _number(function(x))
         calls += 1

@@ -107,7 +107,7 @@ class PaperPoses(Poses):
 
 @dataclass(frozen=True, eq=False)
 class FrameOutcome:
-    """What following the mechanism into a frame gave.
+    """Result of following the mechanism into a frame.
 
     Attributes:
         motion: The motion from here on, or None before the mechanism was seen.

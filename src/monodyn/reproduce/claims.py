@@ -217,7 +217,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
 
 
 def _ratios(values: Sequence[Mapping[str, float]]) -> str:
-    """Write by how much what the motion determines differs at most between fits."""
+    """Write the largest difference between fits in what the motion determines."""
     shares = {}
     for name in values[0]:
         numbers = [found[name] for found in values]

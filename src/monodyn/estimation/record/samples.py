@@ -180,7 +180,7 @@ def _placed(values: np.ndarray, length: int, at: np.ndarray) -> np.ndarray:
 
 
 def _filled(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Put stamps into gaps so that no step is over twice the usual one; where the old ones went."""
+    """Put stamps into gaps so that no step is over twice the usual one; also return rows of the old ones."""
     if len(times) < 2:
         return times, np.arange(len(times))
     steps = np.diff(times)

@@ -1,4 +1,4 @@
-"""Changes of units that do not change the motion: they find a start, and settle what no motion determines.
+"""Changes of units that leave the motion unchanged: they find a start, and settle what no motion determines.
 
 A camera shows neither masses nor, without gravity or a true clock, lengths. Along such a direction a search
 ends anywhere; of all the ends with the same motion, the one with round values is reported. How a parameter

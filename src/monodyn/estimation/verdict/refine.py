@@ -28,7 +28,7 @@ MOST_REJECTED = 0.1
 LONGEST_RUN = 3
 """Nor is a run of more far-off measured rows than this: there the motion does not follow."""
 ROUNDS = 2
-"""Times that the noise is taken from the residuals, at least: the second from a fit weighted by the first."""
+"""Least number of times that the noise is taken from residuals: the second fit is weighted by the first."""
 
 
 @dataclass(frozen=True, eq=False)
