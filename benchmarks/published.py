@@ -55,7 +55,7 @@ class Outcome:
 
 
 def main() -> int:
-    """Run the chosen clips and print the table; return 2 when the data are missing."""
+    """Return the exit code after running the chosen clips and printing the table; 2 when data are missing."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=CLIPS, metavar="NAME", help=f"of {', '.join(CLIPS)}")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures there")
@@ -75,7 +75,7 @@ def main() -> int:
 
 
 def passive(clip: Path) -> list[Figure]:
-    """Run both methods on a passive double pendulum, with friction alone (Case I).
+    """Return the figures of both methods on a passive double pendulum, with friction alone (Case I).
 
     Args:
         clip: The clip without its ending.
@@ -89,7 +89,7 @@ def passive(clip: Path) -> list[Figure]:
 
 
 def run(clip: Path, method: str) -> Outcome:
-    """Locate, track and fit with one method.
+    """Return what locating, tracking and fitting with one method give.
 
     Args:
         clip: The clip without its ending.
@@ -111,7 +111,7 @@ def run(clip: Path, method: str) -> Outcome:
 
 
 def timed(step: Callable[[], Result], runs: int = 3) -> tuple[Result, float]:
-    """Run a step once to load and compile what it needs, then return its result and its median time [s].
+    """Return the result of a step and its median time [s], after one run that loads and compiles.
 
     Args:
         step: What to run.
@@ -126,7 +126,7 @@ def timed(step: Callable[[], Result], runs: int = 3) -> tuple[Result, float]:
 
 
 def against_truth(case: str, found: Outcome, truth: np.ndarray, *, asked: bool) -> list[Figure]:
-    """Compare poses and prediction with the truth.
+    """Return the errors of poses and prediction against the truth.
 
     Args:
         case: What was run.
@@ -180,7 +180,12 @@ def compared(name: str, paper: Outcome, fast: Outcome, truth: np.ndarray) -> lis
 
 
 def pose_errors(found: Outcome, truth: np.ndarray) -> np.ndarray:
-    """Return the rms error of each joint over frames 0:40 that were seen [deg], (dof,)."""
+    """Return the rms error of each joint over frames 0:40 that were seen [deg], (dof,).
+
+    Args:
+        found: What came of a run.
+        truth: True positions [rad], (frame, dof).
+    """
     rows = np.flatnonzero(found.poses.seen[:FITTED])
     at = found.poses.frame[rows]
     errors = [
@@ -191,7 +196,12 @@ def pose_errors(found: Outcome, truth: np.ndarray) -> np.ndarray:
 
 
 def ahead_errors(found: Outcome, truth: np.ndarray) -> np.ndarray:
-    """Return the rms error of each joint over the 40 frames after the fit [deg], (dof,)."""
+    """Return the rms error of each joint over the 40 frames after the fit [deg], (dof,).
+
+    Args:
+        found: What came of a run.
+        truth: True positions [rad], (frame, dof).
+    """
     if not found.fit.starts:
         return np.full(truth.shape[1], np.nan)
     future = monodyn.predict(found.fit, times=found.poses.time[FITTED:PREDICTED])
@@ -203,7 +213,7 @@ def ahead_errors(found: Outcome, truth: np.ndarray) -> np.ndarray:
 
 
 def driven(clip: Path) -> list[Figure]:
-    """Fit a periodic and a free torque with the default solver (Cases II and III).
+    """Return the figures of a periodic and of a free torque, default solver (Cases II and III).
 
     Args:
         clip: The clip without its ending.
@@ -236,7 +246,7 @@ def driven(clip: Path) -> list[Figure]:
 def torque_figures(
     case: str, fit: monodyn.Fit, times: np.ndarray, applied: np.ndarray, period: float
 ) -> list[Figure]:
-    """Compare a torque with the one that was applied.
+    """Return how far a torque is from the one that was applied.
 
     Args:
         case: What was run.

@@ -25,7 +25,7 @@ def frozen(
         error: Class of the exception.
 
     Returns:
-        A read-only, C-contiguous copy.
+        A read-only, C-contiguous copy, (...,) with the axes of ``shape``.
 
     Raises:
         MonodynError: (or ``error``) the number of axes or a length differs.
@@ -68,7 +68,8 @@ def plain(array: object, dtype: type | np.dtype | None = None) -> np.ndarray:
         dtype: Element type; None keeps the array's own.
 
     Returns:
-        A read-only view of the same shape, or a copy where the array is not contiguous or of another type.
+        A read-only view of the same shape (...,), or a copy where the array is not contiguous or of another
+        type.
     """
     view = np.ascontiguousarray(array, dtype=dtype).view()
     view.flags.writeable = False

@@ -28,7 +28,7 @@ MOST_ROWS = 1_000_000
 
 
 def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[Video, Mechanism]:
-    """Open a clip and load its mechanism with the user's choices.
+    """Return the opened clip and its mechanism with the user's choices.
 
     Args:
         clip: Video file or folder of pictures.
@@ -54,7 +54,7 @@ def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSetting
 
 
 def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool = True) -> Mechanism:
-    """Load a mechanism with the user's choices; those of the camera are only checked, for ``locate``.
+    """Return a mechanism with the user's choices; those of the camera are only checked, for ``locate``.
 
     Args:
         model: Mechanism file or bundled name.

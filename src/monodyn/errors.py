@@ -1,7 +1,7 @@
 """Every exception that Monodyn raises on purpose.
 
-The children are named by who can put the matter right: whoever gave the input, the mechanism file,
-the clip or the setting. A message is one sentence: where, expected, got, what to do.
+The children are named by what has to be corrected: the mechanism file, the clip or the setting. A message is
+one sentence: where, expected, got, what to do.
 """
 
 

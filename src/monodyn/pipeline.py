@@ -121,7 +121,7 @@ def run(
         progress: Called with the frames done by each step.
 
     Returns:
-        What was found; a fit that is not to be trusted says so in ``fit.status``.
+        What was found; ``fit.status`` states whether the fit can be trusted.
 
     Example:
         >>> monodyn.run("clip.mp4", "double.xml", "run")  # doctest: +SKIP
@@ -208,7 +208,7 @@ def identify_tables(
         progress: Called with the steps done.
 
     Returns:
-        What was found; a fit that is not to be trusted says so in ``fit.status``.
+        What was found; ``fit.status`` states whether the fit can be trusted.
     """
     settings = settings or RunSettings()
     mechanism = chosen_mechanism(model, settings, camera=False)

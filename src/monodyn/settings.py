@@ -39,7 +39,7 @@ SHARED = ("seed",)
 
 @contextmanager
 def published_method() -> Iterator[None]:
-    """Import the published method inside; where it is not installed, say so in one sentence.
+    """Import the published method inside; where it is not installed, raise an error of one sentence.
 
     Raises:
         SettingsError: the published method is not installed.

@@ -175,7 +175,7 @@ def locate(
     settings = replace(settings, method=methods[1])
     fix = dict(fix or {})
     check_camera(mechanism, methods[0], fix, free)
-    # methods report their steps without asking whether somebody listens
+    # methods report their steps whether or not the caller wants progress
     report = progress or (lambda step, done, total: None)
     return LOCATE_METHODS[methods](Sought(masks, mechanism, settings, fix, free, report))
 
@@ -220,7 +220,7 @@ def identify(
     """Find the parameters and start states whose simulated motion is closest to the measured one.
 
     Minimizes sum_t |W_t (q_sim(t; parameters, start) - q_t)|^2 with W_t.W_t the inverse covariance of sample
-    t, plus what the picture knows of the sizes; the torque is what ``settings.torque`` says.
+    t, plus the picture's information about the sizes; ``settings.torque`` chooses the torque model.
 
     Args:
         poses: One record, or several that share the parameters.

@@ -30,8 +30,8 @@ class Frame:
         index: Number of the frame in the clip, from 0.
         time: Presentation time stamp [s].
         luma: Grey picture, uint8 (height, width).
-        chroma: Blue and red difference planes, each uint8 (about half height, half width) with 128 as
-            neutral, or None for a grey clip.
+        chroma: Blue and red difference planes of about half that height and width, each uint8 (row, column)
+            with 128 as neutral, or None for a grey clip.
     """
 
     index: int

@@ -72,11 +72,11 @@ def test_lengths_that_are_open(double, names, sentence):
 def test_what_has_no_effect_and_what_is_hardly_known(double):
     found = estimates(double, {"link2.density": np.inf, "link1.length": 10.0})
     assert say.open_parameters(double, found, ("link2.density",)) == [
-        "link2.density does not change the motion, which says nothing about it.",
+        "link2.density does not change the motion, which cannot determine it.",
         f"The data hardly fix link1.length: the error is as large as the value; {LIVELY}",
     ]
     two = say.open_parameters(double, [], ("link1.density", "link2.density"))
-    assert two == ["link1.density and link2.density do not change the motion, which says nothing about them."]
+    assert two == ["link1.density and link2.density do not change the motion, which cannot determine them."]
 
 
 def test_bounds_that_were_met(double):
@@ -95,9 +95,9 @@ def test_residuals_above_the_noise_and_what_may_be_the_reason():
     rms = {slide: 0.00123, hinge: np.radians(2.0)}
     assert say.misfit(cart, rms, noise, say.Assumed(True, ["a.friction", "b.friction"], True)) == [
         f"The residual of {slide}, 1.23 mm, is 4 times the stated noise: the model lacks something, or the "
-        "record is less exact than it says; the intervals are widened accordingly.",
+        "record is less exact than stated; the intervals are widened accordingly.",
         f"The residual of {hinge}, 2 deg, is 12.3 times the stated noise and changes slowly: the model lacks "
-        "something, or the record is less exact than it says; the intervals are widened accordingly.",
+        "something, or the record is less exact than stated; the intervals are widened accordingly.",
         "Bodies were taken to be uniform; if they are not, try --identify.bodies free.",
         "Dry friction was taken to be zero; --free a.friction b.friction estimates it.",
         "Gravity was taken straight down in the picture; where the camera was not level, give its tilt with "
@@ -131,7 +131,7 @@ def test_what_free_torques_rest_on(double):
 def test_an_integration_bound_that_is_not_kept():
     assert say.integration(64, 0.00123, 1e-5) == [
         "With 64 integration steps between time stamps, the most there are, the motion is exact to 0.0012 "
-        "rad (m for slides) and not to the 1e-05 asked for; fit a shorter record, or give a larger "
+        "rad (m for slides) and not to the required 1e-05; fit a shorter record, or give a larger "
         "--identify.error-bound if that is exact enough."
     ]
     assert say.integration(4, 1e-6, 1e-5) == []
@@ -149,9 +149,9 @@ def test_joint_limits_are_said(poses, double):
 def test_proportions_that_nothing_determines(double):
     tied = [double.parameter(name) for name in ("link1.tail", "link2.width", "link2.offset")]
     assert say.proportions(tied) == [
-        "Nothing tells link1.tail and link2.width; they keep their proportion to the length of their body, "
-        "and the intervals take that for exact. Give measured values with --fix where their share of the "
-        "inertia counts."
+        "Nothing determines link1.tail and link2.width; they keep their proportion to the length of their "
+        "body, and the intervals take that for exact. Give measured values with --fix where their share of "
+        "the inertia counts."
     ]
     assert say.proportions(tied[2:]) == []
 
@@ -187,7 +187,7 @@ def test_samples_starts_and_the_end_of_the_search():
     ]
     assert say.few(24, 6) == []
     assert say.search_end(False, 3) == [
-        "The search ended before it was sure of the minimum; allow more with --identify.evaluations.",
+        "The search ended before the minimum was certain; allow more with --identify.evaluations.",
         "3 starts were tried; the best of them is reported.",
     ]
     assert say.search_end(True, 1) == []

@@ -1,4 +1,4 @@
-"""Which parameters are unknowns, and what the picture knows of them."""
+"""Which parameters are unknowns, and the picture's information about them."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_a_size_the_picture_hardly_knows_keeps_its_proportion(poses, double):
     assert (free["link1.tail"], free["link2.tail"]) == (False, True)
     assert found.parameter("link1.tail").std == np.inf
     assert found.parameter("link2.tail").std < 0.1 * found.parameter("link2.tail").value
-    assert any(line.startswith("Nothing tells link1.tail, link1.tip, ") for line in found.advice)
+    assert any(line.startswith("Nothing determines link1.tail, link1.tip, ") for line in found.advice)
 
 
 def test_one_size_that_nothing_tells_is_one(poses, double):
@@ -27,8 +27,8 @@ def test_one_size_that_nothing_tells_is_one(poses, double):
     del rest["link1.tail"]
     fit = identify(poses, double.with_choices(fix=rest))
     assert (
-        "Nothing tells link1.tail; it keeps its proportion to the length of its body, and the intervals take "
-        "that for exact. Give a measured value with --fix where its share of the inertia counts."
+        "Nothing determines link1.tail; it keeps its proportion to the length of its body, and the intervals "
+        "take that for exact. Give a measured value with --fix where its share of the inertia counts."
     ) in fit.advice
 
 
@@ -43,8 +43,8 @@ def test_negative_information_of_sizes_is_left_out_and_said(poses, double, fit, 
     found = identify(poses, seen(double, size * np.array([[1.0, -2.0], [-2.0, 1.0]])))
     assert all(np.isfinite(p.value) for p in found.parameters)
     assert (
-        "What the picture knows of the sizes contradicts itself (its information matrix is negative in some "
-        "direction); that part was left out, so sizes rest on the motion alone there."
+        "The picture's information about the sizes contradicts itself (its matrix is negative in some "
+        "direction); that part was left out, so that the motion alone determines the sizes there."
     ) in found.advice
     only = identify(poses, seen(double, size * np.array([[1.5, -1.5], [-1.5, 1.5]])))
     assert found.ok == only.ok
@@ -58,7 +58,7 @@ def test_information_that_is_no_number_is_a_status(poses, double, value):
     found = identify(poses, seen(double, [[1e4, -1e4], [-1e4, value]]))
     assert not found.ok
     assert found.status == (
-        "What the picture knows of link2.length is not a finite number; locate the mechanism in a clearer "
+        "The picture's information about link2.length is not finite; locate the mechanism in a clearer "
         "part of the clip, or give measured values with --fix."
     )
     assert all(np.isfinite(p.value) for p in found.parameters)

@@ -117,7 +117,7 @@ def test_advice_of_a_search_that_misses_and_stops_early():
         "--identify.gains.",
         "The period of 1.235 s was estimated beforehand and held.",
         "11 measured positions are few for 3 unknowns; more frames give smaller intervals.",
-        "The search ended before it was sure of the minimum; allow more with --identify.evaluations.",
+        "The search ended before the minimum was certain; allow more with --identify.evaluations.",
         "2 starts were tried; the best of them is reported.",
     )
 
@@ -140,6 +140,6 @@ def test_advice_of_free_torques():
     assert published_advice(found, model, fit_with(found, poses, 1e-4), (poses,), settings, ()) == (
         "15 unknowns and 12 measured values: free torques are underdetermined and follow the noise of the "
         "poses; there are no intervals.",
-        "Beside free torques any sizes and masses will do: link1.length, link1.thickness and joint1.damping "
-        "are arbitrary; give measured values with --fix.",
+        "With free torques any sizes and masses are possible: link1.length, link1.thickness and "
+        "joint1.damping are arbitrary; give measured values with --fix.",
     )

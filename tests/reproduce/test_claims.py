@@ -159,8 +159,7 @@ def test_every_claim_has_its_place_and_rule() -> None:
         (
             "Case III tracks the estimated poses exactly but follows their noise.",
             "Case III, Fig. 9",
-            "residual below a quarter of the poses' error, "
-            "with which that of the motion correlates above 0.9",
+            "residual below a quarter of the poses' error, correlation of the two errors above 0.9",
         ),
         ("There are 6, 36 and 2k + 4 unknowns.", "Cases I, II, III", "the numbers are those"),
     ]

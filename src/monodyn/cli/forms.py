@@ -1,4 +1,4 @@
-"""How a setting is written on the command line: what takes the place of types that words cannot have."""
+"""How a setting is written on the command line when a single word cannot hold its type."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Form:
 
 
 def frame_range(option: str, text: str | None) -> tuple[int, int | None] | None:
-    """Read ``A:B``; either end may be left out.
+    """Return the range ``A:B``, where either end may be left out.
 
     Args:
         option: Name of the option, for the message.
@@ -51,7 +51,7 @@ def frame_range(option: str, text: str | None) -> tuple[int, int | None] | None:
 
 
 def values(option: str, words: Sequence[Sequence[str]]) -> dict[str, float]:
-    """Read ``NAME=VALUE`` words.
+    """Return the values by name that ``NAME=VALUE`` words give.
 
     Args:
         option: Name of the option, for the message.
@@ -72,7 +72,7 @@ def values(option: str, words: Sequence[Sequence[str]]) -> dict[str, float]:
 
 
 def intervals(option: str, words: Sequence[Sequence[str]]) -> dict[str, tuple[float, float]]:
-    """Read ``NAME=LOW:HIGH`` words.
+    """Return the intervals by name that ``NAME=LOW:HIGH`` words give.
 
     Args:
         option: Name of the option, for the message.
@@ -121,4 +121,4 @@ FORMS: dict[Any, Form] = {
     Sequence[str]: Form(Words, (), "NAME ...", names),
     Mapping[str, tuple[float, float]]: Form(Words, (), "NAME=LOW:HIGH ...", intervals),
 }
-"""The form of each type of setting that words cannot have; all others are written as they are."""
+"""The form of each type of setting that a single word cannot hold; all others are one word."""

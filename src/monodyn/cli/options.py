@@ -1,7 +1,7 @@
 """The options of each command, made from the settings of a run.
 
-A command states its inputs and what it prints; which settings of `RunSettings` it takes is the list of those
-that it does not. A new field of `RunSettings`, or of a stage's settings, is an option of every command that
+A command states its inputs, what it prints, and the settings of `RunSettings` that it does not take; it takes
+all others. A new field of `RunSettings`, or of a stage's settings, is an option of every command that
 takes them, with its help text and its default, without a line here.
 """
 
@@ -65,14 +65,14 @@ class CommonOptions:
 
     @contextmanager
     def progress(self) -> Iterator[Progress | None]:
-        """Show progress on the error stream while the block runs."""
+        """Yield what shows progress on the error stream while the block runs, or None with ``--quiet``."""
         from monodyn.cli.show import progress_on
 
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             yield progress
 
     def show(self, outcome: Outcome) -> int:
-        """Print what was found; return the exit code.
+        """Return the exit code after what was found has been printed.
 
         Args:
             outcome: What was found.
@@ -95,7 +95,7 @@ class RunOptions(CommonOptions):
     out: Folder
 
     def go(self) -> int:
-        """Run the command; return the exit code."""
+        """Return the exit code after running the command."""
         settings = self.settings()
         from monodyn.pipeline import run
 
@@ -117,7 +117,7 @@ class TrackOptions(CommonOptions):
     out: Folder
 
     def go(self) -> int:
-        """Run the command; return the exit code."""
+        """Return the exit code after running the command."""
         settings = self.settings()
         from monodyn.pipeline import track_clip
 
@@ -141,7 +141,7 @@ class IdentifyOptions(CommonOptions):
     out: MaybeFolder = None
 
     def go(self) -> int:
-        """Run the command; return the exit code.
+        """Return the exit code after running the command.
 
         Raises:
             SettingsError: there is no table.
@@ -171,7 +171,7 @@ class ModelsOptions:
     json: bool = False
 
     def go(self) -> int:
-        """Run the command; return the exit code."""
+        """Return the exit code after running the command."""
         from monodyn.cli.show import show_models
 
         return show_models(as_json=self.json)
@@ -181,8 +181,8 @@ class Command(NamedTuple):
     """One command.
 
     Attributes:
-        options: What it states itself.
-        example: A line that shows it.
+        options: The dataclass of the options that it states itself.
+        example: A command line that shows its use.
         without: Settings of a run that it does not take.
     """
 
@@ -221,7 +221,7 @@ def options_class(command: Command) -> type[Any]:
     if not issubclass(command.options, CommonOptions):
         return command.options
     taken = [setting for setting in fields(RunSettings) if setting.name not in command.without]
-    # the classes are asked for at each call, because they depend on which methods are installed
+    # the classes are looked up at each call, because they depend on which methods are installed
     hints, stages = get_type_hints(RunSettings), settings_classes()
     made = []
     for setting in taken:

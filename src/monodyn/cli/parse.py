@@ -24,7 +24,7 @@ def parsed(command: str, words: Sequence[str]) -> Any:
         words: The words.
 
     Returns:
-        The options, or an exit code when help was asked for.
+        The options, or an exit code when help was requested.
 
     Raises:
         SettingsError: an option is unknown, missing or has a value that it cannot take.

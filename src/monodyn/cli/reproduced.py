@@ -36,7 +36,7 @@ class ReproduceOptions:
     seed: int = 0
 
     def go(self) -> int:
-        """Run the command; return the exit code.
+        """Return the exit code after running the command.
 
         Raises:
             SettingsError: the seed is negative.

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_on(stream: TextIO, *, quiet: bool) -> Iterator[Progress | None]:
-    """Show a bar with frames a second for every step; plain lines where the stream is not a terminal.
+    """Yield a bar with frames a second for every step, or plain lines where the stream is no terminal.
 
     Args:
         stream: Where to.
-        quiet: Show nothing.
+        quiet: Show nothing and yield None.
     """
     if quiet:
         yield None
@@ -221,7 +221,7 @@ def _errors(outcome: Outcome) -> Table:
 
 
 def show_models(*, as_json: bool) -> int:
-    """Print the bundled mechanisms.
+    """Return the exit code, 0, after printing the bundled mechanisms.
 
     Args:
         as_json: As JSON.

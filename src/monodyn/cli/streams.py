@@ -20,7 +20,7 @@ class _Lossy:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Write a text, or lose it.
+        """Write a text; what cannot be written is dropped.
 
         Args:
             text: The text.
@@ -32,7 +32,7 @@ class _Lossy:
         return len(text)
 
     def flush(self) -> None:
-        """Write out what is waiting, or lose it."""
+        """Write out what the stream still holds; what cannot be written is dropped."""
         try:
             self._stream.flush()
         except (OSError, ValueError):
@@ -90,7 +90,7 @@ def printing() -> Iterator[None]:
 
 
 def _silence(stream: Any) -> None:
-    """Let what is still waiting in a stream go nowhere."""
+    """Discard what a stream still holds, and what is written to it later."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         # Python flushes the stream once more at exit, and would complain of the same error again
         number = os.open(os.devnull, os.O_WRONLY)

@@ -26,7 +26,7 @@ class Estimate:
         upper: Upper end, likewise.
         unit: Unit of value and std.
         free: True when it was estimated.
-        identifiable: True when the data say what it is, at least within a factor of about three.
+        identifiable: True when the data determine it, at least within a factor of about three.
         at_bound: True when it ended on a bound.
     """
 

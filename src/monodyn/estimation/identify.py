@@ -38,7 +38,7 @@ SHORTEST_BEGINNING = 20
 def identify_jointly(
     records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
 ) -> Fit:
-    """Identify parameters and start states together; where that fails, say which beginning fits.
+    """Identify parameters and start states together; where that fails, name the beginning that fits.
 
     Args:
         records: Records that share the parameters.
@@ -69,7 +69,7 @@ def _identified(
 def _beginning(
     records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings
 ) -> tuple[str, ...]:
-    """Say which first half, quarter, ... of a record fits; nothing where none does or there are several."""
+    """Name the first half, quarter, ... that fits of one record; nothing where none does."""
     if len(records) != 1:
         return ()
     poses, quick = records[0], replace(settings, starts=1)

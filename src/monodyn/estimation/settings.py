@@ -11,7 +11,7 @@ from monodyn.errors import SettingsError
 MOST_TERMS = 50
 """Harmonics of the longest Fourier series."""
 USUAL_TERMS = 7
-"""Harmonics that the paper takes; where their number is open at most so many are tried."""
+"""Harmonics that the paper takes; where their number is open no more than these are tried."""
 CHOICES = {
     "method": ("fast", "paper", None),
     "torque": ("friction", "fourier", "free"),
@@ -34,12 +34,12 @@ class IdentifySettings:
         series: ``with-friction`` keeps friction in addition to the series, ``alone`` is the paper's form.
         bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
             centre of mass and inertia are unknowns.
-        starts: At most so many starts are tried until the motion is explained.
+        starts: Starts that are tried at most, until the motion is explained.
         seed: Seed of the scattered starts.
         piece: Measured samples in each of the short rollouts the search begins with.
         error_bound: The integration error of a rollout stays below this [rad or m].
-        outlier: A sample is left out when its residual is above so many typical ones, 3 or more; 0 keeps all,
-            as ``paper`` always does.
+        outlier: A sample is left out when its residual is above this many typical ones, 3 or more; 0 keeps
+            all, as ``paper`` always does.
         evaluations: Evaluations of the model in one search, at most.
     """
 

@@ -24,7 +24,7 @@ from monodyn.mechanism.tree import (
 )  # fmt: skip
 
 STEP = 1e-30
-"""Complex step; its square vanishes beside any value, so the derivative is exact to rounding."""
+"""Complex step; its square vanishes next to any value, so the derivative is exact to rounding."""
 
 
 def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
@@ -33,7 +33,7 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
     Args:
         plan: The mechanism's plan.
         values: Parameter values, (param,), or (param, step) for many at once.
-        own: True (param,) where a mass, centre of mass or inertia is a value of its own instead of following.
+        own: True (param,) where a mass, centre of mass or inertia has its own value instead of following.
 
     Returns:
         (dof, column), or (dof, column, step).
@@ -53,7 +53,8 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
         if owned is not None:
             mass, x, y, inertia = _body(plan, i, rows, numbers)
             m, cx, cy, j = owned
-            # A mass of its own keeps the shape's radius of gyration, unless the inertia is given as well.
+            # A mass that does not follow keeps the shape's radius of gyration, unless the inertia is given as
+            # well.
             if own[m]:
                 inertia = inertia * (numbers[m] / mass)
                 mass = numbers[m]
@@ -113,7 +114,7 @@ def _solid(solid: Solid, along: Any, across: Any, deep: Any) -> tuple[Any, Any]:
 
 
 def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
-    """Compute the joint tree.
+    """Return the joint tree at these parameter values.
 
     Args:
         plan: The mechanism's plan.
@@ -125,7 +126,7 @@ def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
 
 
 def shapes_of(plan: Plan, values: np.ndarray) -> Shapes:
-    """Compute what the camera sees.
+    """Return the shapes that the camera sees at these parameter values.
 
     Args:
         plan: The mechanism's plan.

@@ -194,7 +194,7 @@ class Axis:
         return {"": 1.0}
 
     def at(self, t: float) -> Form:
-        """Map a place along the axis.
+        """Return where a place along the axis goes, as a form in the size parameters.
 
         Args:
             t: Start place [m].
@@ -207,7 +207,7 @@ class Axis:
         return times(self.scale(), t)
 
     def beside(self, s: float) -> Form:
-        """Map a place across the axis: with the width inside the main geom, else with the length.
+        """Return where a place across the axis goes: with the width inside the main geom, else the length.
 
         Args:
             s: Start place [m].
@@ -239,7 +239,7 @@ class Axis:
 
 
 def long_axis(link: Link, anchors: list[np.ndarray], profiles: list[Profile]) -> tuple[np.ndarray, float]:
-    """Choose direction and start length of a link's long axis; length 0 where the link has none.
+    """Return direction, (2,), and start length [m] of a link's long axis; length 0 where it has none.
 
     Args:
         link: The link.

@@ -5,7 +5,7 @@ Parameters that differ by such a change of units are therefore one mechanism to 
 scale. A parameter of dimensions M^a L^b T^c becomes k^(a m + b l + c t) times as large when masses become
 k^m, lengths k^l and times k^t times as large; ``power`` returns that exponent.
 
-The line of sight is a dimension of its own, because neither the picture nor the planar motion relates a
+The line of sight is a separate dimension, because neither the picture nor the planar motion relates a
 ``thickness`` to the sizes in the plane: density times thickness is the mass of an area. Three changes keep
 the motion of a mechanism (k the factor):
 

@@ -1,7 +1,7 @@
 """The text of a mechanism file and of the files it names, read before MuJoCo sees any of it.
 
 A mechanism file may come from anywhere: it may only read files of its own folder, and may not declare
-entities. What it names is read here; what MuJoCo gets is one text and the bytes of the meshes.
+entities. What it names is read here; what MuJoCo receives is one text and the bytes of the meshes.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _keep_looks(root: ET.Element) -> None:
 
 
 def parse(path: Path) -> ET.Element:
-    """Parse one XML file.
+    """Return the root element of one XML file.
 
     Args:
         path: The file.
@@ -92,7 +92,8 @@ def parse(path: Path) -> ET.Element:
             f"{path.name}: document types and entities are not supported; remove <!DOCTYPE>."
         )
 
-    # Expat is asked first, because ElementTree would resolve entities and recurse before anybody can refuse.
+    # Expat reads it first, because ElementTree would resolve entities and recurse before anything can be
+    # refused.
     depth = 0
 
     def enter(*_: object) -> None:
@@ -121,7 +122,7 @@ def parse(path: Path) -> ET.Element:
 
 
 def read_bytes(path: Path, most: int, shown: str) -> bytes:
-    """Read a regular file of limited size.
+    """Return the content of a regular file of limited size.
 
     Args:
         path: The file.

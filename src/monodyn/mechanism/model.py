@@ -37,10 +37,10 @@ class Mechanism:
         lower: Lower bounds, (param,).
         upper: Upper bounds, (param,).
         free: True where an identification may change the value, bool (param,).
-        own: True where a mass, centre of mass or inertia is a value of its own instead of following, bool
+        own: True where a mass, centre of mass or inertia has its own value instead of following, bool
             (param,).
         chosen: Names whose freedom the user chose; ``with_bodies`` leaves them alone.
-        measured: What the picture knows about sizes, or None.
+        measured: The picture's information about sizes, or None.
     """
 
     name: str
@@ -90,7 +90,7 @@ class Mechanism:
     def _current(self) -> np.ndarray:
         """Values with those that follow filled in, (param,)."""
         values = self.numbers.copy()
-        # What follows stands in the tree; what is a value of its own stands there unchanged.
+        # What follows stands in the tree; a value that does not follow stands there unchanged.
         for i, rows in enumerate(self.plan.owned):
             if rows is not None:
                 values[list(rows)] = self.tree.links[i, COLUMNS_OWNED]
@@ -200,7 +200,7 @@ class Mechanism:
             row = self.row(name)
             if name in fix and name in free:
                 raise MechanismError(f"parameter '{name}': is both fixed and freed; choose one of them.")
-            # A value that followed so far becomes one of its own, and begins as what it was.
+            # A value that followed so far is independent from here on, and begins at what it was.
             if self.torques.table.follows[row] and not own[row]:
                 own[row], numbers[row] = True, self._current[row]
             frees[row] = name in free
@@ -382,7 +382,7 @@ def _around(value: float) -> tuple[float, float]:
 
 
 def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
-    """Make a mechanism of its parts.
+    """Return a mechanism made of its parts.
 
     Args:
         name: Name of the model.

@@ -172,7 +172,14 @@ class Entry:
 
 @dataclass
 class Table:
-    """The parameters while a plan is made: one entry a name, in order of entry, kept by column."""
+    """The parameters while a plan is made: one row a parameter, in order of entry, kept by column.
+
+    Attributes:
+        names: Their names.
+        kind, owner, start, unit, free, follows, sign: As in `Entry`, row by row.
+        lower: Lower bounds, in the parameter's unit.
+        upper: Upper bounds.
+    """
 
     names: list[str] = field(default_factory=list)
     kind: list[str] = field(default_factory=list)
@@ -186,7 +193,7 @@ class Table:
     sign: list[int] = field(default_factory=list)
 
     def add(self, entry: Entry) -> str:
-        """Enter a parameter and return its name.
+        """Return the name of a parameter after entering it.
 
         Args:
             entry: The parameter; its name must be new.

@@ -39,7 +39,13 @@ OWNED = ("mass", "com_x", "com_y", "inertia")
 
 
 class JointTerm(NamedTuple):
-    """A parameter of every joint: its column in ``Tree.links``, its unit at a hinge and at a slide."""
+    """A parameter of every joint.
+
+    Attributes:
+        column: Its column in ``Tree.links``.
+        at_hinge: Its unit at a hinge.
+        at_slide: Its unit at a slide.
+    """
 
     column: int
     at_hinge: str
@@ -78,7 +84,7 @@ class Plan:
         owned: By link, the rows of mass, com_x, com_y, inertia of its body, or None for a massless link.
         joints: Rows of the parameters of each joint, in the order of ``JOINT``, int (dof, term).
         drawn: The solids that can be seen, in order of the shapes.
-        shape_link: Link of each shape.
+        shape_link: Link of each shape, int64 (geom,).
         first: First point of each shape, (geom + 1,).
         outline: Linear map to the points, (3 * point, param + 1).
         radius: Linear map to the radii, (geom, param + 1).

@@ -54,7 +54,7 @@ def _friction(rate):  # pragma: no cover - compiled
         return x * 0.0 + 1.0
     if x.real < -20.0:
         return x * 0.0 - 1.0
-    # tanh(x) by exp(-2 x), which serves real and complex rates alike
+    # tanh(x) by exp(-2 x), which serves both real and complex rates
     e = np.exp(-2.0 * x)
     return (1.0 - e) / (1.0 + e)
 
@@ -94,7 +94,7 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
             dy = w[i, S] * links[i, AXIS_X] + w[i, C] * links[i, AXIS_Y]
             ox += dx * q[i]
             oy += dy * q[i]
-            # A slide moves every point alike, whatever the point of reference is.
+            # A slide moves every point by the same amount, whatever the point of reference is.
             w[i, SW] = 0.0
             w[i, SX] = dx
             w[i, SY] = dy
@@ -127,7 +127,7 @@ def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
     for i in range(parent.size):
         p = parent[i]
         if p < 0:
-            # A ground that accelerates upward in place of gravity: it reaches every link by itself.
+            # A ground that accelerates upward in place of gravity: the pass outward carries it to every link.
             w[i, AW] = 0.0
             w[i, AX] = -gravity[0]
             w[i, AY] = -gravity[1]
@@ -238,7 +238,7 @@ def rollout(
                     for i in range(n):
                         x[k, i] = x[0, i] + part * u[k - 1, i]
                         u[k, i] = u[0, i] + part * a[k - 1, i]
-                # The middle of the step says on which side of a knot its ends are.
+                # The middle of the step determines on which side of a knot its ends are.
                 if mode != NONE:
                     torque(mode, stamps, table, begin + part, begin + 0.5 * step, value, rate, tau, slope)
                 forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])

@@ -132,7 +132,8 @@ class _File:
         """Return the frame of one joint's link: at the joint, turned as its body is."""
         body, plane = int(self.model.jnt_bodyid[j]), self.plane
         angle = plane.angle(self.data.xmat[body].reshape(3, 3))
-        # A body that is also tilted out of the plane has no angle of its own; any constant one will do.
+        # A body that is also tilted out of the plane has no angle in the plane; any constant one may be
+        # chosen.
         angle = parent.angle if angle is None else angle
         place = self.data.xanchor[j] if plane.hinges[j] else self.data.xpos[body]
         return _Frame(plane.place(place)[:2], angle, float(plane.place(self.data.xpos[body])[2]))
@@ -265,7 +266,7 @@ class _File:
         """Raise if MuJoCo makes another mass or inertia of a body than its geoms have.
 
         Options such as ``settotalmass`` and ``shellinertia`` change what the geoms weigh, and a mesh that is
-        not convex weighs less than its hull; the formulas of this room know nothing of them.
+        not convex weighs less than its hull; the formulas of this room do not take them into account.
         """
         tree = assemble("", links, self.plane.gravity).tree
         for j, link in enumerate(links):

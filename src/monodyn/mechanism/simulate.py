@@ -1,9 +1,9 @@
-"""The one door to motion: accelerations, rollouts and their derivatives of a mechanism's tree and drive.
+"""The only interface to motion: accelerations, rollouts and derivatives of a mechanism's tree and drive.
 
-Nothing outside of this room calls the kernels behind it, so that another engine can stand here one day. What
-an engine has to offer is what the functions below promise: accelerations by joint, energy, a rollout over
+Nothing outside of this room calls the kernels behind it, so that another engine can take its place. Such an
+engine has to provide what the functions below state: accelerations by joint, energy, a rollout over
 given time stamps with a given number of steps between them, and the exact derivatives of that very rollout.
-Arrays are checked and made contiguous here, because the kernels read them without looking. A rollout takes
+Arrays are checked and made contiguous here, because the kernels do not check them. A rollout takes
 equal Runge-Kutta steps between time stamps; `simulate` chooses their number from a stated error bound.
 """
 
@@ -21,7 +21,7 @@ from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.tree import Directions, Tree
 
 MOST_SUBSTEPS = 4096
-"""Steps between two time stamps at most: beyond, long chaotic motion gains nothing."""
+"""Most steps between two time stamps: with more, long chaotic motion does not become more exact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def simulate(
 
     Args:
         mechanism: The mechanism.
-        times: Increasing time stamps [s], (frame,); torques over time go by them.
+        times: Increasing time stamps [s], (frame,); they are also the time of the torques.
         q0: Joint positions at ``times[0]`` [rad or m], (dof,).
         v0: Joint rates there [rad/s or m/s], (dof,).
         tolerance: Largest error of any position from the integration [rad or m].
@@ -173,7 +173,7 @@ def rollout(
 
     Args:
         tree: The joint tree; complex for a complex step.
-        times: Time stamps [s], (frame,); they need not be uniform and may run backwards. The drive goes by
+        times: Time stamps [s], (frame,); they need not be uniform and may run backwards. The drive uses
             them too.
         q0: Joint positions at ``times[0]`` [rad or m], (dof,).
         v0: Joint rates there [rad/s or m/s], (dof,).
@@ -212,7 +212,7 @@ def rollout_derivatives(
     Args:
         tree: The joint tree.
         directions: What each parameter changes in the tree and in the drive.
-        times: Time stamps [s], (frame,); they need not be uniform and may run backwards. The drive goes by
+        times: Time stamps [s], (frame,); they need not be uniform and may run backwards. The drive uses
             them too.
         q0: Joint positions at ``times[0]`` [rad or m], (dof,).
         v0: Joint rates there [rad/s or m/s], (dof,).
@@ -235,7 +235,7 @@ def rollout_derivatives(
     begin = np.zeros(params + 2 * dofs, dtype=np.int64)
     if drive.mode == KNOTS:
         # A torque at a knot costs time only from where it begins to act: the kernel takes the directions in
-        # that order, and at each frame only so many of them as act by then.
+        # that order, and at each frame only those that act by then.
         always = directions.links.any(axis=(0, 1)) | directions.gravity.any(axis=0)
         always |= (directions.load != 0) | (directions.clock != 0)
         begin[:params] = np.where(always, 0, _begins(drive.times, times, directions.entry, params))

@@ -160,7 +160,7 @@ def geom_solid(shape: Profile, axis: Axis, table: Table, naming: Naming, depth: 
     z = plus(depth, times(axis.scale(), float(geom.centre[2])))
     free = geom.mass is None and bool(geom.density)
     # The picture shows no size along the line of sight, unless that of a round geom is its diameter or lies
-    # along an axis that is seen: only then does it follow; else it is a parameter of its own.
+    # along an axis that is seen: only then does it follow; else it is a separate parameter.
     if geom.kind == "sphere" or (geom.kind in KINDS and shape.long is not None):
         deep = times(axis.scale(), shape.deep) if geom.kind != "sphere" else across
     else:

@@ -78,7 +78,7 @@ def _refuse_joint(model: Any, j: int, shown: str, *, reserved: bool) -> None:
 
 
 def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
-    """Raise for numbers that no mechanism has and no arithmetic survives."""
+    """Raise for numbers that are too large for any mechanism and for the arithmetic."""
     damping = np.column_stack([model.dof_damping, model.dof_dampingpoly])
     groups = {
         "gravity": model.opt.gravity,
@@ -94,7 +94,7 @@ def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
         ),
     }
     for what, numbers in groups.items():
-        # written so that NaN, which is not below anything, counts as wild
+        # written so that NaN, which is not below anything, counts as too large
         wild = ~(np.abs(np.asarray(numbers)) <= WILD)
         if wild.any():
             raise MechanismError(

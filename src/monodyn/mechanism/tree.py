@@ -2,7 +2,7 @@
 
 Both are in the plane frame: x right, y up, z toward the camera. Every joint owns one link; a link's frame
 sits at its joint and turns with it, so a body with several joints becomes a chain of massless links and one
-that carries it all.
+that carries geoms and inertia.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, MASS, COM_X, COM_Y, INERTIA = range(9
 DAMPING, FRICTION, STIFFNESS, REST, ARMATURE, DRAG = range(9, 15)
 COLUMNS = 15
 PASSIVE = (DAMPING, FRICTION, STIFFNESS, DRAG)
-"""Columns of what acts at a joint by itself, in proportion to the column."""
+"""Columns of what acts at a single joint, in proportion to the column."""
 BRAKES = {"friction": 0, "damping": 1, "drag": 2}
 """Kinds of parameter that take energy out of a joint, with the power of the rate in the torque."""
 
@@ -110,7 +110,7 @@ class Directions:
 
         Args:
             chain: Derivatives of these parameters by the other variables, (param, variable); a parameter that
-                is an entry of the drive's table must be the variable of its own number.
+                is an entry of the drive's table must be the variable of the same number.
         """
 
         def turned(table: np.ndarray) -> np.ndarray:
@@ -155,7 +155,7 @@ class Shapes:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the picture knows about sizes, around the current values of the mechanism that carries it.
+    """The picture's information about sizes, around the current values of the mechanism that carries it.
 
     Attributes:
         names: Names of the size parameters.

@@ -45,7 +45,7 @@ NOT_IN_URDF = ("stiffness", "armature", "drag")
 """Kinds of parameters of a joint that URDF has no place for."""
 
 MASSLESS = 1e-12
-"""Mass [kg] and inertia [kg m^2] of a URDF link between two joints of one body; none at all is refused."""
+"""Mass [kg] and inertia [kg m^2] of a URDF link between two joints of one body; zero would be refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,10 +212,10 @@ def _value(mechanism: Mechanism, form: Form) -> float:
 def write_urdf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as a URDF file.
 
-    URDF has no place for the kinds ``NOT_IN_URDF``: where the mechanism has them, a comment in the file says
-    what is missing and the motion differs. Gravity is written in the ``<mujoco>`` element, which other
-    readers ignore. Ellipsoids and meshes are shown as boxes of their extents. A slide without limits gets
-    limits of 1000 m.
+    URDF has no place for the kinds ``NOT_IN_URDF``: where the mechanism has them, a comment in the file
+    names what is missing, and the motion differs. Gravity is written in the ``<mujoco>`` element, which other
+    readers ignore. Ellipsoids and meshes are shown as boxes of their extents. A slide without limits is
+    given limits of 1000 m.
 
     Args:
         mechanism: The mechanism.

@@ -1,4 +1,4 @@
-"""Searches that know nothing of pendulums."""
+"""General searches for a minimum; nothing here depends on mechanisms."""
 
 from monodyn.optimize.bfgs import bounded_bfgs
 from monodyn.optimize.bracket import Bracket, Found, golden_section, line_search, swann

@@ -123,7 +123,7 @@ class _Fit:
         return found
 
     def search(self, tolerance: float) -> bool:
-        """Search once from the best point; True when the method says that it is done."""
+        """Search once from the best point; True when the method reports that it is done."""
         from scipy.optimize import Bounds as ScipyBounds
         from scipy.optimize import minimize
 
@@ -137,7 +137,7 @@ class _Fit:
     def at(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """Return x (param,) inside the bounds and the residuals there (row,) or None.
 
-        SLSQP asks for value and slope at the same point in turn: the last point is kept.
+        SLSQP requests value and slope at the same point in turn: the last point is kept.
         """
         x = np.clip(z, self.lower, self.upper)
         if self.last is None or not np.array_equal(self.last[0], x):

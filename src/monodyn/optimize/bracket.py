@@ -13,7 +13,7 @@ from monodyn.optimize.minimum import DirectSettings
 GOLDEN = 0.5 * (3.0 - 5.0**0.5)
 """Share of the longer part at which it is cut."""
 MOST = 200
-"""Evaluations along a line at most, unless the caller says otherwise."""
+"""Evaluations along a line at most, unless the caller sets another number."""
 LINE = DirectSettings(tolerance=1e-6, evaluations=MOST)
 
 Span = tuple[float, float]
@@ -176,7 +176,7 @@ def golden_section(
         # is not at that ratio, as that of a bracket is not.
         above = high - best > best - low
         x = best + GOLDEN * ((high - best) if above else (low - best))
-        if x in (low, best, high):  # the interval is as short as numbers are
+        if x in (low, best, high):  # the interval is as short as floating-point numbers allow
             break
         trial = _number(function(x))
         calls += 1

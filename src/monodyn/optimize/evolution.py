@@ -106,7 +106,7 @@ class _Crowd:
         self.history: list[tuple[int, float]] = []
 
     def __call__(self, x: np.ndarray) -> np.ndarray | float:
-        # scipy asks for single candidates (param,) too
+        # scipy evaluates single candidates (param,) too
         columns = x if x.ndim == 2 else x[:, None]
         self.evaluations += columns.shape[1]
         values = np.array(self.function(columns), dtype=float).reshape(-1)
@@ -120,6 +120,6 @@ class _Crowd:
         """Keep the best value after a generation.
 
         Args:
-            intermediate_result: What scipy hands to a callback, which goes by this name; not used.
+            intermediate_result: What scipy passes to a callback by this name; not used.
         """
         self.history.append((self.evaluations, self.value))

@@ -22,7 +22,7 @@ class Solution:
         residual: Residuals there, (row,).
         jacobian: Jacobian there, (row, param).
         status: What ended the search, one sentence.
-        converged: True when no step promises a lower cost.
+        converged: True when no step predicts a lower cost.
         evaluations: Number of evaluations.
         at_bound: True for unknowns on a bound, (param,).
     """
@@ -47,7 +47,7 @@ def minimize(
 ) -> Solution:
     """Minimize 1/2 r(x).r(x) within bounds.
 
-    Residuals that are NaN or infinite make a rejected step; a Jacobian of any rank will do.
+    Residuals that are NaN or infinite make a rejected step; a Jacobian may have any rank.
 
     Args:
         residuals_and_jacobian: Gives r (row,) and dr/dx (row, param) at x (param,).
@@ -57,7 +57,7 @@ def minimize(
         reach: Longest step of each unknown, (param,) or one for all.
 
     Returns:
-        The best point found; its status says why the search ended.
+        The best point found; its status is the reason why the search ended.
 
     Raises:
         SettingsError: A longest step is not above 0, the bounds are reversed or the start lies outside them.

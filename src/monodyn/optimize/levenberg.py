@@ -19,7 +19,7 @@ from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED, STALLED
 LEAST_DAMPING = 1e-10
 MOST_DAMPING = 1e12
 LEAST_GAIN = 1e-4
-"""A step is taken when the cost falls by at least this share of what the model promised."""
+"""A step is taken when the cost falls by at least this share of what the model predicted."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class SearchSettings:
     """When a least-squares search stops.
 
     Attributes:
-        evaluations: The residuals are evaluated at most so often.
+        evaluations: Most evaluations of the residuals.
         relative: Done when the predicted decrease of the cost is below this share of the cost.
         decrease: Done when the predicted decrease of the cost is below this, in units of the cost.
         damping: First damping, relative to the squared norm of each column of the Jacobian.
@@ -80,7 +80,7 @@ class ArrowSolution:
         local: Local unknowns, (block, local).
         model: Cost and Gauss-Newton model there.
         status: What ended the search, one sentence.
-        converged: True when no step promises a lower cost.
+        converged: True when no step predicts a lower cost.
         evaluations: Number of evaluations.
         at_bound: True for shared unknowns that lie on a bound, (shared,).
     """
@@ -107,8 +107,8 @@ def minimize_arrow(
 
     Each step solves (H + damping D) dx = -g with D the largest diagonal of H seen so far; shared unknowns
     that the step carries over a bound, or further than ``reach``, are put there and the others solved again,
-    so that the step is the best one inside.
-    A point that cannot be evaluated (None, NaN, infinite) counts as a rejected step.
+    so that the step is the best one inside. A point that cannot be evaluated (None, NaN, infinite) counts as
+    a rejected step.
 
     Args:
         evaluate: Gives the model at (shared, local), or None where the residuals do not exist.
@@ -118,10 +118,10 @@ def minimize_arrow(
         settings: When to stop.
         reach: Longest step of each shared unknown, (shared,) or one for all; above 0. A logarithm whose
             derivative fades in one direction needs one: a single step of the model can carry it so far that
-            nothing calls it back.
+            no later step brings it back.
 
     Returns:
-        The best point found; its status says why the search ended.
+        The best point found; its status is the reason why the search ended.
 
     Source:
         Marquardt, An algorithm for least-squares estimation of nonlinear parameters, 1963; the scaling by the
@@ -139,16 +139,16 @@ def minimize_arrow(
     while evaluations < settings.evaluations:
         room = np.maximum(lower - shared, -reach), np.minimum(upper - shared, reach)
         with np.errstate(over="ignore", invalid="ignore"):  # a step that overflows is rejected below
-            step, local_step, promised = damped_step(model, damping, scale, *room)
-        if promised <= settings.decrease + max(settings.relative, 1e-15) * model.cost:
-            # Much damping makes every promise small, so that only a step with little of it proves a minimum.
+            step, local_step, predicted = damped_step(model, damping, scale, *room)
+        if predicted <= settings.decrease + max(settings.relative, 1e-15) * model.cost:
+            # Much damping makes every prediction small: only a step with little of it proves a minimum.
             converged = damping < 1.0
             status = REACHED if converged else STALLED
             break
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
-        trial = evaluate(at, local_at) if np.isfinite(promised) else None
+        trial = evaluate(at, local_at) if np.isfinite(predicted) else None
         evaluations += 1
-        gain = (model.cost - trial.cost) / promised if trial is not None and trial.finite else -np.inf
+        gain = (model.cost - trial.cost) / predicted if trial is not None and trial.finite else -np.inf
         damping = _next_damping(damping, gain)
         if gain > LEAST_GAIN and trial is not None:
             shared, local, model = at, local_at, trial
@@ -187,7 +187,8 @@ def damped_step(
         room_above: The step is not above this, (shared,); at least 0.
 
     Returns:
-        Shared step (shared,), local step (block, local), and the decrease of the cost the model promises.
+        Shared step (shared,), local step (block, local), and the decrease of the cost that the model
+        predicts.
     """
     # With A the shared, C the local and B the cross block, the local step is -C^-1 (c + B' d), so that the
     # shared step solves the Schur complement (A - B C^-1 B') d = -(a - B C^-1 c): C is inverted by blocks.
@@ -200,13 +201,13 @@ def damped_step(
     gradient = model.gradient - np.einsum("bsl,bl->s", model.cross, solved[:, :, size])
     step = _bounded_solve(reduced, gradient, room_below, room_above)
     local_step = -solved[:, :, size] - solved[:, :, :size] @ step
-    # The promise is that of the undamped model: the damping is no part of the cost.
-    promised = -(model.gradient @ step + np.sum(model.local_gradient * local_step)) - 0.5 * (
+    # The prediction is that of the undamped model: the damping is no part of the cost.
+    predicted = -(model.gradient @ step + np.sum(model.local_gradient * local_step)) - 0.5 * (
         step @ model.hessian @ step
         + 2.0 * np.einsum("s,bsl,bl->", step, model.cross, local_step)
         + np.einsum("bl,blm,bm->", local_step, model.local_hessian, local_step)
     )
-    return step, local_step, float(promised)
+    return step, local_step, float(predicted)
 
 
 def _bounded_solve(
@@ -262,7 +263,7 @@ def _scaled_solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:
-    """Diagonals of the model; an unknown without influence gets 1."""
+    """Diagonals of the model; 1 for an unknown without influence."""
     shared = np.diag(model.hessian)
     local = np.diagonal(model.local_hessian, axis1=1, axis2=2)
     return np.where(shared > 0, shared, 1.0), np.where(local > 0, local, 1.0)
@@ -275,7 +276,7 @@ def _largest(
 
 
 def _next_damping(damping: float, gain: float) -> float:
-    """Less damping after a step that kept its promise, more after one that did not."""
+    """Less damping after a step that lowered the cost as predicted, more after one that did not."""
     if gain > 0.75:
         return max(0.1 * damping, LEAST_DAMPING)
     if gain > 0.25:

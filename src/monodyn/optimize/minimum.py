@@ -19,8 +19,9 @@ class DirectSettings:
     """When a search without derivatives stops.
 
     Attributes:
-        tolerance: Accuracy of the unknowns: in steps of each where there are several, as it is along a line.
-        evaluations: The function is evaluated at most so often.
+        tolerance: Accuracy of the unknowns: in steps of each where there are several, in its own unit along a
+            line.
+        evaluations: Most evaluations of the function.
     """
 
     tolerance: float = 1e-3
@@ -35,7 +36,7 @@ class Minimum:
         x: The best point found, (param,).
         value: The function there.
         evaluations: Number of times the function was called (candidates, where it takes many at once).
-        converged: True when the search ended of its own accord.
+        converged: True when the search ended by its own criterion.
         history: Rows of evaluations so far and best value so far, (entry, 2).
         status: What ended the search, one sentence.
         multipliers: Multipliers of lower bounds, upper bounds and inequalities in units of the function by

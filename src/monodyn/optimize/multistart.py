@@ -21,7 +21,7 @@ def scatter(start: np.ndarray, spread: np.ndarray, count: int, *, seed: int) -> 
         seed: Seed of the random numbers.
 
     Returns:
-        Starts, (count, param); row 0 is ``start``, the others are uniform in start +- spread.
+        Starts, one a row, (row, param); row 0 is ``start``, the others are uniform in start +- spread.
 
     Example:
         >>> scatter(np.zeros(2), np.ones(2), 3, seed=0).shape

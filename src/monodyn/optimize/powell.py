@@ -30,7 +30,7 @@ def powell(
 ) -> Minimum:
     """Minimize a function by line searches along directions that become conjugate.
 
-    A round searches each direction in turn and then, where Powell's test promises it, the direction from the
+    A round searches each direction in turn and then, where Powell's test allows it, the direction from the
     round's start to its end, which replaces the direction of the largest decrease. Nearly dependent
     directions are replaced by the axes. Where a round does not move, another set is tried before the search
     is taken as done (the axes, or the ones between them): along a kink no axis may go down. NaN counts as
@@ -138,7 +138,7 @@ class _Lines:
             return
         # The round's own direction takes the place of that of the largest fall, unless the value rises beyond
         # the round's end (then it adds nothing) or that fall was most of the round's (then the two directions
-        # nearly agree and the new set would be dependent), which the inequality below says in one.
+        # nearly agree and the new set would be dependent), both of which the inequality below tests.
         move = (self.x - x_before) / self.step
         length = float(np.linalg.norm(move))
         beyond = self.tally(2.0 * self.x - x_before)

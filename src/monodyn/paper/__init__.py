@@ -1,1 +1,1 @@
-"""The method of 2012 as published: nothing of the default method needs it."""
+"""The method of 2012 as published; the default method does not depend on it."""

@@ -74,7 +74,7 @@ class DrawingBudget:
         self._report()
 
     def over(self, limit: float | None = None) -> bool:
-        """Return whether the silhouettes are used up, and remember it.
+        """Return whether the silhouettes are used up, and keep that in ``cut``.
 
         Args:
             limit: In place of ``most``.
@@ -125,7 +125,8 @@ def interpret(
     start = model.view()
     every = max(1, (len(shown) - 1) // (MOST_PICTURES - 1))
     best: Interpretation | None = None
-    # links that hide each other in one picture stand apart in another, so a bad best moves on to the next one
+    # links that hide each other in one picture stand apart in another, so where the best is bad, the next one
+    # is tried
     for own in [shown[0], *shown[1::every]][:MOST_PICTURES]:
         if best is not None and budget.over():
             break
@@ -173,7 +174,7 @@ def _finalists(
     """
     small = silhouette_image(own.silhouette, shrink=shrink)
     coarse = start.before(shrunk(start.base.camera, shrink))
-    # half of what is left at the start; the finalists in the whole picture need the rest
+    # half of the silhouettes that remain at the start; the finalists in the whole picture need the rest
     limit = budget.drawn + COARSE_SHARE * (budget.most - budget.drawn)
     if settings.start == "evolution":
         starts, drawings = evolved_starts(small, coarse, seed=settings.seed)
@@ -191,7 +192,7 @@ def _finalists(
 
 
 def _distinct(views: list[ModelView]) -> list[ModelView]:
-    """Leave out views that came to the same pose as a better one before them."""
+    """Leave out views whose search ended in the same pose as a better one before them."""
     kept: list[ModelView] = []
     for view in views:
         hinge = view.base.kind == HINGE

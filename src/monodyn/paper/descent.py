@@ -29,7 +29,7 @@ GRADIENT_EVALUATIONS = 4
 MOST_ROLLOUTS = 20000
 """Rollouts from all starts, at most."""
 SHOWN_EVERY = 500
-"""Progress is shown every so many rollouts."""
+"""Progress is shown each time after this many rollouts."""
 CLOSE_SHARE = 0.02
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
 
@@ -205,7 +205,7 @@ def _minimum(
 
 
 def _modes(fixed: FixedStart, x: np.ndarray, turned: np.ndarray) -> np.ndarray:
-    """Directions of the unknowns, in scales, with those of ``turned`` made to move the motion alike.
+    """Directions of the unknowns, in scales, with those of ``turned`` scaled to equal effect on the motion.
 
     A torque early in a record moves all that follows and a late one hardly anything, and neighbours do
     nearly the same: without this a quasi-Newton search takes thousands of steps. (param, param).

@@ -1,8 +1,8 @@
 """Measured joint positions in, filtered positions, rates and accelerations out: the alpha-beta-gamma filter.
 
 The filter is linear in the measurements, so the covariance of its states follows from theirs without any
-approximation. It looks only backwards, hence its states lag behind fast motion; the covariance knows of noise
-alone and not of that lag.
+approximation. It looks only backwards, hence its states lag behind fast motion; the covariance contains the
+noise alone, and not that lag.
 
 In the last line of eq. (6) the paper prints a_p(k-1), though a_p is defined nowhere: it is read as the
 prediction of a constant acceleration. Where the filter starts is left open: here from the parabola through
@@ -96,7 +96,7 @@ class Filtered:
 def filtered(
     time: np.ndarray, observed: np.ndarray, gains: Gains, covariance: np.ndarray | None = None
 ) -> Filtered:
-    """Filter joint positions, each by itself: predict with constant acceleration, correct by the innovation.
+    """Filter joint positions, each separately: predict with constant acceleration, correct by the innovation.
 
     x_p(k) = x_s(k-1) + T v_s(k-1) + T^2/2 a_s(k-1), v_p(k) = v_s(k-1) + T a_s(k-1), a_p(k) = a_s(k-1);
     x_s = x_p + alpha e, v_s = v_p + beta/T e, a_s = a_p + gamma/T^2 e with e = x_o - x_p and T the time since

@@ -1,6 +1,6 @@
 """A start in, scales and bounds of the unknowns out, as the published search needs them.
 
-The paper names no bounds. Here sizes stay within a factor of what file or picture say, and torques and
+The paper names no bounds. Here sizes stay within a factor of what file or picture give, and torques and
 frictions within what weight and inertia of the motion itself require.
 """
 
@@ -16,11 +16,11 @@ from monodyn.paper.fixed_start import FixedStart
 from monodyn.paper.torque import inverse_dynamics
 
 SIZE_REACH = float(np.log(10.0))
-"""Positive parameters are looked for within a factor of ten of what file or picture say of them."""
+"""Positive parameters are looked for within a factor of ten of what file or picture give."""
 FREE_LENGTH_REACH = float(np.log(3.0))
-"""Lengths under free torques within a factor of three: any of them would do."""
+"""Lengths under free torques within a factor of three: any of them explains the motion."""
 MOST_LOADS = {"fourier": 10.0, "free": 3.0}
-"""Torques up to so many times that of weight and inertia."""
+"""Torques up to this many times that of weight and inertia."""
 TYPICAL_CHANGE = 0.1
 """Typical change of a logarithm, by which the search scales it."""
 
@@ -84,7 +84,7 @@ def _loads(fixed: FixedStart, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> 
     links = mechanism.tree.links.copy()
     links[:, PASSIVE] = 0.0
     bare = replace(mechanism.tree, links=links)
-    # without gravity what is left is inertia; both by themselves, because they may cancel in a slow swing
+    # without gravity inertia remains; each is taken separately, because they may cancel in a slow swing
     floating = replace(bare, gravity=np.zeros(2))
     squares, rates, rows = np.zeros(len(links)), np.zeros(len(links)), 0
     for k, found in enumerate(smoothed):

@@ -23,7 +23,7 @@ LED_STEPS = 16
 LEAD_RATE = 0.2
 """Rate by the time step at which a simulated state is led back to the poses for a start."""
 MOST_STARTS = {"fourier": 2, "free": 1}
-"""Starts, at most, with a torque over time, whose many unknowns make up for a start that is off."""
+"""Starts, at most, with a torque over time, whose many unknowns compensate for a start that is off."""
 
 
 def fit_starts(
@@ -31,7 +31,7 @@ def fit_starts(
 ) -> Iterator[np.ndarray]:
     """Yield starts: that of the guessed period, then those of the default search without a torque.
 
-    A Fourier series starts as that of the torque that the smoothed poses ask for there, eq. (12) and (13);
+    A Fourier series starts as that of the torque that the smoothed poses require there, eq. (12) and (13);
     free torques as those that lead the motion of the file's bodies, in the scale of the start, along the
     poses.
 
@@ -65,7 +65,7 @@ def fit_starts(
 
 
 def _driven(fixed: FixedStart, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> np.ndarray:
-    """Put the coefficients of the torque that smoothed poses ask for into ``x`` (param,)."""
+    """Put the coefficients of the torque that smoothed poses require into ``x`` (param,)."""
     if fixed.problem.mechanism.torque == "free":
         return led(fixed, x, smoothed[0])
     if fixed.problem.mechanism.torque != "fourier":
@@ -94,7 +94,7 @@ def led(fixed: FixedStart, x: np.ndarray, smoothed: Smoothed, first: int = 0) ->
         fixed: The problem, of one record under free torques.
         x: Coordinates, (param,).
         smoothed: Smooth motion of the record.
-        first: Row before which torques stay as they are.
+        first: Row before which torques are not changed.
 
     Returns:
         Coordinates with the torques, (param,).

@@ -30,7 +30,7 @@ NOT_FOLLOWED_SHARE = 0.25
 def published_verdict(
     found: Descent, rms: dict[str, float], settings: PaperIdentifySettings, period: float | None
 ) -> tuple[str, bool]:
-    """Say what came of the fit, and whether it follows the record at all.
+    """Write what came of the fit, and decide whether it follows the record at all.
 
     Args:
         found: Where the search ended.
@@ -88,7 +88,7 @@ def published_advice(
     settings: PaperIdentifySettings,
     without_effect: Sequence[str],
 ) -> tuple[str, ...]:
-    """Say all that the reader should know, the gravest first.
+    """Write all that the reader should know, the gravest first.
 
     Args:
         found: Where the search ended.
@@ -103,7 +103,7 @@ def published_advice(
     """
     fixed, problem, mechanism = found.fixed, found.fixed.problem, found.fixed.problem.mechanism
     kinds = {p.name: p.kind for p in mechanism.parameters}
-    # torques are a means here: of hundreds of them nothing is said one by one
+    # torques are a means here: there is no advice on each of hundreds of them
     bodies = [p for p in fit.parameters if kinds[p.name] != "torque"]
     advice = say.integration(fixed.substeps, found.error, settings.error_bound)
     advice += _under_torques(fixed) if settings.torque == "free" else _misfit(found, fit, records)
@@ -121,7 +121,7 @@ def published_advice(
 
 
 def _under_torques(fixed: FixedStart) -> list[str]:
-    """Say what free torques leave open."""
+    """Report what free torques leave open."""
     unknowns = fixed.problem.unknowns
     advice = [
         f"{len(unknowns)} unknowns and {fixed.compared} measured values: free torques are underdetermined "
@@ -131,14 +131,14 @@ def _under_torques(fixed: FixedStart) -> list[str]:
     sizes = [name for name, kind in pairs if kind != "torque"]
     if sizes:
         advice.append(
-            f"Beside free torques any sizes and masses will do: {listed(sizes, 8)} are arbitrary; give "
+            f"With free torques any sizes and masses are possible: {listed(sizes, 8)} are arbitrary; give "
             "measured values with --fix."
         )
     return advice
 
 
 def _misfit(found: Descent, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
-    """Say where residuals are far above the stated noise; a given start state adds to them."""
+    """Report where residuals are far above the stated noise; a given start state adds to them."""
     problem, mechanism = found.fixed.problem, fit.mechanism
     noise = noise_factors(problem.data, problem.differences(found.fixed.trial(found.x)), len(found.x))
     large = bool(_shares(found, fit.rms).max() > UNCLEAR_SHARE)
@@ -157,7 +157,7 @@ def _misfit(found: Descent, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
 
 
 def _filtering(settings: PaperIdentifySettings) -> list[str]:
-    """Say what the gains do, where they are not the usual ones or ring."""
+    """Report what the gains do, where they are not the usual ones or ring."""
     used = settings.rates or settings.states == "filtered"
     if not used and tuple(settings.gains) != PAPER_GAINS:
         return [

@@ -1,7 +1,7 @@
 """The least-squares problem of the 2012 paper: start states given by the filtered poses, poses unweighted.
 
-The default problem has the start states among its unknowns; here they are given, and all that is left is one
-rollout a record.
+The default problem has the start states among its unknowns; here they are given, and each record is
+one rollout.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ class FixedStart:
         found = np.full((rows, 2 * dofs), np.nan)
         data = self.problem.data
         for first, stop, response in zip(data.first[:-1], data.first[1:], self.response, strict=True):
-            # the filter knows the rows of the record's table alone, none of those that were put into gaps
+            # the filter was given the rows of the record's table alone, none of those that were put into gaps
             of = first + np.flatnonzero(data.source[first:stop] >= 0)
             at = data.source[of]
             part = response[np.ix_(at, np.arange(2), np.arange(dofs), at)]
@@ -204,9 +204,9 @@ def targets(
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Return what the simulated states are compared with, and its whitening.
 
-    Angles alone are compared as they are, as in the paper. With rates the difference is weighted with the
+    Angles alone are compared without weights, as in the paper. With rates the difference is weighted with the
     inverse covariance: that of the filter, or with measured angles that of the measurement and, for
-    the rates, of the filter. That covariance knows nothing of the filter's lag, which is why the simulated
+    the rates, of the filter. That covariance does not include the filter's lag, which is why the simulated
     positions then pass the same filter (``FixedStart.response``).
 
     Args:

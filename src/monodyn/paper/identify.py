@@ -3,8 +3,8 @@
 Unlike the default method it takes the start state from the filtered poses, compares angles without weights,
 takes no sizes from a picture, and searches with BFGS and an active set. Where the paper is silent:
 
-* Bodies keep their aspect ratio. A Fourier series has 7 harmonics unless the user says otherwise, and its
-  period is estimated beforehand and held; with the dampings of Case I these are 4 + 2 + 30 = 36
+* Bodies keep their aspect ratio. A Fourier series has 7 harmonics unless the user sets another number, and
+  its period is estimated beforehand and held; with the dampings of Case I these are 4 + 2 + 30 = 36
   unknowns for two links, the paper's count, which its own 4 + 2 s_1 + 2 s_2 + 2 = 34 is not. Free torques
   are linear between time stamps; 2 k + 4 unknowns for two links.
 * The start state of each record is the filtered one, eq. (6), at its first sample: the parabola through the
@@ -85,7 +85,8 @@ def identify_published(
         return _refused(model, UNSTARTED, records, settings, began)
     problem = model.problem
     if settings.torque == "fourier" and not stands_out(problem, found.x, smooth_motion(problem, smoothed)):
-        # a period that was estimated is that of the motion then, and no torque's; a given one may be doubted
+        # without such a torque an estimated period is only that of the motion; a given one is kept, with
+        # advice
         if model.period is not None:
             return _refused(model, NO_PERIOD, records, settings, began)
         model = replace(model, doubt=(no_harmonic(problem.mechanism_at(found.x)),))

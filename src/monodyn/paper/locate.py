@@ -34,7 +34,7 @@ MOST_DRAWN = 1_500_000
 COARSE_SIDE_PX = 150
 """Largest side of the moving part in the reduced picture that starts are ranked in [px]."""
 MISREAD = 0.5
-"""Share of mismatch in the other frames from which an interpretation says nothing about the background."""
+"""Share of mismatch in the other frames from which an interpretation cannot show the background."""
 MOST_COVERED = 36
 """Sample frames from which the mechanism is taken out, at most."""
 POSED = 0.3

@@ -87,7 +87,7 @@ def camera_round(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, li
 
     Args:
         image: The seen silhouette.
-        view: The mechanism as it is so far.
+        view: The mechanism as found so far.
     """
     histories = []
     if view.free.depth:

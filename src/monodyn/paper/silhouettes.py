@@ -59,7 +59,7 @@ class ClipSilhouettes:
         return silhouette(frame, self.masks.background, self.threshold, settle=settle)
 
     def find(self, frame: Frame) -> SilhouetteFrame | None:
-        """Return a frame with its silhouette, or None where nothing of the mechanism is seen.
+        """Return a frame with its silhouette, or None where no part of the mechanism is seen.
 
         Args:
             frame: The frame.

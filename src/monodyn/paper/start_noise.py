@@ -111,7 +111,7 @@ def target_response(fixed: FixedStart) -> np.ndarray:
         of = np.flatnonzero((record == k) & (data.source >= 0))
         at = data.source[of]
         part = response[np.ix_(at, np.arange(columns // dofs), np.arange(dofs), at)]
-        # the filter takes each joint by itself: a sample moves the states of its own joint alone
+        # the filter takes each joint separately: a sample moves the states of its own joint alone
         for dof in range(dofs):
             for state in range(columns // dofs):
                 place = np.ix_(of, np.array([state * dofs + dof]), of, np.array([dof]))

@@ -222,7 +222,7 @@ def _patterns(view: ModelView) -> list[np.ndarray]:
     out = []
     for shape, wider in itertools.product(shapes, WIDTH_FACTORS if widths.any() else (1.0,)):
         whole = shape * np.where(widths, wider, 1.0)
-        # the reference stays as it is: a factor on it is its inverse on all others
+        # the reference does not change: a factor on it is its inverse on all others
         out.append(whole[:-1] / whole[-1] if view.reference else whole)
     return out
 

@@ -25,7 +25,7 @@ from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import outline_starts, project
 
 LEAST_SIZE_PX = 1.5
-"""No length or width gets below this: what has no inside has no mismatch to come back by [px]."""
+"""No length or width becomes smaller [px]: without an inside the mismatch would no longer depend on it."""
 PLACED_DRAWINGS = 3
 """Silhouettes drawn for one trial before a camera that is placed."""
 DEPTH_RANGE = (0.1, 10.0)
@@ -115,7 +115,7 @@ def fit_depth(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, Histo
 
     Args:
         image: The seen silhouette.
-        view: The mechanism as it is so far.
+        view: The mechanism as found so far.
 
     Returns:
         The mechanism before the camera as found, and the history of the search.
@@ -150,7 +150,7 @@ def fit_place(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, Histo
 
     Args:
         image: The seen silhouette.
-        view: The mechanism as it is so far.
+        view: The mechanism as found so far.
 
     Returns:
         The mechanism before the camera as found, and the history of the search.
@@ -303,7 +303,7 @@ def fit_ratios(
 
     Args:
         image: The seen silhouette.
-        view: The mechanism as it is so far.
+        view: The mechanism as found so far.
         step: First step as a share of each size.
 
     Returns:
@@ -340,7 +340,7 @@ def camera_placed(image: SilhouetteImage, view: ModelView) -> ModelView:
 
     Args:
         image: The seen silhouette.
-        view: The mechanism as it is so far.
+        view: The mechanism as found so far.
     """
     _, place = _placed_gap(image, view, view.rig, view.position)
     return view.before(_replaced(view.base.camera, dict(enumerate(place, X))))

@@ -62,7 +62,8 @@ def silhouette(frame: Frame, background: Background, level: float, *, settle: bo
         kept = area >= LEAST_PART * area[1:].max()
         kept[0] = False  # label 0 is everything below the level
         part[...] = (kept.astype(np.uint8) * np.uint8(FULL))[np.asarray(labels)]
-    # set last: what the removal of small patches left of these pixels says nothing about the mechanism
+    # set last: what the removal of small patches left of these pixels gives no information about the
+    # mechanism
     over[~background.known] = OPEN
     if settle and not background.known.all():
         _settle_unknown(over, ~background.known)

@@ -39,7 +39,7 @@ def friction_torque(
 
 
 def fourier_coefficients(time: np.ndarray, values: np.ndarray, period: float, terms: int) -> np.ndarray:
-    """Fit Fourier series to joint positions or torques by least squares, each joint by itself.
+    """Fit Fourier series to joint positions or torques by least squares, each joint separately.
 
     Args:
         time: Times [s], (frame,).

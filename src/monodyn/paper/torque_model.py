@@ -86,7 +86,7 @@ def _periodic(
         return TorqueModel(problem, None if known else NO_PERIOD)
     period = guesses[0].period
     if not known:
-        # a series makes up for what the model lacks; the default search decides whether a torque acts at all
+        # a series can fit what the model lacks; the default search decides whether a torque acts at all
         default = explain_by_series(mechanism, Task(problem.data, smoothed, settings, None))
         if default.optimum is None:
             return TorqueModel(problem, NO_PERIOD)
@@ -101,7 +101,7 @@ def _of_period(mechanism: Mechanism, terms: int, period: float | None = None) ->
 
 
 def _obstacle(problem: Problem, settings: PaperIdentifySettings) -> str | None:
-    """Say why there is no point in a search, or None."""
+    """Return the reason why there is no point in a search, or None."""
     data, unknowns, fewest = problem.data, len(problem.unknowns), FEWEST_MEASURED
     # rates are derived from the same samples, but the paper counts them
     samples = data.samples * (2 if settings.rates else 1)

@@ -107,7 +107,7 @@ class PaperPoses(Poses):
 
 @dataclass(frozen=True, eq=False)
 class FrameOutcome:
-    """What following the mechanism into a frame gave.
+    """Result of following the mechanism into a frame.
 
     Attributes:
         motion: The motion from here on, or None before the mechanism was seen.
@@ -241,7 +241,7 @@ def move_limits(
     """
     widest = settings.move_share * joint_ranges(view) * WIDENING**motion.lost
     start, move = motion.position, widest
-    # one frame has no velocity, and after a long time out of sight the last one says little
+    # one frame has no velocity, and after a long time out of sight the last one predicts little
     if settings.adaptive and motion.frames > 1 and motion.lost <= MOST_COASTED:
         ahead = motion.velocity * (time - motion.time)
         start = start + ahead

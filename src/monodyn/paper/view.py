@@ -16,7 +16,7 @@ from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
 from monodyn.vision.drawing.silhouette import row_sums
 
 OVERHANGS = ("tail", "tip")
-"""Kinds of sizes that say how far a body reaches beyond its hinges; they may be zero."""
+"""Kinds of sizes by which a body reaches beyond its hinges; they may be zero."""
 RATIO_RANGE = 30.0
 """Factor by which an aspect ratio may become larger or smaller than in the file."""
 LEAST_SCALE = 0.1
@@ -67,7 +67,7 @@ class ModelView:
         sizes: Their values [m], (param,).
         lower: Lower bounds [m], (param,).
         upper: Upper bounds [m], (param,).
-        base: The rig at sizes of zero, with the camera as it is now.
+        base: The rig at sizes of zero, with the present camera.
         slopes: Derivatives of links, points and radius by size, each (param, ...).
         position: Joint positions, (dof,).
         limits: Lower and upper joint limits, (2, dof).
@@ -125,7 +125,7 @@ class ModelView:
 
 
 def silhouette_image(silhouette: np.ndarray, *, shrink: int = 1) -> SilhouetteImage:
-    """Take area, centroid and row sums of a binary silhouette.
+    """Return area, centroid and row sums of a binary silhouette.
 
     Args:
         silhouette: uint8 (height, width), ``FULL`` on the mechanism, ``OPEN`` where that is not known.
@@ -159,7 +159,7 @@ def silhouette_image(silhouette: np.ndarray, *, shrink: int = 1) -> SilhouetteIm
 
 
 def model_view(mechanism: Mechanism, camera: Camera, position: np.ndarray, free: CameraFree) -> ModelView:
-    """Prepare a mechanism before a camera for the problems.
+    """Return a mechanism before a camera in the form in which the problems use it.
 
     Of the free sizes the first length stays when the depth is estimated: a picture does not determine the
     common scale, so the others are ratios to it.

@@ -71,17 +71,18 @@ class FitPlan:
 class Case:
     """One fit, and how far its motion is from what was seen and from the truth.
 
-    Errors are root mean squares by joint [rad or m], (dof,), or None where they are not known.
+    Errors are root mean squares by joint [rad or m], or None where they are not known.
 
     Attributes:
         plan: What was to be fitted.
         status: The fit's own status, or why there is none.
         fit: The fit, or None.
         motion: Its motion from the first frame to the last predicted one, or None.
-        residual: Of the simulated motion against the poses over the fitted frames.
-        error: Of the simulated motion against the truth over the fitted frames.
-        ahead: Of the prediction over the frames after, against the truth, or the poses where that is unknown.
-        late: Likewise over the frames that no fit has used.
+        residual: Of the simulated motion against the poses over the fitted frames, (dof,).
+        error: Of the simulated motion against the truth over the fitted frames, (dof,).
+        ahead: Of the prediction over the frames after, against the truth, or the poses where that is unknown,
+            (dof,).
+        late: The same over the frames that no fit has used, (dof,).
         parameters: Relative errors against the truth by name.
         seconds: Wall time [s].
         clip_period: True where the period is that of the whole clip, predicted frames included.
@@ -157,7 +158,7 @@ def run_cases(
 
 
 def run_case(plan: FitPlan, seen: Seen, truth: Truth | None, design: Design) -> Case:
-    """Make one fit and measure it.
+    """Return one fit and how far its motion is from poses and truth.
 
     Args:
         plan: What to fit.

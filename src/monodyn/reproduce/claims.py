@@ -94,7 +94,7 @@ TRUTH_UNKNOWN = Verdict(None, "the truth of this clip is not known")
 
 
 def claims(seen: Mapping[str, Seen], cases: Sequence[Case], design: Design) -> list[Claim]:
-    """Judge every claim for both methods.
+    """Return every claim with its verdict for both methods.
 
     Args:
         seen: What each method saw.
@@ -121,7 +121,7 @@ def overall(error: np.ndarray | None) -> float | None:
 
 
 def degrees(value: float) -> str:
-    """Write an angle in degrees.
+    """Return an angle in degrees with three digits, as text.
 
     Args:
         value: The angle [rad].
@@ -131,7 +131,7 @@ def degrees(value: float) -> str:
 
 
 def filtered_is_worse(evidence: Evidence) -> Verdict:
-    """Compare predictions from filtered and from unfiltered states.
+    """Return whether filtered states give worse predictions than unfiltered ones.
 
     Args:
         evidence: What one method found.
@@ -152,7 +152,7 @@ def filtered_is_worse(evidence: Evidence) -> Verdict:
 
 
 def noise_is_filtered_out(evidence: Evidence) -> Verdict:
-    """Compare the fitted motion's error with that of the poses it was fitted to.
+    """Return whether the fitted motion is nearer to the truth than the poses that it was fitted to.
 
     Args:
         evidence: What one method found.
@@ -170,7 +170,7 @@ def noise_is_filtered_out(evidence: Evidence) -> Verdict:
 
 
 def more_frames_are_better(evidence: Evidence) -> Verdict:
-    """Compare errors on the same late frames after fits of more and more frames.
+    """Return whether fits of more and more frames have smaller errors on the same late frames.
 
     Args:
         evidence: What one method found.
@@ -195,7 +195,7 @@ def more_frames_are_better(evidence: Evidence) -> Verdict:
 
 
 def starts_agree_in_motion(evidence: Evidence) -> Verdict:
-    """Compare parameters and motions found from different start values.
+    """Return whether different start values give different parameters and the same motion.
 
     Args:
         evidence: What one method found.
@@ -217,7 +217,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
 
 
 def _ratios(values: Sequence[Mapping[str, float]]) -> str:
-    """Say by how much what the motion can tell differs between fits at most."""
+    """Write the largest difference between fits in what the motion determines."""
     shares = {}
     for name in values[0]:
         numbers = [found[name] for found in values]
@@ -243,7 +243,7 @@ def parameter_spread(values: Sequence[Mapping[str, float]], names: Sequence[str]
 
 
 def fourier_deviates(evidence: Evidence) -> Verdict:
-    """Judge whether Case II tracks the poses and predicts worse than Case I.
+    """Return whether Case II tracks the poses and predicts worse than Case I.
 
     Args:
         evidence: What one method found.
@@ -265,7 +265,7 @@ def fourier_deviates(evidence: Evidence) -> Verdict:
 
 
 def free_torque_follows_noise(evidence: Evidence) -> Verdict:
-    """Judge whether Case III tracks the poses exactly and has their errors.
+    """Return whether Case III tracks the poses exactly and has their errors.
 
     Args:
         evidence: What one method found.
@@ -294,7 +294,7 @@ def free_torque_follows_noise(evidence: Evidence) -> Verdict:
 
 
 def unknowns_as_printed(evidence: Evidence) -> Verdict:
-    """Compare the numbers of unknowns with the paper's.
+    """Return whether the numbers of unknowns are those of the paper.
 
     Args:
         evidence: What one method found.
@@ -370,7 +370,7 @@ CLAIMS = (
     Criterion(
         "Case III tracks the estimated poses exactly but follows their noise.",
         "Case III, Fig. 9",
-        "residual below a quarter of the poses' error, with which that of the motion correlates above 0.9",
+        "residual below a quarter of the poses' error, correlation of the two errors above 0.9",
         free_torque_follows_noise,
     ),
     Criterion(

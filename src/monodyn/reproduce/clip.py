@@ -1,6 +1,6 @@
 """A clip of an aluminium double pendulum with known truth: simulated by MuJoCo, painted, encoded.
 
-Nothing of the estimation is used here, on purpose: projection, faces and coverage are written a second time
+No part of the estimation is used here, on purpose: projection, faces and coverage are written a second time
 and independently of ``vision.drawing``, so that a mistake there cannot cancel. This module is the oracle that
 both methods are judged by. Each rod is a box before a pinhole camera. The share of every pixel that a face
 covers is computed, not sampled over the width, and the faces of a box that look at the camera do not overlap,
@@ -174,7 +174,7 @@ def truth_document(truth: Truth, settings: ClipSettings) -> dict[str, Any]:
 
 
 def simulated(settings: ClipSettings) -> Truth:
-    """Simulate the pendulum with MuJoCo from rest.
+    """Return the pendulum's motion from rest, simulated with MuJoCo.
 
     Args:
         settings: Pendulum, rate and number of frames.
@@ -207,7 +207,7 @@ def simulated(settings: ClipSettings) -> Truth:
 
 
 def painted(settings: ClipSettings, position: np.ndarray, background: np.ndarray) -> np.ndarray:
-    """Paint one frame without noise, RGB from 0 to 255, (height, width, 3).
+    """Return one painted frame without noise, RGB from 0 to 255, (height, width, 3).
 
     Args:
         settings: Pendulum, camera and colours.
@@ -272,11 +272,11 @@ def _box_faces(low: np.ndarray, high: np.ndarray) -> list[tuple[np.ndarray, np.n
 
 
 def project(camera: Camera, points: np.ndarray) -> np.ndarray:
-    """Project points of the plane frame [m] (point, 3) to pixels (point, 2); pixel centres are whole numbers.
+    """Return points of the plane frame in the picture [px], (point, 2); pixel centres are whole numbers.
 
     Args:
         camera: A camera without roll, pitch and yaw.
-        points: x to the right, y up, z toward the camera, (point, 3).
+        points: x to the right, y up, z toward the camera [m], (point, 3).
     """
     scale = camera.focal / (camera.depth - points[:, 2])
     column = (camera.width - 1) / 2 + scale * (points[:, 0] - camera.x)
@@ -311,7 +311,7 @@ def coverage(polygon: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice,
         column = a[0] + along * (b[0] - a[0])
         enter = np.where(crossed, np.minimum(enter, column), enter)
         leave = np.where(crossed, np.maximum(leave, column), leave)
-    # a line that misses the polygon gets an empty stretch, so that no infinity meets another below
+    # a line that misses the polygon has an empty stretch, so that no difference of infinities is formed below
     leave = np.maximum(leave, np.where(np.isfinite(enter), enter, 0.0))
     enter = np.where(np.isfinite(enter), enter, leave)
     edge = np.arange(left, right) - 0.5

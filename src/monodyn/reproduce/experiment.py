@@ -169,7 +169,7 @@ def _made(folder: RunFolder, settings: ClipSettings, progress: Progress | None) 
 
 
 def opened(clip: str | Path, model: str | Path, design: Design) -> tuple[Video, Mechanism]:
-    """Open the clip and load the mechanism.
+    """Return the opened clip and the mechanism.
 
     Args:
         clip: Video file or folder of pictures.

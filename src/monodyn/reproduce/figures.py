@@ -90,7 +90,7 @@ def panel(title: str, unit: str, content: Sequence[Mapping[str, Any]], **more: A
 
 
 def states_figure(seen: Seen, true: np.ndarray | None, rates: np.ndarray | None, design: Design) -> Figure:
-    """Draw the filtered states, the counterpart of Fig. 3.
+    """Return the figure of the filtered states, the counterpart of Fig. 3.
 
     Args:
         seen: What a method saw.
@@ -120,7 +120,7 @@ def states_figure(seen: Seen, true: np.ndarray | None, rates: np.ndarray | None,
         "Figure 3: filtered states",
         f"Poses of the {TITLES[seen.method]} method through the α-β-γ filter, α = {alpha:g}, β = {beta:g}, "
         f"γ = {gamma:g}, over {stop} frames. In eq. (6) an error of the states dies out for γ below "
-        f"2αβ/(2 − α) = {2 * alpha * beta / (2 - alpha):.3g}; at that edge it rings on.",
+        f"2αβ/(2 − α) = {2 * alpha * beta / (2 - alpha):.3g}; at that limit it rings without end.",
         len(seen.poses.joints),
         panels,
         (
@@ -134,7 +134,7 @@ def states_figure(seen: Seen, true: np.ndarray | None, rates: np.ndarray | None,
 def case_figure(
     title: str, caption: str, cases: Mapping[str, Case | None], seen: Mapping[str, Seen], design: Design
 ) -> Figure:
-    """Draw simulated, estimated and true motion of one case for both methods.
+    """Return the figure of simulated, estimated and true motion of one case for both methods.
 
     Args:
         title: Heading.
@@ -188,7 +188,7 @@ def _case_panels(case: Case | None, seen: Seen, design: Design) -> list[dict[str
 
 
 def frames_figure(evidence: Mapping[str, Evidence]) -> Figure:
-    """Draw the error on the same late frames over the number of fitted frames.
+    """Return the figure of the error on the same late frames over the number of fitted frames.
 
     Args:
         evidence: What each method found.
@@ -221,7 +221,7 @@ def frames_figure(evidence: Mapping[str, Evidence]) -> Figure:
 
 
 def history_figure(seen: Seen) -> Figure | None:
-    """Draw the objectives of the sequential framework, Fig. 2, or return None where there are none.
+    """Return the objectives of the sequential framework, Fig. 2, or None where there are none.
 
     Args:
         seen: What the published method saw.
@@ -253,7 +253,7 @@ def history_figure(seen: Seen) -> Figure | None:
 
 
 def poses_figure(seen: Mapping[str, Seen]) -> Figure:
-    """Draw the errors of the estimated poses over time.
+    """Return the figure of the errors of the estimated poses over time.
 
     Args:
         seen: What each method saw.

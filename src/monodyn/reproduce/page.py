@@ -184,7 +184,7 @@ def _case_name(case: Case) -> str:
 
 
 def _fits(cases: Sequence[Case], joints: Sequence[str]) -> Table:
-    """Return the main table; where both methods have a case a row says by how much the default is better."""
+    """Return the main table; where both methods have a case, with how much better the default is."""
     from markupsafe import Markup
 
     head = ["case", "method", "unknowns", "evaluations", "seconds"]
@@ -317,7 +317,7 @@ def picture_rows(
 
 
 def model_picture(scene: Scene, position: np.ndarray) -> bytes:
-    """Draw the mechanism as a method found it, as a JPEG file.
+    """Return a picture of the mechanism as a method found it, as the bytes of a JPEG file.
 
     Args:
         scene: Mechanism and camera.

@@ -94,7 +94,7 @@ def gains(cases: Sequence[Case], joints: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def grouped(cases: Sequence[Case]) -> list[list[Case]]:
-    """Put neighbours that differ in the method alone together.
+    """Return groups of neighbours that differ in the method alone.
 
     Args:
         cases: Fits, methods side by side.
@@ -225,7 +225,7 @@ def plain_rows(cases: Sequence[Case], joints: Sequence[str]) -> tuple[list[str],
             rows.append(
                 cells + [_joined([gain[f"{name}_{joint}_deg"] for joint in joints]) for name in SHOWN_ERRORS]
             )
-    # a column without a number says nothing; the names of the fits, the first three, stay in any case
+    # a column without a number is left out; the names of the fits, the first three, stay in any case
     empty = {"–", ""}
     kept = [i for i in range(len(columns)) if i < 3 or any(row[i] not in empty for row in rows)]
     return [columns[i] for i in kept], [[row[i] for i in kept] for row in rows]

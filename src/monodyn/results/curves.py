@@ -41,7 +41,7 @@ def motion_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
                 "time": _list(poses.time),
                 "observed": _list(observed),
                 "window": [float(poses.time[first]), float(poses.time[stop - 1])],
-                # after the fitted frames the prediction, which has not looked at them, takes over
+                # after the fitted frames the curve is the prediction, which has not used them
                 "fitted": _band(*(values[:stop] for values in (*motion, poses.time, error))),
                 "predicted": _predicted(trace, dof, scale, (poses.time[stop:], error[stop:])),
             }

@@ -1,4 +1,4 @@
-"""What is said of a fit, before it is written: the content of ``fit.json`` and of the report."""
+"""What is reported about a fit, before it is written: the content of ``fit.json`` and of the report."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A fit with its records, and what else a report says of it.
+    """A fit with its records, and what else a report states about it.
 
     Attributes:
         fit: The fit.
@@ -135,7 +135,7 @@ def listed_rows(fit: Fit) -> list[Estimate]:
         return [row for row in fit.parameters if row.free]
     kinds = {parameter.name: parameter.kind for parameter in fit.mechanism.parameters}
     rows = [row for row in fit.parameters if kinds[row.name] != "torque"]
-    # an offset shows in the picture alone: the motion has nothing to say of it, held or not
+    # an offset shows in the picture alone: the motion gives no information about it, held or not
     held = [
         row.name
         for row in rows

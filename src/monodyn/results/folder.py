@@ -58,7 +58,7 @@ class RunFolder:
     """An output folder that takes the files of one run.
 
     Attributes:
-        path: The folder the user asked for.
+        path: The folder that the user named.
         kind: What it holds.
         stage: Folder the files are written to; another one than ``path`` while an old run is being replaced,
             and until the end where its kind is ``whole``.
@@ -159,7 +159,7 @@ class RunFolder:
         self.write(name, lambda part: _write_text(part, text))
 
     def finish(self) -> None:
-        """Put a complete run into its place and remove what is left of the old one.
+        """Put a complete run into its place and remove the remains of the old one.
 
         Raises:
             SettingsError: a file cannot be moved.
@@ -186,7 +186,7 @@ class RunFolder:
         self._clear(unfinished)
 
     def _put_back(self, aside: Path) -> None:
-        """Undo a swap that was stopped: where the files are says how far it came."""
+        """Undo a swap that was stopped: the places of the files show how far it came."""
         try:
             # the last new file is in place: the swap was complete, only the clearing up was stopped
             if all(not (self.stage / name).exists() for name in self.written):

@@ -20,7 +20,7 @@ PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python
 
 
 class RunLog:
-    """Collects what ``run.json`` says while a run goes on.
+    """Collects the content of ``run.json`` while a run goes on.
 
     Attributes:
         command: Name of the command.
@@ -86,7 +86,7 @@ class RunLog:
 
 @contextmanager
 def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
-    """Write ``run.json`` however the block ends, and put the run into its place when it is complete.
+    """Yield ``log``; then write ``run.json`` however the block ends, and move a complete run to its place.
 
     Args:
         folder: The run folder; None writes nothing.
@@ -98,7 +98,7 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
     try:
         yield log
         if folder is not None:
-            # last of all files: a folder with a run.json that says done is complete
+            # last of all files: a folder whose run.json has the status done is complete
             folder.write_text("run.json", json_text(log.document("done", [*folder.written, "run.json"])))
             folder.finish()
     except BaseException as error:
@@ -152,7 +152,7 @@ def _fingerprint(value: object) -> dict[str, Any]:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         return {"name": str(value), "bytes": path.stat().st_size, "sha256": digest}
     if path.is_dir():
-        # a folder of pictures may be large: names and sizes tell another one well enough
+        # a folder of pictures may be large: names and sizes distinguish another one well enough
         listing = sorted(f"{file.name} {file.stat().st_size}" for file in path.iterdir() if file.is_file())
         digest = hashlib.sha256("\n".join(listing).encode()).hexdigest()
         return {"name": str(value), "files": len(listing), "sha256_of_listing": digest}

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def number(value: float | None, std: float | None = None) -> str:
-    """Write a number with the digits that its standard deviation leaves, five without one.
+    """Return a number as text, with the digits that its standard deviation leaves, five without one.
 
     Args:
         value: The number; None is unknown.
@@ -20,7 +20,7 @@ def number(value: float | None, std: float | None = None) -> str:
         return "unknown"
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
-    # without an error of its own a value has five digits
+    # a value without a standard deviation has five digits
     if std is None or not math.isfinite(std) or std <= 0 or value == 0:
         return f"{value:.5g}".replace("-", "−")
     # two digits of the standard deviation, and all digits of the value down to there
@@ -29,7 +29,7 @@ def number(value: float | None, std: float | None = None) -> str:
 
 
 def short(value: float) -> str:
-    """Write a standard deviation with two digits.
+    """Return a standard deviation as text with two digits.
 
     Args:
         value: The standard deviation.

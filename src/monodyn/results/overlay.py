@@ -28,7 +28,14 @@ FASTEST = 1000.0
 
 @dataclass(frozen=True)
 class Ink:
-    """A colour as luma and chroma in video range, and a line width on a 480 px high picture [px]."""
+    """How an outline is drawn: its colour in video range, and its width.
+
+    Attributes:
+        luma: Grey level, from 16 to 235.
+        blue: Blue difference, 128 for grey.
+        red: Red difference, 128 for grey.
+        width: Line width on a picture that is 480 px high [px].
+    """
 
     luma: int
     blue: int

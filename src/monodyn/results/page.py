@@ -30,7 +30,7 @@ def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) ->
     """Return the report as HTML text.
 
     Args:
-        findings: The fit, its records and what else is said of it.
+        findings: The fit, its records and what else is reported about it.
         pictures: JPEG files with a caption each.
     """
     from markupsafe import Markup
@@ -66,7 +66,7 @@ def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) ->
 
 
 def template(package: str, name: str) -> Template:
-    """Load a template of a page; what is put into it is escaped, and a name that it lacks raises.
+    """Return a template of a page, which escapes what is put into it and raises at a name without value.
 
     Args:
         package: Where the template is.

@@ -13,7 +13,7 @@ from monodyn.results.fill import States, fill
 
 @dataclass(frozen=True, eq=False)
 class Prediction(States):
-    """Motion that was not looked at when the mechanism was identified; fields as in `States`."""
+    """Motion at times that the identification did not use; fields as in `States`."""
 
 
 def predict(

@@ -33,7 +33,7 @@ def report(
     force: bool = False,
     progress: Progress | None = None,
 ) -> Path:
-    """Write what a fit says into a folder: tables, the identified mechanism, the report page.
+    """Write the results of a fit into a folder: tables, the identified mechanism, the report page.
 
     Args:
         fit: The fit.
@@ -77,7 +77,7 @@ def write_results(
 
     Args:
         folder: Where to.
-        findings: The fit, its records and what else is said of it.
+        findings: The fit, its records and what else is reported about it.
         progress: Called with the number of frames drawn.
 
     Returns:
@@ -126,7 +126,9 @@ def lost_in_urdf(mechanism: Mechanism) -> list[str]:
     lost = [row.name for row in mechanism.parameters if row.kind in NOT_IN_URDF and row.value != 0.0]
     if not lost:
         return []
-    return [f"URDF has no place for {', '.join(lost)}: model.urdf moves without; simulate model.xml instead."]
+    return [
+        f"URDF has no place for {', '.join(lost)}: model.urdf moves without them; simulate model.xml instead."
+    ]
 
 
 def _subtitle(fit: Fit) -> str:

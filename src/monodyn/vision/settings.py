@@ -48,8 +48,8 @@ class CameraSettings:
 
     Attributes:
         method: ``fast``: refined on the edges together with sizes and poses; ``paper``: depth from the
-            silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; None is as the
-            whole run, and fast by itself.
+            silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; None takes that
+            of the whole run, or fast outside of a run.
     """
 
     method: Method | None = None
@@ -64,8 +64,8 @@ class LocateSettings:
 
     Attributes:
         method: ``fast``: a global search, then a refinement on sub-pixel edges over key frames; ``paper``:
-            pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; None is as the
-            whole run, and fast by itself.
+            pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; None takes that of
+            the whole run, or fast outside of a run.
         focal: Focal length [px]; 0 takes the picture's longer side, which a common lens has within a third.
             A camera square to the plane does not show it.
         search_frames: Key frames of the global search.
@@ -98,7 +98,8 @@ class TrackSettings:
 
     Attributes:
         method: ``fast``: Gauss-Newton on sub-pixel edges; ``paper``: least mismatch of the silhouettes within
-            move limits, eq. (5) of the 2012 paper; None is as the whole run, and fast by itself.
+            move limits, eq. (5) of the 2012 paper; None takes that of the whole run, or fast outside of a
+            run.
         spacing: Distance between outline samples [px].
         reach: Search length along the normals once the pose is near [px].
         first_reach: Search length from the prediction [px].

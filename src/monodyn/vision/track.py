@@ -38,7 +38,7 @@ USUAL_SCORE = 1.8
 """Score of a pose that fits as usual, before the first frames (of 2: all outline samples on edges, all
 covered inside)."""
 SCORE_SLACK = 0.15
-"""A pose whose score is lower than usual by no more than this is not questioned."""
+"""A pose whose score is lower than usual by no more than this is accepted as it stands."""
 MOST_AMPLIFIED = 16.0
 """Sum of the weights of an extrapolation above which it would mostly amplify noise."""
 
@@ -87,7 +87,7 @@ def follow_clip(
 
 
 class Follower:
-    """Follows the mechanism from frame to frame; what it remembers is the motion so far.
+    """Follows the mechanism from frame to frame; what it keeps is the motion so far.
 
     Args:
         scene: Camera, sizes and first pose.
@@ -185,7 +185,7 @@ class Follower:
             EdgeSearch(reaches, s.spacing),
         )
         noise = CORRELATION * max(agreement.rms_px, LEAST_NOISE_PX) ** 2
-        # where the picture shows nothing of a joint, the move limit is all that is known of it
+        # where the picture does not show a joint, the move limit is all that is known of it
         covariance = np.linalg.inv(information / noise + np.diag(1.0 / self._move**2))
         std = np.sqrt(np.diag(covariance))
         determined = np.all(std < DETERMINED * self._move) and agreement.samples >= LEAST_SAMPLES

@@ -13,7 +13,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
 
 MOST_PARTS = 1000
-"""A gap is divided into at most so many steps, however long it is."""
+"""A gap is divided into at most this many steps, however long it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,9 @@ class Data:
 
     @cached_property
     def std(self) -> np.ndarray:
-        """Standard deviation of each measured position by itself [rad or m], NaN in gaps, (row, dof)."""
-        # what was not measured gets information one, by itself: the rest of the inverse stays as it is
+        """Standard deviation of each measured position alone [rad or m], NaN in gaps, (row, dof)."""
+        # what was not measured has information one and no correlation, which does not change
+        # the rest of the inverse
         gaps = np.eye(self.measured.shape[1]) * ~self.measured[:, None, :]
         covariance = np.linalg.inv(np.swapaxes(self.white, 1, 2) @ self.white + gaps)
         diagonal = np.diagonal(covariance, axis1=1, axis2=2)
@@ -179,7 +180,7 @@ def _placed(values: np.ndarray, length: int, at: np.ndarray) -> np.ndarray:
 
 
 def _filled(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Put stamps into gaps so that no step is over twice the usual one; where the old ones went."""
+    """Put stamps into gaps so that no step is over twice the usual one; also return rows of the old ones."""
     if len(times) < 2:
         return times, np.arange(len(times))
     steps = np.diff(times)
@@ -194,7 +195,7 @@ def _whitening(number: int, covariance: np.ndarray, measured: np.ndarray) -> np.
     """Square roots of the inverse covariances of what is measured, (row, dof, dof)."""
     dofs = measured.shape[1]
     both = measured[:, :, None] & measured[:, None, :]
-    # a joint that was not measured is a block of its own with variance 1, so that the inverse of the rest is
+    # a joint that was not measured is a separate block with variance 1, so that the inverse of the rest is
     # that of the measured joints alone
     filled = np.where(both, covariance, np.eye(dofs))
     bad = ~np.isfinite(filled).all(axis=(1, 2)) | (np.diagonal(filled, axis1=1, axis2=2) <= 0).any(axis=1)

@@ -75,7 +75,7 @@ def smooth(poses: Poses) -> Smoothed:
 
 @dataclass(frozen=True, eq=False)
 class _Curve:
-    """Rows position, velocity, acceleration, its std at the asked times; how well the samples are met."""
+    """Rows position, velocity, acceleration, its std at the requested times; how well the samples are met."""
 
     curve: np.ndarray
     noise: float
@@ -93,7 +93,7 @@ def _best_window(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> _Curv
     width = widths[tried.index(best)]
     if len(times) - int(best.far.sum()) < FEWEST_SAMPLES:
         best = replace(best, far=np.zeros(len(times), dtype=bool))
-    # gross errors are left out of the curve itself; the samples that stay count alike
+    # gross errors are left out of the curve itself; the samples that stay have equal weight
     near = ~best.far
     count = min(width, int(near.sum()))
     rows, _ = _cubics(times[near], values[near], np.ones(int(near.sum())), at, count)
@@ -124,13 +124,13 @@ def _fit(times: np.ndarray, values: np.ndarray, count: int) -> _Curve:
 def _cubics(
     times: np.ndarray, values: np.ndarray, weight: np.ndarray, at: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit a cubic about each asked time.
+    """Fit a cubic about each requested time.
 
     Args:
         times: Times of the samples [s], (sample,).
         values: Samples, (sample,).
         weight: Weight of each sample, (sample,).
-        at: Asked times [s], (frame,).
+        at: Requested times [s], (frame,).
         count: Number of neighbours.
 
     Returns:
@@ -159,7 +159,7 @@ def _cubics(
 
 
 def _neighbours(times: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
-    """Indices of the ``count`` samples nearest to each asked time, (frame, count)."""
+    """Indices of the ``count`` samples nearest to each requested time, (frame, count)."""
     # start from a window centred by rank, then slide it one sample at a time while the sample that enters is
     # nearer than the one that leaves; times increase, so that a window which no longer moves is the nearest
     first = np.searchsorted(times, at) - count // 2

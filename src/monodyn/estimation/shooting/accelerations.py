@@ -1,7 +1,8 @@
 """Smooth motion in, accelerations of the model along it out: a comparison without integrating.
 
 Along a motion that is known well enough to be differentiated twice the equations of motion are algebraic in
-the unknowns, and nearly linear. What is found so only gives a start, because the smoothing is no truth.
+the unknowns, and nearly linear. What is found so only gives a start, because the smoothed motion is not
+exact.
 """
 
 from __future__ import annotations
@@ -91,8 +92,8 @@ def mismatch_rows(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> tupl
         motion: Smooth motion.
 
     Returns:
-        Mismatches (row,) and their Jacobian (row, param): those of each time stamp and joint, then what the
-        picture knows of the sizes.
+        Mismatches (row,) and their Jacobian (row, param): those of each time stamp and joint, then the
+        picture's information about the sizes.
     """
     instance, root, weight = problem.at(x), motion.prior_root, motion.weight
     jacobian = np.zeros((weight.size, len(x)))

@@ -56,7 +56,7 @@ class Problem:
     Attributes:
         mechanism: The start.
         unknowns: What is searched.
-        prior: What the picture knows of the sizes.
+        prior: The picture's information about the sizes.
         data: The measurements.
         base: Common scale of the sizes of ``mechanism`` against those that the record was measured in.
     """
@@ -115,7 +115,7 @@ class Problem:
     def model(
         self, x: np.ndarray, rows: tuple[np.ndarray, np.ndarray], pieces: Pieces, limit: float
     ) -> Arrow:
-        """Bring whitened residuals and what the picture knows into cost and Gauss-Newton model.
+        """Bring whitened residuals and the picture's information into cost and Gauss-Newton model.
 
         Args:
             x: Coordinates, (param,).
@@ -131,7 +131,7 @@ class Problem:
         cost, hessian, gradient, cross, local, slope = normal_blocks(*rows, pieces.first, len(x), limit)
         change = x - self.unknowns.x0
         pull = self.prior.information @ change
-        # what the picture knows is quadratic in the logarithms: it has no loss and needs no linearization
+        # the picture's information is quadratic in the logarithms: it has no loss and needs no linearization
         cost += 0.5 * float(change @ pull)
         return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope, rows[0])
 
@@ -257,7 +257,7 @@ class Problem:
 
 
 def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False) -> Problem:
-    """Return the identification of a mechanism from data: its unknowns and what the picture knows of them.
+    """Return the identification of a mechanism from data: unknowns and the picture's information about them.
 
     Args:
         mechanism: The start.

@@ -1,8 +1,8 @@
-"""Changes of units that leave the motion as it is: they find a start, and settle what no motion determines.
+"""Changes of units that leave the motion unchanged: they find a start, and settle what no motion determines.
 
-A camera knows neither masses nor, without gravity or a true clock, lengths. Along such a direction a search
-ends anywhere; of all the ends that move alike, the one with round values is reported. How a parameter changes
-with the units of mass, length and time stands in ``mechanism.dimensions``.
+A camera shows neither masses nor, without gravity or a true clock, lengths. Along such a direction a search
+ends anywhere; of all the ends with the same motion, the one with round values is reported. How a parameter
+changes with the units of mass, length and time stands in ``mechanism.dimensions``.
 """
 
 from __future__ import annotations

@@ -16,15 +16,15 @@ from monodyn.optimize import SearchSettings, first_good
 from monodyn.types import Progress
 
 FOLLOWED_NOISE = 3.0
-"""A motion is explained when the typical residual is below so many times the stated noise ..."""
+"""A motion is explained when the typical residual is below this many times the stated noise ..."""
 FOLLOWED_SHARE = 0.005
 """... or below this share of the motion."""
 HOPELESS_NOISE = 10.0
-"""A start is given up after its first stage when the typical residual is above so many times the noise ..."""
+"""A start is given up after its first stage if the typical residual is above this many times the noise ..."""
 HOPELESS_SHARE = 0.01
 """... and above this share of the motion: pieces so short follow any motion that the model has."""
 STILL_NOISE = 4.0
-"""A joint whose positions scatter by less than so many times their noise does not move."""
+"""A joint whose positions scatter by less than this many times their noise does not move."""
 
 
 class Search:
@@ -118,7 +118,7 @@ def residual_size(optimum: Optimum) -> float:
 
 
 def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
-    """Say why there is no point in a search.
+    """Find the reason why there is no point in a search.
 
     Args:
         problem: The problem.
@@ -130,12 +130,11 @@ def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
     data, unusable = problem.data, problem.prior.unusable
     records, dofs = data.slide.shape
     if unusable:
-        verb = "is" if len(unusable) == 1 else "are"
         return (
-            f"What the picture knows of {listed(unusable, 12)} {verb} not a finite number; locate the "
+            f"The picture's information about {listed(unusable, 12)} is not finite; locate the "
             "mechanism in a clearer part of the clip, or give measured values with --fix."
         )
-    # what the picture knows of the sizes counts as data
+    # the picture's information about the sizes counts as data
     known = problem.prior.rank
     unknowns = len(problem.unknowns) - known + 2 * dofs * records
     if data.samples <= unknowns:

@@ -133,7 +133,7 @@ def fit_pieces(
     robust: bool = True,
     states_only: bool = False,
 ) -> Optimum:
-    """Fit shared unknowns and start states with the records cut as they are.
+    """Fit shared unknowns and start states without changing how the records are cut.
 
     Args:
         problem: The problem.

@@ -1,7 +1,7 @@
 """Where to begin: the file's sizes are wrong, and the common scale may be off a thousandfold.
 
-Two cheap looks at the record find it: accelerations of the smoothed motion, without integrating, and rollouts
-of a few samples for motion too fast to be smoothed.
+Two cheap comparisons with the record find it: accelerations of the smoothed motion, without integrating, and
+rollouts of a few samples for motion too fast to be smoothed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from monodyn.optimize import SearchSettings, minimize, scatter
 FACTORS = 2.0 ** np.arange(-4.0, 11.0)
 """Common scales that are tried: 1/16 to 1024, slow motion makes lengths look large."""
 FINE_FACTORS = 2.0 ** np.arange(-4.0, 10.01, 0.125)
-"""The same, as near to each other as one linear look at the accelerations can tell apart."""
+"""The same, as near to each other as one linear fit of the accelerations can distinguish."""
 MATCH = SearchSettings(evaluations=30, relative=1e-4)
 """For matching accelerations, which are only as good as the smoothing."""
 STATES_ALONE = SearchSettings(evaluations=4, relative=1e-2)
@@ -116,7 +116,7 @@ def _rolled(problem: Problem, smoothed: tuple[Smoothed, ...], route: Route) -> n
 def least_driven(problem: Problem, motion: SmoothMotion) -> np.ndarray:
     """Find the common scale at which the motion requires the least torque in addition to that of gravity.
 
-    Both are taken along the measured motion and hinge by hinge; all else stays as picture or file say.
+    Both are taken along the measured motion and hinge by hinge; all else keeps the values of picture or file.
 
     Args:
         problem: The problem.

@@ -26,7 +26,7 @@ class Trial:
     substeps: int = 1
 
     def at(self, x: np.ndarray, states: np.ndarray) -> Trial:
-        """Return the trial at other unknowns, cut and integrated alike.
+        """Return the trial at other unknowns, cut and integrated in the same way.
 
         Args:
             x: Coordinates, (param,).

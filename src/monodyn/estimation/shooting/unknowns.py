@@ -1,9 +1,9 @@
-"""A mechanism in, the unknowns of its identification and what the picture knows of them out.
+"""A mechanism in, the unknowns of its identification and the picture's information about them out.
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
-and centres of mass are searched as they are, because they may be zero or negative. Sizes that neither the
-motion nor a picture determines keep their proportion to the length of their body: held as the file has them,
-they would act as a ruler.
+and centres of mass are searched directly, because they may be zero or negative. Sizes that neither the
+motion nor a picture determines keep their proportion to the length of their body: held at the values
+of the file, they would act as a known length.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ CENTRE_KINDS = ("com_x", "com_y")
 """Kinds that are one vector, either part of which may be zero or negative."""
 
 MEASURED = 16.0
-"""A picture has measured a size when it knows it better than to a quarter: information of the logarithm."""
+"""Information of the logarithm above which a picture has measured a size: it determines it to a quarter."""
 LONGEST_STEP = 1.5
 """A logarithm moves by at most this much in one step of a search: a factor of 4.5."""
 
@@ -81,12 +81,12 @@ class Unknowns:
 
     @cached_property
     def reach(self) -> np.ndarray:
-        """Longest step of each coordinate in a search, (param,); what is searched as it is has none."""
+        """Longest step of each coordinate in a search, (param,); infinite where there is no logarithm."""
         return np.where(self.log, LONGEST_STEP, np.inf)
 
     @cached_property
     def uniform(self) -> bool:
-        """True when inertias follow from sizes: none of them is an unknown of its own."""
+        """True when inertias follow from sizes: none of them is itself an unknown."""
         return "inertia" not in self.kinds
 
     def of_kind(self, *kinds: str) -> np.ndarray:
@@ -192,7 +192,7 @@ class Unknowns:
 
 
 def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unknowns:
-    """Choose the free parameters about which the motion, or the picture's knowledge of sizes, says something.
+    """Choose the free parameters that the motion, or the picture's knowledge of sizes, can determine.
 
     Args:
         mechanism: The mechanism with its free and fixed parameters.
@@ -202,7 +202,7 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         The unknowns; bounds of logarithms stay finite.
     """
     measured = _measured_names(mechanism)
-    # what follows from other parameters is no unknown of its own, and neither is what nothing determines
+    # what follows from other parameters is not itself an unknown, and neither is what nothing determines
     chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p, measured)]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]
@@ -247,7 +247,7 @@ def _wanted(p: Parameter, measured: set[str]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What the picture knows of the sizes: the cost 1/2 d.information.d of a change d of the coordinates.
+    """The picture's information about sizes: the cost 1/2 d.information.d of a change d of the coordinates.
 
     Attributes:
         information: Information matrix over the unknowns, (param, param); zero for those not measured.
@@ -264,7 +264,7 @@ class Prior:
 
     @cached_property
     def rank(self) -> int:
-        """Number of directions that the picture, or what is assumed, says something about."""
+        """Number of directions about which the picture, or what is assumed, gives information."""
         return int(np.linalg.matrix_rank(self.information)) if self.information.size else 0
 
 

@@ -1,4 +1,4 @@
-"""Which unknowns pay: more of them must explain more than chance would."""
+"""Which further unknowns are justified: they must explain more than chance would."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def pays(before: Optimum, after: Optimum, added: int) -> bool:
 
 
 def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
-    """Choose by Schwarz's criterion, in which every unknown must earn its place.
+    """Choose by Schwarz's criterion, which charges the logarithm of the number of samples for every unknown.
 
     The noise is that of the optimum which follows best.
 
@@ -42,8 +42,8 @@ def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
         Schwarz, Estimating the dimension of a model, 1978.
     """
     noise = max(min(optimum.sigma for _, optimum in tried), 1.0)
-    # with the noise as large as the best fit leaves it, a fit that misses is not excused by a record that
-    # states too little noise
+    # with the noise as large as the best fit leaves it, a record that states too little noise does not
+    # favour a fit that misses
     criteria = [
         2.0 * optimum.cost / noise**2 + len(problem.unknowns) * np.log(problem.data.samples)
         if optimum.complete
@@ -56,7 +56,7 @@ def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
 def with_more_unknowns(
     problem: Problem, optimum: Optimum, mechanism: Mechanism, route: Route
 ) -> tuple[Problem, Optimum]:
-    """Search on from an optimum with more unknowns, as far as they seem to pay.
+    """Go on from an optimum with more unknowns: one step, and to the end where that step pays.
 
     Args:
         problem: The problem.

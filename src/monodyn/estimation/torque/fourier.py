@@ -1,7 +1,7 @@
 """A periodic torque as a Fourier series (Case II), its period and number of harmonics found from the motion.
 
 Periods come ranked from the accelerations; each is fitted, and the series is made shorter or longer as the
-fit to the positions, which knows better, demands.
+fit to the positions, which is more exact, requires.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def simpler_series(problem: Problem, optimum: Optimum, route: Route, divide: boo
         divide: Whether the period may be divided.
 
     Returns:
-        The problem with the series that Schwarz's criterion likes best, and its optimum.
+        The problem with the series that is best by Schwarz's criterion, and its optimum.
     """
     while True:
         terms, period = series_of(problem, optimum)
@@ -211,7 +211,7 @@ def stands_out(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> bool:
 
 
 def no_harmonic(mechanism: Mechanism) -> str:
-    """Say that a periodic torque of a given period does not stand out from weight and inertia.
+    """Write that a periodic torque of a given period does not stand out from weight and inertia.
 
     Args:
         mechanism: The mechanism under the torque.

@@ -29,7 +29,7 @@ WEIGHTS = 10.0 ** np.arange(3.0, -7.0, -1.0)
 SIZE_WEIGHT = 1e-6
 """Weight of the torque itself: only for what no measurement touches."""
 NEAR = 1.1
-"""Smoother torques are taken as long as residuals are below so many times the stated noise."""
+"""Smoother torques are taken as long as residuals are below this many times the stated noise."""
 ROUGHER = SearchSettings(evaluations=12, decrease=1e-4, relative=1e-6)
 """For each further weight, which starts from the torques of the one before."""
 
@@ -65,7 +65,7 @@ def explain_by_torques(mechanism: Mechanism, task: Task) -> Solution:
 
 
 def _too_many(task: Task, stamps: int, joints: int) -> str | None:
-    """Say that there are more records or torques than can be fitted at once, or None."""
+    """Return a sentence where there are more records or torques than can be fitted at once, or None."""
     if task.data.records > 1:
         return "Free torques belong to one record each; identify one record at a time."
     if stamps * joints > MOST_FREE_TORQUES:

@@ -2,7 +2,7 @@
 
 Along smooth motion the accelerations are linear in the torque, and nearly so in the other unknowns. So for
 every period and number of harmonics the best series is one linear least squares, in which the other unknowns
-may move as well; what is left over ranks the periods.
+may move as well; the remaining sum of squares ranks the periods.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from monodyn.mechanism.drive import fourier_basis
 FEWEST_PERIODS = 1.25
 """A record this many periods long shows that something repeats."""
 FEWEST_ROWS = 8
-"""Rows with all joints measured, at least; with fewer, accelerations say nothing of a period."""
+"""Rows with all joints measured, at least; with fewer, accelerations give no information about a period."""
 PER_HARMONIC = 2.5
 """Samples in the shortest harmonic."""
 CORRELATED = 4.0
-"""Accelerations of smoothed motion share their neighbours' samples: so many count as one."""
+"""Accelerations of smoothed motion share their neighbours' samples: this many count as one."""
 SCANNED_TERMS = (1, 2, 3)
 """Harmonics that the scan tries when their number is open."""
 LONGEST_SPAN = 4.0
-"""Periods up to so many times the record are held against the best one that it shows more than once."""
+"""Periods up to this many times the record are compared with the best one that it shows more than once."""
 MARGIN = 10.0
 """A longer period whose criterion is not above that of the best by so much might as well be the true one."""
 APART = 0.04
@@ -80,7 +80,7 @@ class PeriodSearch:
 
     @classmethod
     def of(cls, mechanism: Mechanism, data: Data, smoothed: tuple[Smoothed, ...]) -> PeriodSearch:
-        """Return the search for a mechanism, whose ``torque.period`` says which periods are allowed.
+        """Return the search for a mechanism, whose ``torque.period`` bounds the periods that are allowed.
 
         Args:
             mechanism: The start.
@@ -187,7 +187,7 @@ class _Scan:
         self.frames, self.dofs, _ = response.shape
         self.clock = motion.time * problem.stretch(x)
         self.response, self.count, self.prior = response, len(x), len(rows) - motion.weight.size
-        # what the other unknowns can explain is taken out of rows and columns alike (variable projection), so
+        # what the other unknowns can explain is taken out of both rows and columns (variable projection), so
         # that the series is fitted as if they had moved to their best for every period
         q, self.triangle = np.linalg.qr(jacobian)
         self.q, self.rows = q, rows
@@ -196,7 +196,7 @@ class _Scan:
         self.nothing = self._criterion(float(self.left @ self.left), 0)
 
     def periods(self, terms: int, bounds: tuple[float, float]) -> np.ndarray:
-        """Return the periods that the record can tell [s], evenly spaced in frequency, ends of bounds too."""
+        """Return the periods that the record can show [s], evenly spaced in frequency, ends of bounds too."""
         # the longest period is one that the record shows more than once, the shortest one whose last harmonic
         # still has samples enough between its zeros
         span, step = float(np.ptp(self.clock)), float(np.median(np.diff(np.unique(self.clock))))
@@ -212,7 +212,7 @@ class _Scan:
         A multiple of the best period, of which the best one is a harmonic, is no other period.
         """
         # periods that the record does not hold fit anything smooth: where one explains as much as the best,
-        # nothing says that the motion repeats at all
+        # nothing shows that the motion repeats at all
         span = float(np.ptp(self.clock))
         beyond = span / FEWEST_PERIODS * np.geomspace(1.0, LONGEST_SPAN * FEWEST_PERIODS, 40)[1:]
         least = float("inf")

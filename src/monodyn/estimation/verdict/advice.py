@@ -17,15 +17,15 @@ from monodyn.mechanism.dimensions import MASS_KINDS
 LENGTH_KINDS = ("length", "width", "tail", "tip", "gravity", "time_scale")
 """Kinds that are known together or not at all: sizes, and what makes time out of them."""
 NOTED = 3.0
-"""Residuals above so many times the stated noise are worth a sentence."""
+"""Residuals above this many times the stated noise are worth a sentence."""
 SLOW = 1.5
-"""Root of what autocorrelation costs, from which residuals are said to change slowly."""
+"""Root of what autocorrelation costs, above which residuals count as changing slowly."""
 
 
 def open_parameters(
     mechanism: Mechanism, parameters: Sequence[Estimate], without_effect: Sequence[str]
 ) -> list[str]:
-    """Say which parameters the data leave open and what would fix them.
+    """Name the parameters that the data leave open, and what would fix them.
 
     Args:
         mechanism: Gives the kinds of the parameters.
@@ -61,7 +61,7 @@ def open_parameters(
     if without_effect:
         verb, it = ("does", "it") if len(without_effect) == 1 else ("do", "them")
         advice.append(
-            f"{listed(without_effect, 12)} {verb} not change the motion, which says nothing about {it}."
+            f"{listed(without_effect, 12)} {verb} not change the motion, which cannot determine {it}."
         )
     if weak:
         advice.append(
@@ -72,7 +72,7 @@ def open_parameters(
 
 
 def _open_lengths(names: Sequence[str]) -> str:
-    """Say that the data leave the scale of lengths open, and what would fix it."""
+    """Report that the data leave the scale of lengths open, and what would fix it."""
     them = listed(names, 12)
     # one of length, gravity and clock follows from the other two: which measurement helps depends on which
     # are open
@@ -95,7 +95,7 @@ def _open_lengths(names: Sequence[str]) -> str:
 
 
 def without_use(names: Sequence[str]) -> list[str]:
-    """Say on which given values nothing depends, as on thicknesses of bodies whose file states their mass.
+    """Name the given values on which nothing depends, as thicknesses of bodies whose file states the mass.
 
     Args:
         names: Names of the parameters.
@@ -113,7 +113,7 @@ def without_use(names: Sequence[str]) -> list[str]:
 
 
 def bounds(parameters: Sequence[Estimate]) -> list[str]:
-    """Say which parameters ended on a bound.
+    """Name the parameters that ended on a bound.
 
     Args:
         parameters: The estimates.
@@ -148,7 +148,7 @@ class Assumed(NamedTuple):
 def misfit(
     mechanism: Mechanism, rms: Mapping[str, float], noise: NoiseFactors, assumed: Assumed
 ) -> list[str]:
-    """Say where the residual is far above the stated noise, and what the model may lack.
+    """Report where the residual is far above the stated noise, and what the model may lack.
 
     Args:
         mechanism: Gives the joints.
@@ -165,7 +165,7 @@ def misfit(
             slow = " and changes slowly" if correlation > SLOW else ""
             advice.append(
                 f"The residual of {joint}, {amount(mechanism, joint, value)}, is {ratio:.3g} times the "
-                f"stated noise{slow}: the model lacks something, or the record is less exact than it says; "
+                f"stated noise{slow}: the model lacks something, or the record is less exact than stated; "
                 "the intervals are widened accordingly."
             )
     if advice and assumed.uniform:
@@ -182,7 +182,7 @@ def misfit(
 
 
 def beginning(mechanism: Mechanism, frames: Sequence[int], rms: Mapping[str, float]) -> str:
-    """Say that the beginning of a record fits though the whole does not.
+    """Report that the beginning of a record fits though the whole does not.
 
     Args:
         mechanism: Gives the joints.
@@ -200,7 +200,7 @@ def beginning(mechanism: Mechanism, frames: Sequence[int], rms: Mapping[str, flo
 
 
 def free_torques(mechanism: Mechanism) -> list[str]:
-    """Say what free torques rest on, and that they end with the record.
+    """List the given values on which free torques depend, and that they end with the record.
 
     Args:
         mechanism: The mechanism under the torques.
@@ -222,7 +222,7 @@ def free_torques(mechanism: Mechanism) -> list[str]:
 
 
 def integration(substeps: int, error: float, bound: float) -> list[str]:
-    """Say that the integration error of the fitted motion stays above its bound.
+    """Report that the integration error of the fitted motion stays above its bound.
 
     Args:
         substeps: Integration steps between two time stamps.
@@ -236,13 +236,13 @@ def integration(substeps: int, error: float, bound: float) -> list[str]:
         return []
     return [
         f"With {substeps} integration steps between time stamps, the most there are, the motion is exact to "
-        f"{error:.2g} rad (m for slides) and not to the {bound:.2g} asked for; fit a shorter record, or give "
+        f"{error:.2g} rad (m for slides) and not to the required {bound:.2g}; fit a shorter record, or give "
         "a larger --identify.error-bound if that is exact enough."
     ]
 
 
 def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:
-    """Say which joints the simulated motion carries past their limits, which it does not know.
+    """Name the joints that the simulated motion, which has no stops, carries past their limits.
 
     Args:
         mechanism: Gives the joints.
@@ -263,7 +263,7 @@ def limits(mechanism: Mechanism, simulated: np.ndarray) -> list[str]:
 
 
 def contradictions(negative: float) -> list[str]:
-    """Say that the picture's knowledge of sizes was partly negative, by more than rounding.
+    """Report that the picture's knowledge of sizes was partly negative, by more than rounding.
 
     Args:
         negative: Size of that part against the largest, as in `Prior`.
@@ -274,13 +274,13 @@ def contradictions(negative: float) -> list[str]:
     if negative <= 1e-6:
         return []
     return [
-        "What the picture knows of the sizes contradicts itself (its information matrix is negative in some "
-        "direction); that part was left out, so sizes rest on the motion alone there."
+        "The picture's information about the sizes contradicts itself (its matrix is negative in some "
+        "direction); that part was left out, so that the motion alone determines the sizes there."
     ]
 
 
 def proportions(tied: Sequence[Parameter]) -> list[str]:
-    """Say which sizes that count in the motion were neither measured nor estimated.
+    """Name the sizes that count in the motion and were neither measured nor estimated.
 
     Args:
         tied: Parameters that keep their proportion to a length.
@@ -293,18 +293,19 @@ def proportions(tied: Sequence[Parameter]) -> list[str]:
         return []
     if len(names) == 1:
         return [
-            f"Nothing tells {names[0]}; it keeps its proportion to the length of its body, and the intervals "
-            "take that for exact. Give a measured value with --fix where its share of the inertia counts."
+            f"Nothing determines {names[0]}; it keeps its proportion to the length of its body, and the "
+            "intervals take that for exact. Give a measured value with --fix where its share of the inertia "
+            "counts."
         ]
     return [
-        f"Nothing tells {listed(names, 12)}; they keep their proportion to the length of their body, and the "
-        "intervals take that for exact. Give measured values with --fix where their share of the inertia "
-        "counts."
+        f"Nothing determines {listed(names, 12)}; they keep their proportion to the length of their body, "
+        "and the intervals take that for exact. Give measured values with --fix where their share of the "
+        "inertia counts."
     ]
 
 
 def clock(mechanism: Mechanism, parameters: Sequence[Estimate]) -> list[str]:
-    """Say what identified lengths rest on; a time scale that stays open is as good as none.
+    """Name what identified lengths depend on; a time scale that stays open counts as none.
 
     Args:
         mechanism: Gives the kinds of the parameters.
@@ -325,7 +326,7 @@ def clock(mechanism: Mechanism, parameters: Sequence[Estimate]) -> list[str]:
 
 
 def outliers(samples: int, count: int, frames: Sequence[int]) -> list[str]:
-    """Say how many samples were left out as gross errors.
+    """Report how many samples were left out as gross errors.
 
     Args:
         samples: Number of measured rows.
@@ -343,7 +344,7 @@ def outliers(samples: int, count: int, frames: Sequence[int]) -> list[str]:
 
 
 def few(samples: int, unknowns: int) -> list[str]:
-    """Say that the record is short for the number of unknowns.
+    """Report that the record is short for the number of unknowns.
 
     Args:
         samples: Number of measured positions.
@@ -360,7 +361,7 @@ def few(samples: int, unknowns: int) -> list[str]:
 
 
 def search_end(converged: bool, tried: int) -> list[str]:
-    """Say how the search ended.
+    """Report how the search ended.
 
     Args:
         converged: Whether it reached its minimum.
@@ -372,7 +373,7 @@ def search_end(converged: bool, tried: int) -> list[str]:
     advice = []
     if not converged:
         advice.append(
-            "The search ended before it was sure of the minimum; allow more with --identify.evaluations."
+            "The search ended before the minimum was certain; allow more with --identify.evaluations."
         )
     if tried > 1:
         advice.append(f"{tried} starts were tried; the best of them is reported.")

@@ -60,7 +60,7 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
         if i in reference:
             continue
         exponents = -known.open[i] @ np.linalg.inv(known.open[reference])
-        # dimensions have simple fractions as exponents; anything else is no law but an accident of the record
+        # dimensions have simple fractions as exponents; others are a coincidence of the record, and no law
         simple = [Fraction(float(e)).limit_denominator(6) for e in exponents]
         if max(abs(float(s) - e) for s, e in zip(simple, exponents, strict=True)) > SIMPLE:
             continue
@@ -152,7 +152,7 @@ def inertial_ratios(mechanism: Mechanism, tree: Tree, *, full: bool) -> dict[str
 
     With M_j the mass of everything that hangs on joint j and a_j its place on the body:
     ``<body>.J`` = I + m c.c + sum_j M_j a_j.a_j about the body's own hinge, ``<body>.mx`` = m c_x + sum_j M_j
-    a_jx and ``.my`` alike, ``<body>.M`` = M of a slide. Everything is divided by J of the last hinged body,
+    a_jx and ``.my`` likewise, ``<body>.M`` = M of a slide. All is divided by J of the last hinged body,
     dampings by J (or M) of the body at the joint.
 
     Args:

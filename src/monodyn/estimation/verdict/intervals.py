@@ -1,7 +1,7 @@
 """The optimum and what is known there in, every parameter with its interval out.
 
 A parameter is an unknown of the search, or follows from several, or was given; and some only keep their
-proportion to a length, about which the data have nothing to say.
+proportion to a length, about which the data give no information.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from monodyn.mechanism import Parameter
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS
 
 WEAK = 1.0
-"""A standard deviation of the logarithm above this says little: a factor of e either way."""
+"""Standard deviation of the logarithm above which a value is hardly known: a factor of e either way."""
 OWNED = (MASS, COM_X, COM_Y, INERTIA)
 """Columns of the tree that may follow from other parameters, in the order of ``Plan.owned``."""
 
@@ -49,7 +49,7 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
         for i, rows in enumerate(mechanism.plan.owned)
         for row, column in zip(rows or (), OWNED, strict=False)
     }
-    # sizes that are held under free torques would do at any value: they are not known, though they are fixed
+    # sizes that are held under free torques could have any value: they are not known, though they are fixed
     held = mechanism.torque == "free"
     found = []
     for p in mechanism.parameters:

@@ -28,7 +28,7 @@ MOST_REJECTED = 0.1
 LONGEST_RUN = 3
 """Nor is a run of more far-off measured rows than this: there the motion does not follow."""
 ROUNDS = 2
-"""Times that the noise is taken from the residuals, at least: the second from a fit weighted by the first."""
+"""Least number of times that the noise is taken from residuals: the second fit is weighted by the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     Args:
         problem: The problem, with the noise as stated.
         optimum: Its optimum, one piece a record.
-        settings: How gross errors are told from the motion, how exact the search is.
+        settings: How gross errors are distinguished from the motion, how exact the search is.
 
     Returns:
         The optimum and what is known there.
@@ -114,9 +114,9 @@ def _fitted(problem: Problem, optimum: Optimum) -> int:
 def _settled(problem: Problem, optimum: Optimum) -> Optimum:
     """Bring gravity, time scale and the scale of masses to the start where the motion does not fix them."""
     before = float(np.sum(problem.residuals(optimum.trial) ** 2))
-    # each change is kept only where the motion stays as it is, which the change itself does not know: a given
-    # length, a spring or a friction may fix the scale. The rate within which friction changes sign does not
-    # scale, so that the clock changes a little, and the search goes on from there
+    # each change is kept only where the motion does not change, which the change itself does not know: a
+    # given length, a spring or a friction may fix the scale. The rate within which friction changes sign does
+    # not scale, so that the clock changes a little, and the search goes on from there
     steps = ((with_gravity_of_start, 1e-6), (with_clock_of_start, 1e-3), (with_masses_of_start, 1e-6))
     for settle, change in steps:
         moved = replace(optimum, trial=_in_units_of(problem, optimum, settle(problem, optimum.x)))

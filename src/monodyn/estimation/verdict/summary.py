@@ -38,11 +38,11 @@ def summarize(
     Args:
         solution: The problem, with the noise as stated, and its optimum or why there is none.
         records: The records, for the shape of the residuals.
-        settings: How gross errors are told from the motion, how exact the last search is.
+        settings: How gross errors are distinguished from the motion, how exact the last search is.
         began: When the identification began.
 
     Returns:
-        The fit; without an optimum one that says why.
+        The fit; without an optimum one whose status is the reason.
     """
     problem, optimum = solution.problem, solution.optimum
     if optimum is None:
@@ -60,7 +60,7 @@ def summarize(
 
 
 def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:
-    """Return a fit that says why nothing was identified; the mechanism stays as it was.
+    """Return a fit whose status is the reason why nothing was identified; the mechanism is not changed.
 
     Args:
         problem: The problem.

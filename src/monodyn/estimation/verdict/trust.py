@@ -1,4 +1,4 @@
-"""The fit compared with the record: whether it is close enough to be used, and the sentence that says so.
+"""The fit compared with the record: whether it is close enough to be used, and the sentence that states it.
 
 A record of angles states its own scatter at best, not how well the mechanism is known; so a fit is refused
 only where it misses the record by far more than the scatter *and* by more than a share of the motion.
@@ -16,17 +16,17 @@ from monodyn.estimation.wording import amount, amounts, percent
 FAR_SHARE = 0.015
 """Not to be used when a joint's rms residual is above this share of its range (at most one turn) ..."""
 FAR_NOISE = 20.0
-"""... and above so many times its stated noise."""
+"""... and above this many times its stated noise."""
 LOST_SHARE = 0.1
 """Does not follow at all when the typical residual is above this share of the motion's deviation ..."""
 LOST_NOISE = 5.0
-"""... and above so many times the stated noise."""
+"""... and above this many times the stated noise."""
 
 
 def verdict(
     problem: Problem, optimum: Optimum, rms: dict[str, float], against_noise: np.ndarray
 ) -> tuple[str, bool]:
-    """Say what came of a fit, and whether it can be used.
+    """Write what came of a fit, and decide whether it can be used.
 
     It can unless, for some joint, rms residual > max(20 stated noise, 1.5 % of its range of motion), with a
     range of at most one turn; or typical residual > max(5 stated noise, 10 % of the standard deviation of
@@ -67,7 +67,7 @@ def verdict(
             f"The simulated motion is too far from the record to be used: rms residual of {names[j]} "
             f"{amount(problem.mechanism, names[j], rms[names[j]])}, "
             f"{percent(residual[j] / ranges[j])} of its range and {against_noise[j]:.3g} times the "
-            "stated noise; fit a shorter record or let the model have what it lacks (see the advice).",
+            "stated noise; fit a shorter record or add to the model what it lacks (see the advice).",
             False,
         )
     frames = int(problem.data.measured.any(axis=1).sum())

@@ -1,8 +1,8 @@
 """Jacobian at the optimum in, covariance and identifiability out.
 
-The start states are eliminated by QR, so that what is left says what the motion (and the picture) know of the
-shared unknowns alone. Its singular values, with every column scaled to length one, show the directions that
-the data do not fix at all: along those the standard deviation is infinite, not large.
+The start states are eliminated by QR, so that what remains is the information of the motion (and the picture)
+about the shared unknowns alone. Its singular values, with every column scaled to length one, show the
+directions that the data do not fix at all: along those the standard deviation is infinite, not large.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Knowledge:
     full: np.ndarray
 
     def without_effect(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Name the unknowns that are an open direction by themselves: nothing depends on them.
+        """Name the unknowns that form an open direction alone: nothing depends on them.
 
         Args:
             names: Names of the unknowns.
@@ -78,8 +78,8 @@ def know(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: Pieces) 
         rows = jacobian[first:stop].reshape(-1, jacobian.shape[2])
         rows = rows[np.any(rows != 0, axis=1)]
         shared, states = rows[:, :count], rows[:, count:]
-        # what a start state can make up for says nothing of the shared unknowns: its span is projected out,
-        # and kept, so that the start state's own covariance follows from theirs afterwards
+        # what a start state can compensate gives no information about the shared unknowns: it is projected
+        # out, and kept, so that the start state's own covariance follows from theirs afterwards
         q, r = np.linalg.qr(states)
         inverse = np.linalg.pinv(r, rcond=1e-12)
         onto = q.T @ shared
@@ -106,7 +106,7 @@ def _split(triangle: np.ndarray, unknowns: Unknowns) -> tuple[np.ndarray, np.nda
     norms = np.where(norms > np.where(unknowns.log, 1e-3, 1e-12 * norms.max()), norms, 0.0)
     unit = np.where(norms > 0, norms, 1.0)
     _, singular, rows = np.linalg.svd(np.where(norms > 0, triangle / unit, 0.0), full_matrices=True)
-    # columns of length one make singular values comparable: a small one means unknowns that act alike, and
+    # columns of length one make singular values comparable: a small one means unknowns of equal effect, and
     # not one in small units
     singular = np.concatenate((singular, np.zeros(count - len(singular))))
     fixed = singular > BLIND * singular[0] if singular[0] > 0 else np.zeros(count, dtype=bool)
@@ -140,7 +140,7 @@ def _open_directions(blind: np.ndarray, relative: np.ndarray) -> tuple[np.ndarra
     """Orthonormal relative changes that the data do not see, and which parameters they move."""
     if blind.shape[1] == 0:
         return blind, np.zeros(len(relative), dtype=bool)
-    # in relative changes a direction compares a length with a damping; any basis of the same space will do
+    # in relative changes a direction compares a length with a damping; any basis of the same space is as good
     changes, _ = np.linalg.qr(blind * relative[:, None])
     loaded = np.linalg.norm(changes, axis=1) > LOADED
     return changes, loaded

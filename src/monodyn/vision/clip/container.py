@@ -268,7 +268,7 @@ def _all_pictures(path: Path) -> Iterator[Any]:
 
 
 def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
-    """Say when the file announces more than it holds."""
+    """Note when the file announces more than it holds."""
     container, stream = open_stream(path)
     with container:
         announced = stream.frames
@@ -276,7 +276,7 @@ def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
         start = float(container.start_time) / 1e6 if container.start_time else 0.0
         alone = len(container.streams) == 1
     step = float(np.median(np.diff(times)))
-    # the duration is that of the longest stream: with sound it says nothing of the pictures
+    # the duration is that of the longest stream: with sound it gives no information about the pictures
     if announced > len(times) + 1:
         notes.append(f"The file announces {announced} frames but holds {len(times)}; it is cut short.")
     elif alone and duration > times[-1] - start + max(3 * step, 0.05 * duration):

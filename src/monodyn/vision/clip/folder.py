@@ -25,7 +25,7 @@ def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, A
 
     Args:
         path: The folder.
-        rate: Pictures a second [Hz]; None means 30, which is said in the notes.
+        rate: Pictures a second [Hz]; None means 30, which the notes state.
 
     Returns:
         Width and height [px], times [s] (frame,), the decode function and the notes, as ``Video`` takes them.

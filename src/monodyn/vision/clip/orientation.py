@@ -87,7 +87,7 @@ def upright_planes(frame: Any, reformatter: Any, size: tuple[int, int], turn: Tu
     Returns:
         Luma (height, width) and the two chroma planes, or None for a grey frame; read-only uint8.
     """
-    # anything but 8-bit 4:2:0 in video range is converted; what is in it already is viewed as it is
+    # anything but 8-bit 4:2:0 in video range is converted; what is in it already is viewed without a copy
     grey = frame.format.name.startswith("gray")
     if frame.format.name != "yuv420p" or int(frame.color_range) == 2:
         full = grey or frame.format.name.startswith("yuvj") or int(frame.color_range) == 2

@@ -97,7 +97,7 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
 
     Raises:
         VideoError: The path is missing or not a video, has no picture stream, no time stamps, or fewer than
-            two frames; or it is no picture although ``still`` says so.
+            two frames; or it is no picture although ``still`` is true.
 
     Example:
         >>> import monodyn

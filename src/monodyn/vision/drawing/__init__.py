@@ -1,1 +1,1 @@
-"""The mechanism before a camera as it is drawn: outlines, silhouettes, and edges met by them."""
+"""The mechanism drawn before a camera: outlines, silhouettes, and the edges of a mask near them."""

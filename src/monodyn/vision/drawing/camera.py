@@ -20,7 +20,7 @@ PARAMETERS = {
 """Names and units of the camera's parameters."""
 
 ROTATION = 9
-"""The first so many entries of a packed camera are its rotation ``R_camera_plane``, row by row."""
+"""The first entries of a packed camera, this many, are its rotation ``R_camera_plane``, row by row."""
 X, Y, DEPTH, FOCAL, CENTRE_X, CENTRE_Y = range(ROTATION, 15)
 """Columns of a packed camera after the rotation: position [m], focal length and principal point [px]."""
 
@@ -40,7 +40,7 @@ def rotation(camera: Camera) -> np.ndarray:
     roll = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
     pitch = np.array([[1.0, 0.0, 0.0], [0.0, cp, sp], [0.0, -sp, cp]])
     yaw = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
-    # the last factor turns y down and z away from the camera: what is left is the identity for a level camera
+    # the last factor turns y down and z away from the camera: the rest is the identity for a level camera
     return roll @ pitch @ yaw @ np.diag([1.0, -1.0, -1.0])
 
 

@@ -30,8 +30,8 @@ STEP_PX = 0.5
 FLAT_PX = 3.0
 """Search length inwards from which the coverage levels off; an edge is taken against its own level there."""
 LEAST_LEVEL = 0.35
-"""Coverage inside of an edge below which the edge is looked for against full coverage: it is not where it is
-thought."""
+"""Coverage inside of an edge below which the edge is looked for against full coverage: it is not where it was
+expected."""
 TRUSTED = 0.09
 """Least trust of the picture along a normal."""
 COVERED_PX = 0.75
@@ -321,7 +321,7 @@ def _find_edge(
     sample: np.ndarray,
 ) -> bool:
     """Search one normal of geom ``own`` in its plane and that plane's trust, and fill ``sample`` (9,) but for
-    its share; False where nothing can be said.
+    its share; False where the edge cannot be judged.
 
     It runs for every sample, and takes plain arrays: reading them out of tuples costs a tenth of the search.
     """

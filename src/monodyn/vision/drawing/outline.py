@@ -47,7 +47,8 @@ def covered_pixels(
 
     picture = np.zeros((camera.height, camera.width), np.uint8)
     for _, polygon in outline(mechanism, camera, position):
-        points = np.round(polygon * 16.0).astype(np.int32)  # four bits after the point, as cv2 is told below
+        # four bits after the point, which is the ``shift`` below
+        points = np.round(polygon * 16.0).astype(np.int32)
         cv2.fillPoly(picture, [points], 1, cv2.LINE_8, 4)
         cv2.polylines(picture, [points], True, 1, max(1, round(2.0 * margin)), cv2.LINE_8, 4)
     return picture > 0

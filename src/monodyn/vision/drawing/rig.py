@@ -69,7 +69,7 @@ def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
 
 
 def longest_reach(rig: Rig) -> float:
-    """Return the farthest that any point gets from the first joint, the mechanism stretched out.
+    """Return the largest distance of any point from the first joint, the mechanism stretched out.
 
     Args:
         rig: The mechanism; its slides count at zero.
@@ -105,7 +105,7 @@ def root_slides(mechanism: Mechanism) -> list[RootSlide]:
     """Find the slides of the root, each with the camera coordinate that means the same.
 
     Where a root's slide is zero is a matter of choice: moving it by a constant, and the camera along, leaves
-    every picture as it is. One of the two has to be held.
+    every picture unchanged. One of the two has to be held.
 
     Args:
         mechanism: The mechanism.

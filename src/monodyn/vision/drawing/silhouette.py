@@ -42,7 +42,8 @@ class Outlines(NamedTuple):
     Attributes:
         starts: Where each geom's outline points start, int64 (geom + 1,).
         px: Outline points [px], (outline point, 2).
-        hull: Indices into ``px`` of the corners of each geom's convex outline, geom after geom, int64.
+        hull: Indices into ``px`` of the corners of each geom's convex outline, geom after geom, int64
+            (entry,).
         first: Where each geom's corners start in ``hull``, int64 (geom + 1,).
     """
 

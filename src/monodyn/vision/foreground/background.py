@@ -25,7 +25,14 @@ STILL_GREY = 8.0
 
 
 class Window(NamedTuple):
-    """A rectangle of the picture: rows ``top`` to ``bottom - 1``, columns ``left`` to ``right - 1`` [px]."""
+    """A rectangle of the picture.
+
+    Attributes:
+        top: First row [px].
+        bottom: Row below the last one [px].
+        left: First column [px].
+        right: Column to the right of the last one [px].
+    """
 
     top: int
     bottom: int
@@ -39,8 +46,8 @@ class Background:
 
     Attributes:
         luma: Grey level of each pixel, float32 (height, width).
-        chroma: Blue and red difference, each float32 at the size of the clip's chroma planes, or None for a
-            grey clip.
+        chroma: Blue and red difference, each float32 (row, column) at the size of the clip's chroma planes,
+            or None for a grey clip.
         noise: Standard deviation of a pixel's grey level over time [grey levels].
         known: False where too few samples show the pixel uncovered, bool (height, width).
         window: Part of the picture in which anything moves.

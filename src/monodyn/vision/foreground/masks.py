@@ -18,7 +18,7 @@ from monodyn.vision.clip.video import Video
 from monodyn.vision.foreground.background import Background, Samples
 
 VARIED = -1
-"""Stands for the colour of a geom that has none of its own."""
+"""Stands for the colour of a geom that has no single colour."""
 
 
 class View(NamedTuple):
@@ -42,7 +42,7 @@ class GeomColours:
 
     Attributes:
         colours: Grey level, blue and red difference of each colour, (colour, 3).
-        part: Colour of each geom, int64 (geom,); ``VARIED`` for one that has none of its own.
+        part: Colour of each geom, int64 (geom,); ``VARIED`` for one without a single colour.
         shaded: True for geoms that show it at many levels, bool (geom,).
     """
 
@@ -70,7 +70,7 @@ class Masks(Protocol):
 
     @property
     def background(self) -> Background:
-        """What the pixels show without the mechanism; ``background.given`` says who chose it."""
+        """What the pixels show without the mechanism; ``background.given`` is true if the user gave it."""
         ...
 
     @property
@@ -88,8 +88,8 @@ class Masks(Protocol):
             frame: A frame of the clip, or of another clip of the same camera and background.
 
         Returns:
-            Its soft foreground, with the planes of which ``view`` speaks, or any number of planes where
-            ``view`` speaks of one: then the largest coverage counts.
+            Its soft foreground, with the planes that ``view`` describes, or any number of planes where
+            ``view`` describes one: then the largest coverage counts.
         """
         ...
 

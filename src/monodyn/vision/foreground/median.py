@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 NEAR = 12.0
-"""Samples within so many grey levels of the median count as noise; others show something else."""
+"""Samples within this many grey levels of the median count as noise; others show something else."""
 
 
 @njit(cache=True)

@@ -205,7 +205,7 @@ def _moving_pixels(
         # Where the first background shows the mechanism itself, what moves is its absence: such a pixel is
         # more like its surroundings than the background is, and does not count.
         moving &= _apart(planes, around) > _apart(behind, around)
-        # pixels at an edge are mixed with the background; only a thin mechanism has to make do with them
+        # pixels at an edge are mixed with the background; only a thin mechanism has no others
         core = cv2.erode(moving.astype(np.uint8), inner) > 0
         if core.sum() < 20:
             core = moving
@@ -251,7 +251,7 @@ def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:
     if float(values.std(axis=0).max()) < 1.0:
         return np.median(values, axis=0)[None].astype(np.float64)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.5)
-    # k-means starts from random centres: the seed makes two runs alike
+    # k-means starts from random centres: the seed makes two runs identical
     cv2.setRNGSeed(1)
     _, labels, _ = cv2.kmeans(values, COLOURS, np.zeros(0, np.int32), criteria, 3, cv2.KMEANS_PP_CENTERS)
     # the largest cluster first, so that a smaller one near it is merged into it and not the other way round

@@ -126,7 +126,7 @@ def soft_masks(
     scene = background_of(samples) if background is None else _given(background, video, samples)
     palette = choose_palette(samples.frames, scene, settings.colour, settings.contrast)
     masks = SoftMasks(video, scene, palette, samples, settings)
-    # a mechanism that rests most of the time is the first background's own: it is taken out of it once
+    # a mechanism that rests most of the time is part of the first background: it is taken out of it once
     return masks if scene.given else masks.refined(lingering(samples.frames, scene, palette))
 
 

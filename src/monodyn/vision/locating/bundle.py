@@ -26,8 +26,7 @@ NOISE_PX = 0.3
 OFFSET_STD = 0.02
 """Standard deviation of how far a body may stand before its parent, in mean lengths of the mechanism."""
 LEAST_WIDTH_PX = 1.5
-"""No width gets below this while it is refined: an outline without an inside has no edges to come back by
-[px]."""
+"""No width becomes smaller than this in a refinement: an outline without an inside meets no edges [px]."""
 SETTLED = 1e-5
 """Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
 SYSTEMATIC_PX = 0.2
@@ -86,7 +85,7 @@ class Bundle:
 
 @dataclass(frozen=True, eq=False)
 class SceneVariables:
-    """The refined parameters as one vector: sizes and depths as logarithms, the rest as they are.
+    """The refined parameters as one vector: sizes and depths as logarithms, the rest in their own units.
 
     Attributes:
         names: Names of the parameters: sizes, offsets and ``camera.*``.
@@ -358,7 +357,7 @@ def _step(
     system = weight * xx + np.diag(stiffness)
     system += np.diag(1e-3 * weight * np.maximum(np.diag(xx), 0.0) + 1e-9)
     step = np.linalg.solve(system, weight * right + stiffness * (anchor - x))
-    # the poses follow the step as it is made, so it is cut off before they are computed
+    # the poses follow the step that is taken, so it is cut off before they are computed
     step = np.clip(step, -MOST_STEP, MOST_STEP)
     q_step = np.einsum("kij,kj->ki", inverse, terms.q - np.einsum("kix,x->ki", terms.qx, step))
     return step, np.clip(q_step, -MOST_STEP, MOST_STEP)

@@ -27,7 +27,7 @@ ENOUGH = 20
 SHADED_PERCENT, SHADED_LEVEL = 15.0, 0.75
 """A geom is shaded if this share of its pixels shows less than this level of its colour."""
 UNLIKE_SHARE = 0.25
-"""Share of pixels unlike the median colour from which a geom has no colour of its own (a shiny rod)."""
+"""Share of pixels unlike the median colour from which a geom has no single colour (a shiny rod)."""
 UNSEEN = -2
 """Stands for the colour of a geom that shows too few pixels to measure it."""
 DEPTH = 6
@@ -46,7 +46,7 @@ def geom_colours(
         fits: True where that pose lies on the mask, bool (frame,).
 
     Returns:
-        The colours, those alike joined, or None where no geom shows one colour over enough pixels. A geom
+        The colours, near ones joined, or None where no geom shows one colour over enough pixels. A geom
         too thin to show its own has the nearest of the others.
     """
     good = np.flatnonzero(fits)

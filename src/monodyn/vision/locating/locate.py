@@ -46,8 +46,8 @@ VAGUE_FOCAL, VAGUE_TURN = 0.2, 0.1
 """Standard deviation of the focal length as a share of it, and of a turn [rad], from which it is called
 vague."""
 UNEXPLAINED_SHARE = 0.35
-"""Share of the foreground outside of the mechanism, or of the mechanism outside of it, from which the user is
-told."""
+"""Share of the foreground outside of the mechanism, or of the mechanism outside of it, from which there is
+advice."""
 LEAST_MATCHED, LEAST_INSIDE = 0.55, 0.65
 """Share of outline samples on an edge and coverage inside of the outline above which a pose lies on its
 mask."""
@@ -155,7 +155,7 @@ def _refined_coarsely(frames: KeyFrames, guess: SceneGuess, variables: SceneVari
 def _with_colours(masks: Masks, frames: KeyFrames, guess: SceneGuess) -> tuple[Masks, KeyFrames, SceneGuess]:
     """Find the pose in every sample frame and measure the colours of the geoms there."""
     guess = search_poses(frames, guess.mechanism, guess.camera)
-    # the better half of the frames always counts, so that a hard clip gets its colours too
+    # the better half of the frames always counts, so that a hard clip has its colours too
     fits = guess.mismatch <= max(0.5, float(np.median(guess.mismatch)))
     masks = masks.coloured(geom_colours(masks.samples.frames, masks.background, guess, fits))
     return masks, key_frames(masks, len(guess.mechanism.shapes.radius)), guess
@@ -212,7 +212,7 @@ def _refined_whole(
 
 
 def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
-    """Collect the result, and what the picture knows of the sizes, over the key frames of the bundle."""
+    """Collect the result, and the picture's information about sizes, over the key frames of the bundle."""
     names = bundle.variables.names
     sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS]
     # a single size that is held, or the depth, pins the common scale

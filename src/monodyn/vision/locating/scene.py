@@ -17,7 +17,7 @@ class Scene:
     """A mechanism before a camera, as a clip shows it.
 
     Attributes:
-        mechanism: With sizes in the start scale and what the picture knows of them (``measured``).
+        mechanism: With sizes in the start scale and the picture's information about them (``measured``).
         camera: The camera, in the start scale.
         masks: The clip's masks over the background without the mechanism.
         frame: Number of the frame of the first pose.

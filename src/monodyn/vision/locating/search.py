@@ -153,7 +153,7 @@ def search_pose(
 def search_poses(
     frames: KeyFrames, mechanism: Mechanism, camera: Camera, near: np.ndarray | None = None
 ) -> SceneGuess:
-    """Find the pose in every key frame by itself.
+    """Find the pose in every key frame separately.
 
     Args:
         frames: The key frames.
@@ -224,8 +224,8 @@ def _joint_values(frame: KeyFrame, rig: Rig, mechanism: Mechanism, row: int) -> 
 def _best_peaks(costs: np.ndarray, circular: bool) -> np.ndarray:
     """Return the flat indices of the best local minima along the rows of a table (pose, value).
 
-    Neighbouring positions score nearly alike: without the choice of minima the beam would fill with copies
-    of one pose, and lose the others that a later link may need.
+    Neighbouring positions have nearly equal scores: without the choice of minima the beam would fill with
+    copies of one pose, and lose the others that a later link may need.
     """
     if circular:
         left, right = np.roll(costs, 1, axis=1), np.roll(costs, -1, axis=1)
