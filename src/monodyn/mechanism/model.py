@@ -12,7 +12,8 @@ import numpy as np
 from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import derivatives, links_of, shapes_of, tree_of
 from monodyn.mechanism.parts import Joint, Link, Parameter
-from monodyn.mechanism.plan import OWNED, Plan, Torques, make_plan, make_torques
+from monodyn.mechanism.plan import OWNED, Plan, make_plan
+from monodyn.mechanism.torques import Torques, common_names, make_torques
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS, Directions, Measured, Shapes, Tree
 
 if TYPE_CHECKING:
@@ -275,15 +276,12 @@ class Mechanism:
         if period is None and self.torque == "fourier":
             period = self.values["torque.period"]
         torques = make_torques(self.plan, model, terms=terms, knots=knots, period=period)
-        table, count, old = torques.table, len(self.plan_numbers), self.torques
-        same = model == "fourier" or np.array_equal(torques.knots, old.knots)
-        kept = [name for name in table.names[count:] if same and name in old.index]
-        to, since = [torques.index[name] for name in kept], [old.index[name] for name in kept]
+        table, kept = torques.table, common_names(self.plan, self.torques, torques)
+        to, since = [torques.index[name] for name in kept], [self.torques.index[name] for name in kept]
 
         def merged(start: list, now: np.ndarray) -> np.ndarray:
-            # parameters of the plan come first in both tables
             column = np.array(start, dtype=now.dtype)
-            column[:count], column[to] = now[:count], now[since]
+            column[to] = now[since]
             return column
 
         return replace(
@@ -294,7 +292,7 @@ class Mechanism:
             upper=merged(table.upper, self.upper),
             free=merged(table.free, self.free),
             own=merged([False] * len(table.names), self.own),
-            chosen=frozenset(n for n in self.chosen if n in self.plan.index or n in kept),
+            chosen=self.chosen.intersection(kept),
         )
 
     def with_measured(self, measured: Measured) -> Mechanism:
@@ -376,11 +374,6 @@ class Mechanism:
             )
 
 
-def _around(value: float) -> tuple[float, float]:
-    """Return wide bounds about a positive start value."""
-    return 1e-6 * value, 1e6 * value
-
-
 def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
     """Make a mechanism of its parts.
 
@@ -399,7 +392,7 @@ def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
             if table.follows[row]:
                 numbers[row] = columns[i, column]
                 if what in ("mass", "inertia"):
-                    lower[row], upper[row] = _around(numbers[row])
+                    lower[row], upper[row] = 1e-6 * numbers[row], 1e6 * numbers[row]
     bodies = tuple(dict.fromkeys(link.joint.body for link in links))
     joints = tuple(link.joint for link in links)
     free = np.array(table.free, dtype=bool)
