@@ -19,9 +19,9 @@ from support import refuses
 
 def test_the_stages_have_every_method_that_the_settings_take() -> None:
     assert set(stages.SEGMENT_METHODS) == set(SEGMENT_METHOD_NAMES)
-    assert {pair[0] for pair in stages.LOCATE} == set(METHOD_NAMES)
-    assert {pair[1] for pair in stages.LOCATE} == set(METHOD_NAMES)
-    assert set(stages.TRACK) == set(METHOD_NAMES)
+    assert {pair[0] for pair in stages.LOCATE_METHODS} == set(METHOD_NAMES)
+    assert {pair[1] for pair in stages.LOCATE_METHODS} == set(METHOD_NAMES)
+    assert set(stages.TRACK_METHODS) == set(METHOD_NAMES)
 
 
 @pytest.mark.parametrize(

@@ -12,14 +12,12 @@ import numpy as np
 from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import derivatives, links_of, shapes_of, tree_of
 from monodyn.mechanism.parts import Joint, Link, Parameter
-from monodyn.mechanism.plan import OWNED, Plan, make_plan
-from monodyn.mechanism.torques import Torques, common_names, make_torques
-from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS, Directions, Measured, Shapes, Tree
+from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, Plan, make_plan
+from monodyn.mechanism.torques import TorqueParameters, common_names, make_torques
+from monodyn.mechanism.tree import Directions, Measured, Shapes, Tree
 
 if TYPE_CHECKING:
     from monodyn.mechanism.drive import Drive
-
-COLUMNS_OWNED = (MASS, COM_X, COM_Y, INERTIA)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +46,7 @@ class Mechanism:
     joints: tuple[Joint, ...]
     bodies: tuple[str, ...]
     plan: Plan
-    torques: Torques
+    torques: TorqueParameters
     numbers: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
@@ -94,7 +92,7 @@ class Mechanism:
         # What follows stands in the tree; what is a value of its own stands there unchanged.
         for i, rows in enumerate(self.plan.owned):
             if rows is not None:
-                values[list(rows)] = self.tree.links[i, COLUMNS_OWNED]
+                values[list(rows)] = self.tree.links[i, OWNED_COLUMNS]
         return values
 
     @cached_property
@@ -388,7 +386,7 @@ def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
     lower, upper = np.array(table.lower), np.array(table.upper)
     columns = links_of(plan, numbers, own)
     for i, rows in enumerate(plan.owned):
-        for row, column, what in zip(rows or (), COLUMNS_OWNED, OWNED, strict=False):
+        for row, column, what in zip(rows or (), OWNED_COLUMNS, OWNED_KINDS, strict=False):
             if table.follows[row]:
                 numbers[row] = columns[i, column]
                 if what in ("mass", "inertia"):

@@ -24,16 +24,23 @@ from monodyn.mechanism.tree import (
     AXIS_X,
     AXIS_Y,
     COLUMNS,
+    COM_X,
+    COM_Y,
     DAMPING,
     DRAG,
     FRICTION,
     HINGE,
+    INERTIA,
+    MASS,
     REST,
     SLIDE,
     STIFFNESS,
 )  # fmt: skip
 
-OWNED = ("mass", "com_x", "com_y", "inertia")
+OWNED_KINDS = ("mass", "com_x", "com_y", "inertia")
+"""Kinds of the parameters that may follow from the others of a body, in the order of ``Plan.owned``."""
+OWNED_COLUMNS = (MASS, COM_X, COM_Y, INERTIA)
+"""Their columns in ``Tree.links``."""
 
 
 class JointTerm(NamedTuple):
@@ -53,7 +60,7 @@ JOINT = {
 }
 """The parameters of every joint by kind, in the order in which they are entered."""
 JOINT_COLUMNS = [term.column for term in JOINT.values()]
-LEAST_DAMPING = 1e-3
+START_DAMPING = 1e-3
 """Damping at which a joint starts that has none in the file [N m s/rad or N s/m]."""
 
 
@@ -275,7 +282,7 @@ def _enter_joint(link: Link, table: Table) -> list[str]:
         start = link.terms[kind]
         free = kind == "damping" or (start > 0 and kind != "armature")
         if kind == "damping":
-            start = start or LEAST_DAMPING
+            start = start or START_DAMPING
         unit = term.at_hinge if link.joint.kind == "hinge" else term.at_slide
         entry = Entry(f"{name}.{kind}", kind, name, start, unit, free, limits, NOT_NEGATIVE)
         names.append(table.add(entry))
@@ -317,7 +324,9 @@ def _stack(
         forms=matrix(forms, index),
         solids=tuple(heavy),
         weights=tuple(tuple(index[solid.weight] for solid, _ in group) for group in heavy),
-        owned=tuple(tuple(index[f"{k.joint.body}.{f}"] for f in OWNED) if k.carries else None for k in links),
+        owned=tuple(
+            tuple(index[f"{k.joint.body}.{f}"] for f in OWNED_KINDS) if k.carries else None for k in links
+        ),
         joints=np.array([[index[name] for name in names] for names in joints], dtype=np.int64),
         drawn=tuple(solid for _, solid in drawn),
         shape_link=np.array([i for i, _ in drawn], dtype=np.int64),

@@ -17,7 +17,7 @@ TORQUES = ("friction", "fourier", "free")
 
 
 @dataclass(frozen=True, eq=False)
-class Torques:
+class TorqueParameters:
     """The parameters of torques over time.
 
     Attributes:
@@ -37,7 +37,7 @@ class Torques:
 
 def make_torques(
     plan: Plan, model: str, *, terms: int = 0, knots: np.ndarray | None = None, period: float | None = None
-) -> Torques:
+) -> TorqueParameters:
     """Return the parameters of a torque model.
 
     Args:
@@ -57,7 +57,7 @@ def make_torques(
         raise MechanismError(f"torque: expected one of {known}, got '{model}'.")
     if model == "friction":
         nothing = np.zeros((len(joints), 0), dtype=np.int64)
-        return Torques(model, plan.table, plan.index, nothing, np.zeros(0))
+        return TorqueParameters(model, plan.table, plan.index, nothing, np.zeros(0))
     table, stamps = plan.table.copy(), np.zeros(0)
     if model == "fourier":
         rows = _enter_series(table, joints, terms, period)
@@ -71,10 +71,10 @@ def make_torques(
         rows = [[_enter_torque(table, joint, str(k)) for joint in joints] for k in range(len(stamps))]
         rows = np.array(rows, dtype=np.int64).T
     index = {name: row for row, name in enumerate(table.names)}
-    return Torques(model, table, index, rows, stamps)
+    return TorqueParameters(model, table, index, rows, stamps)
 
 
-def common_names(plan: Plan, old: Torques, new: Torques) -> list[str]:
+def common_names(plan: Plan, old: TorqueParameters, new: TorqueParameters) -> list[str]:
     """Return the parameters that mean the same under two torque models: those of the plan come first.
 
     A torque at a knot means the same only where the knots are the same.

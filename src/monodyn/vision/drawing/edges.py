@@ -176,12 +176,7 @@ def edge_kernel(
         if abs(away) < MATCHED_PX:
             near += trusted
             squares += trusted * away * away
-        deep = min(INSIDE_PX, samples[s, INNER])
-        ix = int(samples[s, AT_X] - deep * nx + 0.5)
-        iy = int(samples[s, AT_Y] - deep * ny + 0.5)
-        g = int(samples[s, GEOM])
-        whole = LEAST_LEVEL * FULL if view.shaded[g] else FULL
-        covered += trusted * min(planes[view.part[g], iy, ix] / whole, 1.0)
+        covered += trusted * _level_inside(planes, view, samples[s])
         for j in range(size):
             right[j] += w * row[j] * away
             for k in range(size):
@@ -189,6 +184,17 @@ def edge_kernel(
     rms = np.sqrt(squares / max(near, 1e-9))
     total = max(total, 1e-9)
     return normal, right, (count, near / total, rms, covered / total)
+
+
+@njit(cache=True, inline="always")
+def _level_inside(planes: np.ndarray, view: View, sample: np.ndarray) -> float:
+    """Return the coverage just inside of a sample (9,), as a share of what counts as whole there."""
+    deep = min(INSIDE_PX, sample[INNER])
+    ix = int(sample[AT_X] - deep * sample[NORMAL_X] + 0.5)
+    iy = int(sample[AT_Y] - deep * sample[NORMAL_Y] + 0.5)
+    g = int(sample[GEOM])
+    whole = LEAST_LEVEL * FULL if view.shaded[g] else FULL
+    return min(planes[view.part[g], iy, ix] / whole, 1.0)
 
 
 @njit(cache=True)

@@ -76,46 +76,58 @@ def edge_samples(
     Returns:
         Number of samples.
     """
+    count = 0
+    for g in range(outlines.first.shape[0] - 1):
+        if outlines.first[g + 1] - outlines.first[g] >= 3:
+            count = _geom_samples(planes, view, outlines, search, g, ends, samples, count)
+    return count
+
+
+@njit(cache=True)
+def _geom_samples(
+    planes: np.ndarray,
+    view: View,
+    outlines: Outlines,
+    search: tuple[float, float],
+    g: int,
+    ends: np.ndarray,
+    samples: np.ndarray,
+    count: int,
+) -> int:
+    """Do the work of ``edge_samples`` for geom ``g``, from sample ``count`` on."""
     px, hull, first = outlines.px, outlines.hull, outlines.first
     reach, spacing = search
-    count = 0
-    for g in range(first.shape[0] - 1):
-        a, b = first[g], first[g + 1]
-        size = b - a
-        if size < 3:
+    a, size = first[g], first[g + 1] - first[g]
+    coverage, known, shaded = planes[view.part[g]], view.trust[view.part[g]], view.shaded[g]
+    # ``rest`` carries the spacing over the soft corners of a ring, whose edges are shorter than it
+    rest = 0.5 * spacing
+    for i in range(size):
+        p, q = hull[a + i], hull[a + (i + 1) % size]
+        before, after = hull[a + (i - 1) % size], hull[a + (i + 2) % size]
+        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
+        length = math.sqrt(ex * ex + ey * ey)
+        if length < 1e-9:
             continue
-        coverage, known, shaded = planes[view.part[g]], view.trust[view.part[g]], view.shaded[g]
-        # ``rest`` carries the spacing over the soft corners of a ring, whose edges are shorter than it
-        rest = 0.5 * spacing
-        for i in range(size):
-            p, q = hull[a + i], hull[a + (i + 1) % size]
-            before, after = hull[a + (i - 1) % size], hull[a + (i + 2) % size]
-            ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
-            length = math.sqrt(ex * ex + ey * ey)
-            if length < 1e-9:
-                continue
-            ex, ey = ex / length, ey / length
-            start, stop = rest, length
-            # Blur rounds a sharp corner, so that the mask's edge lies inside of the outline there: the
-            # samples keep away from it, and between two such corners they are centred on the edge.
-            if _turn(px, before, p, ex, ey) < SHARP:
-                start = max(
-                    CORNER_PX, 0.5 * (length - spacing * math.floor((length - 2 * CORNER_PX) / spacing))
-                )
-            if _turn(px, q, after, ex, ey) < SHARP:
-                stop = length - CORNER_PX
-            along = start
-            while along <= stop:
-                if count >= samples.shape[0]:
-                    return count
-                # the hull turns so that (ey, -ex) points outwards
-                at = _Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
-                if _find_edge(coverage, known, shaded, px, hull, first, g, at, reach, samples[count]):
-                    ends[count, FROM], ends[count, TO] = p, q
-                    samples[count, SHARE] = along / length
-                    count += 1
-                along += spacing
-            rest = along - length if along > length else 0.5 * spacing
+        ex, ey = ex / length, ey / length
+        start, stop = rest, length
+        # Blur rounds a sharp corner, so that the mask's edge lies inside of the outline there: the
+        # samples keep away from it, and between two such corners they are centred on the edge.
+        if _turn(px, before, p, ex, ey) < SHARP:
+            start = max(CORNER_PX, 0.5 * (length - spacing * math.floor((length - 2 * CORNER_PX) / spacing)))
+        if _turn(px, q, after, ex, ey) < SHARP:
+            stop = length - CORNER_PX
+        along = start
+        while along <= stop:
+            if count >= samples.shape[0]:
+                return count
+            # the hull turns so that (ey, -ex) points outwards
+            at = _Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
+            if _find_edge(coverage, known, shaded, px, hull, first, g, at, reach, samples[count]):
+                ends[count, FROM], ends[count, TO] = p, q
+                samples[count, SHARE] = along / length
+                count += 1
+            along += spacing
+        rest = along - length if along > length else 0.5 * spacing
     return count
 
 
@@ -151,18 +163,10 @@ def _find_edge(
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return False
-    # Where another geom covers the outer side the mask has no edge: it goes on in the other geom. Four
-    # places along the normal find every geom that is wider than a third of the search length.
-    for g in range(first.shape[0] - 1):
-        if g == own:
-            continue
-        for k in range(4):
-            t = k * reach / 3.0
-            if _outside(px, hull, first[g], first[g + 1], x + t * nx, y + t * ny) < COVERED_PX:
-                return False
-    weight = 1.0
-    for t in (-inner, -0.5 * inner, 0.0, 0.5 * reach, reach):
-        weight = min(weight, known[int(y + t * ny + 0.5), int(x + t * nx + 0.5)])
+    # where another geom covers the outer side the mask has no edge: it goes on in the other geom
+    if _is_covered(px, hull, first, own, at, reach):
+        return False
+    weight = _least_trust(known, at, inner, reach)
     if weight < TRUSTED:
         return False
     steps = max(2, math.ceil((inner + reach) / STEP_PX))
@@ -185,6 +189,38 @@ def _find_edge(
     sample[INNER] = inner
     sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
     return True
+
+
+@njit(cache=True, inline="always")
+def _least_trust(known: np.ndarray, at: _Normal, inner: float, reach: float) -> float:
+    """Return the least trust of a plane (height, width) at five places along the searched normal."""
+    weight = 1.0
+    for t in (-inner, -0.5 * inner, 0.0, 0.5 * reach, reach):
+        weight = min(weight, known[int(at.y + t * at.ny + 0.5), int(at.x + t * at.nx + 0.5)])
+    return weight
+
+
+@njit(cache=True, inline="always")
+def _is_covered(
+    px: np.ndarray, hull: np.ndarray, first: np.ndarray, own: int, at: _Normal, reach: float
+) -> bool:
+    """Return whether another geom than ``own`` covers a place or what lies outwards of it.
+
+    Four places along the normal find every geom that is wider than a third of the search length.
+    """
+    covered = False
+    for g in range(first.shape[0] - 1):
+        if g == own:
+            continue
+        for k in range(4):
+            t = k * reach / 3.0
+            away = _outside(px, hull, first[g], first[g + 1], at.x + t * at.nx, at.y + t * at.ny)
+            if away < COVERED_PX:
+                covered = True
+                break
+        if covered:
+            break
+    return covered
 
 
 @njit(cache=True)

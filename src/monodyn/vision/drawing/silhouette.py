@@ -173,28 +173,39 @@ def project(rig: Rig, position: np.ndarray, px: np.ndarray) -> bool:
                 px[k, 1] = cy + focal * y / z
                 k += 1
                 continue
-            # The tangent cone touches the ball in a circle about the line of sight, nearer than the centre:
-            # at the distance d (1 - r^2 / d^2), with the radius r sqrt(1 - r^2 / d^2).
-            d2 = x * x + y * y + z * z
-            shrink = 1.0 - r * r / d2
-            ring = r * math.sqrt(shrink) * ROUNDING
-            # a = (ax, 0, az) and b are unit vectors across the line of sight u: a level, b = u x a
-            n1 = math.sqrt(z * z + x * x)
-            ax, az = z / n1, -x / n1
-            d = math.sqrt(d2)
-            ux, uy, uz = x / d, y / d, z / d
-            bx, by, bz = uy * az, uz * ax - ux * az, -uy * ax
-            for j in range(RING):
-                w = 2.0 * math.pi * j / RING
-                cw, sw = ring * math.cos(w), ring * math.sin(w)
-                qx = x * shrink + cw * ax + sw * bx
-                qy = y * shrink + sw * by
-                qz = z * shrink + cw * az + sw * bz
-                px[k, 0] = cx + focal * qx / qz
-                px[k, 1] = cy + focal * qy / qz
-                k += 1
+            _project_ball((x, y, z), r, (focal, cx, cy), px[k : k + RING])
+            k += RING
         g += 1
     return True
+
+
+@njit(cache=True)
+def _project_ball(
+    centre: tuple[float, float, float], r: float, lens: tuple[float, float, float], px: np.ndarray
+) -> None:
+    """Fill ``px`` (RING, 2) with the outline of a ball: its centre before the camera [m], its radius [m], and
+    the camera's focal length and principal point [px]."""
+    x, y, z = centre
+    focal, cx, cy = lens
+    # The tangent cone touches the ball in a circle about the line of sight, nearer than the centre: at the
+    # distance d (1 - r^2 / d^2), with the radius r sqrt(1 - r^2 / d^2).
+    d2 = x * x + y * y + z * z
+    shrink = 1.0 - r * r / d2
+    ring = r * math.sqrt(shrink) * ROUNDING
+    # a = (ax, 0, az) and b are unit vectors across the line of sight u: a level, b = u x a
+    n1 = math.sqrt(z * z + x * x)
+    ax, az = z / n1, -x / n1
+    d = math.sqrt(d2)
+    ux, uy, uz = x / d, y / d, z / d
+    bx, by, bz = uy * az, uz * ax - ux * az, -uy * ax
+    for j in range(RING):
+        w = 2.0 * math.pi * j / RING
+        cw, sw = ring * math.cos(w), ring * math.sin(w)
+        qx = x * shrink + cw * ax + sw * bx
+        qy = y * shrink + sw * by
+        qz = z * shrink + cw * az + sw * bz
+        px[j, 0] = cx + focal * qx / qz
+        px[j, 1] = cy + focal * qy / qz
 
 
 @njit(cache=True)

@@ -28,7 +28,7 @@ OFFSET_STD = 0.02
 LEAST_WIDTH_PX = 1.5
 """No width gets below this while it is refined: an outline without an inside has no edges to come back by
 [px]."""
-SETTLED = 1e-5
+SETTLED_STEP = 1e-5
 """Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
 SYSTEMATIC_PX = 0.2
 """Standard deviation of a size that more key frames do not reduce: blur, light and the codec shift edges
@@ -185,7 +185,7 @@ def refine(
         x = x + step
         x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
-        if reach == last and len(x) and np.abs(step).max() < SETTLED:
+        if reach == last and len(x) and np.abs(step).max() < SETTLED_STEP:
             break
     mechanism, camera = variables.write(x, mechanism, camera)
     rig, shifts = _shifted_rigs(variables, x, mechanism, camera, masks.shrink)
