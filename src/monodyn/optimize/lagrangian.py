@@ -15,13 +15,11 @@ from monodyn.optimize.minimum import (
     checked_bounds,
     checked_sizes,
 )
-from monodyn.optimize.powell import USUAL_DIRECT, powell
+from monodyn.optimize.powell import LEAST_REACH, USUAL_DIRECT, powell
 from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED, UNMET, VIOLATED
 
 FIRST_PENALTY = 20.0
 """First penalty of one step's violation, in changes of the function over one step."""
-LEAST_REACH = 4.0
-"""First step of a later round at least, in tolerances."""
 GROWTH = 5.0
 """Growth of the penalty where a round of multipliers did not lower the violation enough."""
 ENOUGH = 0.25
