@@ -56,7 +56,7 @@ def moved(case: str, error: float, states: str = "measured", frames: int = 40, n
     position = true + error + noise * found.errors
     motion = States(found.poses.time, position, 0.0 * position, 0.0 * position)
     fit: Any = SimpleNamespace(
-        names=(*"abcdef", *("",) * 4),
+        shared=tuple("abcdef"),
         starts=(None,),
         mechanism=mechanism(),
         evaluations=7,

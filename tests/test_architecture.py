@@ -19,6 +19,9 @@ TABLE = places(ARCHITECTURE)
 PAPER_USERS = ("paper", "settings", "stages", "reproduce")
 """The rooms that may import ``paper``, itself included."""
 
+KERNELS = ("mechanism/planar", "mechanism/tangents", "mechanism/branches")
+"""What stands behind the one door to motion."""
+
 every_module = pytest.mark.parametrize(
     "path", sorted(SOURCE.rglob("*.py")), ids=lambda p: str(p.relative_to(SOURCE))
 )
@@ -60,6 +63,15 @@ def test_only_three_rooms_know_the_published_method(path: Path) -> None:
     room = path.relative_to(SOURCE).with_suffix("").parts[0]
     if room not in PAPER_USERS:
         assert not [name for _, name in MONODYN.imports(path) if f"{name}.".startswith("monodyn.paper.")]
+
+
+@every_module
+def test_motion_has_one_door(path: Path) -> None:
+    """The kernels of the dynamics are called by ``mechanism.simulate`` and by one another, by nobody else."""
+    module = str(path.relative_to(SOURCE).with_suffix(""))
+    if module not in ("mechanism/simulate", *KERNELS):
+        behind = {f"monodyn.{name.replace('/', '.')}" for name in KERNELS}
+        assert not [name for _, name in MONODYN.imports(path) if name in behind]
 
 
 @pytest.mark.parametrize(

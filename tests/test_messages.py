@@ -49,8 +49,13 @@ def told() -> list[str]:
             known = constants(parsed(path))
             for node in ast.walk(parsed(path)):
                 if isinstance(node, ast.expr):
-                    found |= {text.replace("\n", " ") for text in texts_of(node, known) if len(text) > 10}
+                    found |= {_bare(text) for text in texts_of(node, known) if len(text) > 10}
     return sorted(found)
+
+
+def _bare(text: str) -> str:
+    """Return a text without line breaks, and without what the command line puts before and after an error."""
+    return text.replace("\n", " ").removeprefix("monodyn: ").rstrip()
 
 
 def complaint(path: Path, sentence: Sentence) -> str:
@@ -83,8 +88,7 @@ def test_every_message_is_tested_whole(path: Path) -> None:
 def test_every_status_and_advice_is_tested_whole(path: Path) -> None:
     found = list(said(parsed(path), errors()))
     missing = [complaint(path, sentence) for sentence in found if not sentence.inside(told(), whole=False)]
-    if missing:
-        pytest.xfail(f"{len(missing)} of {len(found)} sentences:\n" + "\n".join(missing))
+    assert not missing, f"{len(missing)} of {len(found)} sentences:\n" + "\n".join(missing)
 
 
 ROOM = '''

@@ -44,7 +44,7 @@ def seen(monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, *, last: int = 1
     )
     scene = SimpleNamespace(
         camera=Camera(64, 48, 100.0), masks=SimpleNamespace(video=video), mechanism=load("single"),
-        spread={"camera.depth": 0.1, "camera.roll": 0.2}, advice=("The camera is a guess.",),
+        camera_std={"camera.depth": 0.1, "camera.roll": 0.2}, advice=("The camera is a guess.",),
     )  # fmt: skip
     for stage, found in (("segment", scene.masks), ("locate", scene), ("track", poses), ("identify", fit)):
         monkeypatch.setattr(pipeline, stage, lambda *args, found=found, **kwargs: found)

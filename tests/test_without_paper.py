@@ -70,11 +70,11 @@ def test_no_stage_takes_the_method(monkeypatch: pytest.MonkeyPatch) -> None:
     nothing: Any = None
     for methods in (("paper", "fast"), ("fast", "paper"), ("paper", "paper")):
         with refuses(SettingsError, MESSAGE):
-            stages.LOCATE[methods](nothing)
+            stages.LOCATE_METHODS[methods](nothing)
     with refuses(SettingsError, MESSAGE):
-        stages.TRACK["paper"](nothing, nothing, nothing, None)
+        stages.TRACK_METHODS["paper"](nothing, nothing, nothing, None)
     with refuses(SettingsError, MESSAGE):
-        stages.IDENTIFY["paper"](nothing, nothing, nothing, None)
+        stages.IDENTIFY_METHODS["paper"](nothing, nothing, nothing, None)
 
 
 def test_the_method_is_refused_in_one_line(pictures: Path, tmp_path: Path) -> None:

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chains import CAMERA, LENGTHS, POSE, WIDTHS, chain, falls, silhouette_of, view_of
+from chains import CAMERA, POSE, chain, falls, silhouette_of, view_of
 from monodyn.paper.placed import DEPTH, X
-from monodyn.paper.sequential import reach_of, sequential
+from monodyn.paper.sequential import sequential
 from monodyn.paper.subproblems import mismatch
-from monodyn.vision.drawing.rig import rig_of
 
 
 def test_the_framework_finds_all_of_them(tmp_path: Path) -> None:
@@ -30,9 +29,3 @@ def test_the_framework_finds_all_of_them(tmp_path: Path) -> None:
     assert mismatch(image, found.rig, found.position) < 0.03 * image.area
     assert [h.problem for h in histories[:4]] == ["depth", "place", "pose", "ratios"]
     assert all(falls(h) for h in histories)
-
-
-def test_the_reach_is_that_of_the_stretched_chain(tmp_path: Path) -> None:
-    """Joint 2 hangs in the middle line of link 1; the farthest points are the corners of link 2."""
-    corner = np.hypot(LENGTHS[1], WIDTHS[1] / 2)
-    assert reach_of(rig_of(chain(tmp_path), CAMERA)) == pytest.approx(LENGTHS[0] + corner)

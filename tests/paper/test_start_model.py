@@ -10,7 +10,7 @@ import pytest
 import monodyn
 from chains import CAMERA
 from monodyn.paper.placed import CameraFree, X
-from monodyn.paper.start_model import SlidingRoot, StartModel, sliding_root
+from monodyn.paper.start_model import StartModel
 from monodyn.paper.subproblems import outline_points
 
 
@@ -33,8 +33,6 @@ def test_a_pinned_camera_stays() -> None:
 
 def test_a_slide_is_released_without_moving_the_picture() -> None:
     mechanism = monodyn.load("cartpole")
-    assert sliding_root(mechanism) == SlidingRoot(0, X)
-    assert sliding_root(monodyn.load("double")) is None
     model = StartModel(mechanism, CAMERA, ())
     assert model.camera_free(slide=True) == CameraFree(x=False, y=True, depth=True)
     start = model.view()

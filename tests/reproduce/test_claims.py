@@ -69,7 +69,7 @@ def test_starts_are_judged_by_parameters_and_motion() -> None:
     """The same parameters do not differ; others with the same motion do; another motion is not equivalent."""
     made = moved("I", 1e-3)
     assert made.fit is not None
-    fit: Any = SimpleNamespace(**{**vars(made.fit), "names": ("link1.thickness", "joint1.damping")})
+    fit: Any = SimpleNamespace(**{**vars(made.fit), "shared": ("link1.thickness", "joint1.damping")})
     first = replace(made, fit=fit)
     again = replace(first, plan=replace(first.plan, start=1))
     same = verdicts(first, again)["Different starts"]

@@ -27,7 +27,7 @@ POSES = Poses(
 def scene(**changes: Any) -> Any:
     camera = Camera(64, 48, 100.0, x=1.0, y=2.0, depth=3.0, roll=0.5)
     spread = {"camera.depth": 0.1, "camera.roll": 0.2}
-    found = {"camera": camera, "spread": spread, "masks": SimpleNamespace(video="the clip")}
+    found = {"camera": camera, "camera_std": spread, "masks": SimpleNamespace(video="the clip")}
     return SimpleNamespace(**found, mechanism=load("cartpole"), **changes)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monodyn.estimation.fit import Estimate
 from monodyn.mechanism import load
 from monodyn.results.torques import torques
 
@@ -14,9 +15,9 @@ def test_a_mean_torque_has_the_deviation_of_its_parameter(fit):
     mechanism = load("double").with_torque("fourier", terms=1, period=1.0)
     mechanism = mechanism.with_values({"joint1.torque.mean": 0.1})
     dofs = 2 * len(mechanism.joints)
-    names = ("joint1.torque.mean", *(f"start{i}" for i in range(dofs)))
+    mean = Estimate("joint1.torque.mean", 0.1, 0.02, 0.06, 0.14, "N m", True, True, False)
     covariance = np.diag([0.02**2, *np.ones(dofs)])
-    driven = replace(fit, mechanism=mechanism, names=names, covariance=covariance, torque="fourier")
+    driven = replace(fit, mechanism=mechanism, parameters=(mean,), covariance=covariance, torque="fourier")
     found = torques(driven, np.arange(5) / 30.0)
     np.testing.assert_allclose(found.torque, np.tile([0.1, 0.0], (5, 1)), atol=1e-15)
     np.testing.assert_allclose(found.std, np.tile([0.02, 0.0], (5, 1)), atol=1e-15)

@@ -154,6 +154,16 @@ def test_sound_alone(tmp_path: Path) -> None:
         read(path)
 
 
+def test_subtitles_alone(tmp_path: Path) -> None:
+    path = tmp_path / "words.srt"
+    path.write_text("1\n00:00:00,000 --> 00:00:01,000\nHello\n\n")
+    with refuses(
+        VideoError,
+        f"clip '{path}': expected a video, the file holds no picture stream; give a file with pictures.",
+    ):
+        read(path)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "kind"),
     [
@@ -201,6 +211,15 @@ def test_a_cut_file_says_what_it_announces(make_clip: ClipMaker, monkeypatch: py
     monkeypatch.setattr(container, "_packet_stamps", lambda p: (real(p) or [])[:20])
     video = read(path)
     assert video.notes == ("The file announces 30 frames but holds 20; it is cut short.",)
+
+
+def test_a_cut_file_without_a_count_says_how_long_it_announces(make_clip: ClipMaker) -> None:
+    path = make_clip("clip.mkv", count=60)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 6 // 10])
+    video = read(path)
+    end = video.times[-1]
+    assert end < 1.5
+    assert f"The file announces 2.00 s but ends at {end:.2f} s; it is cut short." in video.notes
 
 
 def test_frames_that_do_not_decode_are_counted(make_clip: ClipMaker, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,7 +98,7 @@ class _File:
         self.body_names = [name or f"body{b}" for b, name in enumerate(names)]
         names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(model.njnt)]
         self.joint_names = [name or f"joint{j + 1}" for j, name in enumerate(names)]
-        refuse_unsupported(model, where, self.joint_names, self.body_names, urdf=urdf)
+        refuse_unsupported(model, where, self.joint_names, self.body_names)
         self.data.qpos[:] = 0.0
         mujoco.mj_kinematics(model, self.data)
         mujoco.mj_comPos(model, self.data)

@@ -24,9 +24,7 @@ FREE_TYPE = 0
 """MuJoCo's numbers of the joint types."""
 
 
-def refuse_unsupported(
-    model: Any, where: str, joints: Sequence[str], bodies: Sequence[str], *, urdf: bool
-) -> None:
+def refuse_unsupported(model: Any, where: str, joints: Sequence[str], bodies: Sequence[str]) -> None:
     """Raise for whatever the planar dynamics do not know.
 
     Args:
@@ -34,7 +32,6 @@ def refuse_unsupported(
         where: Name of the file, for messages.
         joints: Names of the joints.
         bodies: Names of the bodies, the world first.
-        urdf: True for a URDF file, whose words differ.
 
     Raises:
         MechanismError: There is no joint, or a body, option or constraint is not supported.
@@ -42,7 +39,7 @@ def refuse_unsupported(
     if model.njnt == 0:
         raise MechanismError(f"{where}: expected at least one joint, got none; add a hinge or a slide.")
     for j, name in enumerate(joints):
-        _refuse_joint(model, j, f"{where}: joint '{name}'", urdf, reserved=name in RESERVED)
+        _refuse_joint(model, j, f"{where}: joint '{name}'", reserved=name in RESERVED)
     for b in range(model.nbody):
         if model.body_gravcomp[b]:
             raise MechanismError(
@@ -60,7 +57,7 @@ def refuse_unsupported(
     _refuse_wild_numbers(model, where, joints)
 
 
-def _refuse_joint(model: Any, j: int, shown: str, urdf: bool, *, reserved: bool) -> None:
+def _refuse_joint(model: Any, j: int, shown: str, *, reserved: bool) -> None:
     """Raise for a joint that is no hinge or slide, has other forces than the dynamics know, or a bad name."""
     if reserved:
         raise MechanismError(
@@ -69,8 +66,7 @@ def _refuse_joint(model: Any, j: int, shown: str, urdf: bool, *, reserved: bool)
         )
     kind = int(model.jnt_type[j])
     if kind not in (HINGE_TYPE, SLIDE_TYPE):
-        free = "floating" if urdf else "free"
-        got = free if kind == FREE_TYPE else "ball"
+        got = "free" if kind == FREE_TYPE else "ball"
         raise MechanismError(f"{shown}: expected a hinge or a slide, got a {got} joint; replace it.")
     # MuJoCo's damping is -(b + b1 |v| + b2 v^2) v: b1 is the quadratic drag.
     bent = np.any(model.dof_dampingpoly[int(model.jnt_dofadr[j]), 1:]) or np.any(model.jnt_stiffnesspoly[j])

@@ -207,7 +207,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
     stop = evidence.design.frames + evidence.design.ahead
     motions = np.array([motion.position[:stop] for _, motion in fits])
     apart = max(overall(rms(motion - motions[0])) or 0.0 for motion in motions[1:])
-    spread = parameter_spread([fit.mechanism.values for fit, _ in fits], fits[0][0].names)
+    spread = parameter_spread([fit.mechanism.values for fit, _ in fits], fits[0][0].shared)
     most = max(spread, key=lambda name: spread[name])
     told = f"{len(fits)} starts: {most} differs by a factor of {spread[most]:.3g}"
     if evidence.seen.errors is not None:

@@ -94,9 +94,8 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
             f"clip '{path}': expected time stamps, the file has none; give its frame rate with --rate."
         )
     if len(ticks) < 2:
-        found = "one frame" if len(ticks) == 1 else "no frame"
         raise VideoError(
-            f"clip '{path}': expected a clip of at least two frames, got {found}; record a longer clip."
+            f"clip '{path}': expected a clip of at least two frames, got one frame; record a longer clip."
         )
     layout = opening.layout
     if not layout.turn.exact:
