@@ -6,7 +6,7 @@ import numpy as np
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
 from monodyn.results.torques import torques
-from monodyn.types import Poses
+from swings import white
 
 RATE, NOISE, PERIOD = 30, 1e-3, 2.3
 THICKNESS = {"link1.thickness": 0.006, "link2.thickness": 0.006}
@@ -43,12 +43,7 @@ def simulated(model, start, frames, torque=None, seed=0):
     count, dofs = frames, model.nv
     names = tuple(model.joint(i).name for i in range(dofs))
     noise = NOISE * np.random.default_rng(seed).normal(size=(count, dofs))
-    covariance = np.tile(NOISE**2 * np.eye(dofs), (count, 1, 1))
-    record = Poses(
-        names, np.arange(count), np.arange(count) / RATE, np.array(position) + noise, covariance,
-        np.ones(count, dtype=bool),
-    )  # fmt: skip
-    return record, np.array(applied)
+    return white(names, np.arange(count) / RATE, np.array(position) + noise, NOISE), np.array(applied)
 
 
 def started(model, tmp_path, factor, **fixed):

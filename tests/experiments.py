@@ -17,7 +17,7 @@ from monodyn.reproduce.clip import ClipSettings, simulated
 from monodyn.reproduce.experiment import START
 from monodyn.reproduce.vision import Seen
 from monodyn.results.fill import States
-from monodyn.types import Poses
+from swings import white
 
 NOISE = np.radians(0.2)
 DESIGN = Design(lengths=(20, 30, 40), starts=2)
@@ -32,9 +32,7 @@ def seen() -> Seen:
     truth = simulated(settings)
     noise = NOISE * np.random.default_rng(2).standard_normal(truth.position.shape)
     position = truth.position + noise + [0.0, 2.0 * np.pi]
-    count = len(truth.time)
-    covariance = np.tile(NOISE**2 * np.eye(2), (count, 1, 1))
-    poses = Poses(JOINTS, np.arange(count), truth.time, position, covariance, np.ones(count, bool))
+    poses = white(JOINTS, truth.time, position, NOISE)
     scene: Any = SimpleNamespace(mechanism=mechanism(), camera=settings.camera)
     states = filtered(poses.time, poses.position, Gains(), poses.covariance)
     return Seen("fast", "done", scene, poses, 1.0, 0.5, states, noise)

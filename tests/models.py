@@ -38,3 +38,10 @@ def read(folder: Path, text: str, name: str = "m.xml") -> Mechanism:
     """Write a mechanism file and load it."""
     (folder / name).write_text(text)
     return load(folder / name)
+
+
+def series_driven(mechanism: Mechanism) -> Mechanism:
+    """Return the mechanism with a series of two terms, every coefficient another number."""
+    driven = mechanism.with_torque("fourier", terms=2, period=0.8)
+    names = [name for name in driven.values if ".torque." in name]
+    return driven.with_values({name: 0.001 * (k + 1) for k, name in enumerate(names)})

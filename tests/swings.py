@@ -48,9 +48,23 @@ def record(
     """Return positions, (frame, dof), as measured: with white noise that the record states."""
     position = position + noise * np.random.default_rng(seed).normal(size=position.shape)
     names = tuple(joint.name for joint in mechanism.joints)
-    covariance = np.tile(noise**2 * np.eye(len(names)), (len(times), 1, 1))
+    return white(names, times, position, noise, metric=metric)
+
+
+def white(
+    names: tuple[str, ...],
+    times: np.ndarray,
+    position: np.ndarray,
+    noise: float,
+    *,
+    seen: np.ndarray | None = None,
+    metric: bool = True,
+) -> Poses:
+    """Return positions, (frame, dof), as a record that states the same independent noise for all of them."""
     count = len(times)
-    return Poses(names, np.arange(count), times, position, covariance, np.ones(count, dtype=bool), metric)
+    covariance = np.tile(noise**2 * np.eye(len(names)), (count, 1, 1))
+    seen = np.ones(count, dtype=bool) if seen is None else seen
+    return Poses(names, np.arange(count), times, position, covariance, seen, metric)
 
 
 def double_truth() -> Mechanism:

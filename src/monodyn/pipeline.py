@@ -141,8 +141,7 @@ def run(
         with log.stage("identify"):
             fit = identify(part, scene.mechanism, settings.identify, progress=progress)
         with log.stage("predict"):
-            future = predict(fit, times=times) if fit.starts and len(times) else None
-            traces = [trace_of(fit, poses, future, name=video.path.name)] if fit.starts else []
+            traces = predicted(fit, poses, times, video.path.name)
         # only the fit has the metric scale: the poses are written again with their slides in metres
         filmed = filmed_of(fit, scene, poses)
         findings = Findings(
@@ -256,6 +255,22 @@ def see(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scene, Poses]:
     log.notes += [*scene.advice, *video.notes, *untracked(poses)]
     job.write_poses(poses)
     return scene, poses
+
+
+def predicted(fit: Fit, poses: Poses, times: np.ndarray, name: str) -> list[Trace]:
+    """Put the clip next to its motion by the fit, and that motion on beyond the fitted frames.
+
+    Args:
+        fit: The fit.
+        poses: The tracked clip.
+        times: Time stamps to predict [s], (frame,).
+        name: Name of the clip.
+
+    Returns:
+        One trace, or none where the fit has no motion.
+    """
+    future = predict(fit, times=times) if fit.starts and len(times) else None
+    return [trace_of(fit, poses, future, name=name)] if fit.starts else []
 
 
 def _about(video: Video, mechanism: Mechanism) -> str:

@@ -21,6 +21,7 @@ from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.torque.periods import PeriodSearch
 from monodyn.mechanism import load
 from monodyn.types import Poses
+from swings import white
 
 
 def guessed(record, mechanism, terms=0):
@@ -61,10 +62,7 @@ def test_the_period_of_a_rendered_clip(frames):
     mechanism = mechanism.with_values({name: 0.7 * value for name, value in seen.items()} | overhang)
     position = np.array(truth["q"])[:frames]
     position = position + NOISE * np.random.default_rng(0).normal(size=position.shape)
-    record = Poses(
-        ("joint1", "joint2"), np.arange(frames), np.array(truth["times"])[:frames], position,
-        np.tile(NOISE**2 * np.eye(2), (frames, 1, 1)), np.ones(frames, dtype=bool),
-    )  # fmt: skip
+    record = white(("joint1", "joint2"), np.array(truth["times"])[:frames], position, NOISE)
     _, guesses = guessed(record, mechanism)
     assert guesses[0].period == pytest.approx(1 / 0.7, rel=5e-3)
     assert guesses[0].terms == 1

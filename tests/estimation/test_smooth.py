@@ -4,16 +4,13 @@ import numpy as np
 import pytest
 
 from monodyn.estimation.record.smooth import smooth
-from monodyn.types import Poses
+from swings import white
 
 
 def record(time, position, seen=None):
     position = np.asarray(position, dtype=float).reshape(len(time), -1)
-    dofs = position.shape[1]
-    names = tuple(f"joint{i + 1}" for i in range(dofs))
-    seen = np.ones(len(time), dtype=bool) if seen is None else seen
-    covariance = np.tile(1e-6 * np.eye(dofs), (len(time), 1, 1))
-    return Poses(names, np.arange(len(time)), time, position, covariance, seen)
+    names = tuple(f"joint{i + 1}" for i in range(position.shape[1]))
+    return white(names, time, position, 1e-3, seen=seen)
 
 
 def test_a_cubic_is_met_exactly_at_uneven_times():

@@ -5,17 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from models import mjcf, read
 from monodyn.errors import MechanismError
 from monodyn.mechanism import Measured, Mechanism, load
 
 BOX = '<geom type="box" size="0.05 0.0025 0.01" pos="0.05 0 0" density="2700"/>'
 HINGE = '<joint name="{}" axis="0 -1 0" damping="0.001"/>'
-
-
-def _load(tmp_path, body: str, option: str = 'gravity="0 0 -9.81"', asset: str = "") -> Mechanism:
-    path = tmp_path / "m.xml"
-    path.write_text(f"<mujoco><option {option}/>{asset}<worldbody>{body}</worldbody></mujoco>")
-    return load(path)
 
 
 def _names(mechanism: Mechanism, kind: str) -> list[str]:
@@ -109,10 +104,13 @@ def test_the_cart_grows_about_its_origin() -> None:
 
 
 def test_a_hinge_on_the_rim_of_the_cart_moves_with_its_height(tmp_path) -> None:
-    mechanism = _load(
+    mechanism = read(
         tmp_path,
-        '<body name="cart"><joint name="s" type="slide" axis="1 0 0"/><geom type="box" size=".06 .01 .03"/>'
-        f'<body name="pole" pos="0 -.02 .03">{HINGE.format("h")}{BOX}</body></body>',
+        mjcf(
+            '<body name="cart"><joint name="s" type="slide" axis="1 0 0"/><geom type="box" '
+            'size=".06 .01 .03"/>'
+            f'<body name="pole" pos="0 -.02 .03">{HINGE.format("h")}{BOX}</body></body>'
+        ),
     )
     taller = mechanism.with_values({"cart.width": 0.1})
     assert taller.tree.links[1, :2] == pytest.approx((0.0, 0.05), abs=1e-12)
@@ -130,11 +128,13 @@ def test_scaling_every_size_scales_the_picture() -> None:
 
 
 def test_a_given_inertial_scales_with_the_link(tmp_path) -> None:
-    mechanism = _load(
+    mechanism = read(
         tmp_path,
-        f'<body name="a">{HINGE.format("j")}<inertial pos=".04 0 .01" mass=".2" diaginertia="1e-4 2e-4 '
-        f'1e-4"/>'
-        '<geom type="box" size="0.05 0.0025 0.01" pos="0.05 0 0"/></body>',
+        mjcf(
+            f'<body name="a">{HINGE.format("j")}<inertial pos=".04 0 .01" mass=".2" diaginertia="1e-4 2e-4 '
+            f'1e-4"/>'
+            '<geom type="box" size="0.05 0.0025 0.01" pos="0.05 0 0"/></body>'
+        ),
     )
     assert mechanism.parameter("a.mass").free
     assert not mechanism.parameter("a.mass").follows
@@ -189,14 +189,16 @@ def test_directions_are_derivatives_of_the_tree() -> None:
 
 
 def test_branches_tail_and_parts_of_a_body(tmp_path) -> None:
-    mechanism = _load(
+    mechanism = read(
         tmp_path,
-        f'<body name="a">{HINGE.format("ja")}<geom type="box" size="0.08 0.0025 0.01" pos="0.05 0 0"/>'
-        '<geom name="bar" type="box" size=".04 .002 .005" pos=".1 0 0" euler="0 90 0" density="7800"/>'
-        '<geom type="sphere" size=".01" pos=".05 0 0" mass=".1"/><geom type="sphere" size=".01" pos=".02 0 '
-        '0"/>'
-        f'<body name="far" pos=".1 0 0">{HINGE.format("jf")}{BOX}</body>'
-        f'<body name="back" pos="-.02 0 0">{HINGE.format("jb")}{BOX}</body></body>',
+        mjcf(
+            f'<body name="a">{HINGE.format("ja")}<geom type="box" size="0.08 0.0025 0.01" pos="0.05 0 0"/>'
+            '<geom name="bar" type="box" size=".04 .002 .005" pos=".1 0 0" euler="0 90 0" density="7800"/>'
+            '<geom type="sphere" size=".01" pos=".05 0 0" mass=".1"/><geom type="sphere" size=".01" '
+            'pos=".02 0 0"/>'
+            f'<body name="far" pos=".1 0 0">{HINGE.format("jf")}{BOX}</body>'
+            f'<body name="back" pos="-.02 0 0">{HINGE.format("jb")}{BOX}</body></body>'
+        ),
     )
     sizes = [p.name for p in mechanism.parameters if p.name.startswith("a.") and not p.follows]
     assert sizes == [

@@ -7,18 +7,15 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.types import FULL, Frame
-from monodyn.vision.drawing.edges import AT_X, AT_Y, AWAY, INNER, NORMAL_X, NORMAL_Y, edge_samples
+from monodyn.vision.drawing.mismatch import blank_spans, mismatch, pose_mismatch, row_sums
+from monodyn.vision.drawing.normals import AT_X, AT_Y, AWAY, INNER, NORMAL_X, NORMAL_Y, edge_samples
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.silhouette import (
     Outlines,
     blank_outlines,
-    blank_spans,
     convex_hull,
     draw,
-    mismatch,
-    pose_mismatch,
-    row_sums,
 )
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.coverage import coverage_of

@@ -9,6 +9,7 @@ from monodyn.mechanism.simulate import rollout
 from monodyn.results.predict import predict
 from monodyn.stages import identify
 from monodyn.types import Poses
+from swings import record
 
 NOISE = np.radians(0.1)
 SLIDE_NOISE = 5e-4
@@ -85,10 +86,7 @@ def test_whole_clip_gives_the_damping(name):
     truth = load(name).with_values(values)
     times = np.arange(300) / 30.0
     q, _ = rollout(truth.tree, times, np.array(q0), np.array(v0), substeps=16)
-    q = q + NOISE * np.random.default_rng(0).normal(size=q.shape)
-    names = tuple(joint.name for joint in truth.joints)
-    covariance = np.tile(NOISE**2 * np.eye(len(names)), (300, 1, 1))
-    poses = Poses(names, np.arange(300), times, q, covariance, np.ones(300, dtype=bool))
+    poses = record(truth, times, q, noise=NOISE)
     known = {
         p.name: p.value for p in truth.parameters if p.free and p.name.endswith((".width", ".tail", ".tip"))
     }

@@ -14,7 +14,7 @@ from monodyn.reproduce.cases import Case, FitPlan, run_case
 from monodyn.reproduce.claims import Evidence, claims, fourier_deviates
 from monodyn.reproduce.clip import ClipSettings, simulated
 from monodyn.reproduce.experiment import figures
-from monodyn.reproduce.page import PageContent, Table, page_text, picture_rows
+from monodyn.reproduce.page import PageContent, PageTable, page_text, picture_rows
 from monodyn.reproduce.tables import case_row, document, gain_row, plain_rows
 from monodyn.reproduce.vision import Seen
 from monodyn.types import Frame
@@ -105,7 +105,7 @@ def test_the_table_says_by_how_much_the_default_method_is_better() -> None:
 
 
 def test_columns_without_a_number_are_left_out() -> None:
-    table = Table.of(["method", "truth", "l1"], [("", ["a", "–", "1"]), ("last", ["b", "–", "–"])])
+    table = PageTable.of(["method", "truth", "l1"], [("", ["a", "–", "1"]), ("last", ["b", "–", "–"])])
     assert table.head == ["method", "l1"]
     assert table.rows == [("", ["a", "1"]), ("last", ["b", "–"])]
     untold = {"fast": replace(seen(), errors=None), "paper": FAILED}

@@ -1,15 +1,16 @@
 """A fit of the middle third of a motion that is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import rollout
 from monodyn.stages import identify
-from monodyn.types import Poses
+from swings import record
 
 ALL = np.arange(120) / 30.0
-NOISE = 0.002
 
 
 @pytest.fixture(scope="package")
@@ -24,9 +25,5 @@ def truth():
 def fit(truth):
     mechanism, q, _ = truth
     rows = slice(40, 80)
-    position = q[rows] + NOISE * np.random.default_rng(0).normal(size=(40, 2))
-    covariance = np.tile(NOISE**2 * np.eye(2), (40, 1, 1))
-    poses = Poses(
-        ("joint1", "joint2"), np.arange(40, 80), ALL[rows], position, covariance, np.ones(40, dtype=bool)
-    )
+    poses = replace(record(mechanism, ALL[rows], q[rows]), frame=np.arange(40, 80))
     return identify(poses, mechanism).check()

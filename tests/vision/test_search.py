@@ -6,8 +6,8 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism, load
 from monodyn.types import FULL, Camera
+from monodyn.vision.drawing.mismatch import row_sums
 from monodyn.vision.drawing.rig import rig_of
-from monodyn.vision.drawing.silhouette import row_sums
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.search import (
     SceneGuess,

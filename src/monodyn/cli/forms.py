@@ -16,7 +16,7 @@ Words = conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 
 
 @dataclass(frozen=True)
-class Form:
+class Notation:
     """How settings of one type are written.
 
     Attributes:
@@ -115,10 +115,10 @@ def _assigned(option: str, words: Sequence[Sequence[str]]) -> list[tuple[str, st
 
 
 # the key is the annotation of the field, so a new setting of the same type needs nothing here
-FORMS: dict[Any, Form] = {
-    tuple[int, int | None] | None: Form(str | None, None, "A:B", frame_range),
-    Mapping[str, float]: Form(Words, (), "NAME=VALUE ...", values),
-    Sequence[str]: Form(Words, (), "NAME ...", names),
-    Mapping[str, tuple[float, float]]: Form(Words, (), "NAME=LOW:HIGH ...", intervals),
+FORMS: dict[Any, Notation] = {
+    tuple[int, int | None] | None: Notation(str | None, None, "A:B", frame_range),
+    Mapping[str, float]: Notation(Words, (), "NAME=VALUE ...", values),
+    Sequence[str]: Notation(Words, (), "NAME ...", names),
+    Mapping[str, tuple[float, float]]: Notation(Words, (), "NAME=LOW:HIGH ...", intervals),
 }
 """The form of each type of setting that a single word cannot hold; all others are one word."""

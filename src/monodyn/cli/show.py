@@ -31,7 +31,7 @@ def progress_on(stream: TextIO, *, quiet: bool) -> Iterator[Progress | None]:
     elif stream.isatty():
         yield from _bars(stream)
     else:
-        lines = _Lines(stream)
+        lines = _ProgressLines(stream)
         yield lines
         lines.close()
 
@@ -60,7 +60,7 @@ def _bars(stream: TextIO) -> Iterator[Progress]:
         yield progress
 
 
-class _Lines:
+class _ProgressLines:
     """One line for every step when it ends, and one every ten seconds while it goes on."""
 
     def __init__(self, stream: TextIO, every: float = 10.0) -> None:

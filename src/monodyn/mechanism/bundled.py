@@ -7,8 +7,8 @@ from pathlib import Path
 
 from monodyn.errors import MechanismError
 
-FILES = ("single", "double", "triple", "bob", "cartpole")
-BUNDLED = (*FILES, "chain:N")
+BUNDLED_FILES = ("single", "double", "triple", "bob", "cartpole")
+BUNDLED = (*BUNDLED_FILES, "chain:N")
 """Names that ``load`` takes; N is the number of links of a chain, 1 to 10."""
 
 LONGEST_CHAIN = 10
@@ -32,7 +32,7 @@ def bundled(name: str) -> str | Path | None:
     Raises:
         MechanismError: The number of links of a chain is not a whole number from 1 to 10.
     """
-    if name in FILES:
+    if name in BUNDLED_FILES:
         return Path(__file__).parent / "models" / f"{name}.xml"
     if not name.startswith("chain:"):
         return None

@@ -12,13 +12,12 @@ import numpy as np
 from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import derivatives, links_of, shapes_of, tree_of
 from monodyn.mechanism.parts import Joint, Link, Parameter
-from monodyn.mechanism.plan import OWNED, Plan, Torques, make_plan, make_torques
-from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS, Directions, Measured, Shapes, Tree
+from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, Plan, make_plan
+from monodyn.mechanism.torques import TorqueParameters, common_names, make_torques
+from monodyn.mechanism.tree import Directions, Measured, Shapes, Tree
 
 if TYPE_CHECKING:
     from monodyn.mechanism.drive import Drive
-
-COLUMNS_OWNED = (MASS, COM_X, COM_Y, INERTIA)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +46,7 @@ class Mechanism:
     joints: tuple[Joint, ...]
     bodies: tuple[str, ...]
     plan: Plan
-    torques: Torques
+    torques: TorqueParameters
     numbers: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
@@ -93,7 +92,7 @@ class Mechanism:
         # What follows stands in the tree; a value that does not follow stands there unchanged.
         for i, rows in enumerate(self.plan.owned):
             if rows is not None:
-                values[list(rows)] = self.tree.links[i, COLUMNS_OWNED]
+                values[list(rows)] = self.tree.links[i, OWNED_COLUMNS]
         return values
 
     @cached_property
@@ -275,15 +274,12 @@ class Mechanism:
         if period is None and self.torque == "fourier":
             period = self.values["torque.period"]
         torques = make_torques(self.plan, model, terms=terms, knots=knots, period=period)
-        table, count, old = torques.table, len(self.plan_numbers), self.torques
-        same = model == "fourier" or np.array_equal(torques.knots, old.knots)
-        kept = [name for name in table.names[count:] if same and name in old.index]
-        to, since = [torques.index[name] for name in kept], [old.index[name] for name in kept]
+        table, kept = torques.table, common_names(self.plan, self.torques, torques)
+        to, since = [torques.index[name] for name in kept], [self.torques.index[name] for name in kept]
 
         def merged(start: list, now: np.ndarray) -> np.ndarray:
-            # parameters of the plan come first in both tables
             column = np.array(start, dtype=now.dtype)
-            column[:count], column[to] = now[:count], now[since]
+            column[to] = now[since]
             return column
 
         return replace(
@@ -294,7 +290,7 @@ class Mechanism:
             upper=merged(table.upper, self.upper),
             free=merged(table.free, self.free),
             own=merged([False] * len(table.names), self.own),
-            chosen=frozenset(n for n in self.chosen if n in self.plan.index or n in kept),
+            chosen=self.chosen.intersection(kept),
         )
 
     def with_measured(self, measured: Measured) -> Mechanism:
@@ -376,11 +372,6 @@ class Mechanism:
             )
 
 
-def _around(value: float) -> tuple[float, float]:
-    """Return wide bounds about a positive start value."""
-    return 1e-6 * value, 1e6 * value
-
-
 def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
     """Return a mechanism made of its parts.
 
@@ -395,11 +386,11 @@ def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
     lower, upper = np.array(table.lower), np.array(table.upper)
     columns = links_of(plan, numbers, own)
     for i, rows in enumerate(plan.owned):
-        for row, column, what in zip(rows or (), COLUMNS_OWNED, OWNED, strict=False):
+        for row, column, what in zip(rows or (), OWNED_COLUMNS, OWNED_KINDS, strict=False):
             if table.follows[row]:
                 numbers[row] = columns[i, column]
                 if what in ("mass", "inertia"):
-                    lower[row], upper[row] = _around(numbers[row])
+                    lower[row], upper[row] = 1e-6 * numbers[row], 1e6 * numbers[row]
     bodies = tuple(dict.fromkeys(link.joint.body for link in links))
     joints = tuple(link.joint for link in links)
     free = np.array(table.free, dtype=bool)

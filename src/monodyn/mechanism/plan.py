@@ -2,7 +2,7 @@
 
 Every length, centre and outline point is linear in the parameters, so the plan is one matrix; masses and
 inertias are closed formulas of its rows (``assemble``). Parameters of torques over time come after those of
-the plan.
+the plan (``torques``).
 """
 
 from __future__ import annotations
@@ -15,10 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.arrays import frozen, increasing
-from monodyn.errors import MechanismError
 from monodyn.mechanism.axis import TINY, Axis, Form, Profile, extent, long_axis, main_geom, plus, profile
-from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Joint, Link, Table
+from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Link, Table
 from monodyn.mechanism.solids import KINDS, Naming, Solid, geom_solid, given_solid
 from monodyn.mechanism.tree import (
     ANGLE,
@@ -26,16 +24,23 @@ from monodyn.mechanism.tree import (
     AXIS_X,
     AXIS_Y,
     COLUMNS,
+    COM_X,
+    COM_Y,
     DAMPING,
     DRAG,
     FRICTION,
     HINGE,
+    INERTIA,
+    MASS,
     REST,
     SLIDE,
     STIFFNESS,
 )  # fmt: skip
 
-OWNED = ("mass", "com_x", "com_y", "inertia")
+OWNED_KINDS = ("mass", "com_x", "com_y", "inertia")
+"""Kinds of the parameters that may follow from the others of a body, in the order of ``Plan.owned``."""
+OWNED_COLUMNS = (MASS, COM_X, COM_Y, INERTIA)
+"""Their columns in ``Tree.links``."""
 
 
 class JointTerm(NamedTuple):
@@ -61,9 +66,8 @@ JOINT = {
 }
 """The parameters of every joint by kind, in the order in which they are entered."""
 JOINT_COLUMNS = [term.column for term in JOINT.values()]
-LEAST_DAMPING = 1e-3
+START_DAMPING = 1e-3
 """Damping at which a joint starts that has none in the file [N m s/rad or N s/m]."""
-TORQUES = ("friction", "fourier", "free")
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +288,7 @@ def _enter_joint(link: Link, table: Table) -> list[str]:
         start = link.terms[kind]
         free = kind == "damping" or (start > 0 and kind != "armature")
         if kind == "damping":
-            start = start or LEAST_DAMPING
+            start = start or START_DAMPING
         unit = term.at_hinge if link.joint.kind == "hinge" else term.at_slide
         entry = Entry(f"{name}.{kind}", kind, name, start, unit, free, limits, NOT_NEGATIVE)
         names.append(table.add(entry))
@@ -326,7 +330,9 @@ def _stack(
         forms=matrix(forms, index),
         solids=tuple(heavy),
         weights=tuple(tuple(index[solid.weight] for solid, _ in group) for group in heavy),
-        owned=tuple(tuple(index[f"{k.joint.body}.{f}"] for f in OWNED) if k.carries else None for k in links),
+        owned=tuple(
+            tuple(index[f"{k.joint.body}.{f}"] for f in OWNED_KINDS) if k.carries else None for k in links
+        ),
         joints=np.array([[index[name] for name in names] for names in joints], dtype=np.int64),
         drawn=tuple(solid for _, solid in drawn),
         shape_link=np.array([i for i, _ in drawn], dtype=np.int64),
@@ -352,82 +358,3 @@ def matrix(forms: Sequence[Form], index: dict[str, int]) -> np.ndarray:
         for name, factor in form.items():
             row[index[name] if name else -1] += factor
     return rows
-
-
-@dataclass(frozen=True, eq=False)
-class Torques:
-    """The parameters of torques over time.
-
-    Attributes:
-        model: ``"friction"`` (none), ``"fourier"`` or ``"free"``.
-        table: All parameters of the mechanism: those of its plan, then those of the torques.
-        index: Row of each parameter in ``table``.
-        rows: Rows in ``table`` of the entries of ``Drive.table``, int64 (dof, column).
-        knots: Knots of ``"free"`` [s], (knot,), else empty.
-    """
-
-    model: str
-    table: Table
-    index: dict[str, int]
-    rows: np.ndarray
-    knots: np.ndarray
-
-
-def make_torques(
-    plan: Plan, model: str, *, terms: int = 0, knots: np.ndarray | None = None, period: float | None = None
-) -> Torques:
-    """Return the parameters of a torque model.
-
-    Args:
-        plan: The mechanism's plan.
-        model: ``"friction"``, ``"fourier"`` or ``"free"``.
-        terms: Harmonics of ``"fourier"``.
-        knots: Knots of ``"free"`` [s], (knot,).
-        period: Start value of the period of ``"fourier"`` [s].
-
-    Raises:
-        MechanismError: The model is unknown, has no term, no period above 0 or fewer than two knots, or the
-            knots do not increase.
-    """
-    joints = [link.joint for link in plan.links]
-    if model not in TORQUES:
-        known = ", ".join(f"'{name}'" for name in TORQUES)
-        raise MechanismError(f"torque: expected one of {known}, got '{model}'.")
-    if model == "friction":
-        nothing = np.zeros((len(joints), 0), dtype=np.int64)
-        return Torques(model, plan.table, plan.index, nothing, np.zeros(0))
-    table, stamps = plan.table.copy(), np.zeros(0)
-    if model == "fourier":
-        rows = _enter_series(table, joints, terms, period)
-    else:
-        stamps = frozen("torque.knots", () if knots is None else knots, (None,), error=MechanismError)
-        increasing("torque.knots", stamps, error=MechanismError)
-        if len(stamps) < 2:
-            raise MechanismError(
-                f"torque.knots: expected 2 or more, got {len(stamps)}; give their times [s]."
-            )
-        rows = [[_enter_torque(table, joint, str(k)) for joint in joints] for k in range(len(stamps))]
-        rows = np.array(rows, dtype=np.int64).T
-    index = {name: row for row, name in enumerate(table.names)}
-    return Torques(model, table, index, rows, stamps)
-
-
-def _enter_series(table: Table, joints: Sequence[Joint], terms: int, period: float | None) -> np.ndarray:
-    """Enter period and Fourier coefficients; return the coefficients' rows, (dof, column)."""
-    if terms < 1:
-        raise MechanismError(f"torque.terms: expected 1 or more, got {terms}.")
-    if period is None or not 0 < period < math.inf:
-        raise MechanismError(f"torque.period: expected a time above 0 s, got {period}.")
-    table.add(Entry("torque.period", "period", "", period, "s", free=True))
-    waves = [f"{wave}{k}" for k in range(1, terms + 1) for wave in ("cos", "sin")]
-    rows = [[_enter_torque(table, joint, what) for what in ("mean", *waves)] for joint in joints]
-    return np.array(rows, dtype=np.int64)
-
-
-def _enter_torque(table: Table, joint: Joint, what: str) -> int:
-    """Enter a coefficient of a joint's torque and return its row."""
-    unit = "N m" if joint.kind == "hinge" else "N"
-    name = f"{joint.name}.torque.{what}"
-    bounds = (-math.inf, math.inf)
-    table.add(Entry(name, "torque", joint.name, 0.0, unit, free=True, bounds=bounds, sign=ANY))
-    return len(table.names) - 1

@@ -59,6 +59,20 @@ def _friction(rate):  # pragma: no cover - compiled
     return (1.0 - e) / (1.0 + e)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _place_inertia(i, links, ox, oy, w):  # pragma: no cover - compiled
+    """Fill mass, first and second moment of link i, whose frame is at (ox, oy), about the fixed point.
+
+    In this form inertias of links add up.
+    """
+    x = ox + w[i, C] * links[i, COM_X] - w[i, S] * links[i, COM_Y]
+    y = oy + w[i, S] * links[i, COM_X] + w[i, C] * links[i, COM_Y]
+    w[i, M] = links[i, MASS]
+    w[i, MX] = links[i, MASS] * x
+    w[i, MY] = links[i, MASS] * y
+    w[i, J] = links[i, INERTIA] + w[i, MX] * x + w[i, MY] * y
+
+
 @njit(cache=True, error_model="numpy")
 def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
     """Fill pose, motion subspace, velocity and inertia of every link (columns C to J of ``w``), outward.
@@ -109,13 +123,7 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
             w[i, VW] += w[p, VW]
             w[i, VX] += w[p, VX]
             w[i, VY] += w[p, VY]
-        x = ox + w[i, C] * links[i, COM_X] - w[i, S] * links[i, COM_Y]
-        y = oy + w[i, S] * links[i, COM_X] + w[i, C] * links[i, COM_Y]
-        # Mass, first and second moment about the fixed point: in this form inertias of links add up.
-        w[i, M] = links[i, MASS]
-        w[i, MX] = links[i, MASS] * x
-        w[i, MY] = links[i, MASS] * y
-        w[i, J] = links[i, INERTIA] + w[i, MX] * x + w[i, MY] * y
+        _place_inertia(i, links, ox, oy, w)
 
 
 @njit(cache=True, error_model="numpy")

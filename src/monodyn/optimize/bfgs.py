@@ -66,22 +66,27 @@ def bounded_bfgs(
     first = fit.evaluate(start)
     if first is None:
         return Minimum(start, np.inf, fit.evaluations, False, as_history(fit.history), NOT_EVALUABLE)
-    converged, status = False, EXHAUSTED
     fit.unit = fit.best[1] or 1.0
     try:
-        for _ in range(RESTARTS + 1):
-            before, failures = fit.best[1], fit.failures
-            done = fit.search(tolerance)
-            # The penalty is flat, so a search that met it has no slope back: its end may be no minimum.
-            edge = fit.failures > failures and fit.best[1] > tolerance * fit.unit
-            converged = done and not edge
-            status = REACHED if converged else EDGE if edge else STALLED
-            if before - fit.best[1] <= tolerance * fit.unit:
-                break
+        status = _searches(fit, tolerance)
     except _Exhausted:
-        converged, status = False, EXHAUSTED
+        status = EXHAUSTED
     x, value = fit.best
-    return Minimum(x, value, fit.evaluations, converged, as_history(fit.history), status)
+    return Minimum(x, value, fit.evaluations, status == REACHED, as_history(fit.history), status)
+
+
+def _searches(fit: _Fit, tolerance: float) -> str:
+    """Search from the best point as long as that lowers the value; return the status of the last search."""
+    status = STALLED
+    for _ in range(RESTARTS + 1):
+        before, failures = fit.best[1], fit.failures
+        done = fit.search(tolerance)
+        # The penalty is flat, so a search that met it has no slope back: its end may be no minimum.
+        edge = fit.failures > failures and fit.best[1] > tolerance * fit.unit
+        status = EDGE if edge else REACHED if done else STALLED
+        if before - fit.best[1] <= tolerance * fit.unit:
+            break
+    return status
 
 
 class _Exhausted(Exception):

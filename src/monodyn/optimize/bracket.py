@@ -104,17 +104,8 @@ def swann(
     calls = 0
     if value is None:
         value, calls = _number(function(start)), 1
-    behind, middle, sign = start, start, 1.0
-    ahead = min(start + step, upper)
-    above = _number(function(ahead)) if ahead > start else np.inf
-    calls += ahead > start
-    if not above < value:
-        # Upward is not lower, so the start is the middle of what lies between there and one step downward.
-        behind, sign = ahead, -1.0
-        ahead = max(start - step, lower)
-        allowed = ahead < start and calls < most
-        above = _number(function(ahead)) if allowed else np.inf
-        calls += allowed
+    behind, ahead, above, more = _first_steps(function, (start, value), step, bounds, most - calls)
+    middle, calls, sign = start, calls + more, 1.0 if ahead > start else -1.0
     # Here and after each turn: f(middle) <= f(behind), and the search goes on as long as f(ahead) is lower
     # still. Three places in a row of which the middle one is lowest enclose a least value.
     while above < value and calls < most:
@@ -130,6 +121,27 @@ def swann(
     if not closed:
         behind, middle, value = middle, ahead, above
     return Bracket(min(behind, ahead), middle, max(behind, ahead), value, calls, closed)
+
+
+def _first_steps(
+    function: Callable[[float], float], start: tuple[float, float], step: float, bounds: Span, most: int
+) -> tuple[float, float, float, int]:
+    """Step upward from a start and its value, and downward where that is not lower.
+
+    Returns:
+        The place behind the start, the place ahead of it and the value there, and the evaluations.
+    """
+    (x, value), (lower, upper) = start, bounds
+    upward = min(x + step, upper)
+    tried = upward > x
+    above = _number(function(upward)) if tried else np.inf
+    if above < value:
+        return x, upward, above, 1
+    # Upward is not lower, so the start is the middle of what lies between there and one step downward.
+    downward = max(x - step, lower)
+    allowed = downward < x and tried < most
+    below = _number(function(downward)) if allowed else np.inf
+    return upward, downward, below, tried + allowed
 
 
 def golden_section(

@@ -15,13 +15,11 @@ from monodyn.optimize.minimum import (
     checked_bounds,
     checked_sizes,
 )
-from monodyn.optimize.powell import USUAL, powell
+from monodyn.optimize.powell import LEAST_REACH, USUAL_DIRECT, powell
 from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED, UNMET, VIOLATED
 
-STIFFNESS = 20.0
+FIRST_PENALTY = 20.0
 """First penalty of one step's violation, in changes of the function over one step."""
-LEAST_REACH = 4.0
-"""First step of a later round at least, in tolerances."""
 GROWTH = 5.0
 """Growth of the penalty where a round of multipliers did not lower the violation enough."""
 ENOUGH = 0.25
@@ -42,7 +40,7 @@ def augmented_lagrangian(
     *,
     step: np.ndarray | float,
     inequalities: Inequalities | None = None,
-    settings: DirectSettings = USUAL,
+    settings: DirectSettings = USUAL_DIRECT,
 ) -> Minimum:
     """Minimize f(x) within bounds and with g(x) <= 0 by the method of multipliers.
 
@@ -89,7 +87,7 @@ def augmented_lagrangian(
         return problem.end(False, NOT_EVALUABLE)
     if not len(x):
         return problem.end(True, REACHED)
-    problem.penalty = STIFFNESS * problem.change_over_a_step(x, value)
+    problem.penalty = FIRST_PENALTY * problem.change_over_a_step(x, value)
     return _rounds(problem, x, settings)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.optimize.levenberg import USUAL, Arrow, SearchSettings, minimize_arrow
+from monodyn.optimize.levenberg import USUAL_SEARCH, Arrow, SearchSettings, minimize_arrow
 from monodyn.optimize.minimum import UNBOUNDED, Bounds, checked_bounds
 
 
@@ -42,7 +42,7 @@ def minimize(
     start: np.ndarray,
     bounds: Bounds = UNBOUNDED,
     *,
-    settings: SearchSettings = USUAL,
+    settings: SearchSettings = USUAL_SEARCH,
     reach: np.ndarray | float = np.inf,
 ) -> Solution:
     """Minimize 1/2 r(x).r(x) within bounds.
@@ -79,19 +79,24 @@ def minimize(
             raise SettingsError(f"unknown {i}: expected a longest step above 0, got {far:g}.")
 
     def evaluate(x: np.ndarray, _: np.ndarray) -> Arrow:
-        residual, jacobian = residuals_and_jacobian(x)
-        # A cost that is infinite makes the search reject the step; the blocks need only be there.
-        finite = bool(np.isfinite(residual).all())
-        return Arrow(
-            0.5 * float(residual @ residual) if finite else float("inf"),
-            jacobian.T @ jacobian if finite else np.full((len(x), len(x)), np.nan),
-            jacobian.T @ residual if finite else np.full(len(x), np.nan),
-            np.zeros((0, len(x), 0)), np.zeros((0, 0, 0)), np.zeros((0, 0)), (residual, jacobian),
-        )  # fmt: skip
+        return _dense(*residuals_and_jacobian(x))
 
     found = minimize_arrow(evaluate, start, np.zeros((0, 0)), (lower, upper), settings=settings, reach=reach)
     residual, jacobian = found.model.kept
     return Solution(
         found.shared, found.model.cost, residual, jacobian, found.status, found.converged, found.evaluations,
         found.at_bound,
+    )  # fmt: skip
+
+
+def _dense(residual: np.ndarray, jacobian: np.ndarray) -> Arrow:
+    """Return the arrow without blocks of residuals (row,) and their Jacobian (row, param)."""
+    size = jacobian.shape[1]
+    # A cost that is infinite makes the search reject the step; the blocks need only be there.
+    finite = bool(np.isfinite(residual).all())
+    return Arrow(
+        0.5 * float(residual @ residual) if finite else float("inf"),
+        jacobian.T @ jacobian if finite else np.full((size, size), np.nan),
+        jacobian.T @ residual if finite else np.full(size, np.nan),
+        np.zeros((0, size, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0)), (residual, jacobian),
     )  # fmt: skip

@@ -39,7 +39,7 @@ class SearchSettings:
     damping: float = 1e-3
 
 
-USUAL = SearchSettings()
+USUAL_SEARCH = SearchSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def minimize_arrow(
     local: np.ndarray,
     bounds: tuple[np.ndarray, np.ndarray],
     *,
-    settings: SearchSettings = USUAL,
+    settings: SearchSettings = USUAL_SEARCH,
     reach: np.ndarray | float = np.inf,
 ) -> ArrowSolution:
     """Minimize 1/2 r(shared, local).r with bounds on the shared unknowns.
@@ -132,9 +132,8 @@ def minimize_arrow(
     evaluations, converged, status = 1, False, EXHAUSTED
     if model is None or not model.finite:
         model = _nowhere(len(shared), local.shape, model.kept if model else None)
-        return ArrowSolution(
-            shared, local, model, NOT_EVALUABLE, False, 1, (shared <= lower) | (shared >= upper)
-        )
+        at_bound = (shared <= lower) | (shared >= upper)
+        return ArrowSolution(shared, local, model, NOT_EVALUABLE, False, 1, at_bound)
     damping, scale = settings.damping, _diagonals(model)
     while evaluations < settings.evaluations:
         room = np.maximum(lower - shared, -reach), np.minimum(upper - shared, reach)

@@ -10,7 +10,7 @@ from monodyn.optimize.bracket import line_search
 from monodyn.optimize.minimum import DirectSettings, Minimum, Tally, as_history, checked_sizes
 from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED
 
-USUAL = DirectSettings()
+USUAL_DIRECT = DirectSettings()
 LEAST_DETERMINANT = 1e-3
 """Determinant of the unit directions below which the set counts as collapsed."""
 LEAST_REACH = 4.0
@@ -26,7 +26,7 @@ def powell(
     start: np.ndarray,
     step: np.ndarray | float,
     *,
-    settings: DirectSettings = USUAL,
+    settings: DirectSettings = USUAL_DIRECT,
 ) -> Minimum:
     """Minimize a function by line searches along directions that become conjugate.
 
@@ -60,22 +60,26 @@ def powell(
     """
     x = np.array(start, dtype=float)
     step = checked_sizes(step, len(x), "step")
-    tolerance, most = settings.tolerance, settings.evaluations
     lines = _Lines(Tally(function), x, step, settings)
     if not np.isfinite(lines.value):
         return lines.end(False, NOT_EVALUABLE)
     if len(x) == 1:
         lines.round()
-        done = lines.tally.evaluations < most
+        done = lines.tally.evaluations < settings.evaluations
         return lines.end(done, REACHED if done else EXHAUSTED)
-    while lines.tally.evaluations < most:
+    return _rounds(lines)
+
+
+def _rounds(lines: _Lines) -> Minimum:
+    """Search round after round until two in a row stand still, or the evaluations run out."""
+    while lines.tally.evaluations < lines.most:
         before, x_before = lines.value, lines.x
         tight = lines.round()
-        moved = float(np.max(np.abs(lines.x - x_before) / step, initial=0.0))
-        if moved > tolerance and lines.value < before:
+        moved = float(np.max(np.abs(lines.x - x_before) / lines.step, initial=0.0))
+        if moved > lines.tolerance and lines.value < before:
             lines.stalled = False
             lines.conjugate(x_before, before)
-        elif lines.tally.evaluations < most:
+        elif lines.tally.evaluations < lines.most:
             # A round that stood still proves little while its lines were searched loosely, or along one set
             # of directions alone: search them to the tolerance, then other directions, and only then end.
             if tight and lines.stalled:

@@ -16,7 +16,7 @@ from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.paper.filter import Filtered
 
-DIFFERENCE = 1e-6
+JACOBIAN_STEP = 1e-6
 """Step of the differences for Jacobians, in scales of the unknowns; of start states in their units."""
 SINGULAR = 1e-10
 """Eigenvalues of a covariance count as at least this share of the largest."""
@@ -129,7 +129,7 @@ class FixedStart:
         """
         lower, upper = self.problem.unknowns.lower, self.problem.unknowns.upper
         jacobian = np.zeros((*self.target.shape, len(x)))
-        for p, step in enumerate(DIFFERENCE * self.scale):
+        for p, step in enumerate(JACOBIAN_STEP * self.scale):
             low, high = x.copy(), x.copy()
             low[p], high[p] = x[p] - step, x[p] + step
             # at a bound the difference becomes one-sided: beyond it the mechanism may not exist
@@ -151,11 +151,11 @@ class FixedStart:
         slopes = []
         for entry in np.ndindex(self.start.shape):
             ends = []
-            for step in (DIFFERENCE, -DIFFERENCE):
+            for step in (JACOBIAN_STEP, -JACOBIAN_STEP):
                 moved = self.start.copy()
                 moved[entry] += step
                 ends.append(replace(self, start=moved).residuals(x))
-            slopes.append((ends[0] - ends[1]) / (2.0 * DIFFERENCE))
+            slopes.append((ends[0] - ends[1]) / (2.0 * JACOBIAN_STEP))
         return np.stack(slopes, axis=-1)
 
     def _through_filter(self, position: np.ndarray) -> np.ndarray:

@@ -14,11 +14,10 @@ import numpy as np
 from numba import njit
 
 from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, X, Y
+from monodyn.vision.drawing.mismatch import UNDRAWABLE, blank_spans, mismatch
 from monodyn.vision.drawing.rig import Rig
-from monodyn.vision.drawing.silhouette import blank_outlines, blank_spans, draw, mismatch
+from monodyn.vision.drawing.silhouette import blank_outlines, draw
 
-UNDRAWABLE = 1e18
-"""Mismatch of a mechanism that cannot be drawn [px^2]."""
 PLACEMENTS = 2
 """Steps of depth and place that a camera takes to a pose."""
 

@@ -17,7 +17,7 @@ from monodyn.paper.placed import drawn, placed_mismatch
 from monodyn.paper.subproblems import PLACED_DRAWINGS, fit_pose
 from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage
 from monodyn.vision.drawing.camera import DEPTH, FOCAL, X
-from monodyn.vision.drawing.silhouette import pose_mismatch
+from monodyn.vision.drawing.mismatch import pose_mismatch
 
 GRID_POSES = 12_000
 """Poses of one grid, by joint."""

@@ -18,9 +18,10 @@ import numpy as np
 from monodyn.optimize.bracket import line_search
 from monodyn.optimize.lagrangian import augmented_lagrangian
 from monodyn.optimize.minimum import DirectSettings
-from monodyn.paper.placed import UNDRAWABLE, drawn, placed_mismatch
+from monodyn.paper.placed import drawn, placed_mismatch
 from monodyn.paper.view import ModelView, SilhouetteImage
 from monodyn.vision.drawing.camera import DEPTH, FOCAL, X, Y
+from monodyn.vision.drawing.mismatch import UNDRAWABLE
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import outline_starts, project
 

@@ -23,7 +23,7 @@ LEAST_PART = 0.04
 SMALL, SURROUNDED = 0.1, 0.33
 """A patch without a known background is the mechanism's when it touches it and is smaller than this share of
 it, or when the mechanism covers this share of the patch's border."""
-LEAST_LEVEL = 4.0
+LEAST_THRESHOLD = 4.0
 """Least threshold, in standard deviations of a pixel's noise."""
 
 
@@ -149,4 +149,4 @@ def otsu_level(frames: Sequence[Frame], background: Background) -> float:
     apart[split] = (sums[split] / below[split] - (sums[-1] - sums[split]) / above[split]) ** 2
     # the maximum is flat over levels that no pixel has: their middle is as far from both classes as can be
     best = np.flatnonzero(below * above * apart == (below * above * apart).max())
-    return float(max(best.mean(), LEAST_LEVEL * background.noise, 1.0))
+    return float(max(best.mean(), LEAST_THRESHOLD * background.noise, 1.0))

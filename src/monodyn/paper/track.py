@@ -43,9 +43,9 @@ WIDENING = 1.6
 """Growth of the move limits for each frame that was not seen."""
 MOST_COASTED = 3
 """Frames out of sight over which the last velocity counts."""
-STEP_PX = 5.0
+FIRST_STEP_PX = 5.0
 """First step of the pose [px]."""
-LEAST_SAMPLES = 5
+LEAST_FRAMES = 5
 """Fewest frames that show the scatter of a joint."""
 NOISE_HINGE, NOISE_SLIDE = 1e-3, 1e-4
 """Standard deviation of a joint where its scatter is not known [rad, m]."""
@@ -292,14 +292,14 @@ def scatter_covariance(time: np.ndarray, position: np.ndarray, hinge: np.ndarray
         Diagonal covariance, (dof, dof).
     """
     noise = np.where(hinge, NOISE_HINGE, NOISE_SLIDE)
-    if len(time) >= LEAST_SAMPLES:
+    if len(time) >= LEAST_FRAMES:
         steps = np.diff(time)
         four = np.lib.stride_tricks.sliding_window_view(steps, 4)
         even = np.ptp(four, axis=1) < EVEN * np.median(steps)
         fourth = np.abs(np.diff(position, 4, axis=0)[even])
         for dof in range(position.shape[1]):
             usable = fourth[np.isfinite(fourth[:, dof]), dof]
-            if len(usable) >= LEAST_SAMPLES:
+            if len(usable) >= LEAST_FRAMES:
                 # the median of the absolute value of a normal variable is 0.6745 of its standard deviation
                 deviation = float(np.median(usable)) / (0.6745 * np.sqrt(70.0))
                 noise[dof] = max(deviation, LEAST_NOISE * noise[dof])
@@ -330,5 +330,5 @@ def _first(
 
 def _within(image: SilhouetteImage, view: ModelView, limits: np.ndarray) -> tuple[ModelView, float, int]:
     """Solve eq. (5); return the mechanism in the pose, its share of mismatch and the silhouettes drawn."""
-    found, history = fit_pose(image, view, step_px=STEP_PX, limits=limits)
+    found, history = fit_pose(image, view, step_px=FIRST_STEP_PX, limits=limits)
     return found, float(history.values[-1]) / image.area, int(history.evaluations[-1])

@@ -12,8 +12,8 @@ from monodyn.mechanism import Mechanism, Parameter
 from monodyn.paper.placed import AreaCentroid, CameraFree, moment_sums
 from monodyn.paper.threshold import OPEN
 from monodyn.types import Camera
+from monodyn.vision.drawing.mismatch import row_sums
 from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
-from monodyn.vision.drawing.silhouette import row_sums
 
 OVERHANGS = ("tail", "tip")
 """Kinds of sizes by which a body reaches beyond its hinges; they may be zero."""

@@ -67,7 +67,7 @@ class PageContent:
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """A table of the page.
 
     Attributes:
@@ -81,7 +81,7 @@ class Table:
     text: Sequence[str] = ("case", "method", "status")
 
     @classmethod
-    def of(cls, head: Sequence[str], rows: Sequence[tuple[str, Sequence[str]]]) -> Table:
+    def of(cls, head: Sequence[str], rows: Sequence[tuple[str, Sequence[str]]]) -> PageTable:
         """Return a table without the columns that are empty in every row.
 
         Args:
@@ -183,7 +183,7 @@ def _case_name(case: Case) -> str:
     return f"Case {case.plan.case}" + (", filtered" if case.plan.states == "filtered" else "")
 
 
-def _fits(cases: Sequence[Case], joints: Sequence[str]) -> Table:
+def _fits(cases: Sequence[Case], joints: Sequence[str]) -> PageTable:
     """Return the main table; where both methods have a case, with how much better the default is."""
     from markupsafe import Markup
 
@@ -206,7 +206,7 @@ def _fits(cases: Sequence[Case], joints: Sequence[str]) -> Table:
             cells += [_joints(gain, k, joints, _times) for k in SHOWN_ERRORS]
             rows.append(("gain", [*cells, *("" for _ in RATIOS)]))
         rows[-1] = (f"{rows[-1][0]} last", rows[-1][1])
-    return Table.of(head, rows)
+    return PageTable.of(head, rows)
 
 
 def _remarks(cases: Sequence[Case]) -> list[str]:
@@ -228,7 +228,7 @@ def _remarks(cases: Sequence[Case]) -> list[str]:
     return found
 
 
-def _poses(seen: Mapping[str, Seen], joints: Sequence[str]) -> Table:
+def _poses(seen: Mapping[str, Seen], joints: Sequence[str]) -> PageTable:
     """Return the table of pose estimation."""
     head = ["method", "frames seen", "rms error [°], θ1 · θ2", "silhouettes a frame", "milliseconds a frame"]
     head += ["silhouettes for the first pose", "seconds for the first pose", "status"]
@@ -247,10 +247,10 @@ def _poses(seen: Mapping[str, Seen], joints: Sequence[str]) -> Table:
     cells = ["ratio", "", _joints(gain, "error", joints, _times)]
     cells += ["" if NO_NUMBER in drawn else " : ".join(drawn), _times(gain["seconds_a_frame"])]
     rows.append(("gain", [*cells, "", _times(gain["seconds_locate"]), ""]))
-    return Table.of(head, rows)
+    return PageTable.of(head, rows)
 
 
-def _lengths(cases: Sequence[Case], joints: Sequence[str]) -> Table:
+def _lengths(cases: Sequence[Case], joints: Sequence[str]) -> PageTable:
     """Return the table by number of frames."""
     head = [
         "frames",
@@ -269,10 +269,10 @@ def _lengths(cases: Sequence[Case], joints: Sequence[str]) -> Table:
         cells += [_number(row["evaluations"]), _number(row["seconds"])]
         cells += [_joints(row, k, joints) for k in ("residual", "ahead", "late")]
         rows.append(("", [*cells, *_ratios(row)]))
-    return Table.of([*head, *(f"{name} [%]" for name in RATIOS)], rows)
+    return PageTable.of([*head, *(f"{name} [%]" for name in RATIOS)], rows)
 
 
-def _starts(cases: Sequence[Case], joints: Sequence[str]) -> Table:
+def _starts(cases: Sequence[Case], joints: Sequence[str]) -> PageTable:
     """Return the table by start values."""
     frames = next((c.plan.frames for c in cases if c.plan.case == "II"), 0)
     chosen = [c for c in cases if (c.plan.case, c.plan.states, c.plan.frames) == ("I", "measured", frames)]
@@ -285,7 +285,7 @@ def _starts(cases: Sequence[Case], joints: Sequence[str]) -> Table:
         row = case_row(case, joints)
         cells = [TITLES[case.plan.method], str(case.plan.start), *(_number(found.get(n), 4) for n in names)]
         rows.append(("", [*cells, *(_joints(row, k, joints) for k in ("residual", "ahead"))]))
-    return Table.of(["method", "start", *names, "residual [°]", "prediction [°]"], rows)
+    return PageTable.of(["method", "start", *names, "residual [°]", "prediction [°]"], rows)
 
 
 def picture_rows(

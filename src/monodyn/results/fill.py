@@ -12,7 +12,7 @@ from monodyn.estimation.fit import Fit, Start
 
 ERROR_BOUND = 1e-6
 """Largest integration error that is aimed at [rad or m]."""
-MOST_SUBSTEPS = 64
+MOST_FILL_SUBSTEPS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ def _one_way(
     def positions(substeps: int) -> np.ndarray:
         return rollout(tree, clock, *state, substeps=substeps, drive=drive)[0]
 
-    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_SUBSTEPS)
+    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_FILL_SUBSTEPS)
     q, v, dq, _ = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
     # q is a function of the stretched clock, so its slope in the stretch is the rate times the time since
     if "time_scale" in fit.shared:

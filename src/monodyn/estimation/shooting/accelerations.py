@@ -17,7 +17,7 @@ from monodyn.mechanism.simulate import accelerations
 
 COORDINATE_STEP = 1e-6
 """Step of the differences by coordinate: exact enough for a start."""
-MOST_ROWS = 400
+MOST_STAMPS = 400
 """Time stamps that are compared; more of them would not make the start any better."""
 MODEL_SHARE = 0.05
 """Share of the usual acceleration that smoothing may miss: no row weighs more than that allows."""
@@ -59,7 +59,7 @@ def smooth_motion(problem: Problem, smoothed: tuple[Smoothed, ...]) -> SmoothMot
         smoothed: Smooth motion of each record.
 
     Returns:
-        The motion at up to ``MOST_ROWS`` time stamps, evenly chosen.
+        The motion at up to ``MOST_STAMPS`` time stamps, evenly chosen.
     """
     parts = []
     for record, found in enumerate(smoothed):
@@ -71,8 +71,8 @@ def smooth_motion(problem: Problem, smoothed: tuple[Smoothed, ...]) -> SmoothMot
         kept = (found.time, found.position, found.velocity, found.acceleration, found.acceleration_std)
         parts.append((*(values[rows] for values in kept), slide))
     t, q, v, a, std, slide = (np.concatenate(part) for part in zip(*parts, strict=True))
-    if len(q) > MOST_ROWS:
-        pick = np.linspace(0, len(q) - 1, MOST_ROWS).astype(int)
+    if len(q) > MOST_STAMPS:
+        pick = np.linspace(0, len(q) - 1, MOST_STAMPS).astype(int)
         t, q, v, a, std, slide = (values[pick] for values in (t, q, v, a, std, slide))
     # the noise alone would give the smoothest rows all the weight, and smoothing misses more than noise there
     usual = np.sqrt(np.mean(a**2, axis=0)) + 1e-9 if len(a) else np.ones(q.shape[1])

@@ -19,7 +19,7 @@ SEEN_ONLY = ("width", "tail", "tip", "offset")
 """Sizes that the motion hardly depends on, if at all: unknowns only where a picture has measured them."""
 PICTURE_ONLY = ("offset",)
 """Those of them on which the motion does not depend at all."""
-POSITIVE = (
+LOGARITHMIC = (
     "length",
     "width",
     "tail",
@@ -206,7 +206,7 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
     chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p, measured)]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]
-    log = np.array([p.kind in POSITIVE and p.value > 0 for p in chosen], dtype=bool)
+    log = np.array([p.kind in LOGARITHMIC and p.value > 0 for p in chosen], dtype=bool)
     start = np.array([p.value for p in chosen], dtype=float)
     lower = np.array([p.lower for p in chosen], dtype=float)
     upper = np.array([p.upper for p in chosen], dtype=float)
@@ -242,7 +242,7 @@ def _measured_names(mechanism: Mechanism) -> set[str]:
 
 def _wanted(p: Parameter, measured: set[str]) -> bool:
     """True for what the motion determines, or a picture has measured on a scale that the motion shares."""
-    return p.kind not in SEEN_ONLY or (p.name in measured and p.kind in POSITIVE)
+    return p.kind not in SEEN_ONLY or (p.name in measured and p.kind in LOGARITHMIC)
 
 
 @dataclass(frozen=True, eq=False)

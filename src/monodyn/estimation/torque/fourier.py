@@ -15,7 +15,7 @@ from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.torque.evidence import likeliest, pays, with_more_unknowns
 from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
-from monodyn.estimation.torque.task import Solution, Task, frictionless
+from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
 from monodyn.mechanism import Mechanism
 
 LEAST_SHARE = 0.01
@@ -27,7 +27,7 @@ NO_PERIOD = (
 )
 
 
-def explain_by_series(mechanism: Mechanism, task: Task) -> Solution:
+def explain_by_series(mechanism: Mechanism, task: Task) -> TorqueSolution:
     """Explain the motion by a periodic torque (Case II), in addition to viscous friction or alone.
 
     Args:
@@ -44,11 +44,11 @@ def explain_by_series(mechanism: Mechanism, task: Task) -> Solution:
     clock = least.mechanism.parameter("torque.period")
     reason = obstacle(least, task.smoothed)
     if reason is not None:
-        return Solution(least, None, reason=reason)
+        return TorqueSolution(least, None, reason=reason)
     periods = PeriodSearch.of(mechanism, task.data, task.smoothed)
     guesses = periods.guesses(settings.terms)
     if not guesses:
-        return Solution(least, None, reason=NO_PERIOD)
+        return TorqueSolution(least, None, reason=NO_PERIOD)
     route = task.search(periods.problem).route
     tried = [_from_guess(mechanism, task, periods, guess) for guess in guesses]
     problem, optimum = tried[likeliest(tried)]
@@ -58,9 +58,9 @@ def explain_by_series(mechanism: Mechanism, task: Task) -> Solution:
         problem, optimum = more_terms(*shorter, route)
     seen = periodic(problem, optimum, route) and stands_out(problem, optimum.x, periods.motion)
     if clock.free and not seen:
-        return Solution(problem, None, reason=NO_PERIOD)
+        return TorqueSolution(problem, None, reason=NO_PERIOD)
     doubt = () if seen else (no_harmonic(problem.mechanism_at(optimum.x)),)
-    return Solution(problem, optimum, len(guesses), advice=doubt)
+    return TorqueSolution(problem, optimum, len(guesses), advice=doubt)
 
 
 def _from_guess(

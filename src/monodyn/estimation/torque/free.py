@@ -18,7 +18,7 @@ from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, multiple_shooting
 from monodyn.estimation.shooting.starts import least_driven
 from monodyn.estimation.shooting.unknowns import Prior
-from monodyn.estimation.torque.task import Solution, Task, frictionless
+from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import SearchSettings
 
@@ -28,13 +28,13 @@ WEIGHTS = 10.0 ** np.arange(3.0, -7.0, -1.0)
 """Weights of the curvature of the torque against its size, the smoothest first."""
 SIZE_WEIGHT = 1e-6
 """Weight of the torque itself: only for what no measurement touches."""
-NEAR = 1.1
+NEAR_NOISE = 1.1
 """Smoother torques are taken as long as residuals are below this many times the stated noise."""
 ROUGHER = SearchSettings(evaluations=12, decrease=1e-4, relative=1e-6)
 """For each further weight, which starts from the torques of the one before."""
 
 
-def explain_by_torques(mechanism: Mechanism, task: Task) -> Solution:
+def explain_by_torques(mechanism: Mechanism, task: Task) -> TorqueSolution:
     """Explain the motion by one torque a joint and time stamp (Case III); sizes and masses are held.
 
     Where friction explains the motion it is held too, and the torque comes on top of it; else it is part of
@@ -51,7 +51,7 @@ def explain_by_torques(mechanism: Mechanism, task: Task) -> Solution:
     stamps = task.data.times[task.data.measured.any(axis=1)]
     reason = _too_many(task, len(stamps), len(mechanism.joints)) or obstacle(undriven, task.smoothed)
     if reason is not None:
-        return Solution(undriven, None, reason=reason)
+        return TorqueSolution(undriven, None, reason=reason)
     search = replace(task, settings=replace(task.settings, starts=1)).search(undriven)
     optimum, _ = search.from_starts()
     passive = search.explained(optimum)
@@ -61,7 +61,7 @@ def explain_by_torques(mechanism: Mechanism, task: Task) -> Solution:
     problem = replace(posed(driven, task.data, torques_only=True), base=undriven.size(x))
     # what friction alone leaves over is no torque but an error of the record, which is not fitted either
     noise = max(residual_rms(undriven, optimum), 1.0) if passive else 1.0
-    return Solution(*fit_torques(problem, task.smoothed, search.route, noise, search.report))
+    return TorqueSolution(*fit_torques(problem, task.smoothed, search.route, noise, search.report))
 
 
 def _too_many(task: Task, stamps: int, joints: int) -> str | None:
@@ -121,7 +121,7 @@ def fit_torques(
     found = multiple_shooting(smoothest, start, smoothed, route, progress)
     # the smoothest torques that follow the record within its noise: rougher ones would follow the noise
     for weight in WEIGHTS[1:]:
-        if residual_rms(problem, found) < NEAR * noise or not np.isfinite(found.cost):
+        if residual_rms(problem, found) < NEAR_NOISE * noise or not np.isfinite(found.cost):
             break
         smoothest = replace(problem, prior=smooth_prior(problem, weight, size))
         further = fit_pieces(smoothest, found.trial, route, ROUGHER, robust=False)

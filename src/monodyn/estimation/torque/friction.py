@@ -6,11 +6,11 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import Optimum, Route
 from monodyn.estimation.torque.evidence import pays, with_more_unknowns
-from monodyn.estimation.torque.task import Solution, Task
+from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
 
 
-def explain_by_friction(mechanism: Mechanism, task: Task) -> Solution:
+def explain_by_friction(mechanism: Mechanism, task: Task) -> TorqueSolution:
     """Explain the motion by viscous friction (Case I), and by dry friction where it shows.
 
     Args:
@@ -23,10 +23,10 @@ def explain_by_friction(mechanism: Mechanism, task: Task) -> Solution:
     problem = posed(mechanism.with_torque("friction"), task.data)
     reason = obstacle(problem, task.smoothed)
     if reason is not None:
-        return Solution(problem, None, reason=reason)
+        return TorqueSolution(problem, None, reason=reason)
     search = task.search(problem)
     optimum, tried = search.from_starts()
-    return Solution(*with_dry_friction(problem, optimum, search.route), tried)
+    return TorqueSolution(*with_dry_friction(problem, optimum, search.route), tried)
 
 
 def with_dry_friction(problem: Problem, optimum: Optimum, route: Route) -> tuple[Problem, Optimum]:

@@ -41,7 +41,7 @@ class Task:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class TorqueSolution:
     """A problem with its optimum, or the reason why there is none.
 
     Attributes:

@@ -16,12 +16,10 @@ from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.unknowns import PICTURE_ONLY
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Parameter
-from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS
+from monodyn.mechanism.plan import OWNED_COLUMNS
 
 WEAK = 1.0
 """Standard deviation of the logarithm above which a value is hardly known: a factor of e either way."""
-OWNED = (MASS, COM_X, COM_Y, INERTIA)
-"""Columns of the tree that may follow from other parameters, in the order of ``Plan.owned``."""
 
 
 def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: float) -> tuple[Estimate, ...]:
@@ -47,7 +45,7 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
     columns = {
         mechanism.plan.table.names[row]: dlinks[i, column]
         for i, rows in enumerate(mechanism.plan.owned)
-        for row, column in zip(rows or (), OWNED, strict=False)
+        for row, column in zip(rows or (), OWNED_COLUMNS, strict=False)
     }
     # sizes that are held under free torques could have any value: they are not known, though they are fixed
     held = mechanism.torque == "free"

@@ -27,7 +27,7 @@ MOST_REJECTED = 0.1
 """With more far-off samples than this share they are no accident, and none is left out."""
 LONGEST_RUN = 3
 """Nor is a run of more far-off measured rows than this: there the motion does not follow."""
-ROUNDS = 2
+NOISE_ROUNDS = 2
 """Least number of times that the noise is taken from residuals: the second fit is weighted by the first."""
 
 
@@ -84,7 +84,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     optimum = _settled(stated, optimum)
     substeps, error, rounds = 0, 0.0, 0
     # again where the optimum needs more integration steps than the search chose; they double at least
-    while rounds < ROUNDS or substeps > optimum.trial.substeps:
+    while rounds < NOISE_ROUNDS or substeps > optimum.trial.substeps:
         weighted = _weighted(stated, _noise(stated, optimum))
         optimum = fit_pieces(weighted, optimum.trial, route, fine, robust=False)
         evaluations, rounds = evaluations + optimum.evaluations, rounds + 1

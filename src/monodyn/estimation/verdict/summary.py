@@ -12,7 +12,7 @@ from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, unexplained
-from monodyn.estimation.torque.task import Solution
+from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict import advice as say
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
@@ -31,7 +31,7 @@ CLEAR_SHARE = 0.01
 
 
 def summarize(
-    solution: Solution, records: tuple[Poses, ...], settings: IdentifySettings, began: float
+    solution: TorqueSolution, records: tuple[Poses, ...], settings: IdentifySettings, began: float
 ) -> Fit:
     """Turn the solution of a search into a fit.
 

@@ -52,21 +52,31 @@ def masked_median(stack: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np
                     value = row[x, k]
                     levels[value] += 1
                     low, high = min(low, value), max(high, value)
-            # the middle level is the one at which half of the samples are reached
-            total = n if n > 0 else frames
-            below, middle = 0, low
-            while below + levels[middle] < 0.5 * total:
-                below += levels[middle]
-                middle += 1
-            centre = middle - 0.5 + (0.5 * total - below) / levels[middle]
-            # the levels are cleared on the way: only those between the least and the largest are in use
-            squares, near = 0.0, 0
-            for value in range(low, high + 1):
-                if abs(value - centre) <= NEAR:
-                    squares += levels[value] * (value - centre) ** 2
-                    near += levels[value]
-                levels[value] = 0
+            centre = _middle(levels, low, n if n > 0 else frames)
             median[y, x] = centre
-            noise[y, x] = np.sqrt(squares / max(near, 1))
+            noise[y, x] = _noise_about(centre, levels, low, high)
             count[y, x] = n
     return median, noise, count
+
+
+@njit(cache=True, inline="always")
+def _middle(levels: np.ndarray, low: int, total: int) -> float:
+    """Return the level at which half of the counted samples are reached, interpolated."""
+    below, middle = 0, low
+    while below + levels[middle] < 0.5 * total:
+        below += levels[middle]
+        middle += 1
+    return middle - 0.5 + (0.5 * total - below) / levels[middle]
+
+
+@njit(cache=True, inline="always")
+def _noise_about(centre: float, levels: np.ndarray, low: int, high: int) -> float:
+    """Return the root mean square of the counted samples near the centre, and clear the counts (256,)."""
+    squares, near = 0.0, 0
+    # only the levels between the least and the largest are in use
+    for value in range(low, high + 1):
+        if abs(value - centre) <= NEAR:
+            squares += levels[value] * (value - centre) ** 2
+            near += levels[value]
+        levels[value] = 0
+    return np.sqrt(squares / max(near, 1))

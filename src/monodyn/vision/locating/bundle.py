@@ -27,7 +27,7 @@ OFFSET_STD = 0.02
 """Standard deviation of how far a body may stand before its parent, in mean lengths of the mechanism."""
 LEAST_WIDTH_PX = 1.5
 """No width becomes smaller than this in a refinement: an outline without an inside meets no edges [px]."""
-SETTLED = 1e-5
+SETTLED_STEP = 1e-5
 """Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
 SYSTEMATIC_PX = 0.2
 """Standard deviation of a size that more key frames do not reduce: blur, light and the codec shift edges
@@ -184,7 +184,7 @@ def refine(
         x = x + step
         x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
-        if reach == last and len(x) and np.abs(step).max() < SETTLED:
+        if reach == last and len(x) and np.abs(step).max() < SETTLED_STEP:
             break
     mechanism, camera = variables.write(x, mechanism, camera)
     rig, shifts = _shifted_rigs(variables, x, mechanism, camera, masks.shrink)

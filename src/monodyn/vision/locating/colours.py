@@ -22,7 +22,7 @@ INNER_PX = 3.0
 thin."""
 THIN_PX = 5.0
 """Half width below which blur mixes even the inner pixels with the background."""
-ENOUGH = 20
+LEAST_GEOM_PIXELS = 20
 """Least number of pixels for a colour."""
 SHADED_PERCENT, SHADED_LEVEL = 15.0, 0.75
 """A geom is shaded if this share of its pixels shows less than this level of its colour."""
@@ -30,7 +30,7 @@ UNLIKE_SHARE = 0.25
 """Share of pixels unlike the median colour from which a geom has no single colour (a shiny rod)."""
 UNSEEN = -2
 """Stands for the colour of a geom that shows too few pixels to measure it."""
-DEPTH = 6
+HALF_WIDTH = 6
 """Column of a table of pixels, after ``SHOWN`` and ``BEHIND``: the geom's half width in the picture [px]."""
 
 
@@ -71,10 +71,10 @@ def _joined(pixels: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
     medians = [_colour(own) for own in pixels]
     colours: list[np.ndarray] = []
     part = np.full(len(pixels), UNSEEN, dtype=np.int64)
-    depth = [float(np.median(own[:, DEPTH])) if len(own) else 0.0 for own in pixels]
+    depth = [float(np.median(own[:, HALF_WIDTH])) if len(own) else 0.0 for own in pixels]
     # the widest geom first: its colour is the purest, and a thinner one of nearly that colour takes it over
     for g in np.argsort(depth)[::-1]:
-        if len(pixels[g]) >= ENOUGH and _is_varied(pixels[g]):
+        if len(pixels[g]) >= LEAST_GEOM_PIXELS and _is_varied(pixels[g]):
             part[g] = VARIED
         elif np.isfinite(medians[g][0]):
             near = [k for k, other in enumerate(colours) if _apart(other, medians[g]) < SHARED_COLOUR]
@@ -87,9 +87,9 @@ def _joined(pixels: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
 def _colour(pixels: np.ndarray) -> np.ndarray:
     """Return the median colour of a geom's inner pixels; of a thin one's, which all are a little mixed with
     the background, that of the quarter that stands out most."""
-    if len(pixels) < ENOUGH:
+    if len(pixels) < LEAST_GEOM_PIXELS:
         return np.full(3, np.nan)
-    if float(np.median(pixels[:, DEPTH])) < THIN_PX:
+    if float(np.median(pixels[:, HALF_WIDTH])) < THIN_PX:
         contrast = np.nansum((pixels[:, SHOWN] - pixels[:, BEHIND]) ** 2, axis=1)
         pixels = pixels[contrast >= np.percentile(contrast, 75.0)]
     return np.median(pixels[:, SHOWN], axis=0)
@@ -110,7 +110,7 @@ def _is_varied(pixels: np.ndarray) -> bool:
 
 def _is_shaded(pixels: np.ndarray, colour: np.ndarray) -> bool:
     """Return whether many inner pixels of a geom show much less of its colour than all of it."""
-    if len(pixels) < ENOUGH or float(np.median(pixels[:, DEPTH])) < THIN_PX:
+    if len(pixels) < LEAST_GEOM_PIXELS or float(np.median(pixels[:, HALF_WIDTH])) < THIN_PX:
         return False
     # each pixel's level of the colour, by projection as for the masks; only the channels that exist count
     full = colour - pixels[:, BEHIND]

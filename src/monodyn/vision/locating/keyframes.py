@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.types import FULL, Mask
-from monodyn.vision.drawing.silhouette import row_sums
+from monodyn.vision.drawing.mismatch import row_sums
 from monodyn.vision.foreground.masks import Masks, View, plain_view
 
 UNKNOWN = 0.06

@@ -16,9 +16,9 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Progress
 from monodyn.vision.drawing.camera import X, with_values
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
+from monodyn.vision.drawing.mismatch import pose_mismatch
 from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.drawing.rig import SIZE_KINDS, rig_of, root_slides
-from monodyn.vision.drawing.silhouette import pose_mismatch
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.bundle import (
     CAMERA_TURNS,

@@ -20,8 +20,8 @@ from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, HINGE, SLIDE
 from monodyn.types import FULL, Camera
 from monodyn.vision.drawing.camera import DEPTH, FOCAL
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
+from monodyn.vision.drawing.mismatch import pose_mismatch
 from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, longest_reach, rig_of
-from monodyn.vision.drawing.silhouette import pose_mismatch
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 
 BEAM = 24
