@@ -9,7 +9,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.torque.task import Solution
+from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict.summary import summarize
 
 
@@ -17,7 +17,7 @@ def test_a_start_that_cannot_be_simulated_is_a_status(poses, double):
     problem = posed(double, prepare([poses], double))
     trial = Trial(problem.unknowns.x0, np.zeros((1, 4)), Pieces(np.array([0, 60]), np.array([0])))
     lost = Optimum(trial, np.zeros((60, 2)), np.inf, np.inf, 1, False, np.zeros(len(trial.x), dtype=bool))
-    fit = summarize(Solution(problem, lost, advice=("Said before.",)), (poses,), IdentifySettings(), 0.0)
+    fit = summarize(TorqueSolution(problem, lost, advice=("Said before.",)), (poses,), IdentifySettings(), 0.0)
     assert not fit.ok
     assert fit.status == (
         "The motion of the start cannot be simulated through the record; check the mechanism file and that "
@@ -31,7 +31,7 @@ def test_a_start_that_cannot_be_simulated_is_a_status(poses, double):
 
 def test_a_reason_becomes_the_status(poses, double):
     problem = posed(double, prepare([poses], double))
-    fit = summarize(Solution(problem, None, reason="Not today."), (poses,), IdentifySettings(), 0.0)
+    fit = summarize(TorqueSolution(problem, None, reason="Not today."), (poses,), IdentifySettings(), 0.0)
     assert (fit.ok, fit.status, fit.evaluations) == (False, "Not today.", 0)
     free = {p.name for p in fit.parameters if p.free}
     assert free == set(problem.unknowns.names)
