@@ -17,7 +17,8 @@ def test_a_start_that_cannot_be_simulated_is_a_status(poses, double):
     problem = posed(double, prepare([poses], double))
     trial = Trial(problem.unknowns.x0, np.zeros((1, 4)), Pieces(np.array([0, 60]), np.array([0])))
     lost = Optimum(trial, np.zeros((60, 2)), np.inf, np.inf, 1, False, np.zeros(len(trial.x), dtype=bool))
-    fit = summarize(TorqueSolution(problem, lost, advice=("Said before.",)), (poses,), IdentifySettings(), 0.0)
+    solution = TorqueSolution(problem, lost, advice=("Said before.",))
+    fit = summarize(solution, (poses,), IdentifySettings(), 0.0)
     assert not fit.ok
     assert fit.status == (
         "The motion of the start cannot be simulated through the record; check the mechanism file and that "
