@@ -6,7 +6,7 @@ import math
 import subprocess
 import sys
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Literal, get_origin, get_type_hints
 
 import pytest
 
@@ -15,11 +15,17 @@ from monodyn.settings import STAGES, RunSettings, published_method, settings_cla
 from monodyn.vision.settings import LocateSettings, TrackSettings
 from support import refuses
 
-FLOATS = [
-    (stage, kind, setting.name)
+SETTINGS = [
+    (stage, kind, setting.name, setting.default)
     for stage, kind in settings_classes().items()
     for setting in fields(kind)
-    if isinstance(setting.default, float)
+]
+FLOATS = [(stage, kind, name) for stage, kind, name, usual in SETTINGS if isinstance(usual, float)]
+COUNTS = [(stage, kind, name) for stage, kind, name, usual in SETTINGS if type(usual) is int]
+WORDS = [
+    (stage, kind, name)
+    for stage, kind, name, usual in SETTINGS
+    if isinstance(usual, str) or get_origin(get_type_hints(kind)[name]) is Literal or name == "method"
 ]
 
 
@@ -66,6 +72,18 @@ def test_settings_that_are_refused(given: dict[str, Any], message: str) -> None:
 def test_no_number_of_a_stage_may_be_infinite(stage: str, kind: Any, name: str, value: float) -> None:
     with pytest.raises(SettingsError, match=f"^{stage}.{name.replace('_', '[_-]')}: expected .*, got "):
         kind(**{name: value})
+
+
+@pytest.mark.parametrize(("stage", "kind", "name"), COUNTS, ids=[f"{s}.{n}" for s, _, n in COUNTS])
+def test_no_count_of_a_stage_may_be_negative(stage: str, kind: Any, name: str) -> None:
+    with pytest.raises(SettingsError, match=f"^{stage}.{name.replace('_', '[_-]')}.*: expected .*, got "):
+        kind(**{name: -1})
+
+
+@pytest.mark.parametrize(("stage", "kind", "name"), WORDS, ids=[f"{s}.{n}" for s, _, n in WORDS])
+def test_no_word_of_a_stage_may_be_unknown(stage: str, kind: Any, name: str) -> None:
+    with pytest.raises(SettingsError, match=f"^{stage}.{name}: expected one of '.*, got 'nonsense'"):
+        kind(**{name: "nonsense"})
 
 
 @pytest.mark.parametrize("where", [{"method": "paper"}, {"track": TrackSettings(method="paper")}])
