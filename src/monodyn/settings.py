@@ -11,8 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
+from monodyn.choices import METHOD_NAMES, Method, check_choice
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.vision.settings import (
@@ -21,7 +22,6 @@ from monodyn.vision.settings import (
     LocateSettings,
     SegmentSettings,
     TrackSettings,
-    check_choice,
 )
 
 STAGES: dict[str, type] = {
@@ -100,7 +100,7 @@ class RunSettings:
     background: Path | None = field(default=None, metadata={"metavar": "PICTURE"})
     rate: float | None = field(default=None, metadata={"metavar": "HZ"})
     seed: int = 0
-    method: Literal["fast", "paper"] = "fast"
+    method: Method = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
     camera: CameraSettings = field(default_factory=CameraSettings)
     locate: LocateSettings = field(default_factory=LocateSettings)
@@ -111,7 +111,7 @@ class RunSettings:
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
         # every range is checked here or in the class of the stage, before the first frame is decoded
-        check_choice("method", self.method, ("fast", "paper"))
+        check_choice("method", self.method, METHOD_NAMES)
         if self.rate is not None and not RATES[0] <= self.rate <= RATES[1]:
             raise SettingsError(
                 f"rate: expected {RATES[0]:g} to {RATES[1]:g} Hz, got {self.rate:g}; "

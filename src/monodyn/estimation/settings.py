@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal
+from typing import Literal, get_args
 
+from monodyn.choices import METHOD_NAMES, Method, check_choice
 from monodyn.errors import SettingsError
 
 MOST_TERMS = 50
 """Harmonics of the longest Fourier series."""
 USUAL_TERMS = 7
-"""Harmonics that the paper takes; where their number is open no more than these are tried."""
-CHOICES = {
-    "method": ("fast", "paper", None),
-    "torque": ("friction", "fourier", "free"),
-    "series": ("with-friction", "alone"),
-    "bodies": ("uniform", "free"),
-}
-"""What the settings that are words can be."""
+"""Where the number of harmonics is open, no more than these are tried."""
+Torque = Literal["friction", "fourier", "free"]
+Series = Literal["with-friction", "alone"]
+Bodies = Literal["uniform", "free"]
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class IdentifySettings:
         torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
             Fourier series, and friction) or ``free`` (one torque a joint and time stamp).
         terms: Harmonics of the Fourier series; 0 takes as many as the record supports, 7 with ``paper``.
-        series: ``with-friction`` keeps friction in addition to the series, ``alone`` is the paper's form.
+        series: ``with-friction`` keeps friction in addition to the series, ``alone`` leaves it out.
         bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
             centre of mass and inertia are unknowns.
         starts: Starts that are tried at most, until the motion is explained.
@@ -43,11 +40,11 @@ class IdentifySettings:
         evaluations: Evaluations of the model in one search, at most.
     """
 
-    method: Literal["fast", "paper"] | None = None
-    torque: Literal["friction", "fourier", "free"] = "friction"
+    method: Method | None = None
+    torque: Torque = "friction"
     terms: int = 0
-    series: Literal["with-friction", "alone"] = "with-friction"
-    bodies: Literal["uniform", "free"] = "uniform"
+    series: Series = "with-friction"
+    bodies: Bodies = "uniform"
     starts: int = 6
     seed: int = 0
     piece: int = 10
@@ -56,11 +53,9 @@ class IdentifySettings:
     evaluations: int = 100
 
     def __post_init__(self) -> None:
-        for name, choices in CHOICES.items():
-            value = getattr(self, name)
-            if value not in choices:
-                known = ", ".join(f"'{choice}'" for choice in choices if choice is not None)
-                raise SettingsError(f"identify.{name}: expected one of {known}, got '{value}'.")
+        check_choice("identify.method", self.method, (*METHOD_NAMES, None))
+        for name, words in (("torque", Torque), ("series", Series), ("bodies", Bodies)):
+            check_choice(f"identify.{name}", getattr(self, name), get_args(words))
         if self.torque != "fourier" and (self.terms or self.series != "with-friction"):
             raise SettingsError(
                 "identify.terms, identify.series: expected --identify.torque fourier with them, got "

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Literal, TypeVar
 
+from monodyn.choices import check_choice
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.vision.settings import LocateSettings, TrackSettings, check_choice
+from monodyn.vision.settings import LocateSettings, TrackSettings
 
 PAPER_GAINS = (0.4, 0.1, 0.05)
 """Gains of the filter in the paper's Figure 3."""

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from monodyn.choices import METHOD_NAMES, Method, check_choice
 from monodyn.errors import SettingsError
 
 RATES = (1e-3, 1e6)
 """Least and most frames a second [Hz] that a clip can be given."""
-Method = Literal["fast", "paper"]
-"""What the method of a stage can be called; ``stages`` has the functions."""
+Colour = Literal["auto", "grey", "colour"]
+"""Whether the foreground is found by grey level alone or by colour."""
 SegmentMethod = Literal["fast"]
 """What the method of the segmentation can be called."""
-METHOD_NAMES: tuple[str, ...] = get_args(Method)
 SEGMENT_METHOD_NAMES: tuple[str, ...] = get_args(SegmentMethod)
 
 
@@ -30,12 +29,12 @@ class SegmentSettings:
     """
 
     method: SegmentMethod | None = None
-    colour: str = "auto"
+    colour: Colour = "auto"
     contrast: float = 14.0
 
     def __post_init__(self) -> None:
-        check_choice("segment.method", self.method, SEGMENT_METHOD_NAMES)
-        check_choice("segment.colour", self.colour, ("auto", "grey", "colour"))
+        check_choice("segment.method", self.method, (*SEGMENT_METHOD_NAMES, None))
+        check_choice("segment.colour", self.colour, get_args(Colour))
         if not 0 < self.contrast <= 255:
             raise SettingsError(
                 f"segment.contrast: expected more than 0 and at most 255 grey levels, got {self.contrast}."
@@ -55,7 +54,7 @@ class CameraSettings:
     method: Method | None = None
 
     def __post_init__(self) -> None:
-        check_choice("camera.method", self.method, METHOD_NAMES)
+        check_choice("camera.method", self.method, (*METHOD_NAMES, None))
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ class LocateSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_choice("locate.method", self.method, METHOD_NAMES)
+        check_choice("locate.method", self.method, (*METHOD_NAMES, None))
         if self.seed < 0:
             raise SettingsError(f"locate.seed: expected 0 or more, got {self.seed}; give a whole number.")
         if not 0.0 <= self.focal <= 1e6:
@@ -120,7 +119,7 @@ class TrackSettings:
     patience: int = 3
 
     def __post_init__(self) -> None:
-        check_choice("track.method", self.method, METHOD_NAMES)
+        check_choice("track.method", self.method, (*METHOD_NAMES, None))
         for name, low, high in (
             ("spacing", 0.5, 100.0),
             ("reach", 1.0, 200.0),
@@ -133,19 +132,3 @@ class TrackSettings:
         for name in ("matched", "inside"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise SettingsError(f"track.{name}: expected a share from 0 to 1, got {getattr(self, name)}.")
-
-
-def check_choice(name: str, value: str | None, choices: Collection[str]) -> None:
-    """Refuse a word that is no choice of a setting; None is always one.
-
-    Args:
-        name: Name of the setting, for the message.
-        value: What was chosen.
-        choices: What can be.
-
-    Raises:
-        SettingsError: ``value`` is none of them.
-    """
-    if value is not None and value not in choices:
-        known = ", ".join(f"'{choice}'" for choice in choices)
-        raise SettingsError(f"{name}: expected one of {known}, got '{value}'.")

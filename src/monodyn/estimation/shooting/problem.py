@@ -21,8 +21,9 @@ from monodyn.estimation.shooting.unknowns import Prior, Unknowns, choose_unknown
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import power
 from monodyn.mechanism.drive import Drive
+from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.simulate import rollout, rollout_derivatives
-from monodyn.mechanism.tree import DAMPING, FRICTION, STIFFNESS, Directions, Tree
+from monodyn.mechanism.tree import Directions, Tree
 from monodyn.optimize import Arrow
 
 
@@ -284,8 +285,8 @@ def _slowed(instance: Instance) -> Directions:
     if not dstretch.any():
         return directions
     powers = np.zeros(instance.tree.links.shape[1])
-    for column, kind in ((DAMPING, "damping"), (FRICTION, "friction"), (STIFFNESS, "stiffness")):
-        powers[column] = power(kind, time=-1.0)
+    for kind, term in JOINT.items():
+        powers[term.column] = power(kind, time=-1.0)
     links = directions.links + (powers * instance.tree.links)[:, :, None] * dstretch
     by_gravity = power("gravity", time=-1.0) * instance.tree.gravity[:, None]
     gravity = directions.gravity + by_gravity * dstretch
