@@ -32,7 +32,7 @@ WORDS = [
 def test_the_seed_and_the_method_of_the_run_reach_its_stages() -> None:
     settings = RunSettings(seed=5, method="paper", track=TrackSettings(method="fast"))
     assert (settings.locate.seed, settings.identify.seed) == (5, 5)
-    assert settings.segment.method is None
+    assert settings.segment.method == "fast"
     methods = [getattr(settings, stage).method for stage in ("camera", "locate", "track", "identify")]
     assert methods == ["paper", "paper", "fast", "paper"]
 

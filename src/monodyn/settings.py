@@ -123,9 +123,9 @@ class RunSettings:
     def _stage(self, stage: str, kind: Any) -> Any:
         """Return the settings of a stage with what it takes from the run, as an instance of ``kind``."""
         settings = getattr(self, stage)
-        # the foreground has one method only, so a run as published has nothing to choose there
-        if settings.method is None and stage != "segment":
-            settings = replace(settings, method=self.method)
+        if settings.method is None:
+            # the foreground has one method only: a run as published has nothing to choose there
+            settings = replace(settings, method="fast" if stage == "segment" else self.method)
         # a run records the settings of every installed method, even where only those of ours were given
         if settings.method == "paper" or not isinstance(settings, kind):
             with published_method():

@@ -36,7 +36,7 @@ def test_report_writes_from_the_fit_alone(tmp_path: Path) -> None:
 
 def test_what_urdf_cannot_hold_is_said(tmp_path: Path) -> None:
     said = (
-        "URDF has no place for joint1.stiffness, joint1.armature: model.urdf moves without them; "
+        "URDF has no place for joint1.stiffness, joint1.armature, which model.urdf leaves out; "
         "simulate model.xml instead."
     )
     fit = made_fit()

@@ -127,7 +127,7 @@ def lost_in_urdf(mechanism: Mechanism) -> list[str]:
     if not lost:
         return []
     return [
-        f"URDF has no place for {', '.join(lost)}: model.urdf moves without them; simulate model.xml instead."
+        f"URDF has no place for {', '.join(lost)}, which model.urdf leaves out; simulate model.xml instead."
     ]
 
 
