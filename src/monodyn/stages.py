@@ -302,7 +302,7 @@ def check_camera(mechanism: Mechanism, method: str, fix: Mapping[str, float], fr
 
 def _check_value(name: str, value: float) -> None:
     """Refuse a value of a camera parameter that no camera in front of the plane can have."""
-    unit = PARAMETERS[name]
+    unit = PARAMETERS[name].unit
     if not math.isfinite(value):
         raise SettingsError(f"parameter '{name}': expected a finite number, got {value}; give it in {unit}.")
     if name in ("camera.depth", "camera.focal") and value <= 0:

@@ -67,4 +67,4 @@ def test_parameters_by_name() -> None:
     changed = with_values(CAMERA, {"camera.depth": 2.0, "camera.yaw": 0.1})
     assert (changed.depth, changed.yaw, changed.x) == (2.0, 0.1, CAMERA.x)
     assert [value_of(changed, name) for name in ("camera.depth", "camera.yaw")] == [2.0, 0.1]
-    assert all(hasattr(CAMERA, name.removeprefix("camera.")) for name in PARAMETERS)
+    assert all(hasattr(CAMERA, parameter.field) for parameter in PARAMETERS.values())

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -160,9 +161,25 @@ def main_geom(profiles: list[Profile]) -> Profile | None:
     return best
 
 
+class AxisNames(NamedTuple):
+    """Names of the parameters that stretch a link along and across its axis, each empty where there is none.
+
+    Attributes:
+        length: Name of the length.
+        tail: Name of the tail.
+        tip: Name of the tip.
+        width: Name of the width.
+    """
+
+    length: str
+    tail: str
+    tip: str
+    width: str
+
+
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """Long axis of a link with the names of the parameters that stretch it (empty where there is none).
+    """Long axis of a link with the names of the parameters that stretch it.
 
     Attributes:
         along: Unit direction in the link's frame, (2,).
@@ -170,7 +187,7 @@ class Axis:
         tail: Start extent behind the hinge [m].
         tip: Start extent beyond the length [m].
         width: Start width of the main geom [m].
-        names: Names of the length, tail, tip and width parameters.
+        names: Names of these parameters.
     """
 
     along: np.ndarray
@@ -178,7 +195,7 @@ class Axis:
     tail: float
     tip: float
     width: float
-    names: tuple[str, str, str, str]
+    names: AxisNames
 
     @property
     def across(self) -> np.ndarray:
@@ -187,10 +204,10 @@ class Axis:
 
     def scale(self) -> Form:
         """Return the factor by which the link has grown: by its length, else its width, else not at all."""
-        if self.names[0]:
-            return {self.names[0]: 1 / self.length}
-        if self.names[3]:
-            return {self.names[3]: 1 / self.width}
+        if self.names.length:
+            return {self.names.length: 1 / self.length}
+        if self.names.width:
+            return {self.names.width: 1 / self.width}
         return {"": 1.0}
 
     def at(self, t: float) -> Form:
@@ -199,11 +216,11 @@ class Axis:
         Args:
             t: Start place [m].
         """
-        _, tail, tip, _ = self.names
+        tail, tip = self.names.tail, self.names.tip
         if t < 0 and tail:
             return {tail: t / self.tail}
         if tip and t > self.length:
-            return plus({self.names[0]: 1.0}, {tip: (t - self.length) / self.tip})
+            return plus({self.names.length: 1.0}, {tip: (t - self.length) / self.tip})
         return times(self.scale(), t)
 
     def beside(self, s: float) -> Form:
@@ -212,8 +229,8 @@ class Axis:
         Args:
             s: Start place [m].
         """
-        if self.names[3] and abs(s) <= 0.5 * self.width * (1 + TINY):
-            return {self.names[3]: s / self.width}
+        if self.names.width and abs(s) <= 0.5 * self.width * (1 + TINY):
+            return {self.names.width: s / self.width}
         return times(self.scale(), s)
 
     def point(self, place: np.ndarray) -> tuple[Form, Form]:

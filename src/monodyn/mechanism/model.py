@@ -394,5 +394,15 @@ def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
     bodies = tuple(dict.fromkeys(link.joint.body for link in links))
     joints = tuple(link.joint for link in links)
     free = np.array(table.free, dtype=bool)
-    torques = make_torques(plan, "friction")
-    return Mechanism(name, joints, bodies, plan, torques, numbers, lower, upper, free, own)
+    return Mechanism(
+        name=name,
+        joints=joints,
+        bodies=bodies,
+        plan=plan,
+        torques=make_torques(plan, "friction"),
+        numbers=numbers,
+        lower=lower,
+        upper=upper,
+        free=free,
+        own=own,
+    )

@@ -15,7 +15,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.mechanism.axis import TINY, Axis, Form, Profile, extent, long_axis, main_geom, plus, profile
+from monodyn.mechanism.axis import (
+    TINY,
+    Axis,
+    AxisNames,
+    Form,
+    Profile,
+    extent,
+    long_axis,
+    main_geom,
+    plus,
+    profile,
+)
 from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Link, Table
 from monodyn.mechanism.solids import KINDS, Naming, Solid, geom_solid, given_solid
 from monodyn.mechanism.tree import (
@@ -185,7 +196,14 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
         width = 2 * _half_across(main, along)
         table.add(Entry(f"{body}.width", "width", body, width, "m", free=True))
     across = f"{body}.width" if width else ""
-    return Axis(along, length, tail, tip, width, (name, names["tail"], names["tip"], across))
+    return Axis(
+        along=along,
+        length=length,
+        tail=tail,
+        tip=tip,
+        width=width,
+        names=AxisNames(length=name, tail=names["tail"], tip=names["tip"], width=across),
+    )
 
 
 def _half_across(shape: Profile, along: np.ndarray) -> float:
@@ -262,9 +280,10 @@ def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Sol
 
 def _free_name(stem: str, table: Table) -> str:
     """Return the stem, numbered if a geom of that name has been entered."""
-    taken = {name.rsplit(".", 1)[0] for name in table.names}
+    # the name of a parameter is its label and its kind, so one of any kind shows that the label is taken
+    entered = list(zip(table.names, table.kind, strict=True))
     label, count = stem, 1
-    while label in taken:
+    while any(name == f"{label}.{kind}" for name, kind in entered):
         count += 1
         label = f"{stem}{count}"
     return label

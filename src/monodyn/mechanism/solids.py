@@ -135,9 +135,20 @@ def given_solid(given: Given, axis: Axis, weight: str) -> Solid:
         weight: Name of its mass parameter.
     """
     return Solid(
-        BLOCK, given.body, axis.point(given.com), axis.scale(), {}, {}, 0.0,
-        (given.inertia / given.mass, 0.0), weight, False, (), {}, None,
-    )  # fmt: skip
+        kind=BLOCK,
+        body=given.body,
+        place=axis.point(given.com),
+        along=axis.scale(),
+        across={},
+        deep={},
+        volume=0.0,
+        gyration=(given.inertia / given.mass, 0.0),
+        weight=weight,
+        dense=False,
+        points=(),
+        radius={},
+        look=None,
+    )
 
 
 def geom_solid(shape: Profile, axis: Axis, table: Table, naming: Naming, depth: Form) -> Solid:
@@ -231,10 +242,20 @@ def _rod(shape: Profile, extents: _Extents, weight: _Weight) -> Solid:
     place = extents.point(())
     look = Look(kind, direction, (*place, extents.z)) if shape.geom.drawn else None
     return Solid(
-        KINDS[kind], shape.geom.body, place, extents.along if kind != "sphere" else {}, across, extents.deep,
-        1.0, (0.0, 0.0), weight.name, weight.dense, tuple(points),
-        {} if kind == "cylinder" else times(across, 0.5), look,
-    )  # fmt: skip
+        kind=KINDS[kind],
+        body=shape.geom.body,
+        place=place,
+        along=extents.along if kind != "sphere" else {},
+        across=across,
+        deep=extents.deep,
+        volume=1.0,
+        gyration=(0.0, 0.0),
+        weight=weight.name,
+        dense=weight.dense,
+        points=tuple(points),
+        radius={} if kind == "cylinder" else times(across, 0.5),
+        look=look,
+    )
 
 
 def _block(shape: Profile, extents: _Extents, weight: _Weight) -> Solid:
@@ -253,9 +274,20 @@ def _block(shape: Profile, extents: _Extents, weight: _Weight) -> Solid:
     kind = "mesh" if tilted else geom.kind
     look = Look(kind, direction, (*extents.point(()), z)) if geom.drawn else None
     return Solid(
-        BLOCK, geom.body, place, along, across, deep, volume, gyration, weight.name, weight.dense,
-        tuple(outline), {}, look,
-    )  # fmt: skip
+        kind=BLOCK,
+        body=geom.body,
+        place=place,
+        along=along,
+        across=across,
+        deep=deep,
+        volume=volume,
+        gyration=gyration,
+        weight=weight.name,
+        dense=weight.dense,
+        points=tuple(outline),
+        radius={},
+        look=look,
+    )
 
 
 def _unit_shape(

@@ -22,6 +22,9 @@ from monodyn.errors import SettingsError, VideoError
 FIRST = 3
 """Seen samples that a filter starts from."""
 
+POSITION, VELOCITY, ACCELERATION = range(3)
+"""Rows of a filter's state."""
+
 
 @dataclass(frozen=True)
 class Gains:
@@ -142,7 +145,13 @@ def filtered(
     if covariance is not None:
         covariance = frozen("filter: covariance", covariance, (frames, dofs, dofs), error=SettingsError)
         spread = _covariance(steps, times, covariance, seen, heads)
-    return Filtered(times, states[:, 0], states[:, 1], states[:, 2], spread)
+    return Filtered(
+        time=times,
+        position=states[:, POSITION],
+        velocity=states[:, VELOCITY],
+        acceleration=states[:, ACCELERATION],
+        covariance=spread,
+    )
 
 
 def filter_response(time: np.ndarray, seen: np.ndarray, gains: Gains) -> np.ndarray:

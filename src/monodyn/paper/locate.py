@@ -254,7 +254,17 @@ def _scene(
             "another --locate.level, or --background may help, or the default method.",
         )
     return PaperScene(
-        sized, camera, silhouettes.masks, index, view.position, (index,), view.position[np.newaxis],
-        {}, left / max(length, 1.0), advice,
-        evaluations=drawings, history=history, level=silhouettes.level,
-    )  # fmt: skip
+        mechanism=sized,
+        camera=camera,
+        masks=silhouettes.masks,
+        frame=index,
+        position=view.position,
+        key_frames=(index,),
+        key_positions=view.position[np.newaxis],
+        camera_std={},
+        rms_px=left / max(length, 1.0),
+        advice=advice,
+        evaluations=drawings,
+        history=history,
+        level=silhouettes.level,
+    )

@@ -15,11 +15,14 @@ from numba import njit
 
 from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, X, Y
 from monodyn.vision.drawing.mismatch import UNDRAWABLE, blank_spans, mismatch
-from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.drawing.rig import Rig, altered
 from monodyn.vision.drawing.silhouette import blank_outlines, draw
 
 PLACEMENTS = 2
 """Steps of depth and place that a camera takes to a pose."""
+
+AREA, MOMENT_X, MOMENT_Y = range(3)
+"""Pictures of ``moment_sums``: of their sums over a silhouette these are its area and its first moments."""
 
 
 class CameraFree(NamedTuple):
@@ -64,9 +67,9 @@ def moment_sums(weight: np.ndarray) -> np.ndarray:
         for x in range(width):
             total += weight[y, x]
             first += weight[y, x] * x
-            sums[0, y, x + 1] = total
-            sums[1, y, x + 1] = first
-            sums[2, y, x + 1] = total * y
+            sums[AREA, y, x + 1] = total
+            sums[MOMENT_X, y, x + 1] = first
+            sums[MOMENT_Y, y, x + 1] = total * y
     return sums
 
 
@@ -128,17 +131,17 @@ def placed_mismatch(
     both = sums.reshape((1, sums.shape[0], sums.shape[1]))
     for i in range(positions.shape[0]):
         own = rig.camera.copy()
-        before = Rig(rig.parent, rig.kind, rig.links, rig.link, rig.first, rig.points, rig.radius, own)
+        before = altered(rig, rig.links, rig.points, rig.radius, own)
         for _ in range(PLACEMENTS):
             _, inside = drawn(moments, before, positions[i])
-            area = inside[0]
+            area = inside[AREA]
             if not area > 0.0:  # nothing lies in the picture, or it cannot be drawn (NaN)
                 break
             # the area falls with the square of the depth, so the depth grows with the root of the excess
             growth = math.sqrt(area / target.area) if free.depth else 1.0
             scale = own[FOCAL] / (own[DEPTH] * growth)  # px by metre after the step
             # the drawn centroid from the principal point; it shrinks toward it as the camera backs away
-            x, y = inside[1] / area - own[CENTRE_X], inside[2] / area - own[CENTRE_Y]
+            x, y = inside[MOMENT_X] / area - own[CENTRE_X], inside[MOMENT_Y] / area - own[CENTRE_Y]
             if free.x:
                 own[X] += (x / growth - (target.x - own[CENTRE_X])) / scale
             if free.y:  # rows count down, the plane's y counts up

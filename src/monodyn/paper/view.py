@@ -181,9 +181,18 @@ def model_view(mechanism: Mechanism, camera: Camera, position: np.ndarray, free:
     sizes = np.array([p.value for p in searched])
     base, slopes = _affine(mechanism, camera, names, sizes)
     lower, upper = _size_bounds(sized, searched, sizes)
-    at = np.array(position, dtype=float)
-    limits = joint_limits(mechanism)
-    return ModelView(tuple(searched), reference, sizes, lower, upper, base, slopes, at, limits, free)
+    return ModelView(
+        searched=tuple(searched),
+        reference=reference,
+        sizes=sizes,
+        lower=lower,
+        upper=upper,
+        base=base,
+        slopes=slopes,
+        position=np.array(position, dtype=float),
+        limits=joint_limits(mechanism),
+        free=free,
+    )
 
 
 def joint_limits(mechanism: Mechanism) -> np.ndarray:

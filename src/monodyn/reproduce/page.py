@@ -279,7 +279,15 @@ def _starts(cases: Sequence[Case], joints: Sequence[str]) -> PageTable:
     chosen.sort(key=lambda c: (BOTH_METHODS.index(c.plan.method), c.plan.start))
     values = [parameter_values(case) for case in chosen]
     # parameters of either method, in the order of the first fit that has them
-    names = list(dict.fromkeys(name for found in values for name in found if not name.endswith(".offset")))
+    names = list(
+        dict.fromkeys(
+            p.name
+            for case in chosen
+            if case.fit is not None
+            for p in case.fit.parameters
+            if p.free and case.fit.mechanism.parameter(p.name).kind != "offset"
+        )
+    )
     rows = []
     for case, found in zip(chosen, values, strict=True):
         row = case_row(case, joints)

@@ -19,6 +19,11 @@ FEWEST_SAMPLES = 5
 NORMAL = 0.6745
 """Median of the absolute value of a standard normal variable."""
 
+POSITION, VELOCITY, ACCELERATION, ACCELERATION_STD = range(4)
+"""Rows of a curve."""
+CURVE_ROWS = ACCELERATION_STD + 1
+"""Number of these rows."""
+
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
@@ -60,7 +65,7 @@ def smooth(poses: Poses) -> Smoothed:
         Cleveland, Robust locally weighted regression and smoothing scatterplots, 1979.
     """
     frames, dofs = poses.position.shape
-    motion = np.full((4, frames, dofs), np.nan)
+    motion = np.full((CURVE_ROWS, frames, dofs), np.nan)
     noise, outlier = np.full(dofs, np.nan), np.zeros((frames, dofs), dtype=bool)
     for dof in range(dofs):
         use = np.flatnonzero(poses.seen & np.isfinite(poses.position[:, dof]))
@@ -70,12 +75,20 @@ def smooth(poses: Poses) -> Smoothed:
         found = _best_window(times, values, poses.time)
         motion[:, :, dof], noise[dof] = found.curve, found.noise
         outlier[use, dof] = found.far
-    return Smoothed(poses.time, motion[0], motion[1], motion[2], motion[3], noise, outlier)
+    return Smoothed(
+        time=poses.time,
+        position=motion[POSITION],
+        velocity=motion[VELOCITY],
+        acceleration=motion[ACCELERATION],
+        acceleration_std=motion[ACCELERATION_STD],
+        noise=noise,
+        outlier=outlier,
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Curve:
-    """Rows position, velocity, acceleration, its std at the requested times; how well the samples are met."""
+    """A curve at the requested times, in the rows named above, (row, frame); how well the samples are met."""
 
     curve: np.ndarray
     noise: float
@@ -97,7 +110,8 @@ def _best_window(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> _Curv
     near = ~best.far
     count = min(width, int(near.sum()))
     rows, _ = _cubics(times[near], values[near], np.ones(int(near.sum())), at, count)
-    return _Curve(rows * np.array([[1.0], [1.0], [1.0], [best.noise]]), best.noise, best.far, best.error)
+    rows[ACCELERATION_STD] *= best.noise
+    return _Curve(rows, best.noise, best.far, best.error)
 
 
 def _fit(times: np.ndarray, values: np.ndarray, count: int) -> _Curve:
@@ -109,7 +123,7 @@ def _fit(times: np.ndarray, values: np.ndarray, count: int) -> _Curve:
         # a sample that takes part in its own estimate with share s is s nearer to it than to one without it:
         # residual / (1 - s) is the residual if it were left out
         rest = np.maximum(1.0 - share, 0.05)
-        left_out = np.abs(values - curve[0]) / rest
+        left_out = np.abs(values - curve[POSITION]) / rest
         size = max(float(np.median(left_out)) / NORMAL, least)
         if left_out.max() < 6.0 * size:
             break
@@ -134,8 +148,8 @@ def _cubics(
         count: Number of neighbours.
 
     Returns:
-        Rows position, velocity, acceleration and std of the acceleration for unit noise, (4, frame); and the
-        share of a sample in its own estimate (its leverage), (frame,), of use where ``at`` are the samples.
+        The curve in the rows named above, its standard deviation for unit noise, (row, frame); and the share
+        of a sample in its own estimate (its leverage), (frame,), of use where ``at`` are the samples.
     """
     # times are divided by the distance of the farthest neighbour, so that powers up to three stay of one size
     near = _neighbours(times, at, count)

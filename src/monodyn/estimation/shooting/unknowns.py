@@ -224,10 +224,17 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         if p.free and p.kind in SEEN_ONLY and p.name not in names and p.owner in lengths
     ]
     blank = Unknowns(
-        names, tuple(p.kind for p in chosen), tuple(p.owner for p in chosen), start, log, lower, upper,
-        tuple(p.name for p in tied), np.array([lengths[p.owner] for p in tied], dtype=int),
-        np.array([p.value for p in tied], dtype=float),
-    )  # fmt: skip
+        names=names,
+        kinds=tuple(p.kind for p in chosen),
+        owners=tuple(p.owner for p in chosen),
+        start=start,
+        log=log,
+        lower=lower,
+        upper=upper,
+        tied=tuple(p.name for p in tied),
+        tied_to=np.array([lengths[p.owner] for p in tied], dtype=int),
+        tied_start=np.array([p.value for p in tied], dtype=float),
+    )
     return replace(blank, lower=blank.coordinates(lower), upper=blank.coordinates(upper))
 
 

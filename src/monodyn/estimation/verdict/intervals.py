@@ -7,6 +7,7 @@ proportion to a length, about which the data give no information.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -92,10 +93,11 @@ def _estimate(
 ) -> Estimate:
     """Return a parameter with its interval, cut at its bounds."""
     value, std = float(p.value), deviation.std
+    made = partial(Estimate, name=p.name, value=value, unit=p.unit, free=free, at_bound=at_bound)
     if std == 0.0:
-        return Estimate(p.name, value, 0.0, value, value, p.unit, free, True, at_bound)
+        return made(std=0.0, lower=value, upper=value, identifiable=True)
     if not np.isfinite(std):
-        return Estimate(p.name, value, float("inf"), p.lower, p.upper, p.unit, free, False, at_bound)
+        return made(std=float("inf"), lower=p.lower, upper=p.upper, identifiable=False)
     if deviation.ratio:
         # the error of a logarithm is symmetric, that of the value is not; beyond e^700 there is no number
         reach = float(np.exp(min(quantile * std / value, 700.0)))
@@ -104,4 +106,4 @@ def _estimate(
         lower, upper = value - quantile * std, value + quantile * std
     clear = not deviation.ratio or std < WEAK * value
     lower, upper = max(float(lower), p.lower), min(float(upper), p.upper)
-    return Estimate(p.name, value, std, lower, upper, p.unit, free, clear, at_bound)
+    return made(std=std, lower=lower, upper=upper, identifiable=clear)

@@ -72,10 +72,19 @@ def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: 
         A fit without start states, whose ``ok`` is False.
     """
     parameters = tuple(
-        Estimate(p.name, p.value, np.inf, p.lower, p.upper, p.unit, True, False, False)
-        if p.name in problem.unknowns.names
-        else Estimate(p.name, p.value, 0.0, p.value, p.value, p.unit, False, False, False)
+        Estimate(
+            name=p.name,
+            value=p.value,
+            std=np.inf if free else 0.0,
+            lower=p.lower if free else p.value,
+            upper=p.upper if free else p.value,
+            unit=p.unit,
+            free=free,
+            identifiable=False,
+            at_bound=False,
+        )
         for p in problem.mechanism.parameters
+        for free in (p.name in problem.unknowns.names,)
     )
     residual = tuple(np.full(record.position.shape, np.nan) for record in records)
     return Fit(

@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.types import Camera
 
+
+class CameraParameter(NamedTuple):
+    """What a parameter of the camera stands for.
+
+    Attributes:
+        field: Field of ``Camera``.
+        unit: Its unit.
+    """
+
+    field: str
+    unit: str
+
+
 PARAMETERS = {
-    "camera.x": "m",
-    "camera.y": "m",
-    "camera.depth": "m",
-    "camera.roll": "rad",
-    "camera.pitch": "rad",
-    "camera.yaw": "rad",
-    "camera.focal": "px",
+    "camera.x": CameraParameter("x", "m"),
+    "camera.y": CameraParameter("y", "m"),
+    "camera.depth": CameraParameter("depth", "m"),
+    "camera.roll": CameraParameter("roll", "rad"),
+    "camera.pitch": CameraParameter("pitch", "rad"),
+    "camera.yaw": CameraParameter("yaw", "rad"),
+    "camera.focal": CameraParameter("focal", "px"),
 }
-"""Names and units of the camera's parameters."""
+"""The camera's parameters by name."""
 
 ROTATION = 9
 """The first entries of a packed camera, this many, are its rotation ``R_camera_plane``, row by row."""
@@ -102,7 +116,7 @@ def value_of(camera: Camera, name: str) -> float:
     Returns:
         Its value, in the unit that ``PARAMETERS`` gives.
     """
-    return float(getattr(camera, name.removeprefix("camera.")))
+    return float(getattr(camera, PARAMETERS[name].field))
 
 
 def with_values(camera: Camera, values: dict[str, float]) -> Camera:
@@ -115,4 +129,4 @@ def with_values(camera: Camera, values: dict[str, float]) -> Camera:
     Returns:
         The new camera.
     """
-    return replace(camera, **{name.removeprefix("camera."): float(value) for name, value in values.items()})
+    return replace(camera, **{PARAMETERS[name].field: float(value) for name, value in values.items()})

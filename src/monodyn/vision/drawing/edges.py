@@ -24,12 +24,13 @@ from monodyn.vision.drawing.normals import (
     LEAST_LEVEL,
     NORMAL_X,
     NORMAL_Y,
+    SAMPLE_COLUMNS,
     SHARE,
     TO,
     WEIGHT,
     edge_samples,
 )
-from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.drawing.rig import Rig, altered
 from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, project
 from monodyn.vision.foreground.masks import View
 
@@ -59,11 +60,25 @@ class Agreement(NamedTuple):
     inside: float
 
 
+class EdgeTerms(NamedTuple):
+    """Normal equations of one mask over (pose, shared parameters), for unit noise of a sample.
+
+    Attributes:
+        normal: Normal matrix, (dof + param, dof + param).
+        right: Right side, (dof + param,).
+        agreement: How well the outline lies on the mask.
+    """
+
+    normal: np.ndarray
+    right: np.ndarray
+    agreement: Agreement
+
+
 class Shifts(NamedTuple):
     """A rig with each of some shared parameters shifted by a step, for derivatives.
 
     Attributes:
-        links: Link tables, (param, dof, 14).
+        links: Link tables, (param, dof, column).
         points: Points of the geoms [m], (param, point, 3).
         radius: Radius of the geoms [m], (param, geom).
         cameras: Packed cameras, (param, 15).
@@ -101,7 +116,7 @@ def edge_terms(
     position: np.ndarray,
     reach: float,
     spacing: float,
-) -> tuple[np.ndarray, np.ndarray, Agreement]:
+) -> EdgeTerms:
     """Form the normal equations of one mask over (pose, shared parameters).
 
     Args:
@@ -114,11 +129,10 @@ def edge_terms(
         spacing: Distance between samples [px].
 
     Returns:
-        Normal matrix (dof + param, dof + param) and right side (dof + param,) for unit noise of a sample,
-        and how well the outline lies on the mask; all zero where the pose cannot be drawn.
+        The equations and how well the outline lies on the mask; all zero where the pose cannot be drawn.
     """
     normal, right, found = edge_kernel(planes, view, rig, shifts, position, reach, spacing)
-    return normal, right, Agreement(*found)
+    return EdgeTerms(normal, right, Agreement(*found))
 
 
 @njit(cache=True)
@@ -154,7 +168,7 @@ def edge_kernel(
     if not draw(rig, position, outlines):
         return normal, right, (0, 0.0, 0.0, 0.0)
     ends = np.empty((MOST_SAMPLES, 2), dtype=np.int64)
-    samples = np.empty((MOST_SAMPLES, 9))
+    samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
     count = edge_samples(planes, view, outlines, (reach, spacing), ends, samples)
     px, moved = outlines.px, _moved_points(rig, shifts, position, outlines)
     scale = max(0.35 * reach, 1.0)
@@ -188,7 +202,7 @@ def edge_kernel(
 
 @njit(cache=True, inline="always")
 def _level_inside(planes: np.ndarray, view: View, sample: np.ndarray) -> float:
-    """Return the coverage just inside of a sample (9,), as a share of what counts as whole there."""
+    """Return the coverage just inside of a sample (column,), as a share of what counts as whole there."""
     deep = min(INSIDE_PX, sample[INNER])
     ix = int(sample[AT_X] - deep * sample[NORMAL_X] + 0.5)
     iy = int(sample[AT_Y] - deep * sample[NORMAL_Y] + 0.5)
@@ -212,10 +226,7 @@ def _moved_points(rig: Rig, shifts: Shifts, position: np.ndarray, outlines: Outl
         shifted[j] += POSE_STEP
         project(rig, shifted, moved[j])
     for k in range(shifts.steps.shape[0]):
-        other = Rig(
-            rig.parent, rig.kind, shifts.links[k], rig.link, rig.first, shifts.points[k], shifts.radius[k],
-            shifts.cameras[k],
-        )  # fmt: skip
+        other = altered(rig, shifts.links[k], shifts.points[k], shifts.radius[k], shifts.cameras[k])
         project(other, position, moved[dofs + k])
     return moved
 

@@ -40,6 +40,8 @@ FROM, TO = range(2)
 SHARE, NORMAL_X, NORMAL_Y, AWAY, WEIGHT, INNER, AT_X, AT_Y, GEOM = range(9)
 """Columns of a sample: share of the second point of its edge; outward normal; displacement t* of the edge of
 the mask [px]; weight; length of the search inwards [px]; its place [px]; its geom."""
+SAMPLE_COLUMNS = GEOM + 1
+"""Number of these columns."""
 
 
 class _Normal(NamedTuple):
@@ -71,7 +73,7 @@ def edge_samples(
         outlines: The outlines of the pose.
         search: Length of the search to either side and distance between samples [px].
         ends: Filled with the two outline points of each sample's edge, (sample, 2).
-        samples: Filled with what is found, (sample, 9), in the columns named above.
+        samples: Filled with what is found, (sample, column), in the columns named above.
 
     Returns:
         Number of samples.

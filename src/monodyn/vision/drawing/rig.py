@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, AXIS_X, AXIS_Y, SLIDE
@@ -21,7 +22,7 @@ class Rig(NamedTuple):
     Attributes:
         parent: Parent of each link, -1 for the world, (dof,).
         kind: Joint kinds, (dof,).
-        links: Link table of the mechanism's tree, (dof, 14).
+        links: Link table of the mechanism's tree, (dof, column).
         link: Link of each geom, (geom,).
         first: Where each geom's points start, (geom + 1,).
         points: Points of the geoms in their link's frame [m], (point, 3).
@@ -50,6 +51,32 @@ class Rig(NamedTuple):
         return self._replace(camera=camera)
 
 
+@njit(cache=True, inline="always")
+def altered(rig: Rig, links: np.ndarray, points: np.ndarray, radius: np.ndarray, camera: np.ndarray) -> Rig:
+    """Return a rig of the same topology with other sizes and another camera; for kernels.
+
+    Args:
+        rig: The mechanism.
+        links: Its link table, (dof, column).
+        points: Points of its geoms [m], (point, 3).
+        radius: Radius around the points [m], (geom,).
+        camera: Packed camera, (15,).
+
+    Returns:
+        The rig, which shares all arrays.
+    """
+    return Rig(
+        parent=rig.parent,
+        kind=rig.kind,
+        links=links,
+        link=rig.link,
+        first=rig.first,
+        points=points,
+        radius=radius,
+        camera=camera,
+    )
+
+
 def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
     """Pack a mechanism and a camera for the kernels; geoms come in the order of their links.
 
@@ -63,9 +90,17 @@ def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
     """
     tree, shapes = mechanism.tree, mechanism.shapes
     packed = shrunk(camera_array(camera), shrink)
-    arrays = (tree.parent, tree.kind, tree.links, shapes.link, shapes.first, shapes.points, shapes.radius)
     # copies: the mechanism's own arrays are read-only, for which numba would compile every kernel again
-    return Rig._make([*(array.copy() for array in arrays), packed])
+    return Rig(
+        parent=tree.parent.copy(),
+        kind=tree.kind.copy(),
+        links=tree.links.copy(),
+        link=shapes.link.copy(),
+        first=shapes.first.copy(),
+        points=shapes.points.copy(),
+        radius=shapes.radius.copy(),
+        camera=packed,
+    )
 
 
 def longest_reach(rig: Rig) -> float:

@@ -37,6 +37,8 @@ LEAST_PIXELS = 50
 
 SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
 """Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
+PIXEL_COLUMNS = FRAME + 1
+"""Number of these columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +192,7 @@ def _moving_pixels(
     contrast: float,
 ) -> np.ndarray:
     """Gather the colours of inner foreground pixels, those of their backgrounds and the frames' numbers, in
-    the columns named above, (pixel, 7)."""
+    the columns named above, (pixel, column)."""
     import cv2
 
     rows = []
@@ -217,7 +219,7 @@ def _moving_pixels(
             blank = np.zeros(len(y))
             columns = [columns[0], blank, blank, columns[1], blank, blank]
         rows.append(np.column_stack([*columns, np.full(len(y), i)]))
-    return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, 7))
+    return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, PIXEL_COLUMNS))
 
 
 def _surroundings(samples: Sequence[Frame], background: Background) -> list[np.ndarray]:

@@ -297,8 +297,8 @@ def _normal_equations(
         for planes, pose in zip(masks.planes, q, strict=True)
     ]
     dofs = q.shape[1]
-    normal = np.stack([block[0] for block in blocks])
-    right = np.stack([block[1] for block in blocks])
+    normal = np.stack([block.normal for block in blocks])
+    right = np.stack([block.right for block in blocks])
     poses, shared = slice(0, dofs), slice(dofs, None)
     return _Terms(
         qq=normal[:, poses, poses],
@@ -306,7 +306,7 @@ def _normal_equations(
         xx=normal[:, shared, shared],
         q=right[:, poses],
         x=right[:, shared],
-        agreement=[block[2] for block in blocks],
+        agreement=[block.agreement for block in blocks],
     )
 
 

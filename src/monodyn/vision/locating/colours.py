@@ -32,6 +32,8 @@ UNSEEN = -2
 """Stands for the colour of a geom that shows too few pixels to measure it."""
 HALF_WIDTH = 6
 """Column of a table of pixels, after ``SHOWN`` and ``BEHIND``: the geom's half width in the picture [px]."""
+PIXEL_COLUMNS = HALF_WIDTH + 1
+"""Number of columns of that table."""
 
 
 def geom_colours(
@@ -57,7 +59,7 @@ def geom_colours(
         outlines = [polygon for _, polygon in outline(guess.mechanism, guess.camera, guess.positions[i])]
         for g, found in enumerate(_inner_pixels(samples[i], background, outlines)):
             rows[g].append(found)
-    pixels = [np.concatenate(own) if own else np.zeros((0, 7)) for own in rows]
+    pixels = [np.concatenate(own) if own else np.zeros((0, PIXEL_COLUMNS)) for own in rows]
     part, colours = _joined(pixels)
     if not colours:
         return None
@@ -121,7 +123,7 @@ def _is_shaded(pixels: np.ndarray, colour: np.ndarray) -> bool:
 
 
 def _inner_pixels(frame: Frame, background: Background, outlines: list[np.ndarray]) -> list[np.ndarray]:
-    """Return the pixels deep inside of each outline and outside of the others, each (pixel, 7)."""
+    """Return the pixels deep inside of each outline and outside of the others, each (pixel, column)."""
     import cv2
 
     height, width = frame.luma.shape

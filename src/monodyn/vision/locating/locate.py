@@ -224,9 +224,17 @@ def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
     rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
     advice = scene_advice(bundle, std, _unexplained(frames, bundle), varied=masks.varied)
     return Scene(
-        bundle.mechanism.with_measured(measured), bundle.camera, masks, order[first], bundle.positions[first],
-        tuple(order), bundle.positions, std, rms, tuple(advice),
-    )  # fmt: skip
+        mechanism=bundle.mechanism.with_measured(measured),
+        camera=bundle.camera,
+        masks=masks,
+        frame=order[first],
+        position=bundle.positions[first],
+        key_frames=tuple(order),
+        key_positions=bundle.positions,
+        camera_std=std,
+        rms_px=rms,
+        advice=tuple(advice),
+    )
 
 
 def _unexplained(frames: KeyFrames, bundle: Bundle) -> float:
