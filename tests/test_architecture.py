@@ -17,7 +17,7 @@ MONODYN = Tree(SOURCE, "monodyn")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 TABLE = places(ARCHITECTURE)
 PAPER_USERS = ("paper", "settings", "stages", "reproduce")
-"""The rooms that may import ``paper``, itself included."""
+"""The only rooms that may import ``paper``: itself and three more."""
 
 KERNELS = ("mechanism/planar", "mechanism/tangents", "mechanism/branches")
 """What stands behind the one door to motion."""
