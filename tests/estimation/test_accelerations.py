@@ -22,7 +22,7 @@ STEP = 1e-4
 
 
 def exact(mechanism):
-    """Simulate a swing and return its problem and its motion, the accelerations by differences of the rates."""
+    """Simulate a swing: its problem and its motion, the accelerations by differences of the rates."""
     dense = np.arange(-STEP, TIMES[-1] + 1.5 * STEP, STEP / 2.0)
     q0, v0 = (np.resize(values, len(mechanism.joints)) for values in ((0.3, 0.5), (0.0, 1.0)))
     q, v = rollout(mechanism.tree, dense, q0, v0, substeps=2)

@@ -12,7 +12,7 @@ import pytest
 from experiments import DESIGN, FAILED, JOINTS, moved, seen
 from monodyn.cli import main
 from monodyn.errors import MechanismError, SettingsError, VideoError
-from monodyn.reproduce.cases import Design, plans, rms
+from monodyn.reproduce.cases import Case, Design, FitPlan, plans, rms
 from monodyn.reproduce.claims import claims, overall
 from monodyn.reproduce.clip import ClipSettings, make_clip
 from monodyn.reproduce.experiment import (
@@ -119,8 +119,8 @@ def test_figures_say_what_each_case_is() -> None:
             "The form of the friction torque is known. The frames after the shaded ones are predicted."
         ),
         "Figure 8: Case II, Fourier series": (
-            "The torque of each joint is a Fourier series. Its period is estimated from the poses beforehand: "
-            "from those of the whole clip where the fitted frames are too few."
+            "The torque of each joint is a Fourier series. Its period is estimated from the poses "
+            "beforehand: from those of the whole clip where the fitted frames are too few."
         ),
         "Figure 9: Case III, free torque": (
             "One torque for each joint and time stamp. After the fitted frames none acts, because nothing "
@@ -131,7 +131,8 @@ def test_figures_say_what_each_case_is() -> None:
 
 def test_the_page_says_what_the_clip_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lost = {method: Seen(method, "failed: lost") for method in ("fast", "paper")}
-    monkeypatch.setattr("monodyn.reproduce.experiment._run", lambda *args: (lost, []))
+    failed = Case(FitPlan("fast", "I", "measured", 40), "failed: lost")
+    monkeypatch.setattr("monodyn.reproduce.experiment._run", lambda *args: (lost, [failed]))
     small = ClipSettings(camera=Camera(72, 48, 70.0, 0.03, -0.17, 1.15), frames=46)
     reproduce(tmp_path, ReproduceSettings(small, DESIGN))
     assert (
