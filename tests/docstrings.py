@@ -18,6 +18,10 @@ NOTHING = ("None", "NoReturn", "Never", "Iterator[None]", "Generator[None]")
 """Result annotations that need no description."""
 OPERATORS = ("or", "x")
 """Words between the axes of a shape."""
+SHAPE = r"\((|[\w.+*/ -]+,[\w.+*/ ,-]*)\)"
+"""A shape: parentheses around axes with commas."""
+MOST_LITERAL = 4
+"""Largest length of an axis that a shape may give as a number."""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -209,13 +213,20 @@ def shapes_of(text: str) -> list[list[str]]:
         text: Part of a docstring.
     """
     # one axis alone is written with its comma, (frame,), as in numpy: a word in parentheses is no shape
-    inner = re.findall(r"\((|[\w.+*/ -]+,[\w.+*/ ,-]*)\)", " ".join(text.split()))
+    inner = re.findall(SHAPE, " ".join(text.split()))
     return [re.findall(r"[A-Za-z_]+", each) for each in inner]
 
 
 def _shape(what: str, text: str, rules: Rules) -> Iterator[str]:
-    """Yield a complaint when no parenthesis of a text is made of known axes and numbers alone."""
+    """Yield a complaint when no parenthesis of a text is made of known axes and numbers alone.
+
+    A length above ``MOST_LITERAL`` is one too: columns have names, and ``(dof, column)`` says so.
+    """
     known = rules.axes | {*OPERATORS}
+    for shape in re.findall(SHAPE, " ".join(text.split())):
+        for number in re.findall(r"(?<![\w.])\d+(?![\w.])", shape):
+            if int(number) > MOST_LITERAL:
+                yield f"{what} has the shape ({shape}) with the number {number}: name the axis"
     if not any(all(word in known or word.removesuffix("s") in known for word in s) for s in shapes_of(text)):
         tried = [" ".join(words) for words in shapes_of(text)]
         yield f"{what} is an array without its shape, such as (frame, dof)" + (f": {tried}" if tried else "")

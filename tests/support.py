@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monodyn.vision.clip.video import Video
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 ClipMaker = Callable[..., Path]
@@ -34,6 +36,11 @@ def square(index: int, width: int, height: int, size: int = 10) -> np.ndarray:
 def left_edge(luma: np.ndarray) -> int:
     """Find the left edge of the square [px]."""
     return int(np.argmax(luma.max(axis=0) > 140))
+
+
+def left_edges(video: Video) -> list[int]:
+    """List the left edge of the square in every frame of a clip [px]."""
+    return [left_edge(frame.luma) for frame in video.frames()]
 
 
 @dataclass(frozen=True)

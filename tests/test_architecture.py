@@ -17,7 +17,7 @@ MONODYN = Tree(SOURCE, "monodyn")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 TABLE = places(ARCHITECTURE)
 PAPER_USERS = ("paper", "settings", "stages", "reproduce")
-"""The rooms that may import ``paper``, itself included."""
+"""The only rooms that may import ``paper``: itself and three more."""
 
 KERNELS = ("mechanism/planar", "mechanism/tangents", "mechanism/branches")
 """What stands behind the one door to motion."""
@@ -60,7 +60,7 @@ def test_imports_point_up_the_tables(path: Path) -> None:
 
 
 @every_module
-def test_only_three_rooms_know_the_published_method(path: Path) -> None:
+def test_only_its_users_know_the_published_method(path: Path) -> None:
     room = path.relative_to(SOURCE).with_suffix("").parts[0]
     if room not in PAPER_USERS:
         assert not [name for _, name in MONODYN.imports(path) if f"{name}.".startswith("monodyn.paper.")]

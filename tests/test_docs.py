@@ -62,6 +62,10 @@ CHANGES = {
     "names: Of what.": ("name: Of what.", "'Args:' has 'name', which is no argument"),
     "            first: Where.\n": ("", "argument 'first' has no entry under 'Args:'"),
     "(row, 2 dof + 1)": ("(row, 2 things)", "argument 'rows' is an array without its shape"),
+    "Positions, (..., dof)": (
+        "Positions, (dof, 14)",
+        "the result has the shape (dof, 14) with the number 14",
+    ),
     "(..., dof)": ("by joint", "the result is an array without its shape"),
     "Returns:\n            Pos": ("Note:\n            Pos", "has no 'Returns:'"),
     "FitError: Nothing": ("ValueError: Nothing", "raises FitError, which 'Raises:' does not list"),

@@ -15,8 +15,6 @@ SOURCE = ROOT / "src" / "monodyn"
 MODULES = sorted(
     path for path in SOURCE.rglob("*.py") if path.name != "__init__.py" or path.parent.name == "cli"
 )
-TALKATIVE = ("estimation", "paper", "vision", "results", "optimize", "pipeline.py")
-"""Rooms whose statuses and advice a user reads."""
 
 
 @cache
@@ -80,11 +78,7 @@ def test_every_message_is_tested_whole(path: Path) -> None:
     assert not missing, f"{len(missing)} of {len(found)} messages:\n" + "\n".join(missing)
 
 
-@pytest.mark.parametrize(
-    "path",
-    [path for path in MODULES if path.relative_to(SOURCE).parts[0] in TALKATIVE],
-    ids=lambda path: str(path.relative_to(SOURCE)),
-)
+@by_module
 def test_every_status_and_advice_is_tested_whole(path: Path) -> None:
     found = list(said(parsed(path), errors()))
     missing = [complaint(path, sentence) for sentence in found if not sentence.inside(told(), whole=False)]

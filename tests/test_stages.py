@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +14,7 @@ from monodyn.mechanism import load
 from monodyn.settings import settings_classes
 from monodyn.stages import check_camera, identify, locate, track
 from monodyn.types import Camera
-from monodyn.vision.settings import CameraSettings, LocateSettings, TrackSettings
+from monodyn.vision.settings import METHOD_NAMES, CameraSettings, LocateSettings
 from support import refuses
 from swings import TIMES, motion, record
 
@@ -96,23 +95,7 @@ def test_every_method_that_settings_can_name_is_there() -> None:
         literal = get_args(get_type_hints(kind)["method"])[0]
         names = {pair[stage == "locate"] for pair in stages.LOCATE_METHODS}
         assert set(get_args(literal)) == set(tables.get(stage, names))
-
-
-@pytest.mark.parametrize("names", [("paper", "paper"), ("paper", "fast"), ("fast", "paper")])
-def test_the_published_method_may_be_missing(names: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("locate", "track", "identify"):
-        monkeypatch.setitem(sys.modules, f"monodyn.paper.{module}", None)
-    said = "method 'paper': the published method is not part of this installation; use the method 'fast'."
-    anything: Any = SimpleNamespace(video=SimpleNamespace(path="", width=64, height=48))
-    scene: Any = SimpleNamespace(camera=Camera(64, 48, 100.0))
-    with refuses(SettingsError, said):
-        locate(
-            anything, load("double"), LocateSettings(method=names[1]), camera=CameraSettings(method=names[0])
-        )
-    with refuses(SettingsError, said):
-        track(anything, scene, TrackSettings(method="paper"))
-    with refuses(SettingsError, said):
-        identify((), load("double"), settings_classes()["identify"](method="paper"))
+    assert set(stages.LOCATE_METHODS) == {(c, p) for c in METHOD_NAMES for p in METHOD_NAMES}
 
 
 def test_one_record_and_a_list_of_one_are_the_same() -> None:

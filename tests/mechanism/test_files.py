@@ -132,9 +132,8 @@ def test_files_outside_the_folder_are_not_read(tmp_path, asset: str, message: st
     folder.mkdir()
     (tmp_path / "secret.stl").write_text("solid")
     (folder / "link.stl").symlink_to(tmp_path / "secret.stl")
-    with pytest.raises(MechanismError) as caught:
+    with refuses(MechanismError, message):
         read(folder, mjcf(SINGLE, f"<asset>{asset}</asset>"))
-    assert str(caught.value).endswith(message)
 
 
 def test_meshdir_does_not_lead_out_either(tmp_path) -> None:

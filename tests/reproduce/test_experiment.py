@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments import DESIGN, JOINTS, moved, seen
+from experiments import DESIGN, FAILED, JOINTS, moved, seen
 from monodyn.cli import main
 from monodyn.errors import MechanismError, SettingsError, VideoError
-from monodyn.reproduce.cases import Design, plans, rms
+from monodyn.reproduce.cases import Case, Design, FitPlan, plans, rms
 from monodyn.reproduce.claims import claims, overall
 from monodyn.reproduce.clip import ClipSettings, make_clip
 from monodyn.reproduce.experiment import (
@@ -20,6 +20,7 @@ from monodyn.reproduce.experiment import (
     EXPERIMENT_FILES,
     Experiment,
     ReproduceSettings,
+    figures,
     opened,
     reproduce,
 )
@@ -28,6 +29,8 @@ from monodyn.reproduce.vision import Seen
 from monodyn.results.folder import RunFolder
 from monodyn.types import Camera
 from support import command, refuses
+
+CASE_FIGURES = ("Figure 6", "Figure 7", "Figure 8", "Figure 9")
 
 
 def stopped(folder: RunFolder) -> None:
@@ -104,6 +107,38 @@ def test_the_command_says_what_is_wrong(tmp_path: Path) -> None:
     assert (done.code, done.err) == (
         2, "monodyn: reproduce: expected --clip and --model together, got --clip alone; add --model.\n"
     )  # fmt: skip
+
+
+def test_figures_say_what_each_case_is() -> None:
+    shown = figures({"fast": seen(), "paper": FAILED}, [moved("I", 1e-3)], None, DESIGN)
+    assert {figure.title: figure.caption for figure in shown if figure.title[:8] in CASE_FIGURES} == {
+        "Figure 6: Case I with filtered states": (
+            "As Figure 7, but fitted to the filtered states; the default method does not filter."
+        ),
+        "Figure 7: Case I, friction": (
+            "The form of the friction torque is known. The frames after the shaded ones are predicted."
+        ),
+        "Figure 8: Case II, Fourier series": (
+            "The torque of each joint is a Fourier series. Its period is estimated from the poses "
+            "beforehand: from those of the whole clip where the fitted frames are too few."
+        ),
+        "Figure 9: Case III, free torque": (
+            "One torque for each joint and time stamp. After the fitted frames none acts, because nothing "
+            "determines it there."
+        ),
+    }
+
+
+def test_the_page_says_what_the_clip_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = {method: Seen(method, "failed: lost") for method in ("fast", "paper")}
+    failed = Case(FitPlan("fast", "I", "measured", 40), "failed: lost")
+    monkeypatch.setattr("monodyn.reproduce.experiment._run", lambda *args: (lost, [failed]))
+    small = ClipSettings(camera=Camera(72, 48, 70.0, 0.03, -0.17, 1.15), frames=46)
+    reproduce(tmp_path, ReproduceSettings(small, DESIGN))
+    assert (
+        "46 frames of 72 × 48 px over 1.50 s: an aluminium double pendulum of known truth, made by MuJoCo. "
+        "Frames 0 to 39 are fitted, the next 40 predicted, by the published and by the default method."
+    ) in (tmp_path / "reproduce.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow

@@ -13,12 +13,8 @@ import pytest
 
 from monodyn.errors import VideoError
 from monodyn.vision.clip import container
-from monodyn.vision.clip.video import Video, read
-from support import ClipMaker, left_edge, refuses, square
-
-
-def left_edges(video: Video) -> list[int]:
-    return [left_edge(frame.luma) for frame in video.frames()]
+from monodyn.vision.clip.video import read
+from support import ClipMaker, left_edges, refuses, square
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv", ".webm", ".avi", ".gif"])

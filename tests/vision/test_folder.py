@@ -8,12 +8,8 @@ import cv2
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.vision.clip.video import Video, read
-from support import left_edge, refuses, square
-
-
-def left_edges(video: Video) -> list[int]:
-    return [left_edge(frame.luma) for frame in video.frames()]
+from monodyn.vision.clip.video import read
+from support import left_edges, refuses, square
 
 
 def test_folder_of_numbered_pictures(tmp_path: Path) -> None:

@@ -7,12 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from monodyn.vision.clip.video import Video, read
-from support import ClipMaker, left_edge, square
-
-
-def left_edges(video: Video) -> list[int]:
-    return [left_edge(frame.luma) for frame in video.frames()]
+from monodyn.vision.clip.video import read
+from support import ClipMaker, square
 
 
 @pytest.mark.parametrize(("aspect", "size"), [(Fraction(4, 3), (85, 48)), (Fraction(1, 2), (64, 96))])

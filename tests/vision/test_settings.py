@@ -4,24 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from monodyn import stages
 from monodyn.errors import SettingsError
 from monodyn.vision.settings import (
-    METHOD_NAMES,
-    SEGMENT_METHOD_NAMES,
     CameraSettings,
     LocateSettings,
     SegmentSettings,
     TrackSettings,
 )
 from support import refuses
-
-
-def test_the_stages_have_every_method_that_the_settings_take() -> None:
-    assert set(stages.SEGMENT_METHODS) == set(SEGMENT_METHOD_NAMES)
-    assert {pair[0] for pair in stages.LOCATE_METHODS} == set(METHOD_NAMES)
-    assert {pair[1] for pair in stages.LOCATE_METHODS} == set(METHOD_NAMES)
-    assert set(stages.TRACK_METHODS) == set(METHOD_NAMES)
 
 
 @pytest.mark.parametrize(

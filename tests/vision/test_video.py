@@ -10,12 +10,8 @@ import numpy as np
 import pytest
 
 from monodyn.errors import VideoError
-from monodyn.vision.clip.video import Video, read
-from support import ClipMaker, left_edge, refuses, square
-
-
-def left_edges(video: Video) -> list[int]:
-    return [left_edge(frame.luma) for frame in video.frames()]
+from monodyn.vision.clip.video import read
+from support import ClipMaker, left_edge, left_edges, refuses, square
 
 
 def test_frames_stay_valid_and_are_read_only(make_clip: ClipMaker) -> None:
