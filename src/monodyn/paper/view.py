@@ -119,7 +119,7 @@ class ModelView:
         """Return the same before another packed camera.
 
         Args:
-            camera: From ``camera_array``, (15,).
+            camera: From ``camera_array``, (entry,).
         """
         return replace(self, base=self.base.before(camera))
 

@@ -65,7 +65,7 @@ def camera_array(camera: Camera) -> np.ndarray:
         camera: The camera.
 
     Returns:
-        Rotation, position [m], focal length and principal point [px], in the columns named above, (15,).
+        Rotation, position [m], focal length and principal point [px], in the columns named above, (entry,).
     """
     centre = [(camera.width - 1) / 2.0, (camera.height - 1) / 2.0]
     return np.concatenate(
@@ -77,11 +77,11 @@ def shrunk(packed: np.ndarray, factor: float) -> np.ndarray:
     """Return the packed camera for a picture reduced by ``factor`` (area averaging).
 
     Args:
-        packed: From ``camera_array``, (15,).
+        packed: From ``camera_array``, (entry,).
         factor: Old pixels per new pixel.
 
     Returns:
-        The packed camera, (15,).
+        The packed camera, (entry,).
     """
     out = packed.copy()
     out[FOCAL] /= factor

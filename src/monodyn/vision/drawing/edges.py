@@ -81,7 +81,7 @@ class Shifts(NamedTuple):
         links: Link tables, (param, dof, column).
         points: Points of the geoms [m], (param, point, 3).
         radius: Radius of the geoms [m], (param, geom).
-        cameras: Packed cameras, (param, 15).
+        cameras: Packed cameras, (param, entry).
         steps: The steps, in units of each parameter, (param,).
     """
 

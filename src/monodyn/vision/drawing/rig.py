@@ -27,7 +27,7 @@ class Rig(NamedTuple):
         first: Where each geom's points start, (geom + 1,).
         points: Points of the geoms in their link's frame [m], (point, 3).
         radius: Radius around the points [m], (geom,).
-        camera: Packed camera, (15,).
+        camera: Packed camera, (entry,).
     """
 
     parent: np.ndarray
@@ -43,7 +43,7 @@ class Rig(NamedTuple):
         """Return the mechanism before another packed camera.
 
         Args:
-            camera: From ``camera_array``, (15,).
+            camera: From ``camera_array``, (entry,).
 
         Returns:
             The rig with that camera.
@@ -60,7 +60,7 @@ def altered(rig: Rig, links: np.ndarray, points: np.ndarray, radius: np.ndarray,
         links: Its link table, (dof, column).
         points: Points of its geoms [m], (point, 3).
         radius: Radius around the points [m], (geom,).
-        camera: Packed camera, (15,).
+        camera: Packed camera, (entry,).
 
     Returns:
         The rig, which shares all arrays.
