@@ -138,11 +138,11 @@ def filtered(
     states = np.full((frames, 3, dofs), np.nan)
     for dof in range(dofs):
         states[:, :, dof] = _run(steps[dof], observed[:, dof], start[dof], heads[dof])
-    spread = None
+    state_covariance = None
     if covariance is not None:
         covariance = frozen("filter: covariance", covariance, (frames, dofs, dofs), error=SettingsError)
-        spread = _covariance(steps, times, covariance, seen, heads)
-    return Filtered(times, states[:, 0], states[:, 1], states[:, 2], spread)
+        state_covariance = _covariance(steps, times, covariance, seen, heads)
+    return Filtered(times, states[:, 0], states[:, 1], states[:, 2], state_covariance)
 
 
 def filter_response(time: np.ndarray, seen: np.ndarray, gains: Gains) -> np.ndarray:

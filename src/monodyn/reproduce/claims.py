@@ -207,13 +207,13 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
     stop = evidence.design.frames + evidence.design.ahead
     motions = np.array([motion.position[:stop] for _, motion in fits])
     apart = max(overall(rms(motion - motions[0])) or 0.0 for motion in motions[1:])
-    spread = parameter_spread([fit.mechanism.values for fit, _ in fits], fits[0][0].shared)
-    most = max(spread, key=lambda name: spread[name])
-    told = f"{len(fits)} starts: {most} differs by a factor of {spread[most]:.3g}"
+    factor = parameter_factors([fit.mechanism.values for fit, _ in fits], fits[0][0].shared)
+    most = max(factor, key=lambda name: factor[name])
+    told = f"{len(fits)} starts: {most} differs by a factor of {factor[most]:.3g}"
     if evidence.seen.errors is not None:
         told += _ratios([identifiable(fit.mechanism) for fit, _ in fits])
     told += f"; largest difference of motion over {stop} frames {degrees(apart)}"
-    return Verdict(bool(spread[most] > 1.0 + OTHER and apart < SAME), told)
+    return Verdict(bool(factor[most] > 1.0 + OTHER and apart < SAME), told)
 
 
 def _ratios(values: Sequence[Mapping[str, float]]) -> str:
@@ -227,7 +227,7 @@ def _ratios(values: Sequence[Mapping[str, float]]) -> str:
     return f"; of lengths and ratios {most} differs most, by {share}"
 
 
-def parameter_spread(values: Sequence[Mapping[str, float]], names: Sequence[str]) -> dict[str, float]:
+def parameter_factors(values: Sequence[Mapping[str, float]], names: Sequence[str]) -> dict[str, float]:
     """Return by what factor each unknown differs between fits.
 
     Args:
