@@ -142,8 +142,7 @@ class _File:
         """Return one joint's link, between the frame of its parent and its own."""
         model, plane = self.model, self.plane
         hinge, body = bool(plane.hinges[j]), int(model.jnt_bodyid[j])
-        # Bodies without a joint move with their parent: the height is counted from the body they are welded
-        # to.
+        # Bodies without a joint move with their parent: heights count from the body that has the joint.
         above = int(model.body_weldid[model.body_parentid[body]])
         # Several joints of one body become a chain of links, of which the last alone has geoms and mass.
         carries = j + 1 == model.njnt or int(model.jnt_bodyid[j + 1]) != body

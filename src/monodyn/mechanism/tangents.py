@@ -80,9 +80,8 @@ def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
         w[i, AW] = w[i, SW] * a[i]
         w[i, AX] = w[i, SX] * a[i]
         w[i, AY] = w[i, SY] * a[i]
-        # A root that accelerates against gravity stands for the weight of every link beyond it, so that no
-        # link needs a weight of its own. Elsewhere the joint's axis is carried along by the parent: V x S
-        # v.
+        # A root that accelerates against gravity stands for the weight of every link beyond it, so that
+        # no link needs a weight of its own. Elsewhere the parent carries the joint's axis along: V x S v.
         if p < 0:
             w[i, AX] -= gravity[0]
             w[i, AY] -= gravity[1]
