@@ -118,8 +118,8 @@ class _Lines:
             loose = LOOSE * self.reach[i] if len(self.x) > 1 else 0.0
             tight = tight and loose <= self.tolerance
             self.falls[i], moved = self.along(direction, self.reach[i], max(self.tolerance, loose))
-            # The next move along a direction is likely as long as the last one, but a first step of zero would
-            # end all search along it.
+            # The next move along a direction is likely as long as the last one, but a first step of zero
+            # would end all search along it.
             self.reach[i] = max(abs(moved), SHRINK * self.reach[i], least)
         return tight
 
