@@ -134,7 +134,7 @@ def run(
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
-        scene, poses = see(job, video, mechanism)
+        scene, poses = locate_and_track(job, video, mechanism)
         # the fit must not see the frames that it will be compared with
         part = poses.part(*np.searchsorted(poses.frame, frames))
         check_tracked(part, video, log.notes)
@@ -182,7 +182,7 @@ def track_clip(
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         # a table without a pose is written all the same: it shows in which frames the search ended
-        _, poses = see(job, video, mechanism)
+        _, poses = locate_and_track(job, video, mechanism)
     check_tracked(poses, video, log.notes)
     return job.outcome(log.document("done", folder.written), poses)
 
@@ -230,7 +230,7 @@ def identify_tables(
     return job.outcome(document, records[0], findings)
 
 
-def see(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scene, Poses]:
+def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scene, Poses]:
     """Go from the clip to tracked poses, and write them.
 
     Args:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monodyn.estimation.fit import Estimate
-from monodyn.estimation.verdict import advice as say
+from monodyn.estimation.verdict import advice
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -28,7 +28,7 @@ def estimates(mechanism, std, *, bound=()):
 
 def test_masses_without_a_scale(double):
     found = estimates(double, {"link1.thickness": np.inf, "joint1.damping": np.inf, "link1.length": 0.001})
-    assert say.open_parameters(double, found, ()) == [
+    assert advice.open_parameters(double, found, ()) == [
         "The motion fixes link1.thickness and joint1.damping only in ratios (see the combinations); one of "
         "them, measured and given with --fix, fixes the mass scale."
     ]
@@ -37,7 +37,7 @@ def test_masses_without_a_scale(double):
 def test_inertias_of_free_bodies(double):
     free = double.with_bodies("free")
     found = estimates(free, {"link1.mass": np.inf, "link1.com_x": np.inf, "link1.inertia": np.inf})
-    assert say.open_parameters(free, found, ()) == [
+    assert advice.open_parameters(free, found, ()) == [
         "Planar motion fixes how the inertias of free bodies act together (see the combinations), not "
         "link1.mass, link1.inertia and link1.com_x one by one; measured masses and centres of mass, given "
         "with --fix, would fix the rest."
@@ -66,23 +66,23 @@ def test_inertias_of_free_bodies(double):
     ],
 )
 def test_lengths_that_are_open(double, names, sentence):
-    assert say.open_parameters(double, estimates(double, dict.fromkeys(names, np.inf)), ()) == [sentence]
+    assert advice.open_parameters(double, estimates(double, dict.fromkeys(names, np.inf)), ()) == [sentence]
 
 
 def test_what_has_no_effect_and_what_is_hardly_known(double):
     found = estimates(double, {"link2.density": np.inf, "link1.length": 10.0})
-    assert say.open_parameters(double, found, ("link2.density",)) == [
+    assert advice.open_parameters(double, found, ("link2.density",)) == [
         "link2.density does not change the motion, which cannot determine it.",
         f"The data hardly fix link1.length: the error is as large as the value; {LIVELY}",
     ]
-    two = say.open_parameters(double, [], ("link1.density", "link2.density"))
+    two = advice.open_parameters(double, [], ("link1.density", "link2.density"))
     assert two == ["link1.density and link2.density do not change the motion, which cannot determine them."]
 
 
 def test_bounds_that_were_met(double):
     still = double.with_values({"joint1.damping": 0.0})
     found = estimates(still, {"joint1.damping": 0.1, "link1.length": 0.1}, bound=still.values)
-    assert say.bounds(found) == [
+    assert advice.bounds(found) == [
         "joint1.damping came out as zero, the smallest value allowed: too small to be seen.",
         "link1.length ended on a bound; widen the bound or check the mechanism file.",
     ]
@@ -93,7 +93,7 @@ def test_residuals_above_the_noise_and_what_may_be_the_reason():
     slide, hinge = (joint.name for joint in cart.joints)
     noise = NoiseFactors(np.array([4.0, 12.34]), np.array([1.0, 2.0]))
     rms = {slide: 0.00123, hinge: np.radians(2.0)}
-    assert say.misfit(cart, rms, noise, say.Assumed(True, ["a.friction", "b.friction"], True)) == [
+    assert advice.misfit(cart, rms, noise, advice.Assumed(True, ["a.friction", "b.friction"], True)) == [
         f"The residual of {slide}, 1.23 mm, is 4 times the stated noise: the model lacks something, or the "
         "record is less exact than stated; the intervals are widened accordingly.",
         f"The residual of {hinge}, 2 deg, is 12.3 times the stated noise and changes slowly: the model lacks "
@@ -104,12 +104,12 @@ def test_residuals_above_the_noise_and_what_may_be_the_reason():
         "--fix camera.roll=VALUE [rad] (positive turns the picture of the mechanism clockwise).",
     ]
     fine = NoiseFactors(np.ones(2), np.ones(2))
-    assert say.misfit(cart, rms, fine, say.Assumed(True, ["a.friction"], True)) == []
+    assert advice.misfit(cart, rms, fine, advice.Assumed(True, ["a.friction"], True)) == []
 
 
 def test_a_beginning_that_fits(double):
     rms = {"joint1": np.radians(0.1), "joint2": np.radians(0.25)}
-    assert say.beginning(double, [10, 11, 12], rms) == (
+    assert advice.beginning(double, [10, 11, 12], rms) == (
         "The first 3 frames alone do fit, with rms residual 0.1 deg (joint1) and 0.25 deg (joint2): "
         "--fit-frames 10:13 for a clip, or a table that ends there. Small faults of the model grow along a "
         "long or chaotic record."
@@ -118,23 +118,23 @@ def test_a_beginning_that_fits(double):
 
 def test_what_free_torques_rest_on(double):
     after = "No torque is known after the fitted frames: a prediction goes on without any."
-    assert say.free_torques(double) == [
+    assert advice.free_torques(double) == [
         "Any sizes and masses explain a motion together with free torques: they were held at values that "
         "explain most of it without (link1.length, link1.thickness, link2.length and link2.thickness), and "
         "the torques are in proportion to them; give measured values with --fix.",
         after,
     ]
     known = double.with_choices(fix={p.name: p.value for p in double.parameters if p.free})
-    assert say.free_torques(known) == [after]
+    assert advice.free_torques(known) == [after]
 
 
 def test_an_integration_bound_that_is_not_kept():
-    assert say.integration(64, 0.00123, 1e-5) == [
+    assert advice.integration(64, 0.00123, 1e-5) == [
         "With 64 integration steps between time stamps, the most there are, the motion is exact to 0.0012 "
         "rad (m for slides) and not to the required 1e-05; fit a shorter record, or give a larger "
         "--identify.error-bound if that is exact enough."
     ]
-    assert say.integration(4, 1e-6, 1e-5) == []
+    assert advice.integration(4, 1e-6, 1e-5) == []
 
 
 def test_joint_limits_are_said(poses, double):
@@ -148,12 +148,12 @@ def test_joint_limits_are_said(poses, double):
 
 def test_proportions_that_nothing_determines(double):
     tied = [double.parameter(name) for name in ("link1.tail", "link2.width", "link2.offset")]
-    assert say.proportions(tied) == [
+    assert advice.proportions(tied) == [
         "Nothing determines link1.tail and link2.width; they keep their proportion to the length of their "
         "body, and the intervals take that for exact. Give measured values with --fix where their share of "
         "the inertia counts."
     ]
-    assert say.proportions(tied[2:]) == []
+    assert advice.proportions(tied[2:]) == []
 
 
 def test_lengths_rest_on_the_clock(double):
@@ -162,39 +162,40 @@ def test_lengths_rest_on_the_clock(double):
         "life they come out k^2 times too long."
     )
     length = {"link1.length": 0.1}
-    assert say.clock(double, estimates(double, length)) == [real]
-    assert say.clock(double, estimates(double, length | {"time_scale": np.inf})) == [real]
-    assert say.clock(double, estimates(double, length | {"time_scale": 0.1})) == []
-    assert say.clock(double, estimates(double, {"link1.thickness": 0.1})) == []
+    assert advice.clock(double, estimates(double, length)) == [real]
+    assert advice.clock(double, estimates(double, length | {"time_scale": np.inf})) == [real]
+    assert advice.clock(double, estimates(double, length | {"time_scale": 0.1})) == []
+    assert advice.clock(double, estimates(double, {"link1.thickness": 0.1})) == []
 
 
 def test_values_without_use():
-    assert say.without_use(["link1.thickness"]) == [
+    assert advice.without_use(["link1.thickness"]) == [
         "link1.thickness was given, but the motion of this mechanism does not depend on it: its file states "
         "masses; give those."
     ]
-    assert say.without_use(["link1.thickness", "link2.thickness"]) == [
+    assert advice.without_use(["link1.thickness", "link2.thickness"]) == [
         "link1.thickness and link2.thickness were given, but the motion of this mechanism does not depend on "
         "them: its file states masses; give those."
     ]
 
 
 def test_samples_starts_and_the_end_of_the_search():
-    assert say.outliers(50, 2, [7, 9]) == ["2 of 50 samples were left out as gross errors (frame 7 and 9)."]
-    assert say.outliers(1, 1, []) == ["1 of 1 sample was left out as gross errors."]
-    assert say.few(20, 6) == [
+    two = ["2 of 50 samples were left out as gross errors (frame 7 and 9)."]
+    assert advice.outliers(50, 2, [7, 9]) == two
+    assert advice.outliers(1, 1, []) == ["1 of 1 sample was left out as gross errors."]
+    assert advice.few(20, 6) == [
         "20 measured positions are few for 6 unknowns; more frames give smaller intervals."
     ]
-    assert say.few(24, 6) == []
-    assert say.search_end(False, 3) == [
+    assert advice.few(24, 6) == []
+    assert advice.search_end(False, 3) == [
         "The search ended before the minimum was certain; allow more with --identify.evaluations.",
         "3 starts were tried; the best of them is reported.",
     ]
-    assert say.search_end(True, 1) == []
+    assert advice.search_end(True, 1) == []
 
 
 def test_zero_frictions_are_those_not_estimated(double):
     from monodyn.estimation.shooting.unknowns import choose_unknowns
 
     freed = double.with_choices(free=["joint2.friction"])
-    assert say.zero_frictions(freed, choose_unknowns(freed)) == ["joint1.friction"]
+    assert advice.zero_frictions(freed, choose_unknowns(freed)) == ["joint1.friction"]

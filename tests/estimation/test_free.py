@@ -5,7 +5,7 @@ import pytest
 
 from driven import DOUBLE, NOISE, RATE, SIZES, THICKNESS, pull, simulated, started
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.verdict import advice as say
+from monodyn.estimation.verdict import advice
 from monodyn.results.fill import fill
 from monodyn.results.predict import predict
 from monodyn.results.torques import torques
@@ -31,7 +31,7 @@ def test_free_torques_say_what_they_rest_on(driven, tmp_path):
     fit = identify(driven[0].part(0, 60), started(DOUBLE, tmp_path, 0.5), IdentifySettings(torque="free"))
     assert fit.ok, fit.status
     assert not fit.parameter("link1.length").identifiable
-    assert set(say.free_torques(fit.mechanism)) <= set(fit.advice)
+    assert set(advice.free_torques(fit.mechanism)) <= set(fit.advice)
     assert np.isinf(predict(fit).std).all()
     assert np.isfinite(fill(fit, driven[0].time[:60]).std).all()
     assert fit.mechanism.drive.at(np.array([10.0])).tolist() == [[0.0, 0.0]]

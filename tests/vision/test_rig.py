@@ -7,7 +7,7 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.vision.drawing.camera import X
-from monodyn.vision.drawing.rig import SIZE_KINDS, longest_reach, rig_of, root_slides
+from monodyn.vision.drawing.rig import SIZE_KINDS, joint_limits, longest_reach, rig_of, root_slides
 from pictures import CAMERA
 
 
@@ -40,3 +40,9 @@ def test_a_rig_may_be_written_to_and_leaves_the_mechanism_alone() -> None:
     rig.links[:] = 0.0
     assert mechanism.tree.links.any()
     assert rig.before(2.0 * rig.camera).camera[X] == 2.0 * rig.camera[X]
+
+
+def test_joints_without_limits_have_infinite_ones() -> None:
+    lower, upper = joint_limits(load("double"))
+    assert (lower == -np.inf).all()
+    assert (upper == np.inf).all()

@@ -13,7 +13,6 @@ from monodyn.vision.locating.search import (
     SceneGuess,
     SceneStart,
     _best_peaks,
-    joint_limits,
     search_pose,
     search_scene,
 )
@@ -66,12 +65,6 @@ def test_minima_of_a_table_are_kept_once_and_around_a_turn() -> None:
 def test_the_score_is_that_of_the_better_frames() -> None:
     guess = SceneGuess(load("single"), SMALL, np.zeros((4, 1)), np.array([0.1, 0.9, 0.2, 0.3]))
     assert np.isclose(guess.score, 0.2)
-
-
-def test_joints_without_limits_have_infinite_ones() -> None:
-    lower, upper = joint_limits(load("double"))
-    assert (lower == -np.inf).all()
-    assert (upper == np.inf).all()
 
 
 def test_key_frames_are_ordered_by_what_they_add() -> None:

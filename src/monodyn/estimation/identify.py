@@ -16,9 +16,9 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.torque.fourier import explain_by_series
-from monodyn.estimation.torque.free import explain_by_torques
-from monodyn.estimation.torque.friction import explain_by_friction
+from monodyn.estimation.torque.fourier import fit_series
+from monodyn.estimation.torque.free import fit_free_torques
+from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.task import Task
 from monodyn.estimation.verdict.advice import beginning
 from monodyn.estimation.verdict.summary import summarize
@@ -26,9 +26,9 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
 
 TORQUE_MODELS = {
-    "friction": explain_by_friction,
-    "fourier": explain_by_series,
-    "free": explain_by_torques,
+    "friction": fit_friction,
+    "fourier": fit_series,
+    "free": fit_free_torques,
 }
 """How a motion is explained, by torque model."""
 SHORTEST_BEGINNING = 20

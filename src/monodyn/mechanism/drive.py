@@ -46,6 +46,8 @@ class Drive:
     table: np.ndarray
 
     def __post_init__(self) -> None:
+        # Fields of a frozen dataclass are set past its guard once, to read-only copies: mechanisms share
+        # drives. A complex table stays complex, because the kernels are differentiated by complex steps.
         set_ = object.__setattr__
         number = complex if np.iscomplexobj(self.table) else float
         set_(self, "times", frozen("Drive.times", self.times, (None,), error=MechanismError))
@@ -56,12 +58,14 @@ class Drive:
             period = self.times.tolist()
             if len(period) != 1 or not 0 < period[0] < np.inf:
                 raise MechanismError(f"Drive.times: expected one period above 0 s, got {period}.")
+            # a cosine without its sine would fix the phase of a wave
             if columns % 2 == 0:
                 raise MechanismError(
                     f"Drive.table: expected a mean and pairs of cosine and sine, got {columns} columns."
                 )
         elif self.mode == KNOTS:
             increasing("Drive.times", self.times, error=MechanismError)
+            # a line needs two knots; outside of all knots the torque is zero
             if len(self.times) < 2 or columns != len(self.times):
                 raise MechanismError(
                     f"Drive.table: expected a column for each of at least 2 knots, got {columns} columns and "

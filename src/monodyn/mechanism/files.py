@@ -211,6 +211,8 @@ def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
             raise MechanismError(f"{where}: tendon '{name}': tendons are not supported; remove them.")
         if tag == "equality":
             _refuse_loops(child, where)
+        # Replicates inside of replicates multiply. The compiler would make every copy before anything could
+        # be refused, so that the product is bounded here.
         count = _whole(child.get("count", "0")) if tag == "replicate" else 1
         if not 1 <= count * copies <= MAX_COPIES:
             raise MechanismError(
@@ -227,6 +229,7 @@ def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
                 f"{where}: joint '{element.get('name', '')}': mimic joints couple joints and are not "
                 "supported; remove <mimic>."
             )
+        # MuJoCo takes nan for a number; after compilation nothing shows which element it came from.
         for name, value in child.attrib.items():
             if name not in TEXTS and "nan" in value.lower().split():
                 raise MechanismError(f"{where}: <{tag}>: expected numbers in '{name}', got nan; correct it.")

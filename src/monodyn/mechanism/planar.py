@@ -10,7 +10,7 @@ that a complex step differentiates them exactly.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), tables 5.1 (recursive Newton-Euler), 6.2
 (composite rigid body) and 6.3 (LTDL factorization), in planar coordinates; for the double pendulum this is
-eq. (8) of the 2012 paper (``two_link.py``).
+eq. (8) of the 2012 paper (``paper/two_link.py``).
 """
 
 from __future__ import annotations

@@ -142,8 +142,12 @@ class _File:
         """Return one joint's link, between the frame of its parent and its own."""
         model, plane = self.model, self.plane
         hinge, body = bool(plane.hinges[j]), int(model.jnt_bodyid[j])
+        # Bodies without a joint move with their parent: heights count from the body that has the joint.
         above = int(model.body_weldid[model.body_parentid[body]])
+        # Several joints of one body become a chain of links, of which the last alone has geoms and mass.
         carries = j + 1 == model.njnt or int(model.jnt_bodyid[j + 1]) != body
+        # The kernels read one column pair by kind: the sign of a hinge's turn, or a slide's direction in
+        # its link.
         axis = (
             np.array([plane.signs[j], 0.0])
             if hinge
@@ -164,6 +168,7 @@ class _File:
             parent=parent,
             carries=carries,
             anchor=_turned(frame.origin - start.origin, -start.angle),
+            # a difference of two angles may exceed half a turn: it is brought back within one
             angle=float(np.arctan2(np.sin(frame.angle - start.angle), np.cos(frame.angle - start.angle))),
             axis=axis[:2],
             offset=frame.height - below,
@@ -171,6 +176,7 @@ class _File:
             givens=self._givens(body, frame) if carries else (),
             rest=float(model.qpos_spring[j]),
             terms={
+                # MuJoCo compiles what an option flag switches off too; switched off it does not act
                 "damping": float(model.dof_damping[j]) if damper else 0.0,
                 "friction": float(model.dof_frictionloss[j]) if friction else 0.0,
                 "stiffness": float(model.jnt_stiffness[j]) if spring else 0.0,
@@ -212,6 +218,7 @@ class _File:
             )
         centre = self.plane.place(self.data.geom_xpos[g])
         axes = self.plane.axes @ self.data.geom_xmat[g].reshape(3, 3)
+        # From the plane's frame into the link's: the transpose of the link's turn, about the plane's normal.
         c, s = np.cos(frame.angle), np.sin(frame.angle)
         turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
         vertices = np.zeros((0, 3))
@@ -220,6 +227,7 @@ class _File:
             start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
             vertices = _hull(np.array(model.mesh_vert[start : start + count], dtype=float))
         weighs = not self._explicit(body)
+        # geometry for looks has no density of its own: MuJoCo's default stands in for it
         density = 1000.0 if look else float(given.density)
         return Geom(
             body=self.body_names[body],

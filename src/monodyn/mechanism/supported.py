@@ -49,7 +49,8 @@ def refuse_unsupported(model: Any, where: str, joints: Sequence[str], bodies: Se
         raise MechanismError(
             f"{where}: option: forces of a surrounding fluid are not supported; remove density and viscosity."
         )
-    # Those that act have been refused by name already; an equality that is not active can be switched on.
+    # Reading the file has refused active equalities and tendons by their names. An equality that is not
+    # active is refused here, because it could be switched on.
     if model.neq or model.ntendon:
         raise MechanismError(
             f"{where}: closed loops and coupled joints are not supported; remove equality and tendon."

@@ -80,6 +80,8 @@ def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
         w[i, AW] = w[i, SW] * a[i]
         w[i, AX] = w[i, SX] * a[i]
         w[i, AY] = w[i, SY] * a[i]
+        # A root that accelerates against gravity stands for the weight of every link beyond it, so that
+        # no link needs a weight of its own. Elsewhere the parent carries the joint's axis along: V x S v.
         if p < 0:
             w[i, AX] -= gravity[0]
             w[i, AY] -= gravity[1]
@@ -87,6 +89,8 @@ def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
             w[i, AW] += w[p, AW]
             w[i, AX] += w[p, AX] + v[i] * (w[i, SW] * w[p, VY] - w[p, VW] * w[i, SY])
             w[i, AY] += w[p, AY] + v[i] * (w[p, VW] * w[i, SX] - w[i, SW] * w[p, VX])
+        # (px, py) is the link's linear momentum. The force is I A + V x* (I V); of the moment of the second
+        # term only v x p is left, because turn rates in one plane do not act on each other.
         px = w[i, M] * w[i, VX] - w[i, VW] * w[i, MY]
         py = w[i, M] * w[i, VY] + w[i, VW] * w[i, MX]
         w[i, FN] = (
@@ -94,6 +98,8 @@ def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
         )
         w[i, FX] = w[i, M] * w[i, AX] - w[i, AW] * w[i, MY] - w[i, VW] * py
         w[i, FY] = w[i, M] * w[i, AY] + w[i, AW] * w[i, MX] + w[i, VW] * px
+    # All forces are taken about the same fixed point: a child's adds to its parent's without a shift. Parents
+    # come before their children, so that each sum is complete before it is passed on.
     for i in range(parent.size - 1, -1, -1):
         p = parent[i]
         if p >= 0:

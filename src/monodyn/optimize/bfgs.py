@@ -115,6 +115,7 @@ class _Fit:
             raise _Exhausted
         self.evaluations += 1
         try:
+            # a copy: a function that changes its argument must not change the point that is kept
             found = np.asarray(self.residuals(x.copy()), dtype=float)
         except FAILURES:
             found = np.full(1, np.nan)
@@ -152,11 +153,14 @@ class _Fit:
     def value(self, z: np.ndarray) -> float:
         """Return the value at z (param,) in values at the start; the penalty where there are no residuals."""
         residual = self.at(z)[1]
+        # Capped at the penalty, so that a point without residuals is never lower than one with them; finite,
+        # because an infinite value would put NaN into SLSQP's quadratic model.
         return PENALTY if residual is None else min(_half_square(residual) / self.unit, PENALTY)
 
     def slope(self, z: np.ndarray) -> np.ndarray:
         """Return the slope of the value at z (param,), (param,); 0 where there are no residuals."""
         x, residual = self.at(z)
+        # the penalty is a plateau: its slope is zero, and the line search alone leads back from it
         return np.zeros(len(x)) if residual is None else self.differences(x, residual) / self.unit
 
     def differences(self, x: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -170,10 +174,13 @@ class _Fit:
             for step in (size, -size):
                 moved = x.copy()
                 moved[i] = min(max(x[i] + step, self.lower[i]), self.upper[i])
+                # clipped by a bound the step is too short to divide by: the other side is taken
                 if abs(moved[i] - x[i]) < 0.5 * size:
                     continue
                 other = self.evaluate(moved)
                 if other is not None:
+                    # r.dr/dx, and not the difference of two values 1/2 r.r: near the optimum these agree in
+                    # most digits.
                     along[i] = (other - residual) @ residual / (moved[i] - x[i])
                     break
         return along

@@ -101,6 +101,7 @@ def swann(
         raise SettingsError(
             f"swann: the start {start:g} is outside its bounds {lower:g} to {upper:g}; move it inside."
         )
+    # A caller that searches line after line knows the value at its start: it is not evaluated again.
     calls = 0
     if value is None:
         value, calls = _number(function(start)), 1
@@ -110,6 +111,8 @@ def swann(
     # still. Three places in a row of which the middle one is lowest enclose a least value.
     while above < value and calls < most:
         behind, middle, value = middle, ahead, above
+        # Doubling makes the count of evaluations grow with the logarithm of the distance; the interval that
+        # is left is at most three times as long as the step that led to its middle.
         step *= 2.0
         ahead = min(max(middle + sign * step, lower), upper)
         if ahead == middle:  # the best point is a bound: it closes the interval itself
@@ -117,6 +120,8 @@ def swann(
             break
         above = _number(function(ahead))
         calls += 1
+    # Where the evaluations ran out the point ahead is the lowest, so that it becomes the middle: the best
+    # point is returned even when nothing encloses it.
     closed = not above < value
     if not closed:
         behind, middle, value = middle, ahead, above
@@ -178,6 +183,8 @@ def golden_section(
         >>> round(golden_section(lambda x: (x - 2.0) ** 2, (0.0, 5.0), 1e-6).x, 5)
         2.0
     """
+    # Invariant: low <= best <= high, and ``value`` is the least of all evaluated, at best. Each end is one of
+    # the given ones or a point where the function is not lower than at best.
     low, high = ends
     best = low + GOLDEN * (high - low) if inside is None else inside[0]
     if not low <= best <= high:
@@ -195,6 +202,8 @@ def golden_section(
         if trial < value:  # the new point is the best; the old one becomes the end on the other side
             low, high = (best, high) if above else (low, best)
             best, value = x, trial
+        # The new point is no better, so that it becomes the end on its own side: a single valley that reached
+        # lower beyond it would have to rise between it and the best point first.
         elif above:
             high = x
         else:

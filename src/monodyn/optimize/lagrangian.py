@@ -113,6 +113,8 @@ def _rounds(problem: _Problem, x: np.ndarray, settings: DirectSettings) -> Minim
         if violation > ENOUGH * worst:
             problem.stiffen()
         worst = min(worst, violation)
+        # The next minimum is about as far away as the constraint was missed; a full step would leave the
+        # valley.
         inner_step = step * min(max(2.0 * violation, LEAST_REACH * tolerance), 1.0)
     problem.inside(x)
     return problem.end(converged, status)
@@ -150,6 +152,7 @@ class _Problem:
         """Return f and its penalty at the free unknowns (free,)."""
         x = self.embed(z)
         excess, allowed = self.constraints(z, x)
+        # f may not exist far outside; the inner line search turns back at infinity
         if not allowed and max(excess) > self.outside:
             return np.inf
         self.evaluations += 1
@@ -160,6 +163,8 @@ class _Problem:
             self.x, self.value = np.array(x), value
             self.history.append((self.evaluations, value))
         total = 0.0
+        # An inactive constraint contributes its constant alone: the sum and its slope are continuous where
+        # g + m / r changes sign.
         for g, shift in zip(excess, self.shifts, strict=True):
             if g + shift > 0.0:
                 total += (g + shift) ** 2
@@ -192,6 +197,7 @@ class _Problem:
             return 1.0
         largest = 0.0
         for i, k in enumerate(self.free):
+            # inward, to the side with more room: only there the function is certain to exist
             upward = self.upper[k] - z[i] >= z[i] - self.lower[k]
             room = (self.upper[k] - z[i]) if upward else (z[i] - self.lower[k])
             there = z.copy()
@@ -207,12 +213,16 @@ class _Problem:
         """
         excess, _ = self.constraints(z, self.embed(z))
         worst = max((abs(max(g, -m)) for g, m in zip(excess, self.shifts, strict=True)), default=0.0)
+        # At the inner minimum the penalty pulls with r (g + m / r). Taking this pull as the next multiplier
+        # leaves the gradient of f balanced without any violation, so that the next minimum moves onto the
+        # constraint; it stays above zero because an inequality only pushes.
         self.shifts = [max(0.0, m + g) for g, m in zip(excess, self.shifts, strict=True)]
         return worst
 
     def stiffen(self) -> None:
         """Raise the penalty; the multipliers stay."""
         self.penalty *= GROWTH
+        # shifts are multipliers by penalty: dividing them keeps the multipliers themselves
         self.shifts = [m / GROWTH for m in self.shifts]
 
     def inside(self, z: np.ndarray) -> None:

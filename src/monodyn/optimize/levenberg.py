@@ -147,6 +147,8 @@ def minimize_arrow(
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
         trial = evaluate(at, local_at) if np.isfinite(predicted) else None
         evaluations += 1
+        # The gain compares what happened with what the model promised: near 1 the model holds at this
+        # length of step, and the damping may shrink toward a plain Gauss-Newton step.
         gain = (model.cost - trial.cost) / predicted if trial is not None and trial.finite else -np.inf
         damping = _next_damping(damping, gain)
         if gain > LEAST_GAIN and trial is not None:
@@ -199,6 +201,7 @@ def damped_step(
     reduced = hessian - np.einsum("bsl,blt->st", model.cross, solved[:, :, :size])
     gradient = model.gradient - np.einsum("bsl,bl->s", model.cross, solved[:, :, size])
     step = _bounded_solve(reduced, gradient, room_below, room_above)
+    # The local unknowns have no bounds, so that they follow the bounded shared step exactly.
     local_step = -solved[:, :, size] - solved[:, :, :size] @ step
     # The prediction is that of the undamped model: the damping is no part of the cost.
     predicted = -(model.gradient @ step + np.sum(model.local_gradient * local_step)) - 0.5 * (
@@ -220,6 +223,8 @@ def _bounded_solve(
     step = np.zeros_like(gradient)
     # Unknowns that lie on a bound and are pulled outward begin in the active set, all others are free.
     held = ((room_below >= 0) & (gradient > 0)) | ((room_above <= 0) & (gradient < 0))
+    # Slopes of unknowns in different units compare only after division by the root of their curvature. The
+    # number of changes of the active set is bounded, because rounding could make it cycle.
     unit = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     for _ in range(4 * len(gradient) + 1):
         inside = np.flatnonzero(~held)
@@ -243,6 +248,7 @@ def _bounded_solve(
         # At the minimum of this active set, release the held unknown that is pulled inward most; when there
         # is none, the multipliers have the right sign and the step is the best one of the whole box.
         slope = (gradient + hessian @ step) / unit
+        # an unknown without any room would be released and held again for ever
         fixed = room_below == room_above
         inward = np.where(held & ~fixed, np.where(step <= room_below, -slope, slope), 0.0)
         if not inward.max(initial=0.0) > 1e-9 * np.abs(gradient / unit).max(initial=0.0):
@@ -253,6 +259,7 @@ def _bounded_solve(
 
 def _scaled_solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve a positive semidefinite system after scaling its diagonal to one."""
+    # Lengths, masses and dampings differ by many powers of ten; scaled, the condition is that of the data.
     root = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(root, root)
     try:
@@ -280,6 +287,8 @@ def _next_damping(damping: float, gain: float) -> float:
         return max(0.1 * damping, LEAST_DAMPING)
     if gain > 0.25:
         return max(0.5 * damping, LEAST_DAMPING)
+    # the step is kept because the cost fell, but the model was trusted too far: the next one is shorter
     if gain > LEAST_GAIN:
         return 2.0 * damping
+    # a rejected step with next to no damping would otherwise need many rejections until the damping acts
     return max(8.0 * damping, 1e-6)

@@ -11,17 +11,17 @@ Result = TypeVar("Result")
 Begin = TypeVar("Begin")
 
 
-def scatter(start: np.ndarray, spread: np.ndarray, count: int, *, seed: int) -> np.ndarray:
+def scatter(start: np.ndarray, width: np.ndarray, count: int, *, seed: int) -> np.ndarray:
     """Spread starts about a first one.
 
     Args:
         start: The first start, (param,).
-        spread: Largest distance from it by unknown, (param,).
+        width: Largest distance from it by unknown, (param,).
         count: Number of starts, the first among them.
         seed: Seed of the random numbers.
 
     Returns:
-        Starts, one a row, (row, param); row 0 is ``start``, the others are uniform in start +- spread.
+        Starts, one a row, (row, param); row 0 is ``start``, the others are uniform in start +- width.
 
     Example:
         >>> scatter(np.zeros(2), np.ones(2), 3, seed=0).shape
@@ -29,7 +29,7 @@ def scatter(start: np.ndarray, spread: np.ndarray, count: int, *, seed: int) -> 
     """
     draws = np.random.default_rng(seed).uniform(-1.0, 1.0, size=(max(count, 1), len(start)))
     draws[0] = 0.0
-    return np.asarray(start) + draws * np.asarray(spread)
+    return np.asarray(start) + draws * np.asarray(width)
 
 
 def first_good(

@@ -112,9 +112,14 @@ class _Lines:
         least = LEAST_REACH * self.tolerance
         tight = True
         for i, direction in enumerate(self.directions):
+            # Exact minima along lines that will be replaced are wasted; the reach shrinks as the search
+            # converges, and the last rounds are searched to the tolerance. A single unknown has one round
+            # alone.
             loose = LOOSE * self.reach[i] if len(self.x) > 1 else 0.0
             tight = tight and loose <= self.tolerance
             self.falls[i], moved = self.along(direction, self.reach[i], max(self.tolerance, loose))
+            # The next move along a direction is likely as long as the last one, but a first step of zero
+            # would end all search along it.
             self.reach[i] = max(abs(moved), SHRINK * self.reach[i], least)
         return tight
 
@@ -131,6 +136,7 @@ class _Lines:
             value=before,
             settings=DirectSettings(tolerance, left),
         )
+        # where the line is flat another place may have the same value: without a gain the point stays
         if found.value < before:
             self.x, self.value = origin + found.x * move, found.value
         self.history.append((self.tally.evaluations, self.value))
@@ -145,6 +151,8 @@ class _Lines:
         # nearly agree and the new set would be dependent), both of which the inequality below tests.
         move = (self.x - x_before) / self.step
         length = float(np.linalg.norm(move))
+        # As far again in the same direction: with both ends of the round it gives the curvature along the
+        # move.
         beyond = self.tally(2.0 * self.x - x_before)
         largest = int(np.argmax(self.falls))
         fall = self.falls[largest]
@@ -152,11 +160,14 @@ class _Lines:
         bend = (before - 2.0 * self.value + beyond) * others * others
         if not (beyond < before and 2.0 * bend < fall * farther * farther):
             return
+        # For a quadratic function the direction between two minima over the same set is conjugate to that
+        # set: later searches along the kept directions do not undo what is gained along this one.
         _, moved = self.along(move / length, length, max(self.tolerance, LOOSE * length))
         kept = [i for i in range(len(self.x)) if i != largest]
         self.directions = np.vstack((self.directions[kept], move / length))
         self.reach = [self.reach[i] for i in kept] + [max(abs(moved), LEAST_REACH * self.tolerance)]
         self.along_axes = False
+        # Dependent directions no longer span the space, and the search would end in the plane that they span.
         if abs(np.linalg.det(self.directions)) < LEAST_DETERMINANT:
             self.directions, self.along_axes = np.eye(len(self.x)), True
             self.reach = [max(self.reach)] * len(self.x)

@@ -141,16 +141,16 @@ def filtered(
     states = np.full((frames, 3, dofs), np.nan)
     for dof in range(dofs):
         states[:, :, dof] = _run(steps[dof], observed[:, dof], start[dof], heads[dof])
-    spread = None
+    state_covariance = None
     if covariance is not None:
         covariance = frozen("filter: covariance", covariance, (frames, dofs, dofs), error=SettingsError)
-        spread = _covariance(steps, times, covariance, seen, heads)
+        state_covariance = _covariance(steps, times, covariance, seen, heads)
     return Filtered(
         time=times,
         position=states[:, POSITION],
         velocity=states[:, VELOCITY],
         acceleration=states[:, ACCELERATION],
-        covariance=spread,
+        covariance=state_covariance,
     )
 
 

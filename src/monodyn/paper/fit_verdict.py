@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from monodyn.estimation.fit import Fit
-from monodyn.estimation.verdict import advice as say
+from monodyn.estimation.verdict import advice
 from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.estimation.wording import amount, amounts, listed, percent
 from monodyn.paper.descent import Descent
@@ -105,36 +105,36 @@ def published_advice(
     kinds = {p.name: p.kind for p in mechanism.parameters}
     # torques are a means here: there is no advice on each of hundreds of them
     bodies = [p for p in fit.parameters if kinds[p.name] != "torque"]
-    advice = say.integration(fixed.substeps, found.error, settings.error_bound)
-    advice += _under_torques(fixed) if settings.torque == "free" else _misfit(found, fit, records)
-    advice += [*model.doubt, *_filtering(settings)]
+    sentences = advice.integration(fixed.substeps, found.error, settings.error_bound)
+    sentences += _under_torques(fixed) if settings.torque == "free" else _misfit(found, fit, records)
+    sentences += [*model.doubt, *_filtering(settings)]
     if model.period is not None:
-        advice.append(f"The period of {model.period:.4g} s was estimated beforehand and held.")
+        sentences.append(f"The period of {model.period:.4g} s was estimated beforehand and held.")
     if settings.torque != "free":
-        advice += say.open_parameters(mechanism, bodies, without_effect)
-        advice += say.few(fixed.compared, len(problem.unknowns))
-    advice += say.bounds(bodies)
-    advice += say.limits(mechanism, problem.simulated(fixed.trial(found.x)))
+        sentences += advice.open_parameters(mechanism, bodies, without_effect)
+        sentences += advice.few(fixed.compared, len(problem.unknowns))
+    sentences += advice.bounds(bodies)
+    sentences += advice.limits(mechanism, problem.simulated(fixed.trial(found.x)))
     if settings.torque != "free":
-        advice += say.clock(mechanism, fit.parameters)
-    return (*advice, *say.search_end(found.converged, found.tried))
+        sentences += advice.clock(mechanism, fit.parameters)
+    return (*sentences, *advice.search_end(found.converged, found.tried))
 
 
 def _under_torques(fixed: FixedStart) -> list[str]:
     """Report what free torques leave open."""
     unknowns = fixed.problem.unknowns
-    advice = [
+    sentences = [
         f"{len(unknowns)} unknowns and {fixed.compared} measured values: free torques are underdetermined "
         "and follow the noise of the poses; there are no intervals."
     ]
     pairs = zip(unknowns.names, unknowns.kinds, strict=True)
     sizes = [name for name, kind in pairs if kind != "torque"]
     if sizes:
-        advice.append(
+        sentences.append(
             f"With free torques any sizes and masses are possible: {listed(sizes, 8)} are arbitrary; give "
             "measured values with --fix."
         )
-    return advice
+    return sentences
 
 
 def _misfit(found: Descent, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
@@ -142,18 +142,18 @@ def _misfit(found: Descent, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     problem, mechanism = found.fixed.problem, fit.mechanism
     noise = noise_factors(problem.data, problem.differences(found.fixed.trial(found.x)), len(found.x))
     large = bool(_shares(found, fit.rms).max() > UNCLEAR_SHARE)
-    assumed = say.Assumed(
+    assumed = advice.Assumed(
         uniform=large and problem.unknowns.uniform,
-        frictionless=say.zero_frictions(mechanism, problem.unknowns) if large else (),
+        frictionless=advice.zero_frictions(mechanism, problem.unknowns) if large else (),
         level=not all(record.metric for record in records),
     )
-    advice = say.misfit(mechanism, fit.rms, noise, assumed)
-    if advice:
-        advice.append(
+    sentences = advice.misfit(mechanism, fit.rms, noise, assumed)
+    if sentences:
+        sentences.append(
             "The published method holds the start state at the filtered one, whose error adds to the "
             "residual; --identify.method fast estimates it."
         )
-    return advice
+    return sentences
 
 
 def _filtering(settings: PaperIdentifySettings) -> list[str]:

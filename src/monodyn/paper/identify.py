@@ -35,7 +35,7 @@ from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, typical
 from monodyn.estimation.torque.fourier import NO_PERIOD, no_harmonic, stands_out
 from monodyn.estimation.verdict.summary import UNSTARTED, fit_of, refused
-from monodyn.estimation.verdict.uncertainty import know
+from monodyn.estimation.verdict.uncertainty import knowledge_at
 from monodyn.mechanism import Mechanism
 from monodyn.paper.descent import Descent, descend
 from monodyn.paper.filter import Gains, filter_response, filtered
@@ -139,7 +139,7 @@ def _fit(
     residuals = fixed.residuals(x)
     noise = max(float(np.sqrt(np.sum(residuals**2) / freedom)), 1e-12)
     # start states are given: the Jacobian has the columns of the unknowns alone
-    known = know(problem, x, fixed.jacobian(x) / noise, fixed.pieces)
+    known = knowledge_at(problem, x, fixed.jacobian(x) / noise, fixed.pieces)
     known = with_start_noise(fixed, x, noise, known)
     # more unknowns than values: every direction is open, however small the linear algebra's numbers are
     if not determined:

@@ -30,7 +30,7 @@ from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
 
 MOST_DRAWN = 1_500_000
-"""Silhouettes that the search draws at most, but for the part that passes it."""
+"""Silhouettes after which no further part of the search begins; one that passes the number still ends."""
 COARSE_SIDE_PX = 150
 """Largest side of the moving part in the reduced picture that starts are ranked in [px]."""
 MISREAD = 0.5
@@ -78,7 +78,8 @@ def locate_published(
         masks: The soft foreground of the clip; its background is subtracted.
         model: The mechanism and the camera that the search starts with.
         settings: ``start``, ``seed`` and ``level``.
-        most: Silhouettes drawn at most, but for the part of the search that passes it.
+        most: Silhouettes after which no further part of the search begins; one that passes the number still
+            ends.
         progress: Called with the number of starts, finalists and frames that are done.
 
     Returns:

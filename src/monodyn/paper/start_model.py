@@ -14,10 +14,10 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y
 from monodyn.paper.placed import CameraFree
-from monodyn.paper.view import ModelView, joint_limits, model_view
+from monodyn.paper.view import ModelView, model_view
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import DEPTH, X, Y, camera_array
-from monodyn.vision.drawing.rig import SIZE_KINDS, RootSlide, longest_reach, rig_of, root_slides
+from monodyn.vision.drawing.rig import SIZE_KINDS, RootSlide, joint_limits, longest_reach, rig_of, root_slides
 
 START_SHARE = 0.3
 """The stretched mechanism reaches over this share of the picture's smaller side before the start camera."""
@@ -80,7 +80,7 @@ class StartModel:
         Args:
             view: From ``view``, or what was found from it.
         """
-        out = replace(view, limits=joint_limits(self.mechanism))
+        out = replace(view, limits=np.array(joint_limits(self.mechanism)))
         root = self._root_slide
         if root is None or view.limits[1, root.joint] > view.limits[0, root.joint]:
             return out

@@ -42,8 +42,8 @@ def with_start_noise(fixed: FixedStart, x: np.ndarray, noise: float, known: Know
     along, plain, shared = _direct(fixed, noise, jacobian, by_start, starts)
     whole = along - jacobian.T @ by_start @ starts
     # expected sum of squares of the residuals under R: of (L - J_s P) e, less what the parameters take up
-    spread = _times(starts, cov) @ starts.T
-    left = plain - 2.0 * shared + float(np.sum((by_start @ spread) * by_start))
+    start_covariance = _times(starts, cov) @ starts.T
+    left = plain - 2.0 * shared + float(np.sum((by_start @ start_covariance) * by_start))
     left -= float(np.sum((_times(whole, cov) @ whole.T) * known.covariance))
     squares = float(np.sum((fixed.residuals(x) / noise) ** 2))
     larger = max(squares / max(left, 1e-300), 1.0) if len(jacobian) > count else 1.0

@@ -10,7 +10,8 @@ from monodyn.estimation.record.samples import Data
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.estimation.shooting.problem import Problem, posed
-from monodyn.estimation.torque.fourier import NO_PERIOD, explain_by_series
+from monodyn.estimation.shooting.search import NOTHING_MOVES
+from monodyn.estimation.torque.fourier import NO_PERIOD, fit_series
 from monodyn.estimation.torque.periods import SCANNED_TERMS, PeriodSearch
 from monodyn.estimation.torque.task import Task, frictionless
 from monodyn.mechanism import Mechanism
@@ -87,7 +88,7 @@ def _periodic(
     period = guesses[0].period
     if not known:
         # a series can fit what the model lacks; the default search decides whether a torque acts at all
-        default = explain_by_series(mechanism, Task(problem.data, smoothed, settings, None))
+        default = fit_series(mechanism, Task(problem.data, smoothed, settings, None))
         if default.optimum is None:
             return TorqueModel(problem, NO_PERIOD)
         problem = posed(_of_period(mechanism, settings.terms or USUAL_TERMS, period), problem.data)
@@ -122,5 +123,5 @@ def _obstacle(problem: Problem, settings: PaperIdentifySettings) -> str | None:
         return f"{samples} measured values cannot determine {unknowns} unknowns; {instead}."
     moved, noise = data.motion_size, np.nanmedian(data.std, axis=0)
     if (moved <= 4.0 * noise).all():
-        return "Nothing moves in the record: no joint leaves its noise; give frames with motion."
+        return NOTHING_MOVES
     return None

@@ -1,7 +1,7 @@
 """Dynamics of the double pendulum in closed form, as the 2012 paper states them.
 
 theta_1 counts from the horizontal axis on the right, theta_2 from the upper link, both counter-clockwise (its
-Fig. 4). ``dynamics`` does the same for any mechanism; here each line is one of the paper.
+Fig. 4). ``mechanism.simulate`` does the same for any mechanism; here each line is one of the paper.
 
 Its eq. (8) is read so: H multiplies the second derivatives (one dot is printed), what is first printed as
 H21 is H22, and "cos theta_1 + theta_2" is cos(theta_1 + theta_2). In eq. (9) a resisting torque is -b rate;

@@ -13,7 +13,7 @@ from monodyn.paper.placed import AreaCentroid, CameraFree, moment_sums
 from monodyn.paper.threshold import OPEN
 from monodyn.types import Camera
 from monodyn.vision.drawing.mismatch import row_sums
-from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
+from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, joint_limits, rig_of
 
 OVERHANGS = ("tail", "tip")
 """Kinds of sizes by which a body reaches beyond its hinges; they may be zero."""
@@ -190,19 +190,9 @@ def model_view(mechanism: Mechanism, camera: Camera, position: np.ndarray, free:
         base=base,
         slopes=slopes,
         position=np.array(position, dtype=float),
-        limits=joint_limits(mechanism),
+        limits=np.array(joint_limits(mechanism)),
         free=free,
     )
-
-
-def joint_limits(mechanism: Mechanism) -> np.ndarray:
-    """Return lower and upper joint limits [rad or m], (2, dof); infinite where there are none.
-
-    Args:
-        mechanism: The mechanism.
-    """
-    joints = mechanism.joints
-    return np.array([[j.lower for j in joints], [j.upper for j in joints]], dtype=float)
 
 
 def _affine(

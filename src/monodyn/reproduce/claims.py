@@ -162,6 +162,7 @@ def noise_is_filtered_out(evidence: Evidence) -> Verdict:
         return FIT_MISSING
     if evidence.seen.errors is None:
         return TRUTH_UNKNOWN
+    # The poses of the fitted frames alone: later ones were not seen by the fit that they are compared with.
     seen = overall(rms(evidence.seen.errors[: evidence.design.frames]))
     error = overall(case.error)
     if seen is None or error is None:
@@ -204,16 +205,17 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
     fits = [(c.fit, c.motion) for c in found if c is not None and c.fit is not None and c.motion is not None]
     if len(fits) < 2:
         return FIT_MISSING
+    # The motion is compared beyond the fitted frames too: there nothing pulls fits together but the dynamics.
     stop = evidence.design.frames + evidence.design.ahead
     motions = np.array([motion.position[:stop] for _, motion in fits])
     apart = max(overall(rms(motion - motions[0])) or 0.0 for motion in motions[1:])
-    spread = parameter_spread([fit.mechanism.values for fit, _ in fits], fits[0][0].shared)
-    most = max(spread, key=lambda name: spread[name])
-    told = f"{len(fits)} starts: {most} differs by a factor of {spread[most]:.3g}"
+    factor = parameter_factors([fit.mechanism.values for fit, _ in fits], fits[0][0].shared)
+    most = max(factor, key=lambda name: factor[name])
+    told = f"{len(fits)} starts: {most} differs by a factor of {factor[most]:.3g}"
     if evidence.seen.errors is not None:
         told += _ratios([identifiable(fit.mechanism) for fit, _ in fits])
     told += f"; largest difference of motion over {stop} frames {degrees(apart)}"
-    return Verdict(bool(spread[most] > 1.0 + OTHER and apart < SAME), told)
+    return Verdict(bool(factor[most] > 1.0 + OTHER and apart < SAME), told)
 
 
 def _ratios(values: Sequence[Mapping[str, float]]) -> str:
@@ -227,7 +229,7 @@ def _ratios(values: Sequence[Mapping[str, float]]) -> str:
     return f"; of lengths and ratios {most} differs most, by {share}"
 
 
-def parameter_spread(values: Sequence[Mapping[str, float]], names: Sequence[str]) -> dict[str, float]:
+def parameter_factors(values: Sequence[Mapping[str, float]], names: Sequence[str]) -> dict[str, float]:
     """Return by what factor each unknown differs between fits.
 
     Args:
@@ -238,6 +240,7 @@ def parameter_spread(values: Sequence[Mapping[str, float]], names: Sequence[str]
     for name in names:
         if name in values[0]:
             numbers = [abs(v[name]) for v in values]
+            # a damping may end at zero, where no factor exists
             found[name] = max(numbers) / max(min(numbers), 1e-12)
     return found
 
@@ -251,6 +254,8 @@ def fourier_deviates(evidence: Evidence) -> Verdict:
     case, usual = evidence.case("II"), evidence.case()
     if case is None or usual is None:
         return FIT_MISSING
+    # To track is a matter of the fitted frames, to deviate one of the frames after them. Both are needed: a
+    # series that does not even follow the poses says nothing about its prediction.
     residual, ahead, known = overall(case.residual), overall(case.ahead), overall(usual.ahead)
     if residual is None or ahead is None or known is None:
         return FIT_MISSING

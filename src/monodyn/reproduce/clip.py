@@ -236,6 +236,7 @@ def faces(settings: ClipSettings, position: np.ndarray) -> list[list[tuple[np.nd
         For each rod its faces: corners [px] (4, 2) and light from 0 to 1.
     """
     rods, camera = settings.pendulum, settings.camera
+    # the camera looks along -z without roll: its place alone decides which faces it sees
     eye = np.array([camera.x, camera.y, camera.depth])
     hinge, angle, found = np.zeros(3), 0.0, []
     for i, turn in enumerate(position):
@@ -252,6 +253,7 @@ def faces(settings: ClipSettings, position: np.ndarray) -> list[list[tuple[np.nd
                 shade = AMBIENT + (1.0 - AMBIENT) * max(0.0, float(normal @ LAMP))
                 visible.append((project(camera, world), shade))
         found.append(visible)
+        # each rod lies one layer nearer to the camera, so that painting them in order hides what is behind
         hinge = hinge + rods.length[i] * along + np.array([0.0, 0.0, rods.layer])
     return found
 
@@ -297,9 +299,11 @@ def coverage(polygon: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice,
         Rows and columns of the part of the picture that the polygon can touch, and the shares there,
         float32 (row, column).
     """
+    # a pixel reaches half a pixel to either side of its whole-numbered centre
     first = np.maximum(np.floor(polygon.min(axis=0) + 0.5).astype(int), 0)
     stop = np.minimum(np.ceil(polygon.max(axis=0) + 0.5).astype(int), shape[::-1])
     (left, top), (right, bottom) = first, np.maximum(stop, first)
+    # scan lines run through the middles of equal strips, so that no pixel's share is biased up or down
     line = top - 0.5 + (np.arange((bottom - top) * LINES) + 0.5) / LINES
     enter, leave = np.full(len(line), np.inf), np.full(len(line), -np.inf)
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -377,5 +381,6 @@ class _Film:
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
         if error is None:  # a film that failed is not finished, and its file is dropped with the folder
+            # the encoder holds frames back to order them: a call without one writes these
             self.container.mux(self.stream.encode())
         self.container.close()

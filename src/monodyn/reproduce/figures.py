@@ -108,6 +108,7 @@ def states_figure(seen: Seen, true: np.ndarray | None, rates: np.ndarray | None,
     ):
         for dof in range(len(seen.poses.joints)):
             content = []
+            # later series are drawn over earlier ones: the truth must not hide what was found
             if exact is not None:
                 content.append(series("line", "truth", time, np.degrees(exact[:stop, dof]), "truth"))
             content.append(series("line", "fitted", time, np.degrees(found[:stop, dof]), "filtered"))
@@ -145,6 +146,7 @@ def case_figure(
     """
     shown = [m for m in BOTH_METHODS if cases[m] is not None and seen[m].poses is not None]
     columns = [_case_panels(cases[m], seen[m], design) for m in shown]
+    # row by row: the grid of the page is filled so, and each method keeps a column of its own
     panels = [column[row] for row in range(len(columns[0]) if columns else 0) for column in columns]
     return Figure(title, caption, max(len(columns), 1), panels, legend_of(panels))
 
@@ -164,6 +166,7 @@ def _case_panels(case: Case | None, seen: Seen, design: Design) -> list[dict[str
     assert case is not None
     assert case.motion is not None
     assert seen.poses is not None
+    # the clip may end before the predicted frames do
     stop = min(case.plan.frames + design.ahead, len(case.motion.time))
     time, position = case.motion.time[:stop], case.motion.position[:stop]
     measured = seen.poses.position[:stop]
@@ -201,6 +204,7 @@ def frames_figure(evidence: Mapping[str, Evidence]) -> Figure:
         content = []
         for method in BOTH_METHODS:
             found = [(n, evidence[method].case(frames=n)) for n in evidence[method].design.lengths]
+            # a length that failed with one method is left out there alone
             points = [(n, overall(getattr(case, which))) for n, case in found if case is not None]
             points = [(n, np.degrees(value)) for n, value in points if value is not None]
             if points:

@@ -14,11 +14,11 @@ import numpy as np
 from monodyn.mechanism.tree import HINGE
 from monodyn.types import Mask, Poses, Progress
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
-from monodyn.vision.drawing.rig import Rig, rig_of
+from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.keyframes import key_frame
 from monodyn.vision.locating.scene import Scene
-from monodyn.vision.locating.search import joint_limits, search_pose
+from monodyn.vision.locating.search import search_pose
 from monodyn.vision.settings import TrackSettings
 
 CORRELATION = 2.0

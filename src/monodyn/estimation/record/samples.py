@@ -173,10 +173,10 @@ def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray
 
 
 def _placed(values: np.ndarray, length: int, at: np.ndarray) -> np.ndarray:
-    """Spread ``values`` (row, ...) to rows ``at`` of a longer array of zeros."""
-    spread = np.zeros((length, *values.shape[1:]), dtype=values.dtype)
-    spread[at] = values
-    return spread
+    """Put ``values`` (row, ...) into rows ``at`` of a longer array of zeros."""
+    longer = np.zeros((length, *values.shape[1:]), dtype=values.dtype)
+    longer[at] = values
+    return longer
 
 
 def _filled(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

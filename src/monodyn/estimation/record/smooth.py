@@ -166,8 +166,8 @@ def _cubics(
     influence = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2))
     coefficient = np.einsum("fik,fk->fi", influence, values[near])
     second = 2.0 / reach**2
-    spread = np.sqrt(np.einsum("fk,fk->f", influence[:, 2], influence[:, 2])) * second
-    rows = np.stack((coefficient[:, 0], coefficient[:, 1] / reach, coefficient[:, 2] * second, spread))
+    std = np.sqrt(np.einsum("fk,fk->f", influence[:, 2], influence[:, 2])) * second
+    rows = np.stack((coefficient[:, 0], coefficient[:, 1] / reach, coefficient[:, 2] * second, std))
     own = np.argmin(np.abs(offset), axis=1)
     return rows, influence[np.arange(len(at)), 0, own]
 

@@ -129,7 +129,7 @@ def model_accelerations(
         problem: The problem.
         x: Coordinates, (param,).
         motion: Smooth motion.
-        torque: Torques besides friction and springs [N m or N], (frame, dof); None takes the drive's.
+        torque: Torques other than friction and springs [N m or N], (frame, dof); None takes the drive's.
 
     Returns:
         Accelerations by time stamp [rad/s^2 or m/s^2], (frame, dof).

@@ -9,7 +9,7 @@ from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import Optimum, Route, multiple_shooting, unexplained
+from monodyn.estimation.shooting.shoot import Optimum, Route, multiple_shooting, relative_difference
 from monodyn.estimation.shooting.starts import starts
 from monodyn.estimation.wording import listed
 from monodyn.optimize import SearchSettings, first_good
@@ -25,6 +25,8 @@ HOPELESS_SHARE = 0.01
 """... and above this share of the motion: pieces so short follow any motion that the model has."""
 STILL_NOISE = 4.0
 """A joint whose positions scatter by less than this many times their noise does not move."""
+NOTHING_MOVES = "Nothing moves in the record: no joint leaves its noise; give frames with motion."
+"""Status of a fit to a record at rest, whatever the method."""
 
 
 class Search:
@@ -86,7 +88,7 @@ class Search:
             optimum: The optimum.
         """
         near = optimum.complete and optimum.sigma < FOLLOWED_NOISE
-        return near or (optimum.complete and self._unexplained(optimum) < FOLLOWED_SHARE)
+        return near or (optimum.complete and self._relative_difference(optimum) < FOLLOWED_SHARE)
 
     def report(self, stage: Optimum) -> None:
         """Count a stage for the progress display.
@@ -98,13 +100,13 @@ class Search:
         if self._progress is not None:
             self._progress("identify", self._done, None)
 
-    def _unexplained(self, optimum: Optimum) -> float:
-        return unexplained(self.problem, optimum.trial)
+    def _relative_difference(self, optimum: Optimum) -> float:
+        return relative_difference(self.problem, optimum.trial)
 
     def _hopeless(self, optimum: Optimum) -> bool:
         if not np.isfinite(optimum.cost):
             return True
-        return optimum.sigma > HOPELESS_NOISE and self._unexplained(optimum) > HOPELESS_SHARE
+        return optimum.sigma > HOPELESS_NOISE and self._relative_difference(optimum) > HOPELESS_SHARE
 
 
 def residual_size(optimum: Optimum) -> float:
@@ -149,7 +151,7 @@ def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
             if not np.isfinite(found.noise[dof]):
                 return f"Joint {names[dof]!r} was measured under 5 times in record {i}; give more frames."
     if all(_still(data, dof) for dof in range(dofs)):
-        return "Nothing moves in the record: no joint leaves its noise; give frames with motion."
+        return NOTHING_MOVES
     return None
 
 

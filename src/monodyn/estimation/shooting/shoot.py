@@ -201,7 +201,7 @@ def typical_differences(problem: Problem, trial: Trial) -> np.ndarray:
     )
 
 
-def unexplained(problem: Problem, trial: Trial) -> float:
+def relative_difference(problem: Problem, trial: Trial) -> float:
     """Return the largest typical difference of any joint, as a share of its motion.
 
     Args:

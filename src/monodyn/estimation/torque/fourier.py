@@ -27,7 +27,7 @@ NO_PERIOD = (
 )
 
 
-def explain_by_series(mechanism: Mechanism, task: Task) -> TorqueSolution:
+def fit_series(mechanism: Mechanism, task: Task) -> TorqueSolution:
     """Explain the motion by a periodic torque (Case II), in addition to viscous friction or alone.
 
     Args:

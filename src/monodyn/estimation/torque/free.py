@@ -34,7 +34,7 @@ ROUGHER = SearchSettings(evaluations=12, decrease=1e-4, relative=1e-6)
 """For each further weight, which starts from the torques of the one before."""
 
 
-def explain_by_torques(mechanism: Mechanism, task: Task) -> TorqueSolution:
+def fit_free_torques(mechanism: Mechanism, task: Task) -> TorqueSolution:
     """Explain the motion by one torque a joint and time stamp (Case III); sizes and masses are held.
 
     Where friction explains the motion it is held too, and the torque comes on top of it; else it is part of
@@ -61,7 +61,7 @@ def explain_by_torques(mechanism: Mechanism, task: Task) -> TorqueSolution:
     problem = replace(posed(driven, task.data, torques_only=True), base=undriven.size(x))
     # what friction alone leaves over is no torque but an error of the record, which is not fitted either
     noise = max(residual_rms(undriven, optimum), 1.0) if passive else 1.0
-    return TorqueSolution(*fit_torques(problem, task.smoothed, search.route, noise, search.report))
+    return TorqueSolution(*fit_smooth_torques(problem, task.smoothed, search.route, noise, search.report))
 
 
 def _too_many(task: Task, stamps: int, joints: int) -> str | None:
@@ -97,7 +97,7 @@ def smooth_prior(problem: Problem, weight: float, size: np.ndarray) -> Prior:
     return Prior(information, np.zeros(len(problem.unknowns)))
 
 
-def fit_torques(
+def fit_smooth_torques(
     problem: Problem,
     smoothed: tuple[Smoothed, ...],
     route: Route,

@@ -10,7 +10,7 @@ from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
 
 
-def explain_by_friction(mechanism: Mechanism, task: Task) -> TorqueSolution:
+def fit_friction(mechanism: Mechanism, task: Task) -> TorqueSolution:
     """Explain the motion by viscous friction (Case I), and by dry friction where it shows.
 
     Args:

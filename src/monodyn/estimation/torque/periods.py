@@ -147,7 +147,7 @@ def guess_periods(
     Returns:
         Guesses, the best first, only those that are better than no torque at all; empty where there is none,
         or where a period that the record does not hold explains as much.
-        A known period always gives one, but for under 8 rows with all joints measured.
+        A known period always gives one where at least 8 rows have all joints measured.
 
     Source:
         Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose

@@ -20,7 +20,7 @@ from monodyn.estimation.shooting.scaling import (
 )
 from monodyn.estimation.shooting.shoot import Optimum, Route, choose_substeps, fit_pieces, typical
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.verdict.uncertainty import Knowledge, NoiseFactors, know, noise_factors
+from monodyn.estimation.verdict.uncertainty import Knowledge, NoiseFactors, knowledge_at, noise_factors
 from monodyn.optimize import SearchSettings
 
 MOST_REJECTED = 0.1
@@ -92,7 +92,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     noise = _noise(stated, optimum)
     weighted = _weighted(stated, noise)
     _, jacobian = weighted.rows(optimum.trial)
-    known = know(weighted, optimum.x, jacobian, optimum.trial.pieces)
+    known = knowledge_at(weighted, optimum.x, jacobian, optimum.trial.pieces)
     return Refined(stated, replace(optimum, evaluations=evaluations), known, noise, rejected, substeps, error)
 
 

@@ -11,9 +11,9 @@ from monodyn.estimation.fit import Estimate, Fit, Start
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import Optimum, unexplained
+from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
-from monodyn.estimation.verdict import advice as say
+from monodyn.estimation.verdict import advice
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined, refine
@@ -54,9 +54,9 @@ def summarize(
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
     status, ok = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
     fit = replace(fit, status=status, ok=ok)
-    accuracy = say.integration(found.substeps, found.error, settings.error_bound)
-    advice = (*solution.advice, *accuracy, *_advice(found, fit, records))
-    return replace(fit, advice=(*advice, *say.search_end(found.optimum.converged, solution.tried)))
+    accuracy = advice.integration(found.substeps, found.error, settings.error_bound)
+    sentences = (*solution.advice, *accuracy, *_advice(found, fit, records))
+    return replace(fit, advice=(*sentences, *advice.search_end(found.optimum.converged, solution.tried)))
 
 
 def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:
@@ -186,27 +186,29 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     unknowns, gone = problem.unknowns, found.rejected
     left_out = [int(records[0].frame[row]) for row in problem.data.source[gone]] if len(records) == 1 else []
     # hardly any record states its noise well: what is small against the motion is no fault of the model
-    large = unexplained(problem, optimum.trial) > CLEAR_SHARE
-    assumed = say.Assumed(
+    large = relative_difference(problem, optimum.trial) > CLEAR_SHARE
+    assumed = advice.Assumed(
         uniform=unknowns.uniform and large,
-        frictionless=say.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
+        frictionless=advice.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
         level=not all(record.metric for record in records),
     )
-    advice = say.misfit(mechanism, fit.rms, found.noise, assumed)
-    advice += say.limits(mechanism, problem.simulated(optimum.trial))
-    advice += say.contradictions(problem.prior.negative)
+    sentences = advice.misfit(mechanism, fit.rms, found.noise, assumed)
+    sentences += advice.limits(mechanism, problem.simulated(optimum.trial))
+    sentences += advice.contradictions(problem.prior.negative)
     if fit.ok:
         without_effect = found.known.without_effect(unknowns.names)
-        advice += say.open_parameters(mechanism, fit.parameters, without_effect)
-        advice += say.bounds(fit.parameters)
-        advice += say.proportions([mechanism.parameter(n) for n in unknowns.tied] if unknowns.uniform else ())
-    advice += say.without_use(_without_use(mechanism))
+        sentences += advice.open_parameters(mechanism, fit.parameters, without_effect)
+        sentences += advice.bounds(fit.parameters)
+        sentences += advice.proportions(
+            [mechanism.parameter(n) for n in unknowns.tied] if unknowns.uniform else ()
+        )
+    sentences += advice.without_use(_without_use(mechanism))
     if mechanism.torque == "free":
-        advice += say.free_torques(mechanism)
-    advice += say.clock(mechanism, fit.parameters)
+        sentences += advice.free_torques(mechanism)
+    sentences += advice.clock(mechanism, fit.parameters)
     total = int(problem.data.measured.any(axis=1).sum()) + int(gone.sum())
-    advice += say.outliers(total, int(gone.sum()), left_out)
-    return advice + say.few(problem.data.samples, found.fitted)
+    sentences += advice.outliers(total, int(gone.sum()), left_out)
+    return sentences + advice.few(problem.data.samples, found.fitted)
 
 
 def _without_use(mechanism: Mechanism) -> list[str]:

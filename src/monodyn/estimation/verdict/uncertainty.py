@@ -55,7 +55,7 @@ class Knowledge:
         return tuple(name for name, is_alone in zip(names, alone, strict=True) if is_alone)
 
 
-def know(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: Pieces) -> Knowledge:
+def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: Pieces) -> Knowledge:
     """Compute covariance and identifiability at the optimum.
 
     Args:

@@ -103,6 +103,20 @@ def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
     )
 
 
+def joint_limits(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
+    """Return the joint limits of a mechanism.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        Lower and upper limits [rad or m], -inf and inf where there are none, each (dof,).
+    """
+    lower = np.array([joint.lower for joint in mechanism.joints], dtype=np.float64)
+    upper = np.array([joint.upper for joint in mechanism.joints], dtype=np.float64)
+    return lower, upper
+
+
 def longest_reach(rig: Rig) -> float:
     """Return the largest distance of any point from the first joint, the mechanism stretched out.
 

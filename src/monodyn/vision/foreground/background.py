@@ -146,10 +146,10 @@ def background_of(
     frames = samples.frames
     luma = np.stack([frame.luma for frame in frames])
     hidden = np.zeros((0, 0, 0), dtype=np.bool_) if covered is None else np.stack(covered)
-    grey, spread, count = masked_median(luma, hidden)
+    grey, deviation, count = masked_median(luma, hidden)
     known = count >= max(2, len(frames) // 24)
     # the typical pixel's; half a grey level at least, which rounding makes of no noise at all
-    noise = max(0.5, float(np.median(spread)))
+    noise = max(0.5, float(np.median(deviation)))
     chroma = None
     if all(frame.chroma is not None for frame in frames):
         planes = []

@@ -234,13 +234,13 @@ def _surroundings(samples: Sequence[Frame], background: Background) -> list[np.n
     size = (still.shape[1] // 8, still.shape[0] // 8)
     blur = 0.06 * max(size)
 
-    def spread(plane: np.ndarray) -> np.ndarray:
+    def blurred(plane: np.ndarray) -> np.ndarray:
         return cv2.GaussianBlur(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), (0, 0), blur)
 
-    weight = np.maximum(spread(still), 1e-6)
+    weight = np.maximum(blurred(still), 1e-6)
     full = (still.shape[1], still.shape[0])
     planes = _full_size(background.luma, background.chroma)
-    return [cv2.resize(spread(still * p) / weight, full, interpolation=cv2.INTER_LINEAR) for p in planes]
+    return [cv2.resize(blurred(still * p) / weight, full, interpolation=cv2.INTER_LINEAR) for p in planes]
 
 
 def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:

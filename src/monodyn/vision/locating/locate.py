@@ -18,7 +18,7 @@ from monodyn.vision.drawing.camera import X, with_values
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import pose_mismatch
 from monodyn.vision.drawing.outline import covered_pixels
-from monodyn.vision.drawing.rig import SIZE_KINDS, rig_of, root_slides
+from monodyn.vision.drawing.rig import SIZE_KINDS, joint_limits, rig_of, root_slides
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.bundle import (
     CAMERA_TURNS,
@@ -36,7 +36,6 @@ from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import (
     SceneGuess,
     SceneStart,
-    joint_limits,
     search_poses,
     search_scene,
 )
@@ -222,7 +221,7 @@ def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
     order = [frame.index for frame in frames.frames]
     first = int(np.argmin(order))
     rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
-    advice = scene_advice(bundle, std, _unexplained(frames, bundle), varied=masks.varied)
+    advice = scene_advice(bundle, std, _mismatch_share(frames, bundle), varied=masks.varied)
     return Scene(
         mechanism=bundle.mechanism.with_measured(measured),
         camera=bundle.camera,
@@ -237,7 +236,7 @@ def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
     )
 
 
-def _unexplained(frames: KeyFrames, bundle: Bundle) -> float:
+def _mismatch_share(frames: KeyFrames, bundle: Bundle) -> float:
     """Return the mean mismatch of outline and mask as a share of the mask's area (paper eq. 3)."""
     rig = rig_of(bundle.mechanism, bundle.camera, shrink=frames.shrink)
     shares = []
@@ -247,13 +246,13 @@ def _unexplained(frames: KeyFrames, bundle: Bundle) -> float:
     return float(np.median(shares))
 
 
-def scene_advice(bundle: Bundle, std: Mapping[str, float], unexplained: float, *, varied: bool) -> list[str]:
+def scene_advice(bundle: Bundle, std: Mapping[str, float], outside: float, *, varied: bool) -> list[str]:
     """Write the sentences for the user about a located mechanism.
 
     Args:
         bundle: The refined mechanism over its key frames.
         std: Standard deviations of the refined camera parameters by name [m, rad, px].
-        unexplained: Share of the foreground outside of the mechanism, or of the mechanism outside of it.
+        outside: Share of the foreground outside of the mechanism, or of the mechanism outside of it.
         varied: True where any difference from the background counts as foreground.
 
     Returns:
@@ -271,9 +270,9 @@ def scene_advice(bundle: Bundle, std: Mapping[str, float], unexplained: float, *
         advice.append(
             f"The clip hardly determines {', '.join(vague)}: leave out --free, or give the value with --fix."
         )
-    if unexplained > UNEXPLAINED_SHARE and not varied:
+    if outside > UNEXPLAINED_SHARE and not varied:
         advice.append(
-            f"{min(unexplained, 1.0):.0%} of what stands out from the background is not the mechanism as it "
+            f"{min(outside, 1.0):.0%} of what stands out from the background is not the mechanism as it "
             "was found: it may be in the wrong place or of the wrong size, or other things move; look at the "
             "overlay, or give --background a picture without the mechanism."
         )

@@ -21,7 +21,7 @@ from monodyn.types import FULL, Camera
 from monodyn.vision.drawing.camera import DEPTH, FOCAL
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import pose_mismatch
-from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, longest_reach, rig_of
+from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, joint_limits, longest_reach, rig_of
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 
 BEAM = 24
@@ -172,20 +172,6 @@ def search_poses(
     ]
     positions, mismatch = np.array([q for q, _ in found]), np.array([share for _, share in found])
     return SceneGuess(mechanism, camera, positions, mismatch)
-
-
-def joint_limits(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
-    """Return the joint limits of a mechanism.
-
-    Args:
-        mechanism: The mechanism.
-
-    Returns:
-        Lower and upper limits [rad or m], -inf and inf where there are none, each (dof,).
-    """
-    lower = np.array([joint.lower for joint in mechanism.joints], dtype=np.float64)
-    upper = np.array([joint.upper for joint in mechanism.joints], dtype=np.float64)
-    return lower, upper
 
 
 def _beam(frame: KeyFrame, rig: Rig, mechanism: Mechanism) -> np.ndarray:
