@@ -395,14 +395,6 @@ def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
     joints = tuple(link.joint for link in links)
     free = np.array(table.free, dtype=bool)
     return Mechanism(
-        name=name,
-        joints=joints,
-        bodies=bodies,
-        plan=plan,
-        torques=make_torques(plan, "friction"),
-        numbers=numbers,
-        lower=lower,
-        upper=upper,
-        free=free,
-        own=own,
-    )
+        name=name, joints=joints, bodies=bodies, plan=plan, torques=make_torques(plan, "friction"),
+        numbers=numbers, lower=lower, upper=upper, free=free, own=own,
+    )  # fmt: skip
