@@ -11,7 +11,7 @@ from monodyn.estimation.record.samples import Pieces, prepare
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
-from monodyn.estimation.verdict.uncertainty import know
+from monodyn.estimation.verdict.uncertainty import knowledge_at
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
 
@@ -44,7 +44,7 @@ def bounded(fit: Fit, poses: Poses, mechanism: Mechanism) -> Fit:
     pieces = Pieces(np.array([0, len(data.times)]), np.array([0]))
     trial = Trial(x, np.concatenate((start.position, start.velocity))[None], pieces, SUBSTEPS)
     _, jacobian = problem.rows(trial)
-    covariance = know(problem, x, jacobian, pieces).full
+    covariance = knowledge_at(problem, x, jacobian, pieces).full
     slope = np.ones(len(covariance))
     slope[: len(unknowns)] = unknowns.slope(x)
     return replace(fit, covariance=covariance * np.outer(slope, slope))
