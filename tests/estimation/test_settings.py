@@ -24,13 +24,16 @@ PAPER_ALONE = (
         ),
         (
             {"terms": 3},
-            "identify.terms, identify.series: expected --identify.torque fourier with them, got 'friction'; "
-            "add it, or leave them out.",
+            "identify.terms: expected --identify.torque fourier with it, got 'friction'; add it, or leave it out.",
         ),
         (
-            {"series": "alone", "torque": "free"},
-            "identify.terms, identify.series: expected --identify.torque fourier with them, got 'free'; add "
-            "it, or leave them out.",
+            {"series": "alone"},
+            "identify.series: expected --identify.torque fourier or free with it, got 'friction'; add it, or "
+            "leave it out.",
+        ),
+        (
+            {"series": "other", "torque": "free"},
+            "identify.series: expected one of 'with-friction', 'alone', got 'other'.",
         ),
         ({"piece": 2}, "identify.piece: expected 5 to 10000, got 2."),
         ({"error_bound": 1.0}, "identify.error-bound: expected 1e-10 to 0.01, got 1."),

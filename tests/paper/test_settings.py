@@ -23,6 +23,11 @@ RATES = (
     "method weighs the measured positions with their covariance."
 )
 
+OURS = (
+    "identify.filter, identify.begin: expected them with --identify.method paper alone; add it, or leave them "
+    "out."
+)
+
 
 @pytest.mark.parametrize(
     ("of", "given", "message"),
@@ -38,6 +43,17 @@ RATES = (
             {"start": "grid"},
             "locate.start: expected one of 'spread', 'evolution', got 'grid'.",
         ),
+        (
+            PaperLocateSettings,
+            {"method": "fast", "framework": "interleaved"},
+            "locate.framework: expected 'strict' with the fast method, got 'interleaved'; it belongs to "
+            "locate.method paper.",
+        ),
+        (
+            PaperLocateSettings,
+            {"framework": "loose"},
+            "locate.framework: expected one of 'strict', 'interleaved', got 'loose'.",
+        ),
         (PaperLocateSettings, {"level": 255.0}, "locate.level: expected 0 to 255 grey levels, got 255."),
         (PaperTrackSettings, {"move_share": 0.0}, "track.move_share: expected 0.001 to 0.5, got 0.0."),
         (
@@ -45,6 +61,18 @@ RATES = (
             {"states": "smoothed"},
             "identify.states: expected one of 'measured', 'filtered', got 'smoothed'.",
         ),
+        (
+            PaperIdentifySettings,
+            {"filter": "half"},
+            "identify.filter: expected one of 'printed', 'consistent', got 'half'.",
+        ),
+        (
+            PaperIdentifySettings,
+            {"begin": "raw"},
+            "identify.begin: expected one of 'matched', 'given', got 'raw'.",
+        ),
+        (PaperIdentifySettings, {"method": "fast", "begin": "given"}, OURS),
+        (PaperIdentifySettings, {"method": "fast", "filter": "consistent"}, OURS),
         (PaperIdentifySettings, {"method": "fast", "rates": True}, RATES),
         (PaperIdentifySettings, {"method": "fast", "states": "filtered"}, RATES),
         (PaperIdentifySettings, {"method": "fast", "gains": (0.5, 0.1, 0.05)}, GAINS),

@@ -34,7 +34,7 @@ def test_unknowns_of_case_two(series, count):
     [
         (
             8, replace(PAPER, torque="fourier"),
-            "16 measured values cannot determine 36 unknowns; give more frames, fix parameters, or take "
+            "16 measured values cannot determine 34 unknowns; give more frames, fix parameters, or take "
             "fewer harmonics with --identify.terms.",
         ),
         (2, PAPER, "Joint 'joint1' was measured 2 times, 5 are needed; give more frames."),

@@ -28,7 +28,8 @@ class IdentifySettings:
         torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
             Fourier series, and friction) or ``free`` (one torque a joint and time stamp).
         terms: Harmonics of the Fourier series; 0 takes as many as the record supports, 7 with ``paper``.
-        series: ``with-friction`` keeps friction in addition to the series, ``alone`` leaves it out.
+        series: ``with-friction`` keeps friction in addition to a torque over time, ``alone`` leaves it out;
+            None is with friction, and alone with ``paper``.
         bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
             centre of mass and inertia are unknowns.
         starts: Starts that are tried at most, until the motion is explained.
@@ -43,7 +44,7 @@ class IdentifySettings:
     method: Method | None = None
     torque: Torque = "friction"
     terms: int = 0
-    series: Series = "with-friction"
+    series: Series | None = None
     bodies: Bodies = "uniform"
     starts: int = 6
     seed: int = 0
@@ -54,12 +55,18 @@ class IdentifySettings:
 
     def __post_init__(self) -> None:
         check_choice("identify.method", self.method, (*METHOD_NAMES, None))
-        for name, words in (("torque", Torque), ("series", Series), ("bodies", Bodies)):
-            check_choice(f"identify.{name}", getattr(self, name), get_args(words))
-        if self.torque != "fourier" and (self.terms or self.series != "with-friction"):
+        for name, words in (("torque", get_args(Torque)), ("bodies", get_args(Bodies))):
+            check_choice(f"identify.{name}", getattr(self, name), words)
+        check_choice("identify.series", self.series, (*get_args(Series), None))
+        if self.torque != "fourier" and self.terms:
             raise SettingsError(
-                "identify.terms, identify.series: expected --identify.torque fourier with them, got "
-                f"'{self.torque}'; add it, or leave them out."
+                "identify.terms: expected --identify.torque fourier with it, got "
+                f"'{self.torque}'; add it, or leave it out."
+            )
+        if self.torque == "friction" and self.series is not None:
+            raise SettingsError(
+                "identify.series: expected --identify.torque fourier or free with it, got 'friction'; add it, "
+                "or leave it out."
             )
         ranges = (
             ("terms", 0, MOST_TERMS),

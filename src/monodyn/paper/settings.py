@@ -21,10 +21,13 @@ class PaperLocateSettings(LocateSettings):
     Attributes:
         start: Where the search of ``paper`` starts: poses ``spread`` over the joint ranges, or the ends of an
             ``evolution``.
+        framework: Figure 2 of ``paper``: ``strict``, camera and pose in turn until neither gains, then the
+            aspect ratios; or ``interleaved``, ours, in which every trial has its own camera.
         level: Threshold of the silhouettes of ``paper`` [grey levels]; 0 takes Otsu's.
     """
 
     start: Literal["spread", "evolution"] = "spread"
+    framework: Literal["strict", "interleaved"] = "strict"
     level: float = 0.0
 
     def __post_init__(self) -> None:
@@ -34,6 +37,12 @@ class PaperLocateSettings(LocateSettings):
             raise SettingsError(
                 f"locate.start: expected 'spread' with the fast method, got '{self.start}'; it belongs to "
                 "locate.method paper."
+            )
+        check_choice("locate.framework", self.framework, ("strict", "interleaved"))
+        if self.method == "fast" and self.framework != "strict":
+            raise SettingsError(
+                f"locate.framework: expected 'strict' with the fast method, got '{self.framework}'; it belongs "
+                "to locate.method paper."
             )
         if not 0.0 <= self.level < 255.0:
             raise SettingsError(f"locate.level: expected 0 to 255 grey levels, got {self.level:g}.")
@@ -67,15 +76,28 @@ class PaperIdentifySettings(IdentifySettings):
         gains: Gains alpha, beta, gamma of the filter, eq. (7); for ``paper``.
         states: What ``paper`` compares the simulated states with: the ``measured`` poses or the ``filtered``.
         rates: With ``paper`` compare rates as well as angles, weighted with the tracker's covariance.
+        filter: How ``paper`` reads eq. (6): ``printed``, the acceleration takes gamma / T^2 of what was not
+            predicted; or ``consistent`` with the bound of eq. (7), gamma / (2 T^2).
+        begin: Where the search of ``paper`` begins: at the start values ``matched`` to the accelerations of
+            the poses, or at those that are ``given``, as they are.
     """
 
     gains: tuple[float, float, float] = PAPER_GAINS
     states: Literal["measured", "filtered"] = "measured"
     rates: bool = False
+    filter: Literal["printed", "consistent"] = "printed"
+    begin: Literal["matched", "given"] = "matched"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_choice("identify.states", self.states, ("measured", "filtered"))
+        check_choice("identify.filter", self.filter, ("printed", "consistent"))
+        check_choice("identify.begin", self.begin, ("matched", "given"))
+        if self.method == "fast" and (self.filter != "printed" or self.begin != "matched"):
+            raise SettingsError(
+                "identify.filter, identify.begin: expected them with --identify.method paper alone; add it, or "
+                "leave them out."
+            )
         if self.method == "fast" and (self.rates or self.states == "filtered"):
             raise SettingsError(
                 "identify.rates, identify.states: rates and filtered states belong to --identify.method "

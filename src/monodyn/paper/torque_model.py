@@ -66,7 +66,7 @@ def torque_model(
         knots = data.times * mechanism.values["time_scale"]
         driven = frictionless(mechanism).with_torque("free", knots=knots)
     else:
-        mechanism = frictionless(mechanism) if settings.series == "alone" else mechanism
+        mechanism = frictionless(mechanism) if settings.series != "with-friction" else mechanism
         driven = _of_period(mechanism, settings.terms or USUAL_TERMS)
     problem = posed(driven, data)
     reason = _obstacle(problem, settings)

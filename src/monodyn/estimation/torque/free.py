@@ -37,8 +37,8 @@ ROUGHER = SearchSettings(evaluations=12, decrease=1e-4, relative=1e-6)
 def fit_free_torques(mechanism: Mechanism, task: Task) -> TorqueSolution:
     """Explain the motion by one torque a joint and time stamp (Case III); sizes and masses are held.
 
-    Where friction explains the motion it is held too, and the torque comes on top of it; else it is part of
-    the torque.
+    Where friction explains the motion it is held too, and the torque comes on top of it; else, or with a torque
+    ``alone``, it is part of the torque.
 
     Args:
         mechanism: The start.
@@ -47,6 +47,8 @@ def fit_free_torques(mechanism: Mechanism, task: Task) -> TorqueSolution:
     Returns:
         The solution.
     """
+    if task.settings.series == "alone":
+        mechanism = frictionless(mechanism)
     undriven = posed(mechanism.with_torque("friction"), task.data)
     stamps = task.data.times[task.data.measured.any(axis=1)]
     reason = _too_many(task, len(stamps), len(mechanism.joints)) or obstacle(undriven, task.smoothed)
