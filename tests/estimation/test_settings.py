@@ -24,7 +24,8 @@ PAPER_ALONE = (
         ),
         (
             {"terms": 3},
-            "identify.terms: expected --identify.torque fourier with it, got 'friction'; add it, or leave it out.",
+            "identify.terms: expected --identify.torque fourier with it, got 'friction'; add it, or "
+            "leave it out.",
         ),
         (
             {"series": "alone"},

@@ -24,8 +24,8 @@ RATES = (
 )
 
 OURS = (
-    "identify.filter, identify.begin: expected them with --identify.method paper alone; add it, or leave them "
-    "out."
+    "identify.filter, identify.begin: expected them with --identify.method paper alone; add it, or leave "
+    "them out."
 )
 
 

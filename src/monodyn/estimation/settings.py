@@ -65,8 +65,8 @@ class IdentifySettings:
             )
         if self.torque == "friction" and self.series is not None:
             raise SettingsError(
-                "identify.series: expected --identify.torque fourier or free with it, got 'friction'; add it, "
-                "or leave it out."
+                "identify.series: expected --identify.torque fourier or free with it, got 'friction'; "
+                "add it, or leave it out."
             )
         ranges = (
             ("terms", 0, MOST_TERMS),

@@ -41,8 +41,8 @@ class PaperLocateSettings(LocateSettings):
         check_choice("locate.framework", self.framework, ("strict", "interleaved"))
         if self.method == "fast" and self.framework != "strict":
             raise SettingsError(
-                f"locate.framework: expected 'strict' with the fast method, got '{self.framework}'; it belongs "
-                "to locate.method paper."
+                f"locate.framework: expected 'strict' with the fast method, got '{self.framework}'; it "
+                "belongs to locate.method paper."
             )
         if not 0.0 <= self.level < 255.0:
             raise SettingsError(f"locate.level: expected 0 to 255 grey levels, got {self.level:g}.")
@@ -95,8 +95,8 @@ class PaperIdentifySettings(IdentifySettings):
         check_choice("identify.begin", self.begin, ("matched", "given"))
         if self.method == "fast" and (self.filter != "printed" or self.begin != "matched"):
             raise SettingsError(
-                "identify.filter, identify.begin: expected them with --identify.method paper alone; add it, or "
-                "leave them out."
+                "identify.filter, identify.begin: expected them with --identify.method paper alone; add it, "
+                "or leave them out."
             )
         if self.method == "fast" and (self.rates or self.states == "filtered"):
             raise SettingsError(

@@ -37,8 +37,8 @@ ROUGHER = SearchSettings(evaluations=12, decrease=1e-4, relative=1e-6)
 def fit_free_torques(mechanism: Mechanism, task: Task) -> TorqueSolution:
     """Explain the motion by one torque a joint and time stamp (Case III); sizes and masses are held.
 
-    Where friction explains the motion it is held too, and the torque comes on top of it; else, or with a torque
-    ``alone``, it is part of the torque.
+    Where friction explains the motion it is held too, and the torque comes on top of it; else, or where the
+    torque acts ``alone``, it is part of the torque.
 
     Args:
         mechanism: The start.
