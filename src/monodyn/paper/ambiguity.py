@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.mechanism.tree import HINGE
+from monodyn.paper.hinge import along_first_body
 from monodyn.paper.placed import DEPTH, X
 from monodyn.paper.sequential import RoundSchedule, sequential
 from monodyn.paper.settings import PaperLocateSettings
@@ -132,8 +133,10 @@ def interpret(
             break
         others = [other for other in shown if other is not own]
         starts = EVOLUTIONS if settings.start == "evolution" else STARTS * len(start.position)
-        budget.expect(1 + 2 * FINALISTS + starts)
-        for view, history in _interpretations(own, start, settings, budget, shrink):
+        budget.expect(1 + 3 * FINALISTS + starts)
+        for found, history in _interpretations(own, start, settings, budget, shrink):
+            view, more = along_first_body(found, model, shown)
+            budget.step(more)
             share, drawings = cross_mismatch(model.released(view), others)
             budget.step(drawings)
             if best is None or share < best.cross_mismatch:
