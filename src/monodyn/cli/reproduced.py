@@ -94,7 +94,7 @@ def _print(made: Experiment) -> None:
     if first.settings is None:
         print("Assumptions of the paper")
         for assumed in first.assumptions:
-            print(f"  {HELD[assumed.held]:15} {assumed.name} ({assumed.numbers})")
+            print(f"  {HELD[assumed.held]:15} {assumed.name} {assumed.numbers}")
         print()
     width = max(len(claim.text) for claim in made.claims)
     methods = list(TITLES)

@@ -31,17 +31,17 @@ def _poses_found(published: Evidence) -> Assumption:
     """Return whether the published method has a pose in every frame."""
     seen, name = published.seen, "The silhouette shows the pose in every frame."
     if seen.poses is None:
-        return Assumption(name, False, f"no poses: {seen.status.rstrip('.')}")
+        return Assumption(name, False, f"There are no poses: {seen.status}")
     count = int(seen.poses.seen.sum())
-    return Assumption(name, count == len(seen.poses), f"{count} of {len(seen.poses)} frames have a pose")
+    return Assumption(name, count == len(seen.poses), f"{count} of {len(seen.poses)} frames have a pose.")
 
 
 def _two_links(published: Evidence) -> Assumption:
     """Return whether the mechanism is the paper's."""
     joints = published.seen.joints
     hinges = len(published.seen.hinges)
-    slides = len(joints) - hinges
-    told = f"{hinges} hinge{'s' * (hinges != 1)}, {slides} slide{'s' * (slides != 1)}"
+    counts = [(hinges, "hinge"), (len(joints) - hinges, "slide")]
+    told = "It has " + " and ".join(f"{n} {kind}{'s' * (n != 1)}" for n, kind in counts if n) + "."
     return Assumption("The mechanism is a double pendulum.", hinges == len(joints) == 2, told)
 
 
@@ -51,7 +51,7 @@ def _as_many_frames(published: Evidence) -> Assumption:
     return Assumption(
         f"{usual.frames} frames are fitted and as many predicted.",
         design.frames >= usual.frames and design.ahead >= usual.ahead,
-        f"{design.frames} are fitted, {design.ahead} predicted",
+        f"{design.frames} are fitted, {design.ahead} predicted.",
     )
 
 
@@ -64,14 +64,14 @@ def _known_dynamics(evidence: Mapping[str, Evidence]) -> Assumption:
         residual = None if case is None else found.overall(case.residual)
         if case is None or case.fit is None or residual is None:
             continue
-        told.append(f"residual {degrees(residual)} ({TITLES[method]})")
-        # the paper's own method decides; where its search is what failed, the other residual shows it
+        told.append(f"{degrees(residual)} ({TITLES[method]})")
+        # the paper's own method decides; where its search alone has failed, the other residual shows it
         held = bool(residual < TRACKING and case.ok) if held is None else held
-        if not case.ok and case.fit.advice:
-            advice = f"; {case.fit.advice[0].rstrip('.')}"
+        if not residual < TRACKING and case.fit.advice and not advice:
+            advice = f" {case.fit.advice[0]}"
     if held is None:
-        return Assumption(name, None, "there is no fit of Case I")
-    return Assumption(name, held, ", ".join(told) + advice)
+        return Assumption(name, None, "There is no fit of Case I to measured angles.")
+    return Assumption(name, held, f"Case I leaves a residual of {' and '.join(told)}.{advice}")
 
 
 def _several_periods(published: Evidence) -> Assumption:
@@ -79,12 +79,10 @@ def _several_periods(published: Evidence) -> Assumption:
     name = "The motion is periodic, and the fitted frames hold multiple periods (Case II)."
     case = published.case("II")
     if case is None or case.period is None:
-        reason = next(
-            (c.status for c in published.cases if c.plan.case == "II"), "there is no fit of Case II"
-        )
-        return Assumption(name, None, reason.rstrip("."))
+        made = next((c.status for c in published.cases if c.plan.case == "II"), "There is no fit of Case II.")
+        return Assumption(name, None, made)
     held = case.plan.frames * published.interval / case.period
-    told = f"{held:.2g} periods of {case.period:.3g} s in {case.plan.frames} frames"
+    told = f"{case.plan.frames} frames hold {held:.2g} of the poses' periods of {case.period:.3g} s."
     return Assumption(name, held >= SEVERAL, told)
 
 
@@ -93,7 +91,6 @@ def _time_stamps(published: Evidence) -> Assumption:
     return Assumption(
         "The time stamps are those of the motion.",
         None,
-        f"taken as they are, one each {1e3 * published.interval:.3g} ms: in a recording that is k times "
-        f"slower "
-        "than life, lengths come out k² times too long",
+        f"They are taken as they are, {1e3 * published.interval:.3g} ms apart. In a recording k times "
+        "slower than life lengths come out k² times too long.",
     )

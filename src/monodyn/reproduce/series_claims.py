@@ -97,9 +97,12 @@ def starts_end_apart(evidence: Evidence) -> Verdict:
     if len(fits) < 2 or not evidence.seen.hinges:
         return FIT_MISSING
     places = endings(fits, evidence.seen.hinges)
-    values = [identifiable(case.fit.mechanism) for case in fits if case.fit is not None]
+    # what a fit that does not follow the poses says of the parameters is no estimate
+    values = [identifiable(case.fit.mechanism) for case in fits if case.fit is not None and case.ok]
     name, share = _most_different(values)
-    told = f"{ended(places, drawn)}; {name} differs most, by {_percent(share)}"
+    told = ended(places, drawn)
+    if name:
+        told += f"; where the fit follows the poses {name} differs most, by {_percent(share)}"
     return Verdict(len(places) > 1 or share > OTHER, told, starts=drawn)
 
 
@@ -110,9 +113,8 @@ def ended(places: Sequence[Ending], drawn: int) -> str:
         places: The places, the one with the least residual first.
         drawn: Starts drawn.
     """
-    parts = [
-        f"{len(place.cases)} of {drawn} end at residual {degrees(place.residual)}" for place in places[:4]
-    ]
+    parts = [f"{len(place.cases)} at residual {degrees(place.residual)}" for place in places[:4]]
+    parts[0] = parts[0].replace(" at", f" of {drawn} end at", 1)
     others = sum(len(place.cases) for place in places[4:])
     if others:
         parts.append(f"{others} elsewhere, up to {degrees(places[-1].residual)}")
@@ -124,7 +126,9 @@ def ended(places: Sequence[Ending], drawn: int) -> str:
 
 def _most_different(values: Sequence[Mapping[str, float]]) -> tuple[str, float]:
     """Return which of the numbers that the motion determines differs most, and by what share."""
-    shares = {}
+    shares: dict[str, float] = {}
+    if len(values) < 2:
+        return "", 0.0
     for name in values[0]:
         numbers = [found[name] for found in values]
         shares[name] = (max(numbers) - min(numbers)) / max(abs(float(np.median(numbers))), 1e-12)

@@ -11,7 +11,7 @@ import numpy as np
 
 from monodyn.errors import MonodynError
 from monodyn.mechanism import Joint, Mechanism
-from monodyn.paper.assumptions import Assumption, film_assumptions
+from monodyn.paper.assumptions import Assumption, failed, film_assumptions
 from monodyn.paper.locate import PaperScene
 from monodyn.paper.settings import PaperLocateSettings, PaperTrackSettings
 from monodyn.paper.silhouettes import ClipSilhouettes
@@ -142,7 +142,7 @@ def see(
         settings = TrackSettings() if method == "fast" else PaperTrackSettings(method="paper")
         poses = track(scene.masks, scene, settings, progress=watch)
     except CASE_FAILURES as error:
-        film = film_assumptions(scene, None) if isinstance(scene, PaperScene) else ()
+        film = () if method == "fast" else failed(ClipSilhouettes(masks))
         return Seen(method, f"failed: {error}", joints, scene, frameworks=frameworks, film=film)
     errors = None
     if truth is not None:
