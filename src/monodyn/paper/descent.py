@@ -237,8 +237,9 @@ def _searched(
     from monodyn.optimize import bounded_bfgs
 
     turned, most, tolerance = fixed.problem.unknowns.of_kind("torque"), *limits
+    lengths = np.where(turned, 1.0, np.diag(directions))
     low, high = (
-        np.where(turned, side, (end - x) / np.diag(directions))
+        np.where(turned, side, (end - x) / lengths)
         for side, end in zip((-np.inf, np.inf), bounds, strict=True)
     )
 
