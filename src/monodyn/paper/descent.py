@@ -20,6 +20,8 @@ from monodyn.types import Progress
 
 NOISE_SHARE = 1e-3
 """The search ends when the cost falls by less than this share of what the stated noise alone costs."""
+FIRST_PART = 1.5
+"""Values in the first of these parts under a Fourier series for each unknown, at least."""
 LONGER_BY = 8
 """Samples by which the part of a record that torques over time are fitted to grows, at least."""
 FOLLOWED_SHARE = 0.5
@@ -40,7 +42,7 @@ MOST_ROLLOUTS = 20000
 """Rollouts from all starts, at most."""
 SHOWN_EVERY = 500
 """Progress is shown each time after this many rollouts."""
-CLOSE_SHARE = 0.02
+CLOSE_SHARE = {"friction": 0.02, "fourier": 0.1, "free": 0.02}
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
 
 
@@ -91,7 +93,7 @@ def descend(
     Returns:
         The best end, or None where no start can be simulated.
     """
-    motion = fixed.problem.data.motion_size
+    close = CLOSE_SHARE[fixed.problem.mechanism.torque] * fixed.problem.data.motion_size
     best: Descent | None = None
     evaluations, tried, tick = 0, 0, _ticker(progress)
     for x in fit_starts(fixed, smoothed, series, settings):
@@ -100,7 +102,7 @@ def descend(
         if found is not None:
             evaluations += found.evaluations
             best = found if best is None or found.size < best.size else best
-        if evaluations >= MOST_ROLLOUTS or (found is not None and (_rms(found) < CLOSE_SHARE * motion).all()):
+        if evaluations >= MOST_ROLLOUTS or (found is not None and (_rms(found) < close).all()):
             break
     return None if best is None else replace(best, evaluations=evaluations, tried=tried)
 
@@ -167,6 +169,9 @@ def _in_parts(
     """Fit torques over time to the first samples, then to more; free ones are led on from where they fit."""
     rows, evaluations, torque = len(fixed.problem.data.times), 0, fixed.problem.mechanism.torque
     fixed, stop = replace(fixed, substeps=PART_STEPS[torque]), LONGER_BY
+    if torque == "fourier":
+        # with fewer values than unknowns the search would wander off along what they leave open
+        stop = max(stop, int(np.ceil(FIRST_PART * len(x) / fixed.target.shape[1])))
     while stop < rows - 1 and evaluations < most:
         # NaN in the target leaves a row out; torques after it move nothing that is compared
         late = (np.arange(rows) >= stop)[:, None]
@@ -206,11 +211,11 @@ def _minimum(
     """
     if fixed.problem.mechanism.torque != "fourier":
         return _searched(fixed, x, bounds, _directions(fixed, x), (most, _tolerance(fixed, x)), tick)
-    limit, spent = TOLERANCE if whole else PART_TOLERANCE, 2 * len(x)
+    limit, spent = TOLERANCE if whole else PART_TOLERANCE, 1
     directions, turns, near = _directions(fixed, x), 0, False
     while True:
         end = _searched(fixed, x, bounds, directions, (max(most - spent, len(x) + 2), limit), tick)
-        spent, turns, x = spent + end.evaluations + 2 * len(x), turns + 1, end.x
+        spent, turns, x = spent + end.evaluations + 1, turns + 1, end.x
         directions = _directions(fixed, x)
         near = _gain(fixed, x, bounds, directions) < limit
         if near or turns >= MOST_TURNS or spent >= most:
@@ -232,8 +237,9 @@ def _searched(
     from monodyn.optimize import bounded_bfgs
 
     turned, most, tolerance = fixed.problem.unknowns.of_kind("torque"), *limits
+    lengths = np.where(turned, 1.0, np.diag(directions))
     low, high = (
-        np.where(turned, side, (end - x) / np.diag(directions))
+        np.where(turned, side, (end - x) / lengths)
         for side, end in zip((-np.inf, np.inf), bounds, strict=True)
     )
 
@@ -246,7 +252,13 @@ def _searched(
             return np.full(1, np.nan)
         return fixed.residuals(np.clip(at, *bounds)).ravel()
 
-    end = bounded_bfgs(residuals, np.zeros(len(x)), (low, high), most=most, tolerance=tolerance)
+    def slopes(z: np.ndarray) -> np.ndarray:
+        return fixed.jacobian(np.clip(x + directions @ z, *bounds)).reshape(-1, len(x)) @ directions
+
+    end = bounded_bfgs(
+        residuals, np.zeros(len(x)), (low, high), most=most, tolerance=tolerance,
+        jacobian=slopes if turned.any() else None,
+    )  # fmt: skip
     # rounding in and out of the scaled coordinates must not take an unknown off its bound
     best = x + directions @ end.x
     for bound in bounds:

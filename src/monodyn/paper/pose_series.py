@@ -1,9 +1,9 @@
 """Joint positions in, their common period and Fourier series out: eq. (10), of one omega for all joints.
 
 At a given period the series is one linear least squares a joint, so that the period alone is searched. The
-paper leaves the numbers of harmonics M_i open; here Schwarz's criterion chooses them. While the period is
-searched there are no more of them than the record holds periods: a series of several harmonics fits any one
-period of anything, and only what comes again shows that it is one.
+paper leaves the numbers of harmonics M_i open; here Schwarz's criterion chooses them. A period that a record
+does not hold twice is compared with the others by its first harmonic alone: a series of several fits one
+period of anything, and only what comes again shows that it is a period.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def pose_series(
     """Fit theta_i = p_i0 + sum_j (p_ij cos j omega t + q_ij sin j omega t) with one omega to all joints.
 
     Period and M_i have the least sum over the joints of n log(mean square of what is left) + (1 + 2 M_i)
-    log n, with M_i up to the number of whole periods in the record; at that period, if the record holds it,
-    M_i is then chosen anew, up to three.
+    log n, with M_i up to three, one where the record does not hold the period twice; M_i is then chosen anew,
+    up to three, if the record holds the period once.
 
     Args:
         time: Times [s], increasing, (frame,).
@@ -102,10 +102,11 @@ class _Fit:
         return SCAN_STEP / (MOST_HARMONICS * self.span)
 
     def at(self, period: float, most: int = 0) -> PoseSeries:
-        """Fit the series of one period, up to ``most`` harmonics; 0: as many as there are whole periods."""
+        """Fit the series of one period, up to ``most`` harmonics; 0: as many as its search allows."""
         # no more harmonics either than the samples can tell apart
         step = float(np.median(np.diff(self.time)))
-        most = min(most or int(self.span / period), MOST_HARMONICS, int(period / (PER_WAVE * step)))
+        most = most or (MOST_HARMONICS if 2.0 * period <= self.span else 1)
+        most = min(most, int(period / (PER_WAVE * step)))
         columns, chosen, criterion = [], [], 0.0
         for dof in range(self.position.shape[1]):
             tried = [self._joint(dof, period, m) for m in range(1, max(most, 1) + 1)]
