@@ -1,7 +1,6 @@
 """Status and advice of the published fit, each sentence compared whole."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from monodyn.mechanism import load
 from monodyn.paper.descent import Descent
 from monodyn.paper.fit_verdict import published_advice, published_verdict
 from monodyn.paper.fixed_start import FixedStart
+from monodyn.paper.pose_series import PoseSeries
 from monodyn.paper.torque_model import TorqueModel
 from swings import TIMES, motion, record
 from waves import PAPER
@@ -37,6 +37,15 @@ def ended(torque="friction", *, frames=40, compared=None, converged=True, tried=
     return Descent(fixed, x, np.stack((x - 1.0, x + 1.0)), 100, converged, tried, error), poses
 
 
+SERIES = PoseSeries(1.234567, 1.23, np.zeros((3, 1)), (1,), 0.0)
+"""Poses of a little more than a period."""
+
+
+def of_series(found, series=None, *, known=False) -> TorqueModel:
+    """Return the torque model of what was found, with the series of its poses."""
+    return TorqueModel(found.fixed.problem, series=series, known=known)
+
+
 def fit_with(found, poses, rms) -> Fit:
     """Return a fit with some residual, and no parameter of which anything can be said."""
     blank = refused(found.fixed.problem, "", (poses,), 0.0)
@@ -44,7 +53,7 @@ def fit_with(found, poses, rms) -> Fit:
 
 
 @pytest.mark.parametrize(
-    ("share", "case", "period", "status"),
+    ("share", "case", "series", "status"),
     [
         (
             0.5, {}, None,
@@ -52,10 +61,10 @@ def fit_with(found, poses, rms) -> Fit:
             "motion; fit fewer frames, or try --identify.method fast.",
         ),
         (
-            0.5, {"states": "filtered"}, 1.234567,
+            0.5, {"states": "filtered"}, SERIES,
             "The simulated motion does not follow the record: rms residual of joint1 {amount}, 50 % of its "
-            "motion; compare with --identify.states measured, which do not lag, give the period, estimated "
-            "as 1.235 s, with --fix torque.period=SECONDS, or try --identify.method fast.",
+            "motion; compare with --identify.states measured, which do not lag, give the period, 1.235 s in "
+            "the poses, with --fix torque.period=SECONDS, or try --identify.method fast.",
         ),
         (
             0.5, {"frames": 8}, None,
@@ -69,12 +78,12 @@ def fit_with(found, poses, rms) -> Fit:
         ),
     ],
 )  # fmt: skip
-def test_a_fit_that_does_not_follow(share, case, period, status):
+def test_a_fit_that_does_not_follow(share, case, series, status):
     settings = replace(PAPER, states=case.pop("states", "measured"))
     found, _ = ended(**case)
     rms = share * float(found.fixed.problem.data.motion_size[0])
     amount = f"{np.degrees(rms):.3g} deg"
-    assert published_verdict(found, {"joint1": rms}, settings, period) == (
+    assert published_verdict(found, {"joint1": rms}, settings, of_series(found, series)) == (
         status.format(amount=amount),
         False,
     )
@@ -83,21 +92,36 @@ def test_a_fit_that_does_not_follow(share, case, period, status):
 def test_a_fit_that_follows():
     found, _ = ended()
     rms = {"joint1": np.radians(0.1)}
-    assert published_verdict(found, rms, PAPER, None) == (
+    assert published_verdict(found, rms, PAPER, of_series(found)) == (
         "Identified 3 unknowns by the published method from 40 frames, torque model friction; rms residual "
         "0.1 deg (joint1).",
         True,
     )
     few, _ = ended(compared=3)
-    assert published_verdict(few, rms, PAPER, None)[0] == (
+    assert published_verdict(few, rms, PAPER, of_series(few))[0] == (
         "Identified 3 unknowns (more than there are measured values: one of many solutions) by the published "
         "method from 40 frames, torque model friction; rms residual 0.1 deg (joint1)."
     )
 
 
+def test_a_record_of_less_than_a_period():
+    found, _ = ended()
+    rms = {"joint1": np.radians(0.1)}
+    short = of_series(found, replace(SERIES, periods=0.6))
+    status, ok = published_verdict(found, rms, PAPER, short)
+    assert ok
+    assert status == (
+        "Identified 3 unknowns by the published method from 40 frames, torque model friction; rms residual "
+        "0.1 deg (joint1). The frames hold 0.6 of the period of 1.235 s; its estimate requires multiple "
+        "periods."
+    )
+    given = replace(short, known=True)
+    assert "require" not in published_verdict(found, rms, PAPER, given)[0]
+
+
 def test_advice_of_a_search_that_misses_and_stops_early():
     found, poses = ended(converged=False, tried=2, error=1e-3, frames=11)
-    model = TorqueModel(found.fixed.problem, period=1.234567, doubt=("Doubt.",))
+    model = of_series(found, SERIES)
     rms = 0.2 * float(found.fixed.problem.data.motion_size[0])
     settings = replace(PAPER, states="filtered")
     poses = replace(poses, position=poses.position + np.radians(2.0))
@@ -112,10 +136,11 @@ def test_advice_of_a_search_that_misses_and_stops_early():
         "Dry friction was taken to be zero; --free joint1.friction estimates it.",
         "The published method holds the start state at the filtered one, whose error adds to the residual; "
         "--identify.method fast estimates it.",
-        "Doubt.",
+        "The period of 1.235 s is that of the poses, held in the fit.",
+        "The frames hold 1.2 periods, and its estimate requires multiple ones; give more frames, or the "
+        "period with --fix torque.period=SECONDS.",
         "With these gains the filtered states ring and errors do not die out; take a gamma below 0.05 with "
-        "--identify.gains.",
-        "The period of 1.235 s was estimated beforehand and held.",
+        "--identify.gains, or --identify.filter consistent.",
         "11 measured positions are few for 3 unknowns; more frames give smaller intervals.",
         "The search ended before the minimum was certain; allow more with --identify.evaluations.",
         "2 starts were tried; the best of them is reported.",
@@ -126,7 +151,7 @@ def test_gains_without_effect():
     found, poses = ended()
     fit = fit_with(found, poses, 1e-4)
     settings = replace(PAPER, gains=(0.5, 0.1, 0.01))
-    model = SimpleNamespace(doubt=(), period=None)
+    model = of_series(found)
     assert published_advice(found, model, fit, (poses,), settings, ()) == (
         "The gains have no effect on this fit: measured angles are compared, and the start state is the "
         "parabola through the first three samples.",

@@ -10,7 +10,7 @@ import pytest
 
 from chains import CAMERA, POSE, chain, falls, silhouette_of, view_of
 from monodyn.paper.placed import DEPTH, X
-from monodyn.paper.sequential import sequential
+from monodyn.paper.sequential import strict
 from monodyn.paper.subproblems import mismatch
 
 
@@ -19,7 +19,7 @@ def test_the_framework_finds_all_of_them(tmp_path: Path) -> None:
     mechanism = chain(tmp_path, lengths=(0.1, 0.1), widths=(0.02, 0.02))
     image = silhouette_of()
     start = view_of(mechanism, replace(CAMERA, depth=0.8, x=0.0, y=0.0), np.array([-0.7, 0.55]))
-    found, histories = sequential(image, start)
+    found, histories = strict(image, start)
     sizes = dict(zip(found.names, found.sizes, strict=True))
     np.testing.assert_allclose(found.position, POSE, atol=np.radians(0.3))
     assert sizes == pytest.approx(

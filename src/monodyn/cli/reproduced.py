@@ -1,7 +1,8 @@
-"""``monodyn reproduce``: its options, and its table on the standard output."""
+"""``monodyn reproduce``: its options, and its tables on the standard output."""
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,12 @@ from monodyn.errors import SettingsError
 
 if TYPE_CHECKING:
     from monodyn.reproduce.experiment import Experiment
+    from monodyn.reproduce.repetition import Repetition
+
+USUAL_SEEDS = 3
+"""Pendulums of the experiment where the user does not say."""
+MOST_PROCESSES = 2
+"""Processes that work side by side at most; each takes up to half a gigabyte."""
 
 
 @dataclass(frozen=True)
@@ -21,39 +28,55 @@ class ReproduceOptions:
 
     Attributes:
         out: Folder for the page, the tables and the clip.
-        clip: A clip of a pendulum in place of the made one; its truth is not known. Needs --model.
+        clip: A clip of a mechanism in place of the made ones. Needs --model.
         model: Mechanism file (MJCF, URDF) or bundled name for --clip.
+        truth: The true motion of --clip: a JSON document with q by frame, or a table as monodyn identify
+            reads it.
         force: Replace an experiment that is already in DIR.
         quiet: No progress, no table.
-        seed: Seed of the made clip and of the start values.
+        seed: Seed of the made clips and of the start values.
+        seeds: Pendulums, each with a seed of its own: the usual one, then drawn ones; 3 unless --clip is
+            given.
     """
 
     out: Annotated[Path, conf.arg(metavar="DIR")]
     clip: Annotated[Path | None, conf.arg(metavar="CLIP")] = None
     model: Annotated[str | None, conf.arg(metavar="MODEL")] = None
+    truth: Annotated[Path | None, conf.arg(metavar="FILE")] = None
     force: bool = False
     quiet: bool = False
     seed: int = 0
+    seeds: Annotated[int | None, conf.arg(metavar="N")] = None
 
     def go(self) -> int:
         """Return the exit code after running the command.
 
         Raises:
-            SettingsError: the seed is negative.
+            SettingsError: the seed is negative, or there are several seeds for one clip.
         """
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
+        if self.clip is not None and self.seeds is not None:
+            raise SettingsError(
+                f"seeds: expected none with --clip, which is one pendulum, got {self.seeds}; leave it out."
+            )
         from monodyn.cli.show import progress_on
         from monodyn.cli.streams import printing
-        from monodyn.reproduce.cases import Design
         from monodyn.reproduce.clip import ClipSettings
         from monodyn.reproduce.experiment import ReproduceSettings, reproduce
+        from monodyn.reproduce.given import GivenClip
+        from monodyn.reproduce.plans import Design
 
-        settings = ReproduceSettings(ClipSettings(seed=self.seed), Design(seed=self.seed))
+        given = GivenClip.of(self.clip, self.model, self.truth)
+        seeds = self.seeds if self.seeds is not None else USUAL_SEEDS
+        settings = ReproduceSettings(
+            ClipSettings(seed=self.seed),
+            Design(seed=self.seed),
+            1 if given is not None else seeds,
+            min(MOST_PROCESSES, os.cpu_count() or 1),
+        )
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
-            made = reproduce(
-                self.out, settings, clip=self.clip, model=self.model, force=self.force, progress=progress
-            )
+            made = reproduce(self.out, settings, given=given, force=self.force, progress=progress)
         if not self.quiet:
             with printing():
                 _print(made)
@@ -61,25 +84,38 @@ class ReproduceOptions:
 
 
 def _print(made: Experiment) -> None:
-    """Print the three cases, the verdicts and where the page is."""
-    from monodyn.reproduce.tables import STAR, plain_rows
+    """Print the three cases of each pendulum, assumptions, verdicts and where the page is."""
+    from monodyn.reproduce.page_tables import HELD
     from monodyn.reproduce.vision import TITLES
 
-    columns, rows = plain_rows(made.cases, made.joints)
+    for repetition in made.repetitions:
+        _print_cases(repetition)
+    first = made.repetitions[0]
+    if first.settings is None:
+        print("Assumptions of the paper")
+        for assumed in first.assumptions:
+            print(f"  {HELD[assumed.held]:15} {assumed.name} {assumed.numbers}")
+        print()
+    width = max(len(claim.text) for claim in made.claims)
+    methods = list(TITLES)
+    print("  ".join(["claim".ljust(width), *(TITLES[method].ljust(16) for method in methods)]).rstrip())
+    for claim in made.claims:
+        said = [claim.judged[method].words.ljust(16) for method in methods]
+        print("  ".join([claim.text.ljust(width), *said]).rstrip())
+    print(f"\n{made.seconds:.0f} s. page: {made.folder / 'reproduce.html'}")
+
+
+def _print_cases(repetition: Repetition) -> None:
+    """Print the table of the three cases with one pendulum."""
+    from monodyn.reproduce.tables import plain_rows
+
+    columns, rows = plain_rows(repetition)
     widths = [max(len(row[i]) for row in [columns, *rows]) for i in range(len(columns))]
+    print(repetition.name)
     for row in [columns, *rows]:
         cells = [
             cell.ljust(width) if i < 3 else cell.rjust(width)
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         print("  ".join(cells).rstrip())
-    if any(case.clip_period for case in made.cases):
-        print(f"{STAR} the period is that of the whole clip, predicted frames included")
-    words = {True: "held", False: "did not hold", None: "no verdict"}
     print()
-    for claim in made.claims:
-        said = ", ".join(
-            f"{TITLES[method]} {words[verdict.held]}" for method, verdict in claim.verdicts.items()
-        )
-        print(f"{claim.text} {said}.")
-    print(f"\n{made.seconds:.0f} s. page: {made.folder / 'reproduce.html'}")

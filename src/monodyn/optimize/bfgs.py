@@ -25,6 +25,7 @@ def bounded_bfgs(
     *,
     tolerance: float = 1e-10,
     most: int = 10000,
+    jacobian: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Minimum:
     """Minimize 1/2 r(x).r(x) within bounds.
 
@@ -42,6 +43,7 @@ def bounded_bfgs(
         bounds: Lower and upper bounds, (param,) each or one for all; may be infinite.
         tolerance: Done when the value changes by less than this share of that at the start.
         most: Evaluations of the residuals at most.
+        jacobian: Gives dr/dx (row, param) in place of differences; counted as one evaluation.
 
     Returns:
         The best point where the residuals exist, with the value 1/2 r.r. A search whose last steps met points
@@ -62,7 +64,7 @@ def bounded_bfgs(
         [1.0, 1.0]
     """
     start, lower, upper = checked_bounds(start, bounds)
-    fit = _Fit(residuals, (lower, upper), most)
+    fit = _Fit(residuals, (lower, upper), most, jacobian)
     first = fit.evaluate(start)
     if first is None:
         return Minimum(start, np.inf, fit.evaluations, False, as_history(fit.history), NOT_EVALUABLE)
@@ -101,8 +103,9 @@ class _Fit:
         residuals: Callable[[np.ndarray], np.ndarray],
         bounds: tuple[np.ndarray, np.ndarray],
         most: int,
+        jacobian: Callable[[np.ndarray], np.ndarray] | None,
     ) -> None:
-        self.residuals, self.most = residuals, most
+        self.residuals, self.most, self.jacobian = residuals, most, jacobian
         self.lower, self.upper = bounds
         self.evaluations, self.failures, self.unit = 0, 0, 1.0
         self.best: tuple[np.ndarray, float] = (np.zeros(0), np.inf)
@@ -161,7 +164,15 @@ class _Fit:
         """Return the slope of the value at z (param,), (param,); 0 where there are no residuals."""
         x, residual = self.at(z)
         # the penalty is a plateau: its slope is zero, and the line search alone leads back from it
-        return np.zeros(len(x)) if residual is None else self.differences(x, residual) / self.unit
+        if residual is None:
+            return np.zeros(len(x))
+        if self.jacobian is not None:
+            self.evaluations += 1
+            along = residual @ self.jacobian(x)
+            # derivatives overflow before the residuals themselves do
+            if np.isfinite(along).all():
+                return along / self.unit
+        return self.differences(x, residual) / self.unit
 
     def differences(self, x: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Return the slope of 1/2 r.r by differences, (param,).

@@ -8,29 +8,41 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation.record.smooth import Smoothed
-from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.shoot import choose_substeps
 from monodyn.optimize import Minimum
 from monodyn.paper.fit_bounds import bounded
 from monodyn.paper.fit_starts import LED_STEPS, fit_starts, led
 from monodyn.paper.fixed_start import FixedStart
+from monodyn.paper.modes import WEAKEST_MODE, modes
+from monodyn.paper.pose_series import PoseSeries
+from monodyn.paper.settings import PaperIdentifySettings
 from monodyn.types import Progress
 
 NOISE_SHARE = 1e-3
 """The search ends when the cost falls by less than this share of what the stated noise alone costs."""
-WEAKEST_MODE = 0.01
-"""Modes of free torques below this share of the strongest are taken as that strong."""
+FIRST_PART = 1.5
+"""Values in the first of these parts under a Fourier series for each unknown, at least."""
 LONGER_BY = 8
-"""Samples by which the part of a record that free torques are fitted to grows."""
-MOST_FOR_A_PART = 2500
+"""Samples by which the part of a record that torques over time are fitted to grows, at least."""
+FOLLOWED_SHARE = 0.5
+"""A part under a Fourier series grows as far as the motion is followed within this share of its size."""
+MOST_FOR_A_PART = {"fourier": 800, "free": 2500}
 """Rollouts for each of those parts, at most."""
+PART_STEPS = {"fourier": 4, "free": LED_STEPS}
+"""Integration steps between stamps in those parts."""
+PART_TOLERANCE = 1e-2
+"""Nor, for a part under a Fourier series, for less than this share."""
+TOLERANCE = 1e-4
+"""No search goes on for less than this share of the cost."""
+MOST_TURNS = 10
+"""Times that the directions of a search under a Fourier series are taken anew, at most."""
 GRADIENT_EVALUATIONS = 4
 """Evaluations of a quasi-Newton search for one of a Gauss-Newton search."""
 MOST_ROLLOUTS = 20000
 """Rollouts from all starts, at most."""
 SHOWN_EVERY = 500
 """Progress is shown each time after this many rollouts."""
-CLOSE_SHARE = 0.02
+CLOSE_SHARE = {"friction": 0.02, "fourier": 0.1, "free": 0.02}
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
 
 
@@ -65,8 +77,8 @@ class Descent:
 def descend(
     fixed: FixedStart,
     smoothed: tuple[Smoothed, ...],
-    start: np.ndarray | None,
-    settings: IdentifySettings,
+    series: PoseSeries | None,
+    settings: PaperIdentifySettings,
     progress: Progress | None = None,
 ) -> Descent | None:
     """Search from one start after the other until the motion is explained.
@@ -74,23 +86,23 @@ def descend(
     Args:
         fixed: The problem; its scales and integration steps are chosen here.
         smoothed: Smooth motion of each record.
-        start: Coordinates at which a torque of the period explains the accelerations, (param,), or None.
+        series: The Fourier series of the poses, or None.
         settings: Starts, seed, evaluations (each as many rollouts as a gradient takes), error bound.
         progress: Called as ``progress("identify", rollouts, None)`` every few hundred rollouts.
 
     Returns:
         The best end, or None where no start can be simulated.
     """
-    motion = fixed.problem.data.motion_size
+    close = CLOSE_SHARE[fixed.problem.mechanism.torque] * fixed.problem.data.motion_size
     best: Descent | None = None
     evaluations, tried, tick = 0, 0, _ticker(progress)
-    for x in fit_starts(fixed, smoothed, start, settings):
+    for x in fit_starts(fixed, smoothed, series, settings):
         found = _search(fixed, x, smoothed, settings, MOST_ROLLOUTS - evaluations, tick)
         tried += 1
         if found is not None:
             evaluations += found.evaluations
             best = found if best is None or found.size < best.size else best
-        if evaluations >= MOST_ROLLOUTS or (found is not None and (_rms(found) < CLOSE_SHARE * motion).all()):
+        if evaluations >= MOST_ROLLOUTS or (found is not None and (_rms(found) < close).all()):
             break
     return None if best is None else replace(best, evaluations=evaluations, tried=tried)
 
@@ -118,7 +130,7 @@ def _search(
     fixed: FixedStart,
     x: np.ndarray,
     smoothed: tuple[Smoothed, ...],
-    settings: IdentifySettings,
+    settings: PaperIdentifySettings,
     most: int,
     tick: Callable[[], None],
 ) -> Descent | None:
@@ -126,7 +138,7 @@ def _search(
     fixed, bounds = bounded(fixed, x, smoothed)
     x = np.clip(x, *bounds)
     evaluations, converged = 0, False
-    if fixed.problem.mechanism.torque == "free":
+    if fixed.problem.mechanism.torque != "friction":
         x, evaluations = _in_parts(fixed, x, bounds, smoothed[0], most // 2, tick)
     # the start may move slowly and the end fast: the steps that the end needs are only known there
     error = np.inf
@@ -154,70 +166,129 @@ def _in_parts(
     most: int,
     tick: Callable[[], None],
 ) -> tuple[np.ndarray, int]:
-    """Fit free torques to the first samples, then to more, each time led on from the end of what fits."""
-    rows, evaluations = len(fixed.problem.data.times), 0
-    for stop in range(LONGER_BY, rows - 1, LONGER_BY):
+    """Fit torques over time to the first samples, then to more; free ones are led on from where they fit."""
+    rows, evaluations, torque = len(fixed.problem.data.times), 0, fixed.problem.mechanism.torque
+    fixed, stop = replace(fixed, substeps=PART_STEPS[torque]), LONGER_BY
+    if torque == "fourier":
+        # with fewer values than unknowns the search would wander off along what they leave open
+        stop = max(stop, int(np.ceil(FIRST_PART * len(x) / fixed.target.shape[1])))
+    while stop < rows - 1 and evaluations < most:
         # NaN in the target leaves a row out; torques after it move nothing that is compared
         late = (np.arange(rows) >= stop)[:, None]
-        part = replace(fixed, substeps=LED_STEPS, target=np.where(late, np.nan, fixed.target))
-        if not np.isfinite(part.residuals(x)).all() or evaluations >= most:
+        part = replace(fixed, target=np.where(late, np.nan, fixed.target))
+        if not np.isfinite(part.residuals(x)).all():
             break
-        end = _minimum(part, x, bounds, min(MOST_FOR_A_PART, most - evaluations), tick)
+        end = _minimum(part, x, bounds, min(MOST_FOR_A_PART[torque], most - evaluations), tick, whole=False)
         evaluations += end.evaluations
-        x = np.clip(led(fixed, end.x, smoothed, stop), *bounds)
+        x = end.x
+        if torque == "free":
+            x = np.clip(led(fixed, x, smoothed, stop), *bounds)
+        stop = max(stop + LONGER_BY, _followed(fixed, x) if torque == "fourier" else 0)
     return x, evaluations
 
 
-def _minimum(
-    fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, most: int, tick: Callable[[], None]
-) -> Minimum:
-    """Search within bounds (2, param) by the paper's solver, unknowns in units of their scale.
+def _followed(fixed: FixedStart, x: np.ndarray) -> int:
+    """Return the first row at which the simulated motion is off by a large share of its size."""
+    with np.errstate(invalid="ignore"):
+        off = np.abs(fixed.residuals(x)) > FOLLOWED_SHARE * np.nanstd(fixed.target, axis=0)
+    lost = off.any(axis=1)
+    return int(np.argmax(lost)) if lost.any() else len(lost)
 
-    Free torques are searched along their modes instead, of which the bounds are kept by the penalty.
+
+def _minimum(
+    fixed: FixedStart,
+    x: np.ndarray,
+    bounds: np.ndarray,
+    most: int,
+    tick: Callable[[], None],
+    *,
+    whole: bool = True,
+) -> Minimum:
+    """Search within bounds (2, param); under a Fourier series in directions taken anew until none gains.
+
+    Such a search is at its minimum when the step of Gauss and Newton from there gains next to nothing: the
+    solver itself cannot tell, because its steps also end where a bound of a torque is met.
+    """
+    if fixed.problem.mechanism.torque != "fourier":
+        return _searched(fixed, x, bounds, _directions(fixed, x), (most, _tolerance(fixed, x)), tick)
+    limit, spent = TOLERANCE if whole else PART_TOLERANCE, 1
+    directions, turns, near = _directions(fixed, x), 0, False
+    while True:
+        end = _searched(fixed, x, bounds, directions, (max(most - spent, len(x) + 2), limit), tick)
+        spent, turns, x = spent + end.evaluations + 1, turns + 1, end.x
+        directions = _directions(fixed, x)
+        near = _gain(fixed, x, bounds, directions) < limit
+        if near or turns >= MOST_TURNS or spent >= most:
+            return replace(end, evaluations=spent, converged=near)
+
+
+def _searched(
+    fixed: FixedStart,
+    x: np.ndarray,
+    bounds: np.ndarray,
+    directions: np.ndarray,
+    limits: tuple[int, float],
+    tick: Callable[[], None],
+) -> Minimum:
+    """Search once by the paper's solver, along directions (param, param) from ``x``.
+
+    Directions of torques are combinations of them, whose bounds are kept by the penalty.
     """
     from monodyn.optimize import bounded_bfgs
 
-    free = fixed.problem.mechanism.torque == "free"
-    turned = fixed.problem.unknowns.of_kind("torque") & free
-    turn = fixed.scale[:, None] * _modes(fixed, x, turned)
+    turned, most, tolerance = fixed.problem.unknowns.of_kind("torque"), *limits
+    lengths = np.where(turned, 1.0, np.diag(directions))
     low, high = (
-        np.where(turned, side, (end - x) / fixed.scale)
+        np.where(turned, side, (end - x) / lengths)
         for side, end in zip((-np.inf, np.inf), bounds, strict=True)
     )
-    cost = 0.5 * float(np.sum(fixed.residuals(x) ** 2))
 
     # bounds of single torques are no bounds of their modes: outside of them the cost is not a number, from
     # which the search steps back
     def residuals(z: np.ndarray) -> np.ndarray:
         tick()
-        at = x + turn @ z
+        at = x + directions @ z
         if ((at < bounds[0]) | (at > bounds[1]))[turned].any():
             return np.full(1, np.nan)
         return fixed.residuals(np.clip(at, *bounds)).ravel()
 
-    tolerance = float(np.clip(NOISE_SHARE * _noise_cost(fixed) / max(cost, 1e-300), 1e-10, 1e-4))
-    end = bounded_bfgs(residuals, np.zeros(len(x)), (low, high), most=most, tolerance=tolerance)
+    def slopes(z: np.ndarray) -> np.ndarray:
+        return fixed.jacobian(np.clip(x + directions @ z, *bounds)).reshape(-1, len(x)) @ directions
+
+    end = bounded_bfgs(
+        residuals, np.zeros(len(x)), (low, high), most=most, tolerance=tolerance,
+        jacobian=slopes if turned.any() else None,
+    )  # fmt: skip
     # rounding in and out of the scaled coordinates must not take an unknown off its bound
-    best = x + turn @ end.x
+    best = x + directions @ end.x
     for bound in bounds:
         best = np.where(np.abs(best - bound) < 1e-9 * fixed.scale, bound, best)
     return replace(end, x=np.clip(best, *bounds))
 
 
-def _modes(fixed: FixedStart, x: np.ndarray, turned: np.ndarray) -> np.ndarray:
-    """Directions of the unknowns, in scales, with those of ``turned`` scaled to equal effect on the motion.
+def _directions(fixed: FixedStart, x: np.ndarray) -> np.ndarray:
+    """Directions of the search, (param, param): the unknowns in their scales, torques along their modes."""
+    turned = fixed.problem.unknowns.of_kind("torque")
+    if not turned.any():
+        return np.diag(fixed.scale)
+    along = fixed.jacobian(x).reshape(-1, len(x)) * fixed.scale
+    return fixed.scale[:, None] * modes(along, turned, WEAKEST_MODE[fixed.problem.mechanism.torque])
 
-    A torque early in a record moves all that follows and a late one hardly anything, and neighbours do
-    nearly the same: without this a quasi-Newton search takes thousands of steps. (param, param).
-    """
-    modes = np.eye(len(x))
-    if turned.any():
-        along = fixed.jacobian(x).reshape(-1, len(x))[:, turned] * fixed.scale[turned]
-        _, sizes, vectors = np.linalg.svd(along)
-        # fewer rows than torques leave directions that move nothing: they count as the weakest
-        sizes = np.append(sizes, np.zeros(len(vectors) - len(sizes)))
-        modes[np.ix_(turned, turned)] = vectors.T / np.hypot(sizes, WEAKEST_MODE * sizes[0])
-    return modes
+
+def _gain(fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, directions: np.ndarray) -> float:
+    """Share of the cost that a step of Gauss and Newton within the bounds would gain, to first order."""
+    residuals = fixed.residuals(x).ravel()
+    along = fixed.jacobian(x).reshape(-1, len(x)) @ directions
+    slope, single = along.T @ residuals, ~fixed.problem.unknowns.of_kind("torque")
+    # an unknown at a bound from which the cost falls outward stays there
+    held = single & np.where(slope > 0, x <= bounds[0], x >= bounds[1])
+    return float(np.sum(slope[~held] ** 2) / max(float(residuals @ residuals), 1e-300))
+
+
+def _tolerance(fixed: FixedStart, x: np.ndarray) -> float:
+    """Share of the cost by less than which a step does not matter, for the stated noise."""
+    cost = 0.5 * float(np.sum(fixed.residuals(x) ** 2))
+    return float(np.clip(NOISE_SHARE * _noise_cost(fixed) / max(cost, 1e-300), 1e-10, TOLERANCE))
 
 
 def _noise_cost(fixed: FixedStart) -> float:

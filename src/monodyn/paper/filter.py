@@ -17,8 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.arrays import frozen, increasing
+from monodyn.choices import check_choice
 from monodyn.errors import SettingsError, VideoError
 
+READINGS = ("printed", "consistent")
+"""How the last line of eq. (6) is read: gamma / T^2 as it stands, or gamma / (2 T^2), as in (7)."""
 FIRST = 3
 """Seen samples that a filter starts from."""
 
@@ -30,21 +33,25 @@ POSITION, VELOCITY, ACCELERATION = range(3)
 class Gains:
     """Gains of the filter: 0 < alpha <= 1, 0 < beta < 1, 0 < gamma < 4 alpha beta / (2 - alpha), eq. (7).
 
-    The last bound is that of a filter whose acceleration takes gamma / (2 T^2) of the innovation. Eq. (6) has
-    gamma / T^2, and with that errors only die out for gamma < 2 alpha beta / (2 - alpha), see ``stable``. The
-    paper's own gains lie on that edge: they ring without end.
+    The last bound is that of a filter whose acceleration takes gamma / (2 T^2) of the innovation: the reading
+    ``consistent``. Eq. (6) has gamma / T^2: the reading ``printed``, with which errors only die out for
+    gamma < 2 alpha beta / (2 - alpha), see ``stable``. The paper's own gains lie on that edge, and ring
+    without end.
 
     Attributes:
         alpha: Share of the innovation that the position takes.
         beta: That of the rate, times the step.
-        gamma: That of the acceleration, times the step squared.
+        gamma: That of the acceleration, times the step squared, once or twice.
+        reading: ``printed`` or ``consistent``.
     """
 
     alpha: float = 0.4
     beta: float = 0.1
     gamma: float = 0.05
+    reading: str = "printed"
 
     def __post_init__(self) -> None:
+        check_choice("gains.reading", self.reading, READINGS)
         if not 0.0 < self.alpha <= 1.0:
             raise SettingsError(f"gains: expected alpha above 0 and up to 1 (eq. 7), got {self.alpha:g}.")
         if not 0.0 < self.beta < 1.0:
@@ -57,23 +64,36 @@ class Gains:
             )
 
     @property
+    def acceleration(self) -> float:
+        """Share of the innovation that the acceleration takes, times the step squared, as it was read."""
+        return self.gamma if self.reading == "printed" else 0.5 * self.gamma
+
+    @property
+    def ringing(self) -> float:
+        """The gamma from which on an error of the filter's states does not die out."""
+        most = 2.0 * self.alpha * self.beta / (2.0 - self.alpha)
+        return most if self.reading == "printed" else 2.0 * most
+
+    @property
     def stable(self) -> bool:
-        """True when an error of the filter's states dies out: gamma < 2 alpha beta / (2 - alpha)."""
-        return self.gamma < (1.0 - 1e-9) * 2.0 * self.alpha * self.beta / (2.0 - self.alpha)
+        """True when an error of the filter's states dies out, which as ``consistent`` it always does."""
+        return self.gamma < (1.0 - 1e-9) * self.ringing
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> Gains:
+    def of(cls, values: Sequence[float], reading: str = "printed") -> Gains:
         """Return the gains given as alpha, beta, gamma.
 
         Args:
             values: The three of them.
+            reading: How eq. (6) is read, ``printed`` or ``consistent``.
 
         Raises:
             SettingsError: They are not three, or outside of eq. (7).
         """
         if len(values) != 3:
             raise SettingsError(f"gains: expected alpha, beta and gamma, got {len(values)} numbers.")
-        return cls(*(float(value) for value in values))
+        alpha, beta, gamma = (float(value) for value in values)
+        return cls(alpha, beta, gamma, reading)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +123,8 @@ def filtered(
 
     x_p(k) = x_s(k-1) + T v_s(k-1) + T^2/2 a_s(k-1), v_p(k) = v_s(k-1) + T a_s(k-1), a_p(k) = a_s(k-1);
     x_s = x_p + alpha e, v_s = v_p + beta/T e, a_s = a_p + gamma/T^2 e with e = x_o - x_p and T the time since
-    the joint was last seen, so that an unseen frame counts as much as one that is not in the record.
+    the joint was last seen, so that an unseen frame counts as much as one that is not in the record. In the
+    reading ``consistent`` gamma/(2 T^2) takes the place of gamma/T^2.
 
     Args:
         time: Increasing time stamps [s], (frame,).
@@ -231,7 +252,7 @@ def _steps(times: np.ndarray, seen: np.ndarray, heads: list[np.ndarray], gains: 
             # the innovation of several steps at once: rates divide by all the time since the last sample
             if seen[k, dof]:
                 since = times[k] - last
-                gain[k] = gains.alpha, gains.beta / since, gains.gamma / since**2
+                gain[k] = gains.alpha, gains.beta / since, gains.acceleration / since**2
                 last = times[k]
             # s = s_p + g (x_o - x_p) with s_p = predict s': (predict - g predict_0) s' + g x_o
             transition[k] = predict - np.outer(gain[k], predict[0])

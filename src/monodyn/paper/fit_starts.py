@@ -1,4 +1,4 @@
-"""First coordinates of the published search: the default search's, and torques that follow the poses."""
+"""First coordinates of the published search: the default search's or the given ones, and torques for them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from monodyn.estimation.record.smooth import Smoothed
-from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Route
@@ -16,43 +15,48 @@ from monodyn.mechanism.simulate import rollout
 from monodyn.optimize import SearchSettings
 from monodyn.paper.fit_bounds import centred, true_motion
 from monodyn.paper.fixed_start import FixedStart
-from monodyn.paper.torque import fourier_coefficients, inverse_dynamics
+from monodyn.paper.pose_series import PoseSeries
+from monodyn.paper.settings import PaperIdentifySettings
+from monodyn.paper.torque import fourier_coefficients, inverse_dynamics, torque_of_series
 
 LED_STEPS = 16
 """Integration steps between stamps while torques lead the motion along the poses."""
 LEAD_RATE = 0.2
 """Rate by the time step at which a simulated state is led back to the poses for a start."""
+SAMPLES_A_WAVE = 8
+"""Times in the shortest wave of a torque at which it is computed."""
 MOST_STARTS = {"fourier": 2, "free": 1}
 """Starts, at most, with a torque over time, whose many unknowns compensate for a start that is off."""
 
 
 def fit_starts(
-    fixed: FixedStart, smoothed: tuple[Smoothed, ...], start: np.ndarray | None, settings: IdentifySettings
+    fixed: FixedStart,
+    smoothed: tuple[Smoothed, ...],
+    series: PoseSeries | None,
+    settings: PaperIdentifySettings,
 ) -> Iterator[np.ndarray]:
-    """Yield starts: that of the guessed period, then those of the default search without a torque.
+    """Yield starts: those of the default search without a torque, or the given values alone.
 
-    A Fourier series starts as that of the torque that the smoothed poses require there, eq. (12) and (13);
-    free torques as those that lead the motion of the file's bodies, in the scale of the start, along the
-    poses.
+    A Fourier series starts as that of the torque that the series of the poses requires there, eq. (10) to
+    (13); free torques as those that lead the motion of the file's bodies, in the scale of the start, along
+    the poses.
 
     Args:
         fixed: The problem.
         smoothed: Smooth motion of each record.
-        start: Coordinates at which a torque of the period explains the accelerations, (param,), or None.
-        settings: How many starts, and their seed.
+        series: The Fourier series of the poses, or None.
+        settings: Where to begin, how many starts, and their seed.
 
     Yields:
         Coordinates, (param,).
 
     Source:
-        Eq. (12) and (13) of "Estimating dynamics on-the-fly using monocular video", 2012.
+        Eq. (10) to (13) of "Estimating dynamics on-the-fly using monocular video", 2012.
     """
-    count = min(settings.starts, MOST_STARTS.get(fixed.problem.mechanism.torque, settings.starts))
-    if start is not None:
-        yield _driven(fixed, start, smoothed)
-        count -= 1
-    if count < 1:
+    if settings.begin == "given":
+        yield _driven(fixed, fixed.problem.unknowns.x0, smoothed, series)
         return
+    count = min(settings.starts, MOST_STARTS.get(fixed.problem.mechanism.torque, settings.starts))
     undriven = posed(fixed.problem.mechanism.with_torque("friction"), fixed.problem.data)
     place = fixed.problem.unknowns.index(undriven.unknowns.names)
     route = Route(settings.piece, settings.error_bound, SearchSettings(evaluations=settings.evaluations))
@@ -61,25 +65,42 @@ def fit_starts(
         whole[place] = x
         if fixed.problem.mechanism.torque == "free":
             whole = centred(fixed, whole)[0]
-        yield _driven(fixed, whole, smoothed)
+        yield _driven(fixed, whole, smoothed, series)
 
 
-def _driven(fixed: FixedStart, x: np.ndarray, smoothed: tuple[Smoothed, ...]) -> np.ndarray:
-    """Put the coefficients of the torque that smoothed poses require into ``x`` (param,)."""
+def _driven(
+    fixed: FixedStart, x: np.ndarray, smoothed: tuple[Smoothed, ...], series: PoseSeries | None
+) -> np.ndarray:
+    """Put the torques that the poses require into ``x`` (param,)."""
     if fixed.problem.mechanism.torque == "free":
         return led(fixed, x, smoothed[0])
-    if fixed.problem.mechanism.torque != "fourier":
-        return x
-    mechanism, stretch, parts = fixed.problem.mechanism_at(x), fixed.problem.stretch(x), []
-    for k, found in enumerate(smoothed):
-        q, v, a = true_motion(fixed, x, k, found)
-        # at the ends smoothing has neighbours on one side only
-        parts.append((found.time[2:-2] * stretch, inverse_dynamics(mechanism, q, v, a)[2:-2]))
-    time, torque = (np.concatenate(part) for part in zip(*parts, strict=True))
-    entries = mechanism.drive_entries(fixed.problem.unknowns.names)
-    x = x.copy()
-    period = mechanism.values["torque.period"]
-    coefficients = fourier_coefficients(time, torque, period, entries.shape[1] // 2)
+    return x if series is None else required(fixed, x, series)
+
+
+def required(fixed: FixedStart, x: np.ndarray, series: PoseSeries) -> np.ndarray:
+    """Put in the Fourier coefficients of the torque that periodic poses require.
+
+    The motion of the series and the torque that it requires repeat, so one period of both is taken.
+
+    Args:
+        fixed: The problem, of one record under a Fourier series.
+        x: Coordinates, (param,).
+        series: The series of the poses.
+
+    Returns:
+        Coordinates with the coefficients, (param,).
+
+    Source:
+        Eq. (11) to (13) of "Estimating dynamics on-the-fly using monocular video", 2012.
+    """
+    problem = fixed.problem
+    mechanism = problem.mechanism_at(x)
+    entries, x = mechanism.drive_entries(problem.unknowns.names), x.copy()
+    terms, period = entries.shape[1] // 2, mechanism.values["torque.period"]
+    time = np.arange(SAMPLES_A_WAVE * terms) * period / (SAMPLES_A_WAVE * terms)
+    metres = np.where(problem.data.slide[0], problem.size(x), 1.0)
+    torque = torque_of_series(mechanism, series.coefficients * metres, period, time)
+    coefficients = fourier_coefficients(time, torque, period, terms)
     x[entries[entries >= 0]] = coefficients.T[entries >= 0]
     return x
 

@@ -23,12 +23,16 @@ UNCLEAR_SHARE = 0.01
 """Residuals above this share of the motion may come from bodies or friction that the model lacks."""
 SHORT_RECORD = 10
 """Frames of a record that can hardly be shorter."""
+FIX_PERIOD = "--fix torque.period=SECONDS"
+"""How the user gives the period."""
+SEVERAL_PERIODS = 2.0
+"""Periods that a record must hold for their estimate to be taken for granted."""
 NOT_FOLLOWED_SHARE = 0.25
 """The fit does not follow the record when the rms residual of a joint is above this share of its motion."""
 
 
 def published_verdict(
-    found: Descent, rms: dict[str, float], settings: PaperIdentifySettings, period: float | None
+    found: Descent, rms: dict[str, float], settings: PaperIdentifySettings, model: TorqueModel
 ) -> tuple[str, bool]:
     """Write what came of the fit, and decide whether it follows the record at all.
 
@@ -36,7 +40,7 @@ def published_verdict(
         found: Where the search ended.
         rms: Root mean square of the residual by joint [rad or m].
         settings: What was compared, under which torque model.
-        period: The period [s] that was estimated, or None.
+        model: The torque model.
 
     Returns:
         The status, one sentence, and whether the fit can be used.
@@ -54,13 +58,13 @@ def published_verdict(
             instead = ["allow more with --identify.evaluations"]
         elif settings.states == "filtered":
             instead = ["compare with --identify.states measured, which do not lag"]
-        if period is not None:
-            known = f"give the period, estimated as {period:.4g} s, with --fix torque.period=SECONDS"
+        if model.series is not None and not model.known:
+            known = f"give the period, {model.series.period:.4g} s in the poses, with {FIX_PERIOD}"
             instead.append(known)
         return (
             f"{what}: rms residual of {name} {amount(problem.mechanism, name, rms[name])}, "
             f"{percent(share[j])} of its motion; {', '.join([*instead, ''])}"
-            f"{'or ' if instead else ''}try --identify.method fast.",
+            f"{'or ' if instead else ''}try --identify.method fast.{_too_short(model)}",
             False,
         )
     unknowns = len(problem.unknowns)
@@ -68,8 +72,18 @@ def published_verdict(
     lacking = open_all if found.fixed.compared <= unknowns else ""
     return (
         f"Identified {unknowns} unknowns{lacking} by the published method from {frames} frames, torque model "
-        f"{settings.torque}; rms residual {amounts(problem.mechanism, rms)}.",
+        f"{settings.torque}; rms residual {amounts(problem.mechanism, rms)}.{_too_short(model)}",
         True,
+    )
+
+
+def _too_short(model: TorqueModel) -> str:
+    """Add to a status that the record does not hold one period, or nothing."""
+    if model.series is None or model.known or model.series.periods >= 1.0:
+        return ""
+    return (
+        f" The frames hold {model.series.periods:.2g} of the period of {model.series.period:.4g} s; its "
+        "estimate requires multiple periods."
     )
 
 
@@ -107,9 +121,7 @@ def published_advice(
     bodies = [p for p in fit.parameters if kinds[p.name] != "torque"]
     sentences = advice.integration(fixed.substeps, found.error, settings.error_bound)
     sentences += _under_torques(fixed) if settings.torque == "free" else _misfit(found, fit, records)
-    sentences += [*model.doubt, *_filtering(settings)]
-    if model.period is not None:
-        sentences.append(f"The period of {model.period:.4g} s was estimated beforehand and held.")
+    sentences += [*_period(model), *_filtering(settings)]
     if settings.torque != "free":
         sentences += advice.open_parameters(mechanism, bodies, without_effect)
         sentences += advice.few(fixed.compared, len(problem.unknowns))
@@ -156,6 +168,20 @@ def _misfit(found: Descent, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     return sentences
 
 
+def _period(model: TorqueModel) -> list[str]:
+    """Report where the period comes from, and whether the record shows it more than once."""
+    series = model.series
+    if series is None or model.known:
+        return []
+    sentences = [f"The period of {series.period:.4g} s is that of the poses, held in the fit."]
+    if 1.0 <= series.periods < SEVERAL_PERIODS:
+        sentences.append(
+            f"The frames hold {series.periods:.2g} periods, and its estimate requires multiple ones; give "
+            f"more frames, or the period with {FIX_PERIOD}."
+        )
+    return sentences
+
+
 def _filtering(settings: PaperIdentifySettings) -> list[str]:
     """Report what the gains do, where they are not the usual ones or ring."""
     used = settings.rates or settings.states == "filtered"
@@ -165,11 +191,10 @@ def _filtering(settings: PaperIdentifySettings) -> list[str]:
             "parabola through the first three samples."
         ]
     # the paper's own gains lie on the edge, where errors neither grow nor die out
-    gains = Gains.of(settings.gains)
+    gains = Gains.of(settings.gains, settings.filter)
     if used and not gains.stable:
-        most = 2.0 * gains.alpha * gains.beta / (2.0 - gains.alpha)
         return [
             f"With these gains the filtered states ring and errors do not die out; take a gamma below "
-            f"{most:.3g} with --identify.gains."
+            f"{gains.ringing:.3g} with --identify.gains, or --identify.filter consistent."
         ]
     return []

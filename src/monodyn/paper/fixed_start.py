@@ -119,6 +119,23 @@ class FixedStart:
         return difference if self.white is None else np.einsum("fij,fj->fi", self.white, difference)
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Differentiate ``residuals`` by the unknowns, along the rollout where nothing is filtered.
+
+        Args:
+            x: Coordinates, (param,).
+
+        Returns:
+            The Jacobian, (row, column, param).
+        """
+        # start states of slides in the start scale move with the sizes, which the tangents do not contain
+        if self.white is not None or self.problem.data.slide.any():
+            return self.differences(x)
+        compared = np.isfinite(self.target)
+        plain = np.eye(self.target.shape[1]) * compared[:, :, None]
+        problem = self.problem.with_data(replace(self.problem.data, white=plain))
+        return problem.rows(self.trial(x))[1][:, :, : len(x)]
+
+    def differences(self, x: np.ndarray) -> np.ndarray:
         """Differentiate ``residuals`` by the unknowns, by central differences within their bounds.
 
         Args:

@@ -30,10 +30,8 @@ import numpy as np
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
-from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, typical
-from monodyn.estimation.torque.fourier import NO_PERIOD, no_harmonic, stands_out
 from monodyn.estimation.verdict.summary import UNSTARTED, fit_of, refused
 from monodyn.estimation.verdict.uncertainty import knowledge_at
 from monodyn.mechanism import Mechanism
@@ -77,25 +75,20 @@ def identify_published(
     data = prepare(tuple(records), mechanism)
     records = tuple(ordered(record, mechanism) for record in records)
     smoothed = tuple(smooth(record) for record in records)
-    model = torque_model(mechanism, settings, data, smoothed)
+    model = torque_model(mechanism, settings, data)
     if model.reason is not None:
         return _refused(model, model.reason, records, settings, began)
-    found = descend(_fixed_start(model.problem, records, settings), smoothed, model.start, settings, progress)
+    found = descend(
+        _fixed_start(model.problem, records, settings), smoothed, model.series, settings, progress
+    )
     if found is None:
         return _refused(model, UNSTARTED, records, settings, began)
-    problem = model.problem
-    if settings.torque == "fourier" and not stands_out(problem, found.x, smooth_motion(problem, smoothed)):
-        # without such a torque an estimated period is only that of the motion; a given one is kept, with
-        # advice
-        if model.period is not None:
-            return _refused(model, NO_PERIOD, records, settings, began)
-        model = replace(model, doubt=(no_harmonic(problem.mechanism_at(found.x)),))
     return _fit(found, model, records, settings, began)
 
 
 def _fixed_start(problem: Problem, records: tuple[Poses, ...], settings: PaperIdentifySettings) -> FixedStart:
     """Filter the records, and take from them the start states and what is compared."""
-    gains, data = Gains.of(settings.gains), problem.data
+    gains, data = Gains.of(settings.gains, settings.filter), problem.data
     seen = [np.where(record.seen[:, None], record.position, np.nan) for record in records]
     pairs = list(zip(records, seen, strict=True))
     motion = tuple(filtered(r.time, positions, gains, r.covariance) for r, positions in pairs)
@@ -148,7 +141,7 @@ def _fit(
     fit = fit_of(problem, optimum, known, records, freedom=freedom, began=began)
     if not determined:
         fit = replace(fit, combinations=())
-    status, ok = published_verdict(found, fit.rms, settings, model.period)
+    status, ok = published_verdict(found, fit.rms, settings, model)
     without_effect = known.without_effect(problem.unknowns.names)
     advice = published_advice(found, model, fit, records, settings, without_effect)
     return replace(fit, status=status, ok=ok, advice=advice)

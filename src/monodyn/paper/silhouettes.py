@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.paper.threshold import holds, otsu_level, silhouette
+from monodyn.paper.threshold import Threshold, holds, otsu_threshold, silhouette
 from monodyn.paper.view import SilhouetteImage, silhouette_image
 from monodyn.types import Frame
 from monodyn.vision.foreground.masks import Masks
@@ -45,9 +45,10 @@ class ClipSilhouettes:
     level: float = 0.0
 
     @cached_property
-    def threshold(self) -> float:
-        """The threshold [grey levels]."""
-        return self.level or otsu_level(self.masks.samples.frames, self.masks.background)
+    def threshold(self) -> Threshold:
+        """The threshold; a level that the user set holds for grey or colour, as Otsu's would."""
+        best = otsu_threshold(self.masks.samples.frames, self.masks.background)
+        return replace(best, level=self.level or best.level)
 
     def picture(self, frame: Frame, *, settle: bool = True) -> np.ndarray:
         """Return the silhouette of a frame, uint8 (height, width).
@@ -94,7 +95,8 @@ class ClipSilhouettes:
         found = [shown for i in picks if (shown := self.find(frames[i])) is not None]
         if not found:
             raise VideoError(
-                f"{self.masks.video.path}: expected the mechanism to stand out by {self.threshold:.0f} grey "
-                "levels, found it in no frame; set --locate.level lower, or use another method."
+                f"{self.masks.video.path}: expected the mechanism to stand out by "
+                f"{self.threshold.level:.0f} grey levels, found it in no frame; set --locate.level lower, or "
+                "use another method."
             )
         return found

@@ -9,6 +9,7 @@ little larger, one that stands out less a little smaller.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,15 +28,17 @@ LEAST_THRESHOLD = 4.0
 """Least threshold, in standard deviations of a pixel's noise."""
 
 
-def silhouette(frame: Frame, background: Background, level: float, *, settle: bool = True) -> np.ndarray:
-    """Separate the mechanism from the background by a threshold on the grey difference, ``|I - B| > level``.
+def silhouette(
+    frame: Frame, background: Background, threshold: Threshold, *, settle: bool = True
+) -> np.ndarray:
+    """Separate the mechanism from the background by a threshold on the difference, ``|I - B| > level``.
 
     Small patches are left out.
 
     Args:
         frame: The picture.
         background: What the pixels show without the mechanism.
-        level: The threshold [grey levels].
+        threshold: Of grey or of colour.
         settle: Give patches without a known background to the mechanism where it borders them.
 
     Returns:
@@ -50,9 +53,11 @@ def silhouette(frame: Frame, background: Background, level: float, *, settle: bo
     """
     import cv2
 
+    level = threshold.level
     if not 0.0 < level < 255.0:
         raise SettingsError(f"silhouette: expected a level above 0 and below 255, got {level:g}.")
-    _, over = cv2.threshold(difference(frame, background), level, FULL, cv2.THRESH_BINARY)
+    apart = difference(frame, background, colour=threshold.colour)
+    _, over = cv2.threshold(apart, level, FULL, cv2.THRESH_BINARY)
     # patches are labelled within their bounding box alone, which is much smaller than the picture
     x, y, width, height = cv2.boundingRect(over)
     if width:
@@ -107,37 +112,77 @@ def holds(silhouette: np.ndarray) -> bool:
     return bool(np.any(silhouette == FULL))
 
 
-def difference(frame: Frame, background: Background) -> np.ndarray:
+@dataclass(frozen=True)
+class Threshold:
+    """What divides the mechanism from the background.
+
+    Attributes:
+        level: Least difference of the mechanism [grey levels].
+        colour: Colours are compared, and not grey levels alone.
+    """
+
+    level: float
+    colour: bool = False
+
+
+def difference(frame: Frame, background: Background, *, colour: bool = False) -> np.ndarray:
     """Return how far each pixel is from the background [grey levels], uint8 (height, width).
+
+    In grey ``|Y - Y_B|``, in colour ``sqrt((Y - Y_B)^2 + (Cb - Cb_B)^2 + (Cr - Cr_B)^2)``.
 
     Args:
         frame: The picture.
         background: What the pixels show without the mechanism.
+        colour: Compare colours, where both have them.
     """
     import cv2
 
-    return cv2.absdiff(frame.luma, cv2.convertScaleAbs(background.luma))
+    grey = cv2.absdiff(frame.luma, cv2.convertScaleAbs(background.luma))
+    if not colour or frame.chroma is None or background.chroma is None:
+        return grey
+    blue, red = (
+        cv2.absdiff(own, cv2.convertScaleAbs(behind)).astype(np.float32)
+        for own, behind in zip(frame.chroma, background.chroma, strict=True)
+    )
+    # the two colour planes are joined at their own size, a quarter of the picture's, and enlarged once
+    size = (grey.shape[1], grey.shape[0])
+    hue = cv2.resize(cv2.magnitude(blue, red), size, interpolation=cv2.INTER_LINEAR)
+    return cv2.convertScaleAbs(cv2.magnitude(grey.astype(np.float32), hue))
 
 
-def otsu_level(frames: Sequence[Frame], background: Background) -> float:
+def otsu_threshold(frames: Sequence[Frame], background: Background) -> Threshold:
     """Return the threshold that divides the differences of some frames best into two classes.
 
-    The level maximizes the variance between the classes, ``n0 n1 (m0 - m1)^2``.
+    The level maximizes the variance between the classes, ``n0 n1 (m0 - m1)^2``. Colours are compared where
+    that variance is then the larger share of the whole one: coloured links may have the background's grey,
+    but a picture has half as many colour samples to either side, and grey edges are sharper.
 
     Args:
         frames: Pictures with the mechanism in them.
         background: What the pixels show without the mechanism.
 
     Returns:
-        The threshold [grey levels], above the pixels' noise.
+        The threshold, above the pixels' noise.
 
     Source:
         Otsu, A threshold selection method from gray-level histograms, 1979.
     """
+    grey = _divided(frames, background, colour=False)
+    shown = background.chroma is not None and all(frame.chroma is not None for frame in frames)
+    (level, share), colour = grey, False
+    if shown:
+        coloured = _divided(frames, background, colour=True)
+        if coloured[1] > share:
+            (level, _), colour = coloured, True
+    return Threshold(max(level, LEAST_THRESHOLD * background.noise, 1.0), colour)
+
+
+def _divided(frames: Sequence[Frame], background: Background, *, colour: bool) -> tuple[float, float]:
+    """Return Otsu's level [grey levels], and the share of the variance that lies between its classes."""
     top, bottom, left, right = background.window
     counts = np.zeros(256)
     for frame in frames:
-        part = difference(frame, background)[top:bottom, left:right]
+        part = difference(frame, background, colour=colour)[top:bottom, left:right]
         counts += np.bincount(part.ravel(), minlength=256)
     levels = np.arange(256.0)
     below, total = np.cumsum(counts), counts.sum()
@@ -147,6 +192,8 @@ def otsu_level(frames: Sequence[Frame], background: Background) -> float:
     split = (below > 0) & (above > 0)
     apart = np.zeros(256)
     apart[split] = (sums[split] / below[split] - (sums[-1] - sums[split]) / above[split]) ** 2
+    between = below * above * apart
     # the maximum is flat over levels that no pixel has: their middle is as far from both classes as can be
-    best = np.flatnonzero(below * above * apart == (below * above * apart).max())
-    return float(max(best.mean(), LEAST_THRESHOLD * background.noise, 1.0))
+    best = np.flatnonzero(between == between.max())
+    whole = total * float(counts @ levels**2) - float(sums[-1]) ** 2
+    return float(best.mean()), float(between.max()) / whole if whole > 0.0 else 0.0

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.estimation.record.samples import Data
-from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import NOTHING_MOVES
-from monodyn.estimation.torque.fourier import NO_PERIOD, fit_series
-from monodyn.estimation.torque.periods import SCANNED_TERMS, PeriodSearch
-from monodyn.estimation.torque.task import Task, frictionless
+from monodyn.estimation.torque.task import frictionless
 from monodyn.mechanism import Mechanism
+from monodyn.paper.pose_series import PoseSeries, pose_series
 from monodyn.paper.settings import PaperIdentifySettings
 
 FEWEST_MEASURED = 5
@@ -30,69 +28,57 @@ class TorqueModel:
     Attributes:
         problem: With the parameters of the torque.
         reason: Why there is no point in a search, or None.
-        start: Coordinates at which a torque of the period explains the accelerations, (param,), or None.
-        period: The period [s] that was estimated, or None.
-        doubt: Advice on a torque that does not stand out.
+        series: The Fourier series of the poses, from which that of the torque starts, or None.
+        known: True where the user gave the period.
     """
 
     problem: Problem
     reason: str | None = None
-    start: np.ndarray | None = None
-    period: float | None = None
-    doubt: tuple[str, ...] = ()
+    series: PoseSeries | None = None
+    known: bool = False
 
 
-def torque_model(
-    mechanism: Mechanism, settings: PaperIdentifySettings, data: Data, smoothed: tuple[Smoothed, ...]
-) -> TorqueModel:
+def torque_model(mechanism: Mechanism, settings: PaperIdentifySettings, data: Data) -> TorqueModel:
     """Give the mechanism the parameters of its torque.
 
     Args:
         mechanism: The start.
         settings: The torque model, its harmonics.
         data: The measurements.
-        smoothed: Smooth motion of each record.
 
     Returns:
         The problem, or why there is no point in a search.
     """
     plain = mechanism.with_torque("friction")
-    if settings.torque != "friction" and len(smoothed) > 1:
+    if settings.torque != "friction" and data.records > 1:
         reason = "A torque over time belongs to one record; fit them one by one."
         return TorqueModel(posed(plain, data), reason)
+    # a torque over time stands for the friction as well, unless both are wanted
+    if settings.torque != "friction" and settings.series != "with-friction":
+        mechanism = frictionless(mechanism)
     if settings.torque == "friction":
         driven = plain
     elif settings.torque == "free":
-        knots = data.times * mechanism.values["time_scale"]
-        driven = frictionless(mechanism).with_torque("free", knots=knots)
+        driven = mechanism.with_torque("free", knots=data.times * mechanism.values["time_scale"])
     else:
-        mechanism = frictionless(mechanism) if settings.series != "with-friction" else mechanism
         driven = _of_period(mechanism, settings.terms or USUAL_TERMS)
     problem = posed(driven, data)
     reason = _obstacle(problem, settings)
     if reason is not None or settings.torque != "fourier":
         return TorqueModel(problem, reason)
-    return _periodic(mechanism, settings, problem, smoothed)
+    return _periodic(mechanism, settings.terms or USUAL_TERMS, data)
 
 
-def _periodic(
-    mechanism: Mechanism, settings: PaperIdentifySettings, problem: Problem, smoothed: tuple[Smoothed, ...]
-) -> TorqueModel:
-    """Estimate the period, with no more harmonics than it takes: one of many harmonics is a long one."""
-    periods = PeriodSearch.of(mechanism, problem.data, smoothed)
-    # many harmonics are those of a long period: where there are more, one to three are tried
-    guesses = periods.guesses(settings.terms if settings.terms in SCANNED_TERMS else 0)
-    known = periods.bounds[0] == periods.bounds[1]
-    if not guesses:
-        return TorqueModel(problem, None if known else NO_PERIOD)
-    period = guesses[0].period
-    if not known:
-        # a series can fit what the model lacks; the default search decides whether a torque acts at all
-        default = fit_series(mechanism, Task(problem.data, smoothed, settings, None))
-        if default.optimum is None:
-            return TorqueModel(problem, NO_PERIOD)
-        problem = posed(_of_period(mechanism, settings.terms or USUAL_TERMS, period), problem.data)
-    return TorqueModel(problem, None, periods.start(guesses[0], problem), None if known else period)
+def _periodic(mechanism: Mechanism, terms: int, data: Data) -> TorqueModel:
+    """Hold the period at that of the poses, or at the user's."""
+    clock = mechanism.with_torque("fourier", terms=1, period=1.0).parameter("torque.period")
+    stretch = mechanism.values["time_scale"]
+    bounds = (clock.lower, clock.upper) if clock.free else (clock.value, clock.value)
+    position = np.where(data.measured, data.position, np.nan)
+    noise = np.nanmedian(data.std, axis=0)
+    series = pose_series(data.times * stretch, position, noise, bounds)
+    driven = _of_period(mechanism, terms, series.period)
+    return TorqueModel(posed(driven, data), None, series, bounds[0] == bounds[1])
 
 
 def _of_period(mechanism: Mechanism, terms: int, period: float | None = None) -> Mechanism:

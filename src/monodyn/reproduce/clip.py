@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from monodyn.reproduce.truth import Truth, true_values
 from monodyn.types import Camera, Progress
 
 LINES = 8
@@ -65,6 +66,11 @@ class Pendulum:
     damping: tuple[float, float] = (6e-4, 3e-4)
     start: tuple[float, float] = (-0.30, -0.30)
 
+    @property
+    def mass(self) -> np.ndarray:
+        """Mass of each rod [kg], (body,)."""
+        return self.density * np.prod([self.length, self.width, self.thickness], axis=0)
+
 
 @dataclass(frozen=True)
 class ClipSettings:
@@ -91,23 +97,6 @@ class ClipSettings:
     noise: float = 2.0
     quality: int = 18
     seed: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """The true motion of a clip.
-
-    Attributes:
-        time: Time stamps [s], (frame,).
-        position: Joint positions [rad], (frame, dof).
-        velocity: Joint rates [rad/s], (frame, dof).
-        pendulum: What moved.
-    """
-
-    time: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    pendulum: Pendulum
 
 
 def make_clip(path: Path, settings: ClipSettings | None = None, *, progress: Progress | None = None) -> Truth:
@@ -203,7 +192,8 @@ def simulated(settings: ClipSettings) -> Truth:
         position.append(data.qpos.copy())
         velocity.append(data.qvel.copy())
         mujoco.mj_step(model, data, substeps)
-    return Truth(np.arange(settings.frames) / settings.rate, np.array(position), np.array(velocity), rods)
+    values = true_values(rods.length, rods.mass, rods.damping)
+    return Truth(np.arange(settings.frames) / settings.rate, np.array(position), np.array(velocity), values)
 
 
 def painted(settings: ClipSettings, position: np.ndarray, background: np.ndarray) -> np.ndarray:

@@ -1,65 +1,61 @@
-"""The whole experiment: from a clip, given or made, to poses and fits by both methods, and to one page."""
+"""The whole experiment: from clips, given or made, to poses and fits by both methods, and to one page."""
 
 from __future__ import annotations
 
+import shutil
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
-from monodyn.errors import MechanismError, SettingsError, VideoError
-from monodyn.mechanism import Mechanism, load
-from monodyn.paper.filter import Gains
-from monodyn.reproduce.cases import Case, Design, run_cases
-from monodyn.reproduce.claims import Claim, Evidence, claims
-from monodyn.reproduce.clip import ClipSettings, Truth, film, simulated, truth_document
+from monodyn.errors import SettingsError
+from monodyn.reproduce.claims import Claim, claims
+from monodyn.reproduce.clip import ClipSettings, film, simulated, truth_document
 from monodyn.reproduce.figures import (
+    Column,
     Figure,
     case_figure,
     frames_figure,
-    history_figure,
+    periods_figure,
     poses_figure,
-    states_figure,
 )
+from monodyn.reproduce.given import GivenClip, given_truth
 from monodyn.reproduce.page import PageContent, page_text, picture_rows
+from monodyn.reproduce.pendulums import drawn_clip
+from monodyn.reproduce.plans import OVER_TIME, READINGS, Design
+from monodyn.reproduce.repetition import START, Repetition, Trying, each, tried
 from monodyn.reproduce.tables import csv_text, document
-from monodyn.reproduce.vision import BOTH_METHODS, Seen, aligned, see
+from monodyn.reproduce.truth import Truth
+from monodyn.reproduce.units import units_of
+from monodyn.reproduce.vision import BOTH_METHODS, TITLES
+from monodyn.reproduce.vision_figures import filtered_states, history_figure, starts_figure, states_figure
 from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.log import versions
-from monodyn.stages import segment
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
-START = """<mujoco model="double">
-  <!-- The topology of the clip. Every size is wrong on purpose: the methods find the true ones. -->
-  <option gravity="0 0 -9.81"/>
-  <worldbody>
-    <body name="link1">
-      <joint name="joint1" type="hinge" axis="0 -1 0" damping="0.001"/>
-      <geom type="box" size="0.05 0.002 0.01" pos="0.05 0 0" density="2700"/>
-      <body name="link2" pos="0.1 -0.006 0">
-        <joint name="joint2" type="hinge" axis="0 -1 0" damping="0.001"/>
-        <geom type="box" size="0.05 0.002 0.01" pos="0.05 0 0" density="2700"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
-"""The mechanism file that both methods are given."""
 EXPERIMENT_FILES = ("clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html")
 """Names of the files of an experiment."""
 EXPERIMENT = FolderKind("experiment", EXPERIMENT_FILES, whole=True)
+MOST_SEEDS = 20
+"""Pendulums of one experiment at most."""
+FEWER_STARTS = 5
+"""Drawn start values with every pendulum but the first."""
 SHOWN_FRAMES = 4
 """Number of frames whose pictures are shown."""
 CAPTIONS = {
+    "6": "As Figure 7, but fitted to the filtered states, which are shown in place of the poses, in both "
+    "readings of "
+    "the filter. The default method does not filter.",
     "I": "The form of the friction torque is known. The frames after the shaded ones are predicted.",
-    "filtered": "As Figure 7, but fitted to the filtered states; the default method does not filter.",
-    "II": "The torque of each joint is a Fourier series. Its period is estimated from the poses beforehand: "
-    "from those of the whole clip where the fitted frames are too few.",
+    "II": "The torque of each joint is a Fourier series, whose period is estimated from the poses of the "
+    "fitted frames "
+    "alone. Published form: the series alone; the default method's: with friction in addition to it.",
     "III": "One torque for each joint and time stamp. After the fitted frames none acts, because nothing "
-    "determines it there.",
+    "determines it there. Published form: the torques alone; the default method's: with friction in "
+    "addition to them.",
 }
 
 
@@ -70,10 +66,18 @@ class ReproduceSettings:
     Attributes:
         clip: What the clip shows, when it is made.
         design: What is fitted.
+        seeds: Pendulums: the usual one, then drawn ones; a given clip is one.
+        processes: Processes that work side by side.
     """
 
     clip: ClipSettings = field(default_factory=ClipSettings)
     design: Design = field(default_factory=Design)
+    seeds: int = 1
+    processes: int = 1
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.seeds <= MOST_SEEDS:
+            raise SettingsError(f"seeds: expected 1 to {MOST_SEEDS}, got {self.seeds}; give another number.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,18 +86,14 @@ class Experiment:
 
     Attributes:
         folder: Where the files are.
-        seen: What each method saw.
-        cases: The fits.
+        repetitions: The experiment with each pendulum.
         claims: The claims with their verdicts.
-        joints: Joint names.
         seconds: Wall time [s].
     """
 
     folder: Path
-    seen: Mapping[str, Seen]
-    cases: Sequence[Case]
+    repetitions: Sequence[Repetition]
     claims: Sequence[Claim]
-    joints: tuple[str, ...]
     seconds: float
 
 
@@ -101,8 +101,7 @@ def reproduce(
     out: str | Path,
     settings: ReproduceSettings | None = None,
     *,
-    clip: str | Path | None = None,
-    model: str | Path | None = None,
+    given: GivenClip | None = None,
     force: bool = False,
     progress: Progress | None = None,
 ) -> Experiment:
@@ -114,8 +113,7 @@ def reproduce(
     Args:
         out: The folder.
         settings: What the clip shows and what is fitted.
-        clip: A clip of a pendulum in place of the made one; its truth is not known. None makes one.
-        model: The mechanism in that clip.
+        given: A clip in place of the made ones.
         force: Replace an experiment that is already in ``out``.
         progress: Called with the steps done.
 
@@ -123,126 +121,154 @@ def reproduce(
         What came out; what failed stands in the table with its status.
 
     Raises:
-        SettingsError: only one of clip and model is given, or the folder cannot be used.
-        MechanismError: the model cannot be used, or has joints other than hinges.
-        VideoError: the clip cannot be used, or has too few frames.
+        SettingsError: the folder cannot be used.
+        MechanismError: the model of a given clip cannot be used.
+        VideoError: a given clip or its truth cannot be used.
 
     Example:
         >>> reproduce("experiment")  # doctest: +SKIP
     """
     settings, began = settings or ReproduceSettings(), time.perf_counter()
-    if (clip is None) != (model is None):
-        given, other = ("clip", "model") if model is None else ("model", "clip")
-        raise SettingsError(
-            f"reproduce: expected --clip and --model together, got --{given} alone; add --{other}."
-        )
-    folder, truth = RunFolder(out, force=force, inputs=(clip, model), kind=EXPERIMENT), None
-    with folder.filling():
-        if clip is None or model is None:
-            clip, model, truth = _made(folder, settings.clip, progress)
-        video, mechanism = opened(clip, model, settings.design)
-        seen, cases = _run(video, mechanism, truth, settings.design, progress)
-        joints = tuple(joint.name for joint in mechanism.joints)
-        judged, seconds = claims(seen, cases, settings.design), time.perf_counter() - began
-        made = Experiment(folder.path, seen, cases, judged, joints, seconds)
-        _write(folder, made, video, truth, settings)
-    return made
+    inputs = () if given is None else (given.clip, given.model, given.truth)
+    folder = RunFolder(out, force=force, inputs=inputs, kind=EXPERIMENT)
+    with folder.filling(), TemporaryDirectory() as spare:
+        if given is None:
+            made = _made(folder, Path(spare), settings, progress)
+        else:
+            made = [(Path(given.clip), given.model, None, given_truth(given))]
+        found = _repeated(made, settings, progress)
+        judged = claims([repetition.evidence for repetition in found])
+        whole = Experiment(folder.path, found, judged, time.perf_counter() - began)
+        _write(folder, whole, settings)
+    return whole
 
 
-def _run(
-    video: Video, mechanism: Mechanism, truth: Truth | None, design: Design, progress: Progress | None
-) -> tuple[dict[str, Seen], list[Case]]:
-    """Find poses and fits with both methods, from the same masks."""
-    # the same foreground for both, so that they differ in nothing but the method
-    masks, gains = segment(video, progress=progress), Gains.of(design.gains)
-    seen = {method: see(method, masks, mechanism, truth, gains, progress) for method in BOTH_METHODS}
-    return seen, run_cases(seen, truth, design, progress)
+Made = tuple[Path, str | Path, ClipSettings | None, Truth | None]
+"""A clip, the model that the methods are given, how the clip was made and its truth."""
 
 
-def _made(folder: RunFolder, settings: ClipSettings, progress: Progress | None) -> tuple[Path, Path, Truth]:
-    """Make the clip, its truth and the mechanism file."""
-    truth = simulated(settings)
-    folder.write("clip.mp4", lambda path: film(path, truth, settings, progress=progress))
-    folder.write_text("truth.json", json_text(truth_document(truth, settings)))
+def _made(
+    folder: RunFolder, spare: Path, settings: ReproduceSettings, progress: Progress | None
+) -> list[Made]:
+    """Make the clips; that of the first pendulum, its truth and the mechanism file belong to the folder."""
+    chosen = [drawn_clip(settings.clip, number) for number in range(settings.seeds)]
+    truths = [simulated(clip) for clip in chosen]
+    folder.write_text("truth.json", json_text(truth_document(truths[0], chosen[0])))
     folder.write_text("start.xml", START)
-    return folder.stage / "clip.mp4", folder.stage / "start.xml", truth
+    paths = [spare / f"clip{number}.mp4" for number in range(settings.seeds)]
+    jobs = [Filming(path, truth, clip) for path, truth, clip in zip(paths, truths, chosen, strict=True)]
+    list(each(filmed, jobs, settings.processes, progress))
+    folder.write("clip.mp4", lambda path: shutil.copyfile(paths[0], path) and None)
+    paths[0] = folder.stage / "clip.mp4"
+    model = folder.stage / "start.xml"
+    return [(path, model, clip, truth) for path, clip, truth in zip(paths, chosen, truths, strict=True)]
 
 
-def opened(clip: str | Path, model: str | Path, design: Design) -> tuple[Video, Mechanism]:
-    """Return the opened clip and the mechanism.
+@dataclass(frozen=True, eq=False)
+class Filming:
+    """A clip to be made.
+
+    Attributes:
+        path: The film to write.
+        truth: The motion.
+        settings: What it shows.
+    """
+
+    path: Path
+    truth: Truth
+    settings: ClipSettings
+
+
+def filmed(job: Filming, progress: Progress | None = None) -> None:
+    """Paint and encode a clip.
 
     Args:
-        clip: Video file or folder of pictures.
-        model: Mechanism file or bundled name.
-        design: Frames that are needed.
-
-    Raises:
-        MechanismError: the model cannot be used, or has joints other than hinges.
-        VideoError: the clip cannot be used, or has too few frames.
+        job: Which.
+        progress: Called with the frames painted.
     """
-    mechanism, video = load(model), read(clip)
-    other = [joint.name for joint in mechanism.joints if joint.kind != "hinge"]
-    if other:
-        raise MechanismError(
-            f"mechanism '{mechanism.name}': expected hinges alone, got the slide '{other[0]}'; "
-            "use monodyn run --method paper."
-        )
-    if video.count < design.frames + 1:
-        raise VideoError(
-            f"clip '{clip}': expected more than {design.frames} frames, got {video.count}; "
-            "give a longer clip."
-        )
-    return video, mechanism
+    film(job.path, job.truth, job.settings, progress=progress)
 
 
-def _write(
-    folder: RunFolder, made: Experiment, video: Video, truth: Truth | None, settings: ReproduceSettings
-) -> None:
+def _repeated(
+    made: Sequence[Made], settings: ReproduceSettings, progress: Progress | None
+) -> list[Repetition]:
+    """Try both methods on every clip, in several processes where there are several pendulums."""
+    todo: list[Trying] = []
+    for number, (clip, model, _, truth) in enumerate(made):
+        # published fits of torques over time take most of the time: both ways with the first pendulum alone
+        fewer = replace(settings.design, starts=min(FEWER_STARTS, settings.design.starts), both_ways=False)
+        design = fewer if number else settings.design
+        todo += [Trying(method, clip, model, truth, design) for method in BOTH_METHODS]
+    # a single pendulum stays in this process, where the progress of its steps can be shown
+    processes = settings.processes if len(made) > 1 else 1
+    # what takes longer comes first, so that no process is left with it at the end
+    todo.sort(key=lambda trying: BOTH_METHODS.index(trying.method))
+    found = list(each(tried, todo, processes, progress))
+    pairs = [found[i :: len(made)] for i in range(len(made))]
+    return [
+        Repetition(_name(number, clip, own), clip, own, truth, dict(zip(BOTH_METHODS, pair, strict=True)))
+        for number, ((clip, _, own, truth), pair) in enumerate(zip(made, pairs, strict=True))
+    ]
+
+
+def _name(number: int, clip: Path, settings: ClipSettings | None) -> str:
+    """Return what a pendulum is called: sizes of a drawn one, the file of a given clip."""
+    if settings is None:
+        return clip.name
+    rods = settings.pendulum
+    sizes = " and ".join(f"{1e3 * length:.0f} mm" for length in rods.length)
+    return f"pendulum {number}{', the usual one' if number == 0 else ''}: {sizes}"
+
+
+def _write(folder: RunFolder, whole: Experiment, settings: ReproduceSettings) -> None:
     """Write the table, the document and the page."""
-    folder.write_text("table.csv", csv_text(made.cases, made.joints))
-    found = document(made.seen, made.cases, made.claims, made.joints)
+    first = whole.repetitions[0]
+    folder.write_text("table.csv", csv_text(whole.repetitions))
     head = {
-        "clip": video.path.name,
-        "truth": truth is not None,
-        "seconds": round(made.seconds, 2),
+        "clip": first.clip.name,
+        "truth": first.truth is not None,
+        "seconds": round(whole.seconds, 2),
         "settings": asdict(settings),
         "versions": versions(),
     }
-    folder.write_text("reproduce.json", json_text({**head, **found}))
-    folder.write_text("reproduce.html", page_text(_content(made, video, truth, settings)))
+    folder.write_text("reproduce.json", json_text({**head, **document(whole.repetitions, whole.claims)}))
+    folder.write_text("reproduce.html", page_text(_content(whole)))
 
 
-def _content(made: Experiment, video: Video, truth: Truth | None, settings: ReproduceSettings) -> PageContent:
+def _content(whole: Experiment) -> PageContent:
     """Collect what the page shows."""
-    design, length = settings.design, float(video.times[-1] - video.times[0])
+    first = whole.repetitions[0]
+    video = read(first.clip)
+    design, length = first.evidence["paper"].design, float(video.times[-1] - video.times[0])
+    count = len(whole.repetitions)
     what = (
-        "an aluminium double pendulum of known truth, made by MuJoCo"
-        if truth
-        else f"the clip {video.path.name}"
+        f"aluminium double pendulum{'s' * (count > 1)} of known truth, made by MuJoCo"
+        if first.settings is not None
+        else f"the clip {first.clip.name}"
     )
     subtitle = (
-        f"{video.count} frames of {video.width} × {video.height} px over {length:.2f} s: {what}. Frames 0 to "
-        f"{design.frames - 1} are fitted, the next {design.ahead} predicted, by the published and by the "
-        "default method."
+        f"{f'{count} clips of ' if count > 1 else ''}{video.count} frames of {video.width} × "
+        f"{video.height} px "
+        f"over {length:.2f} s: {what}. Frames 0 to {design.frames - 1} are fitted, the next {design.ahead} "
+        "predicted, by the published and by the default method."
     )
-    stated = {
-        "time": f"{made.seconds:.1f} s for everything",
-        "clip": video.path.name,
-        **versions(),
-    }
-    if truth is not None:
-        stated["truth"] = ", ".join(f"{name} {value}" for name, value in asdict(truth.pendulum).items())
-    shown = _frames(video, design.frames)
+    if count > 1:
+        subtitle += " Figures show pendulum 0 where they do not name others; tables and verdicts all."
+    stated = {"time": f"{whole.seconds:.1f} s for everything", "clip": first.clip.name, **versions()}
+    for repetition in whole.repetitions:
+        if repetition.settings is not None:
+            values = asdict(repetition.settings.pendulum).items()
+            stated[repetition.name] = ", ".join(f"{name} {_shown(value)}" for name, value in values)
+    seen = {method: first.evidence[method].seen for method in BOTH_METHODS}
+    pictures = picture_rows(_frames(video, design.frames), seen)
     return PageContent(
-        subtitle,
-        made.seen,
-        made.cases,
-        made.claims,
-        figures(made.seen, made.cases, truth, design),
-        picture_rows(shown, made.seen),
-        made.joints,
-        stated,
+        subtitle, whole.repetitions, whole.claims, figures(whole.repetitions), pictures, stated
     )
+
+
+def _shown(value: float | tuple[float, ...]) -> str:
+    """Write a number or several with four digits."""
+    return " and ".join(f"{v:.4g}" for v in (value if isinstance(value, tuple) else (value,)))
 
 
 def _frames(video: Video, stop: int) -> list[Frame]:
@@ -258,37 +284,48 @@ def _frames(video: Video, stop: int) -> list[Frame]:
     return found
 
 
-def figures(
-    seen: Mapping[str, Seen], cases: Sequence[Case], truth: Truth | None, design: Design
-) -> list[Figure]:
-    """Return the counterparts of the paper's figures.
+def figures(repetitions: Sequence[Repetition]) -> list[Figure]:
+    """Return the counterparts of the paper's figures: of the first pendulum, or of all where they are
+    compared.
 
     Args:
-        seen: What each method saw.
-        cases: The fits.
-        truth: The true motion, or None.
-        design: What was fitted.
+        repetitions: The experiment with each pendulum.
     """
-    evidence = {
-        method: Evidence(seen[method], [c for c in cases if c.plan.method == method], design)
-        for method in BOTH_METHODS
-    }
-    found: list[Figure | None] = [history_figure(seen["paper"])]
-    filtering = next((seen[m] for m in BOTH_METHODS if seen[m].states is not None), None)
-    if filtering is not None and filtering.poses is not None:
-        true = None if truth is None else aligned(truth.position, filtering.poses.position)
-        rates = None if truth is None else truth.velocity
-        found.append(states_figure(filtering, true, rates, design))
-    shown = (
-        ("Figure 6: Case I with filtered states", "filtered", "I", "filtered"),
-        ("Figure 7: Case I, friction", "I", "I", "measured"),
-        ("Figure 8: Case II, Fourier series", "II", "II", "measured"),
-        ("Figure 9: Case III, free torque", "III", "III", "measured"),
-    )
-    for title, caption, name, states in shown:
-        fits: dict[str, Any] = {method: evidence[method].case(name, states) for method in BOTH_METHODS}
-        found.append(case_figure(title, CAPTIONS[caption], fits, seen, design))
-    found.append(frames_figure(evidence))
-    if truth is not None:
-        found.append(poses_figure(seen))
+    first = repetitions[0]
+    evidence = first.evidence
+    found: list[Figure | None] = [history_figure(evidence["paper"].seen.frameworks)]
+    shown = next((evidence[m] for m in BOTH_METHODS if evidence[m].seen.poses is not None), None)
+    if shown is not None:
+        found.append(states_figure(shown, first.truth))
+    found += [starts_figure(repetitions), *_case_figures(first), frames_figure(evidence)]
+    found.append(periods_figure(repetitions))
+    if first.truth is not None:
+        found.append(poses_figure(evidence))
     return [figure for figure in found if figure is not None]
+
+
+def _case_figures(first: Repetition) -> list[Figure]:
+    """Return Figures 6 to 9."""
+    evidence, published = first.evidence, first.evidence["paper"]
+    units, design = units_of(published.seen.joints), published.design
+    columns = []
+    for compared, reading in READINGS.items():
+        case = published.case(compared=compared)
+        if case is not None:
+            states = filtered_states(published.seen, design, compared).position
+            columns.append(Column(f"published, {reading}", case, states))
+    title = "Figure 6: Case I with filtered states"
+    found = [case_figure(title, CAPTIONS["6"], columns, units, design)]
+    for title, name in (
+        ("Figure 7: Case I, friction", "I"),
+        ("Figure 8: Case II, Fourier series", "II"),
+        ("Figure 9: Case III, free torque", "III"),
+    ):
+        columns = []
+        for method in BOTH_METHODS:
+            case = evidence[method].case(name)
+            own = f", {case.plan.series.replace('-', ' ')}" if case is not None and name in OVER_TIME else ""
+            if case is not None:
+                columns.append(Column(f"{TITLES[method]}{own}", case))
+        found.append(case_figure(title, CAPTIONS[name], columns, units, design))
+    return found

@@ -8,21 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from monodyn.paper.locate import PaperScene
-from monodyn.reproduce.cases import Case, Design
-from monodyn.reproduce.claims import Evidence, overall
-from monodyn.reproduce.vision import BOTH_METHODS, TITLES, Seen
-from monodyn.types import Poses
+from monodyn.reproduce.cases import Case
+from monodyn.reproduce.evidence import Evidence
+from monodyn.reproduce.plans import Design
+from monodyn.reproduce.repetition import Repetition
+from monodyn.reproduce.units import JointUnit, shared_unit, units_of
+from monodyn.reproduce.vision import BOTH_METHODS, TITLES
 
-PROBLEMS = {
-    "pose": (0, "pose", "(3) initial pose"),
-    "ratios": (0, "ratios", "(4) aspect ratios"),
-    "depth": (1, "depth", "(1) camera depth"),
-    "place": (1, "place", "(2) camera place"),
-}
-"""Panel, colour and name of each sub-problem of the sequential framework."""
-LEAST_SHOWN = 1e-9
-"""Objectives below this are zero for any practical purpose; a logarithmic axis leaves them out."""
+PENDULUM_COLOURS = ("pose", "ratios", "depth", "place", "paper", "fast")
+"""Colours of the pendulums, in turn."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +38,29 @@ class Figure:
     legend: Sequence[tuple[str, str, str]] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of the figure of a case.
+
+    Attributes:
+        title: Heading of its panels.
+        case: The fit.
+        states: The filtered states that were fitted, one row a fitted frame (frame, dof), or None where
+            the poses were.
+    """
+
+    title: str
+    case: Case
+    states: np.ndarray | None = None
+
+
 LEGEND = (
     ("dot", "observed", "estimated pose"),
+    ("dot", "fitted", "filtered state"),
     ("line", "paper", "simulated, published method"),
     ("line", "fast", "simulated, default method"),
     ("line", "truth", "truth"),
     ("box", "fitted", "fitted frames"),
-    ("line", "joint1", "error of θ1"),
-    ("line", "joint2", "error of θ2"),
 )
 
 
@@ -59,7 +68,7 @@ def series(kind: str, colour: str, x: np.ndarray, y: np.ndarray, name: str = "")
     """Return one series of a panel.
 
     Args:
-        kind: ``dots`` or ``line``.
+        kind: ``dots``, ``line``, ``marks`` or ``steps``.
         colour: Name of a colour of the page.
         x: Abscissa, (sample,).
         y: Ordinate, (sample,); NaN is left out.
@@ -89,104 +98,75 @@ def panel(title: str, unit: str, content: Sequence[Mapping[str, Any]], **more: A
     return {"title": title, "unit": unit, "series": content, "across": "time [s]", **more}
 
 
-def states_figure(seen: Seen, true: np.ndarray | None, rates: np.ndarray | None, design: Design) -> Figure:
-    """Return the figure of the filtered states, the counterpart of Fig. 3.
-
-    Args:
-        seen: What a method saw.
-        true: True joint positions [rad], (frame, dof), or None.
-        rates: True joint rates [rad/s], (frame, dof), or None.
-        design: Frames and gains.
-    """
-    assert seen.poses is not None
-    assert seen.states is not None
-    stop = design.frames
-    time, panels = seen.poses.time[:stop], []
-    for kind, found, exact in (
-        ("", seen.states.position, true),
-        ("rate of ", seen.states.velocity, rates),
-    ):
-        for dof in range(len(seen.poses.joints)):
-            content = []
-            # later series are drawn over earlier ones: the truth must not hide what was found
-            if exact is not None:
-                content.append(series("line", "truth", time, np.degrees(exact[:stop, dof]), "truth"))
-            content.append(series("line", "fitted", time, np.degrees(found[:stop, dof]), "filtered"))
-            if not kind:
-                measured = np.degrees(seen.poses.position[:stop, dof])
-                content.append(series("dots", "observed", time, measured, "estimated"))
-            panels.append(panel(f"{kind}θ{dof + 1}", "deg/s" if kind else "deg", content))
-    alpha, beta, gamma = design.gains
-    return Figure(
-        "Figure 3: filtered states",
-        f"Poses of the {TITLES[seen.method]} method through the α-β-γ filter, α = {alpha:g}, β = {beta:g}, "
-        f"γ = {gamma:g}, over {stop} frames. In eq. (6) an error of the states dies out for γ below "
-        f"2αβ/(2 − α) = {2 * alpha * beta / (2 - alpha):.3g}; at that limit it rings without end.",
-        len(seen.poses.joints),
-        panels,
-        (
-            ("dot", "observed", "estimated pose"),
-            ("line", "fitted", "filtered"),
-            ("line", "truth", "truth"),
-        ),
-    )
-
-
 def case_figure(
-    title: str, caption: str, cases: Mapping[str, Case | None], seen: Mapping[str, Seen], design: Design
+    title: str, caption: str, columns: Sequence[Column], units: Sequence[JointUnit], design: Design
 ) -> Figure:
-    """Return the figure of simulated, estimated and true motion of one case for both methods.
+    """Return the figure of simulated, estimated and true motion of one case.
 
     Args:
         title: Heading.
         caption: What to look at.
-        cases: The fit by method, or None.
-        seen: What each method saw.
+        columns: The fits side by side.
+        units: How each joint is shown.
         design: Frames.
     """
-    shown = [m for m in BOTH_METHODS if cases[m] is not None and seen[m].poses is not None]
-    columns = [_case_panels(cases[m], seen[m], design) for m in shown]
-    # row by row: the grid of the page is filled so, and each method keeps a column of its own
-    panels = [column[row] for row in range(len(columns[0]) if columns else 0) for column in columns]
-    return Figure(title, caption, max(len(columns), 1), panels, legend_of(panels))
+    drawn = [_case_panels(column, units, design) for column in columns]
+    # row by row: the grid of the page is filled so, and each fit keeps a column of its own
+    panels = [column[row] for row in range(len(drawn[0]) if drawn else 0) for column in drawn]
+    return Figure(title, caption, max(len(drawn), 1), panels, legend_of(panels, units))
 
 
-def legend_of(panels: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
+def legend_of(panels: Sequence[Mapping[str, Any]], units: Sequence[JointUnit]) -> list[tuple[str, str, str]]:
     """Return the entries of the legend that are drawn.
 
     Args:
         panels: Panels of a case.
+        units: How each joint is shown.
     """
-    drawn = {line["colour"] for content in panels for line in content["series"]}
-    return [entry for entry in LEGEND if entry[1] in drawn or (entry[0] == "box" and panels)]
+    drawn = {(line["kind"] == "dots", line["colour"]) for content in panels for line in content["series"]}
+    entries = [*LEGEND, *joint_legend(units)]
+    kept = [entry for entry in entries if (entry[0] == "dot", entry[1]) in drawn and entry[0] != "box"]
+    return kept[:1] + kept[1:] + ([LEGEND[-1]] if panels else [])
 
 
-def _case_panels(case: Case | None, seen: Seen, design: Design) -> list[dict[str, Any]]:
+def joint_legend(units: Sequence[JointUnit]) -> list[tuple[str, str, str]]:
+    """Return the entries of the errors of each joint.
+
+    Args:
+        units: How each joint is shown.
+    """
+    return [("line", f"joint{i}", f"error of {unit.symbol}") for i, unit in enumerate(units, start=1)]
+
+
+def _case_panels(column: Column, units: Sequence[JointUnit], design: Design) -> list[dict[str, Any]]:
     """Return one panel for each joint and one of the errors."""
-    assert case is not None
+    case = column.case
     assert case.motion is not None
-    assert seen.poses is not None
+    assert case.poses is not None
     # the clip may end before the predicted frames do
     stop = min(case.plan.frames + design.ahead, len(case.motion.time))
-    time, position = case.motion.time[:stop], case.motion.position[:stop]
-    measured = seen.poses.position[:stop]
-    # the true angles, turned to the measured ones, are what the errors were taken against
-    true = None if seen.errors is None else measured - seen.errors[:stop]
+    time, position, measured = case.motion.time[:stop], case.motion.position[:stop], case.poses[:stop]
+    true = None if case.true is None else case.true[:stop]
     window = [float(time[0]), float(time[case.plan.frames - 1])]
-    name, panels = TITLES[seen.method], []
-    for dof in range(position.shape[1]):
+    panels = []
+    for dof, unit in enumerate(units):
         content = []
         if true is not None:
-            content.append(series("line", "truth", time, np.degrees(true[:, dof]), "truth"))
-        content.append(series("dots", "observed", time, np.degrees(measured[:, dof]), "estimated"))
-        content.append(series("line", seen.method, time, np.degrees(position[:, dof]), "simulated"))
-        panels.append(panel(f"{name}: θ{dof + 1}", "deg", content, window=window))
+            content.append(series("line", "truth", time, unit.factor * true[:, dof], "truth"))
+        if column.states is None:
+            content.append(series("dots", "observed", time, unit.factor * measured[:, dof], "estimated"))
+        else:
+            fitted = unit.factor * column.states[:, dof]
+            content.append(series("dots", "fitted", time[: len(fitted)], fitted, "filtered, fitted"))
+        content.append(series("line", case.plan.method, time, unit.factor * position[:, dof], "simulated"))
+        panels.append(panel(f"{column.title}: {unit.symbol}", unit.unit, content, window=window))
     against = "truth" if true is not None else "estimated"
-    error = np.degrees(position - (measured if true is None else true))
+    error = (position - (measured if true is None else true)) * [unit.factor for unit in units]
     content = [
-        series("line", f"joint{dof + 1}", time, error[:, dof], f"θ{dof + 1}") for dof in range(error.shape[1])
+        series("line", f"joint{dof + 1}", time, error[:, dof], unit.symbol) for dof, unit in enumerate(units)
     ]
-    panels.append(panel(f"{name}: simulated less {against}", "deg", content, window=window))
+    shown = shared_unit(units) or ", ".join(dict.fromkeys(unit.unit for unit in units))
+    panels.append(panel(f"{column.title}: simulated less {against}", shown, content, window=window))
     return panels
 
 
@@ -203,76 +183,91 @@ def frames_figure(evidence: Mapping[str, Evidence]) -> Figure:
     ):
         content = []
         for method in BOTH_METHODS:
-            found = [(n, evidence[method].case(frames=n)) for n in evidence[method].design.lengths]
+            own = evidence[method]
+            found = [(n, own.case(frames=n)) for n in own.design.lengths]
             # a length that failed with one method is left out there alone
-            points = [(n, overall(getattr(case, which))) for n, case in found if case is not None]
+            points = [(n, own.overall(getattr(case, which))) for n, case in found if case is not None]
             points = [(n, np.degrees(value)) for n, value in points if value is not None]
             if points:
                 x, y = np.array(points).T
                 content.append(series("marks", method, x, y, TITLES[method]))
         panels.append(panel(title, "deg", content, log=True, across="fitted frames"))
     design = next(iter(evidence.values())).design
-    first = max(design.lengths)
+    first = design.longest
     return Figure(
         "Number of frames",
         "Case I. Left: simulated against true motion (the poses where the truth is not known) on frames "
         f"{first} to {first + design.ahead - 1}, which no fit has used. Right: simulated against estimated "
         "motion on the frames that were fitted.",
         2,
-        panels,
+        panels if any(each["series"] for each in panels) else [],
         tuple(("line", method, TITLES[method]) for method in BOTH_METHODS),
     )
 
 
-def history_figure(seen: Seen) -> Figure | None:
-    """Return the objectives of the sequential framework, Fig. 2, or None where there are none.
+def periods_figure(repetitions: Sequence[Repetition]) -> Figure:
+    """Return the figure of the prediction of Case II over the periods that the fitted frames hold.
 
     Args:
-        seen: What the published method saw.
+        repetitions: The experiment with each pendulum.
     """
-    if not isinstance(seen.scene, PaperScene) or not seen.scene.history:
-        return None
-    contents: tuple[list, list] = ([], [])
-    done, across = 0, "silhouettes drawn"
-    for history in seen.scene.history:
-        # the abscissa runs on over all sub-problems, so that their alternation is visible
-        which, colour, name = PROBLEMS[history.problem]
-        shown = history.values >= LEAST_SHOWN
-        if shown.any():
-            drawings, values = (done + history.evaluations)[shown], history.values[shown]
-            contents[which].append(series("steps", colour, drawings, values, name))
-        done += int(history.evaluations[-1])
-    drawn = {line["colour"] for content in contents for line in content}
+    content = []
+    for number, repetition in enumerate(repetitions):
+        evidence, points = repetition.evidence["paper"], []
+        for frames in evidence.design.periods:
+            case = evidence.case("II", frames=frames)
+            error = None if case is None else evidence.overall(case.ahead)
+            if case is not None and case.period and error is not None:
+                points.append((frames * evidence.interval / case.period, np.degrees(error)))
+        if points:
+            x, y = np.array(points).T
+            content.append(series("marks", pendulum_colour(number), x, y, repetition.name))
+    panels = [panel("prediction error", "deg", content, log=True, across="periods in the fitted frames")]
     return Figure(
-        "Figure 2: objectives of the sequential framework",
-        "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn. The "
-        "choice of the start, before it, drew further ones. Values below a billionth are left out.",
-        2,
-        [
-            panel("(3) and (4): area of |I_a − I_m|", "px", contents[0], log=True, across=across),
-            panel("(1) in px⁴, (2) in px²", "", contents[1], log=True, across=across),
-        ],
-        [("line", colour, name) for _, colour, name in PROBLEMS.values() if colour in drawn],
+        "Periods of Case II",
+        "Published form, each pendulum: error of the prediction over the frames after the fitted ones, by "
+        "how many "
+        "periods of the poses these hold.",
+        1,
+        panels if content else [],
+        pendulum_legend(repetitions),
     )
 
 
-def poses_figure(seen: Mapping[str, Seen]) -> Figure:
+def pendulum_colour(number: int) -> str:
+    """Return the colour of a pendulum.
+
+    Args:
+        number: Which one.
+    """
+    return PENDULUM_COLOURS[number % len(PENDULUM_COLOURS)]
+
+
+def pendulum_legend(repetitions: Sequence[Repetition]) -> list[tuple[str, str, str]]:
+    """Return one entry for each pendulum.
+
+    Args:
+        repetitions: The experiment with each pendulum.
+    """
+    return [("line", pendulum_colour(i), each.name) for i, each in enumerate(repetitions)]
+
+
+def poses_figure(evidence: Mapping[str, Evidence]) -> Figure:
     """Return the figure of the errors of the estimated poses over time.
 
     Args:
-        seen: What each method saw.
+        evidence: What each method found.
     """
-    panels = []
+    panels, units = [], units_of(evidence["paper"].seen.joints)
+    shown = shared_unit(units) or ", ".join(dict.fromkeys(unit.unit for unit in units))
     for method in BOTH_METHODS:
-        found = seen[method]
+        found = evidence[method].seen
         if found.errors is None or found.poses is None:
             continue
-        poses: Poses = found.poses
         content = [
-            series("line", f"joint{dof + 1}", poses.time, np.degrees(found.errors[:, dof]), f"θ{dof + 1}")
-            for dof in range(found.errors.shape[1])
+            series("line", f"joint{i + 1}", found.poses.time, unit.factor * found.errors[:, i], unit.symbol)
+            for i, unit in enumerate(units)
         ]
-        panels.append(panel(f"{TITLES[method]}: estimated less true", "deg", content))
-    return Figure(
-        "Errors of the poses", "Estimated less true joint angles in every frame.", 2, panels, LEGEND[-2:]
-    )
+        panels.append(panel(f"{TITLES[method]}: estimated less true", shown, content))
+    caption = "Estimated less true joint positions in every frame."
+    return Figure("Errors of the poses", caption, max(len(panels), 1), panels, joint_legend(units))

@@ -6,25 +6,29 @@ The page works without a network: the plotting script of the installed plotly pa
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
-from monodyn.reproduce.cases import Case
 from monodyn.reproduce.claims import Claim
+from monodyn.reproduce.evidence import Verdict
 from monodyn.reproduce.figures import Figure
-from monodyn.reproduce.tables import (
-    RATIOS,
-    SHOWN_ERRORS,
-    case_row,
-    gain_row,
-    grouped,
-    main_cases,
-    parameter_values,
-    seen_row,
+from monodyn.reproduce.page_tables import (
+    PageTable,
+    assumptions_table,
+    case_name,
+    fits_table,
+    frameworks_table,
+    lengths_table,
+    poses_table,
+    remarks,
+    starts_table,
 )
+from monodyn.reproduce.repetition import Repetition
+from monodyn.reproduce.tables import main_cases
+from monodyn.reproduce.units import units_of
 from monodyn.reproduce.vision import BOTH_METHODS, TITLES, Seen
 from monodyn.results.overlay import Drawing, still
 from monodyn.results.page import plotting_script, template
@@ -34,9 +38,10 @@ from monodyn.vision.locating.scene import Scene
 
 SHADES = (150, 220)
 """Grey of the bodies in a picture that the model draws, in turn."""
-
-NO_NUMBER = "–"
-"""Stands where there is no number."""
+EARLY = ("Figure 2:", "Figure 3:", "Starts of")
+"""How the titles of the figures begin that stand before the pictures."""
+UNDER = {"Figure 2": "frameworks", "Number of": "lengths"}
+"""Table that stands under a figure, by how its title begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,51 +50,19 @@ class PageContent:
 
     Attributes:
         subtitle: One line about the clip.
-        seen: What each method saw.
-        cases: The fits.
+        repetitions: The experiment with each pendulum; figures show the first.
         claims: The claims with their verdicts.
         figures: The plots, in order.
         pictures: Rows of pictures, each a title and JPEG files with a caption.
-        joints: Joint names.
         settings: Names and values for the end of the page.
-        notes: Sentences under the heading.
     """
 
     subtitle: str
-    seen: Mapping[str, Seen]
-    cases: Sequence[Case]
+    repetitions: Sequence[Repetition]
     claims: Sequence[Claim]
     figures: Sequence[Figure]
     pictures: Sequence[tuple[str, Sequence[tuple[bytes, str]]]]
-    joints: Sequence[str]
     settings: Mapping[str, str] = field(default_factory=dict)
-    notes: Sequence[str] = ()
-
-
-@dataclass(frozen=True)
-class PageTable:
-    """A table of the page.
-
-    Attributes:
-        head: Column titles; those of columns of text are in ``text``.
-        rows: Class of the row and its cells.
-        text: Titles of the columns that are text, not numbers.
-    """
-
-    head: Sequence[str]
-    rows: Sequence[tuple[str, Sequence[str]]]
-    text: Sequence[str] = ("case", "method", "status")
-
-    @classmethod
-    def of(cls, head: Sequence[str], rows: Sequence[tuple[str, Sequence[str]]]) -> PageTable:
-        """Return a table without the columns that are empty in every row.
-
-        Args:
-            head: Column titles.
-            rows: Class of the row and its cells.
-        """
-        kept = [i for i in range(len(head)) if any(cells[i] not in ("", NO_NUMBER) for _, cells in rows)]
-        return cls([head[i] for i in kept], [(kind, [cells[i] for i in kept]) for kind, cells in rows])
 
 
 def page_text(content: PageContent) -> str:
@@ -100,20 +73,16 @@ def page_text(content: PageContent) -> str:
     """
     from markupsafe import Markup
 
-    main = main_cases(content.cases)
-    plots = [(number, asdict(figure)) for number, figure in enumerate(content.figures)]
-    early = [plot for plot in plots if plot[1]["title"].startswith(("Figure 2:", "Figure 3:"))]
+    first = content.repetitions[0]
+    plots = [(number, _plot(figure, content.repetitions)) for number, figure in enumerate(content.figures)]
+    early = [plot for plot in plots if plot[1]["title"].startswith(EARLY)]
     return template("monodyn.reproduce", "page.html.j2").render(
         subtitle=content.subtitle,
-        notes=content.notes,
         methods=[(method, TITLES[method]) for method in BOTH_METHODS],
-        claims=content.claims,
-        fits=_fits(main, content.joints),
-        statuses=[(_case_name(case), TITLES[case.plan.method], case.status, _ok(case)) for case in main],
-        remarks=_remarks(main),
-        poses=_poses(content.seen, content.joints),
-        lengths=_lengths(content.cases, content.joints),
-        starts=_starts(content.cases, content.joints),
+        claims=[_claim(claim, content.repetitions) for claim in content.claims],
+        pendulums=[_pendulum(repetition) for repetition in content.repetitions],
+        assumptions=assumptions_table(first),
+        starts=[(each.name, starts_table(each)) for each in content.repetitions],
         early=early,
         late=[plot for plot in plots if plot not in early],
         figures=[asdict(figure) for figure in content.figures],
@@ -126,174 +95,51 @@ def page_text(content: PageContent) -> str:
     )
 
 
-def _number(value: float | None, digits: int = 3) -> str:
-    """Write a number with a few digits and a true minus sign."""
-    if value is None:
-        return NO_NUMBER
-    if isinstance(value, float):
-        text = f"{value:.0f}" if abs(value) >= 10 ** (digits - 1) else f"{value:.{digits}g}"
-        return text.replace("-", "−")
-    return str(value)
+def _plot(figure: Figure, repetitions: Sequence[Repetition]) -> dict[str, Any]:
+    """Return a figure with the table that stands under it, or None."""
+    name = next((table for start, table in UNDER.items() if figure.title.startswith(start)), "")
+    table: PageTable | None = None
+    if name == "frameworks":
+        table = frameworks_table(repetitions)
+    elif name == "lengths":
+        table = lengths_table(repetitions[0])
+    return {**asdict(figure), "table": table}
 
 
-def _percent(value: float | None) -> str:
-    """Write a signed share in per cent, two digits."""
-    if value is None:
-        return NO_NUMBER
-    return (f"{value:+.0f}" if abs(value) >= 10 else f"{value:+.2g}").replace("-", "−")
+def _pendulum(repetition: Repetition) -> dict[str, Any]:
+    """Return the tables of one pendulum."""
+    main = main_cases(repetition)
+    return {
+        "name": repetition.name,
+        "fits": fits_table(repetition),
+        "poses": poses_table(repetition),
+        "remarks": remarks(repetition),
+        "statuses": [(case_name(case), TITLES[case.plan.method], case.status, case.ok) for case in main],
+    }
 
 
-def _times(value: float | None) -> str:
-    from markupsafe import Markup
-
-    if value is None:
-        return NO_NUMBER
-    # the flag depends on the number as it is shown: what reads as 1 is not below 1
-    text = f"{_number(value, 2)}×"
-    return text if float(f"{value:.2g}") >= 1.0 else Markup(f'<span class="flag">{text}</span>')
-
-
-def _joined(values: Sequence[str]) -> str:
-    from markupsafe import Markup
-
-    return Markup(" · ").join(values)
-
-
-def _joints(
-    row: Mapping[str, Any], name: str, joints: Sequence[str], shown: Callable[[Any], str] | None = None
-) -> str:
-    """Write an error of every joint into one cell."""
-    values = [row[f"{name}_{joint}_deg"] for joint in joints]
-    return NO_NUMBER if all(v is None for v in values) else _joined([(shown or _angle)(v) for v in values])
+def _claim(claim: Claim, repetitions: Sequence[Repetition]) -> dict[str, Any]:
+    """Return one claim with what became of it by method, the same words of several pendulums once."""
+    cells = []
+    for method in BOTH_METHODS:
+        judged = claim.judged[method]
+        told = [(verdict, [number]) for number, verdict in enumerate(judged.verdicts)]
+        if len({verdict.numbers for verdict in judged.verdicts}) == 1:
+            told = [(judged.verdicts[0], [])]
+        kind = "" if not judged.decided else "held" if judged.held == judged.decided else "not"
+        if 0 < judged.held < judged.decided:
+            kind = "part"
+        cells.append({
+            "words": judged.words, "kind": kind, "basis": judged.basis,
+            "lines": [_line(verdict, at, len(repetitions)) for verdict, at in told],
+        })  # fmt: skip
+    return {"text": claim.text, "place": claim.place, "rule": claim.rule, "cells": cells}
 
 
-def _angle(value: float | None) -> str:
-    return _number(value, 2)
-
-
-def _ratios(row: Mapping[str, Any]) -> list[str]:
-    return [_percent(row[f"{name.replace('/', '_')}_error_percent"]) for name in RATIOS]
-
-
-def _ok(case: Case) -> bool:
-    return case.fit is not None and bool(case.fit.ok)
-
-
-def _case_name(case: Case) -> str:
-    return f"Case {case.plan.case}" + (", filtered" if case.plan.states == "filtered" else "")
-
-
-def _fits(cases: Sequence[Case], joints: Sequence[str]) -> PageTable:
-    """Return the main table; where both methods have a case, with how much better the default is."""
-    from markupsafe import Markup
-
-    head = ["case", "method", "unknowns", "evaluations", "seconds"]
-    head += ["residual [°]", "truth [°]", "prediction [°]", *(f"{name} [%]" for name in RATIOS)]
-    rows: list[tuple[str, Sequence[str]]] = []
-    for group in grouped(cases):
-        found = [case_row(case, joints) for case in group]
-        for case, row in zip(group, found, strict=True):
-            name = _case_name(case)
-            if case.clip_period:
-                name = Markup(f"{name}<small>period from<br>the whole clip</small>")
-            cells = [name, TITLES[case.plan.method]]
-            cells += [_number(row[k]) for k in ("unknowns", "evaluations", "seconds")]
-            cells += [_joints(row, k, joints) for k in SHOWN_ERRORS]
-            rows.append(("", [*cells, *_ratios(row)]))
-        if len(found) == 2:
-            gain = gain_row(*found)
-            cells = ["", "ratio", "", *(_times(gain[k]) for k in ("evaluations", "seconds"))]
-            cells += [_joints(gain, k, joints, _times) for k in SHOWN_ERRORS]
-            rows.append(("gain", [*cells, *("" for _ in RATIOS)]))
-        rows[-1] = (f"{rows[-1][0]} last", rows[-1][1])
-    return PageTable.of(head, rows)
-
-
-def _remarks(cases: Sequence[Case]) -> list[str]:
-    """Return the sentences that explain the main table."""
-    found = []
-    free = {case.plan.method: case.residual for case in cases if case.plan.case == "III"}
-    published, default = free.get("paper"), free.get("fast")
-    if published is not None and default is not None and np.any(default > published):
-        found.append(
-            "In Case III the default method has the larger residual where it does not follow the noise of "
-            "the poses from frame to frame. The errors against the truth and of the prediction are the ones "
-            "to compare."
-        )
-    if any(case.clip_period for case in cases):
-        found.append(
-            "In Case II the fitted frames do not determine the period: it is taken from the whole clip, "
-            "predicted frames included."
-        )
-    return found
-
-
-def _poses(seen: Mapping[str, Seen], joints: Sequence[str]) -> PageTable:
-    """Return the table of pose estimation."""
-    head = ["method", "frames seen", "rms error [°], θ1 · θ2", "silhouettes a frame", "milliseconds a frame"]
-    head += ["silhouettes for the first pose", "seconds for the first pose", "status"]
-    found = {method: seen_row(seen[method], joints) for method in BOTH_METHODS}
-    rows: list[tuple[str, Sequence[str]]] = []
-    for method, row in found.items():
-        each, first = row["seconds_a_frame"], row["silhouettes_locate"]
-        counted = method == "paper" or seen[method].scene is None
-        cells = [TITLES[method], f"{row['frames_seen']} of {row['frames']}", _joints(row, "error", joints)]
-        cells += [_number(row["silhouettes_a_frame"]), _number(None if each is None else 1000.0 * each)]
-        cells += [_number(first) if counted else "not counted", _number(row["seconds_locate"])]
-        rows.append(("", [*cells, row["status"]]))
-    # the default method draws no silhouettes while it tracks: without a quotient both numbers are shown
-    gain = gain_row(found["paper"], found["fast"])
-    drawn = [_number(row["silhouettes_a_frame"]) for row in found.values()]
-    cells = ["ratio", "", _joints(gain, "error", joints, _times)]
-    cells += ["" if NO_NUMBER in drawn else " : ".join(drawn), _times(gain["seconds_a_frame"])]
-    rows.append(("gain", [*cells, "", _times(gain["seconds_locate"]), ""]))
-    return PageTable.of(head, rows)
-
-
-def _lengths(cases: Sequence[Case], joints: Sequence[str]) -> PageTable:
-    """Return the table by number of frames."""
-    head = [
-        "frames",
-        "method",
-        "evaluations",
-        "seconds",
-        "residual [°]",
-        "next frames [°]",
-        "last frames [°]",
-    ]
-    chosen = [c for c in cases if (c.plan.case, c.plan.states, c.plan.start) == ("I", "measured", 0)]
-    rows = []
-    for case in sorted(chosen, key=lambda c: (c.plan.frames, BOTH_METHODS.index(c.plan.method))):
-        row = case_row(case, joints)
-        cells = [str(case.plan.frames), TITLES[case.plan.method]]
-        cells += [_number(row["evaluations"]), _number(row["seconds"])]
-        cells += [_joints(row, k, joints) for k in ("residual", "ahead", "late")]
-        rows.append(("", [*cells, *_ratios(row)]))
-    return PageTable.of([*head, *(f"{name} [%]" for name in RATIOS)], rows)
-
-
-def _starts(cases: Sequence[Case], joints: Sequence[str]) -> PageTable:
-    """Return the table by start values."""
-    frames = next((c.plan.frames for c in cases if c.plan.case == "II"), 0)
-    chosen = [c for c in cases if (c.plan.case, c.plan.states, c.plan.frames) == ("I", "measured", frames)]
-    chosen.sort(key=lambda c: (BOTH_METHODS.index(c.plan.method), c.plan.start))
-    values = [parameter_values(case) for case in chosen]
-    # parameters of either method, in the order of the first fit that has them
-    names = list(
-        dict.fromkeys(
-            p.name
-            for case in chosen
-            if case.fit is not None
-            for p in case.fit.parameters
-            if p.free and case.fit.mechanism.parameter(p.name).kind != "offset"
-        )
-    )
-    rows = []
-    for case, found in zip(chosen, values, strict=True):
-        row = case_row(case, joints)
-        cells = [TITLES[case.plan.method], str(case.plan.start), *(_number(found.get(n), 4) for n in names)]
-        rows.append(("", [*cells, *(_joints(row, k, joints) for k in ("residual", "ahead"))]))
-    return PageTable.of(["method", "start", *names, "residual [°]", "prediction [°]"], rows)
+def _line(verdict: Verdict, numbers: Sequence[int], count: int) -> tuple[str, str, str]:
+    """Return the mark of a verdict, its pendulum and its numbers."""
+    mark = {True: "✓", False: "✗", None: ""}[None if verdict.held is None else bool(verdict.held)]
+    return mark, f"{numbers[0]}: " if numbers and count > 1 else "", verdict.numbers
 
 
 def picture_rows(
@@ -318,8 +164,11 @@ def picture_rows(
         for frame in frames:
             row = int(np.searchsorted(found.poses.frame, frame.index))
             position = found.poses.position[row]
-            angles = ", ".join(f"{value:.1f}°".replace("-", "−") for value in np.degrees(position))
-            pictures.append((model_picture(found.scene, position), angles))
+            shown = [
+                f"{unit.factor * value:.1f}{unit.sign}".replace("-", "−")
+                for unit, value in zip(units_of(found.joints), position, strict=True)
+            ]
+            pictures.append((model_picture(found.scene, position), ", ".join(shown)))
         rows.append((f"Drawn by the model, {TITLES[method]} method", pictures))
     return rows
 
@@ -329,7 +178,7 @@ def model_picture(scene: Scene, position: np.ndarray) -> bytes:
 
     Args:
         scene: Mechanism and camera.
-        position: Joint positions [rad], (dof,).
+        position: Joint positions [rad or m], (dof,).
     """
     import cv2
 

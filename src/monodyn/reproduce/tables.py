@@ -1,10 +1,12 @@
-"""The fits and the poses as rows of numbers: for the page, for ``table.csv`` and for ``reproduce.json``."""
+"""The fits and the poses as rows of numbers: for ``table.csv``, for ``reproduce.json`` and for the
+terminal."""
 
 from __future__ import annotations
 
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from itertools import groupby
 from typing import Any
 
@@ -12,45 +14,65 @@ import numpy as np
 
 from monodyn.reproduce.cases import Case, rms
 from monodyn.reproduce.claims import Claim
+from monodyn.reproduce.plans import plan_order
+from monodyn.reproduce.repetition import Repetition
+from monodyn.reproduce.units import JointUnit, shared_unit, units_of
 from monodyn.reproduce.vision import BOTH_METHODS, TITLES, Seen
 
 ERRORS = ("residual", "error", "ahead", "late")
 """Errors of a fit that have a column for each joint."""
 SHOWN_ERRORS = ERRORS[:3]
 """Errors that the main table shows."""
-STAR = "*"
-"""Marks a case whose period is that of the whole clip."""
-PERIODS = {False: "fitted frames", True: "whole clip"}
-"""Where the period of Case II is from."""
-RATIOS = ("l1", "l2", "m2/m1", "b1/m1", "b2/m1")
-"""What the motion of a double pendulum determines."""
+WORDS = {
+    "measured": "",
+    "filtered": "filtered, as printed",
+    "consistent": "filtered, consistent",
+    "rates": "with rates",
+    "alone": "series alone",
+    "with-friction": "with friction",
+}
+"""What is compared, and what acts beside a torque over time, in words."""
 
 
-def case_row(case: Case, joints: Sequence[str]) -> dict[str, Any]:
+def labels(cases: Sequence[Case]) -> list[str]:
+    """Return the names of what the motion determines and the truth states, in order.
+
+    Args:
+        cases: The fits.
+    """
+    found = dict.fromkeys(name for case in cases for name in case.parameters or {})
+    # lengths, masses, dampings: the order of the letters in the first fit that has all of them
+    return sorted(found, key=lambda name: ("lmb".index(name[0]), name))
+
+
+def case_row(case: Case, units: Sequence[JointUnit], names: Sequence[str] = ()) -> dict[str, Any]:
     """Return one fit as a flat row; what is not known is None.
 
     Args:
         case: The fit.
-        joints: Joint names.
+        units: How each joint is shown.
+        names: What the truth states.
     """
     plan, fit = case.plan, case.fit
     row: dict[str, Any] = {
         "method": plan.method,
         "case": plan.case,
-        "states": plan.states,
+        "states": plan.compared,
+        "series": plan.series,
         "frames": plan.frames,
         "start": plan.start,
         "unknowns": case.unknowns,
         "evaluations": None if fit is None else fit.evaluations,
         "seconds": round(case.seconds, 4),
-        "ok": fit is not None and bool(fit.ok),
-        "period_from": "" if plan.case != "II" or fit is None else PERIODS[case.clip_period],
+        "ok": case.ok,
+        "period": None if case.period is None else _short(case.period),
     }
     for name in ERRORS:
         values = getattr(case, name)
-        for i, joint in enumerate(joints):
-            row[f"{name}_{joint}_deg"] = None if values is None else _short(np.degrees(values[i]))
-    for name in RATIOS:
+        for dof, unit in enumerate(units):
+            value = None if values is None else _short(unit.factor * values[dof])
+            row[f"{name}_{unit.name}_{unit.unit}"] = value
+    for name in names:
         value = (case.parameters or {}).get(name)
         row[f"{name.replace('/', '_')}_error_percent"] = None if value is None else _short(100.0 * value)
     row["status"] = case.status
@@ -73,24 +95,23 @@ def gain_row(published: Mapping[str, Any], default: Mapping[str, Any]) -> dict[s
     """
     found: dict[str, float | None] = {}
     for name, above in published.items():
-        if name == "evaluations" or name.startswith("seconds") or name.endswith("_deg"):
+        if name == "evaluations" or name.startswith("seconds") or name.endswith(("_deg", "_mm")):
             below = default[name]
             # a zero is a count that was not taken or an exact solution; neither has a ratio
             found[name] = _short(above / below) if above and below else None
     return found
 
 
-def gains(cases: Sequence[Case], joints: Sequence[str]) -> list[dict[str, Any]]:
-    """Return by how much the default method is better in each case that both methods have.
+def comparable(group: Sequence[Case]) -> bool:
+    """Return whether the fits of both methods had the same information: friction model, frames with poses.
 
     Args:
-        cases: The fits.
-        joints: Joint names.
+        group: Fits that differ in the method alone.
     """
-    pairs = [pair for pair in grouped(main_cases(cases)) if len(pair) == 2]
-    return [
-        {"case": pair[0].plan.case, **gain_row(*(case_row(case, joints) for case in pair))} for pair in pairs
-    ]
+    if len(group) != 2 or any(case.fit is None or case.residual is None for case in group):
+        return False
+    first, second = (np.isfinite(case.poses[: case.plan.frames]) for case in group if case.poses is not None)
+    return bool((first == second).all())
 
 
 def grouped(cases: Sequence[Case]) -> list[list[Case]]:
@@ -99,18 +120,34 @@ def grouped(cases: Sequence[Case]) -> list[list[Case]]:
     Args:
         cases: Fits, methods side by side.
     """
-    groups = groupby(cases, key=lambda c: (c.plan.case, c.plan.states, c.plan.frames, c.plan.start))
+    groups = groupby(
+        cases, key=lambda c: (c.plan.case, c.plan.compared, c.plan.series, c.plan.frames, c.plan.start)
+    )
     return [list(group) for _, group in groups]
 
 
-def seen_row(seen: Seen, joints: Sequence[str]) -> dict[str, Any]:
+def main_cases(repetition: Repetition) -> list[Case]:
+    """Return the fits of the usual frames from the usual start, methods side by side.
+
+    Args:
+        repetition: The experiment with one pendulum.
+    """
+    chosen = [
+        case
+        for evidence in repetition.evidence.values()
+        for case in evidence.cases
+        if case.plan.frames == evidence.design.frames and case.plan.start == 0
+    ]
+    return sorted(chosen, key=lambda case: plan_order(case.plan))
+
+
+def seen_row(seen: Seen) -> dict[str, Any]:
     """Return what one method saw as a flat row; what is not known is None.
 
     Args:
         seen: What it saw.
-        joints: Joint names.
     """
-    scene, poses = seen.scene, seen.poses
+    scene, poses, units = seen.scene, seen.poses, units_of(seen.joints)
     frames = 0 if poses is None else len(poses)
     row: dict[str, Any] = {
         "method": seen.method,
@@ -122,20 +159,20 @@ def seen_row(seen: Seen, joints: Sequence[str]) -> dict[str, Any]:
         "silhouettes_a_frame": seen.silhouettes,
     }
     errors = None if seen.errors is None else rms(seen.errors)
-    for i, joint in enumerate(joints):
-        row[f"error_{joint}_deg"] = None if errors is None else _short(np.degrees(errors[i]))
+    for dof, unit in enumerate(units):
+        value = None if errors is None else _short(unit.factor * errors[dof])
+        row[f"error_{unit.name}_{unit.unit}"] = value
     row["status"] = seen.status
     return row
 
 
-def csv_text(cases: Sequence[Case], joints: Sequence[str]) -> str:
+def csv_text(repetitions: Sequence[Repetition]) -> str:
     """Return all fits as CSV.
 
     Args:
-        cases: The fits.
-        joints: Joint names.
+        repetitions: The experiment with each pendulum.
     """
-    rows = [case_row(case, joints) for case in cases]
+    rows = [row for number, repetition in enumerate(repetitions) for row in _fit_rows(number, repetition)]
     file = io.StringIO()
     writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()
@@ -143,36 +180,93 @@ def csv_text(cases: Sequence[Case], joints: Sequence[str]) -> str:
     return file.getvalue()
 
 
-def document(
-    seen: Mapping[str, Seen], cases: Sequence[Case], found: Sequence[Claim], joints: Sequence[str]
-) -> dict[str, Any]:
+def _fit_rows(number: int, repetition: Repetition) -> list[dict[str, Any]]:
+    """Return all fits with one pendulum."""
+    cases = [case for evidence in repetition.evidence.values() for case in evidence.cases]
+    units = units_of(next(iter(repetition.evidence.values())).seen.joints)
+    names = labels(cases)
+    seed = None if repetition.settings is None else repetition.settings.seed
+    return [{"pendulum": number, "seed": seed, **case_row(case, units, names)} for case in cases]
+
+
+def document(repetitions: Sequence[Repetition], found: Sequence[Claim]) -> dict[str, Any]:
     """Return everything that was found as a JSON document.
 
     Args:
-        seen: What each method saw.
-        cases: The fits.
+        repetitions: The experiment with each pendulum.
         found: The claims.
-        joints: Joint names.
     """
-    poses = [seen_row(seen[method], joints) for method in BOTH_METHODS]
     return {
-        "poses": poses,
-        "published_over_default": {"poses": gain_row(*poses), "fits": gains(cases, joints)},
-        "fits": [
-            {**case_row(case, joints), "parameters": parameter_values(case), "advice": advice(case)}
-            for case in cases
-        ],
+        "pendulums": [_pendulum(number, repetition) for number, repetition in enumerate(repetitions)],
         "claims": [
             {
                 "claim": claim.text,
                 "place": claim.place,
                 "rule": claim.rule,
                 **{
-                    method: {"held": verdict.held, "numbers": verdict.numbers}
-                    for method, verdict in claim.verdicts.items()
+                    method: {
+                        "held": judged.held,
+                        "of": judged.decided,
+                        "rests_on": judged.basis,
+                        "verdicts": [{"held": v.held, "numbers": v.numbers} for v in judged.verdicts],
+                    }
+                    for method, judged in claim.judged.items()
                 },
             }
             for claim in found
+        ],
+    }
+
+
+def _pendulum(number: int, repetition: Repetition) -> dict[str, Any]:
+    """Return what was found with one pendulum."""
+    settings, evidence = repetition.settings, repetition.evidence
+    cases = [case for found in evidence.values() for case in found.cases]
+    rows = _fit_rows(number, repetition)
+    poses = [seen_row(evidence[method].seen) for method in BOTH_METHODS]
+    units = units_of(evidence["paper"].seen.joints)
+    pairs = [group for group in grouped(main_cases(repetition)) if comparable(group)]
+    starts = evidence["paper"].pose_starts
+    return {
+        "name": repetition.name,
+        "seed": None if settings is None else settings.seed,
+        "pendulum": None if settings is None else asdict(settings.pendulum),
+        "poses": poses,
+        "frameworks": [
+            {
+                "framework": form.name,
+                "status": form.status,
+                "mismatch_px2": None if form.mismatch is None else _short(form.mismatch),
+                "silhouettes": form.drawings,
+                "seconds": round(form.seconds, 4),
+                **{
+                    f"error_{unit.name}_{unit.unit}": None
+                    if form.error is None
+                    else _short(unit.factor * form.error[dof])
+                    for dof, unit in enumerate(units)
+                },
+            }
+            for form in evidence["paper"].seen.frameworks
+        ],
+        "pose_starts": None if starts is None else asdict(starts),
+        "published_over_default": {
+            "poses": gain_row(*poses),
+            "fits": [
+                {
+                    "case": pair[0].plan.case,
+                    "series": pair[0].plan.series,
+                    **gain_row(*(case_row(case, units) for case in pair)),
+                }
+                for pair in pairs
+            ],
+        },
+        "fits": [
+            {**row, "parameters": parameter_values(case), "advice": advice(case)}
+            for row, case in zip(rows, cases, strict=True)
+        ],
+        "assumptions": [
+            {"assumption": each.name, "held": each.held, "numbers": each.numbers}
+            for each in repetition.assumptions
         ],
     }
 
@@ -195,25 +289,24 @@ def advice(case: Case) -> list[str]:
     return [] if case.fit is None else list(case.fit.advice)
 
 
-def plain_rows(cases: Sequence[Case], joints: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+def plain_rows(repetition: Repetition) -> tuple[list[str], list[list[str]]]:
     """Return the table of the three cases for the terminal: column names and cells.
 
     Args:
-        cases: The fits.
-        joints: Joint names.
+        repetition: The experiment with one pendulum.
     """
+    units = units_of(repetition.evidence["paper"].seen.joints)
+    unit = shared_unit(units)
     columns = ["case", "states", "method", "unknowns", "evaluations", "seconds"]
-    columns += ["residual [deg]", "against truth [deg]", "prediction [deg]"]
+    columns += [f"{name} [{unit}]" if unit else name for name in ("residual", "against truth", "prediction")]
     rows = []
-    for group in grouped(main_cases(cases)):
-        found = [case_row(case, joints) for case in group]
+    for group in grouped(main_cases(repetition)):
+        found = [case_row(case, units) for case in group]
         for case, row in zip(group, found, strict=True):
-            cells = [case.plan.case + STAR * case.clip_period, case.plan.states, TITLES[case.plan.method]]
+            cells = [case.plan.case, WORDS[case.plan.series or case.plan.compared], TITLES[case.plan.method]]
             cells += [_cell(row[name]) for name in ("unknowns", "evaluations", "seconds")]
-            rows.append(
-                cells + [_joined([row[f"{name}_{joint}_deg"] for joint in joints]) for name in SHOWN_ERRORS]
-            )
-        if len(found) == 2:
+            rows.append([*cells, *(_joined(row, name, units) for name in SHOWN_ERRORS)])
+        if comparable(group):
             gain = gain_row(*found)
             cells = [
                 "",
@@ -222,33 +315,21 @@ def plain_rows(cases: Sequence[Case], joints: Sequence[str]) -> tuple[list[str],
                 "–",
                 *(_cell(gain[k]) for k in ("evaluations", "seconds")),
             ]
-            rows.append(
-                cells + [_joined([gain[f"{name}_{joint}_deg"] for joint in joints]) for name in SHOWN_ERRORS]
-            )
+            rows.append([*cells, *(_joined(gain, name, units, signed=False) for name in SHOWN_ERRORS)])
     # a column without a number is left out; the names of the fits, the first three, stay in any case
     empty = {"–", ""}
     kept = [i for i in range(len(columns)) if i < 3 or any(row[i] not in empty for row in rows)]
     return [columns[i] for i in kept], [[row[i] for i in kept] for row in rows]
 
 
-def main_cases(cases: Sequence[Case]) -> list[Case]:
-    """Return the fits of the three cases and of the filtered states, methods side by side.
-
-    Args:
-        cases: All fits.
-    """
-    # Case II is fitted to the usual number of frames alone, so it shows which number that is
-    frames = next((case.plan.frames for case in cases if case.plan.case == "II"), 0)
-    chosen = [case for case in cases if case.plan.frames == frames and case.plan.start == 0]
-    order = {("I", "measured"): 0, ("I", "filtered"): 1, ("II", "measured"): 2, ("III", "measured"): 3}
-    return sorted(
-        chosen, key=lambda c: (order[c.plan.case, c.plan.states], BOTH_METHODS.index(c.plan.method))
-    )
-
-
 def _cell(value: float | None) -> str:
     return "–" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-def _joined(values: Sequence[float | None]) -> str:
-    return "–" if all(value is None for value in values) else " · ".join(_cell(value) for value in values)
+def _joined(row: Mapping[str, Any], name: str, units: Sequence[JointUnit], *, signed: bool = True) -> str:
+    """Write an error of every joint into one cell, with units where they differ."""
+    values = [row[f"{name}_{unit.name}_{unit.unit}"] for unit in units]
+    if all(value is None for value in values):
+        return "–"
+    signs = [unit.sign if signed and not shared_unit(units) else "" for unit in units]
+    return " · ".join(_cell(value) + sign for value, sign in zip(values, signs, strict=True))

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from monodyn.errors import MonodynError
-from monodyn.mechanism import Mechanism
-from monodyn.paper.filter import Filtered, Gains, filtered
+from monodyn.mechanism import Joint, Mechanism
+from monodyn.paper.assumptions import Assumption, failed, film_assumptions
+from monodyn.paper.locate import PaperScene
+from monodyn.paper.settings import PaperLocateSettings, PaperTrackSettings
+from monodyn.paper.silhouettes import ClipSilhouettes
+from monodyn.paper.subproblems import History, mismatch
 from monodyn.paper.track import PaperPoses
-from monodyn.reproduce.clip import Truth
+from monodyn.paper.view import CAMERA_HELD, model_view
+from monodyn.reproduce.truth import Truth, errors_of
 from monodyn.stages import locate, track
 from monodyn.types import Poses, Progress
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
-from monodyn.vision.settings import CameraSettings, LocateSettings, TrackSettings
+from monodyn.vision.settings import CameraSettings, TrackSettings
 
 BOTH_METHODS = ("paper", "fast")
 """The published method and the default one."""
@@ -24,6 +31,32 @@ TITLES = {"paper": "published", "fast": "default"}
 """What they are called on the page."""
 CASE_FAILURES = (MonodynError, np.linalg.LinAlgError)
 """What a case may fail with and still stand in the table."""
+Framework = Literal["strict", "interleaved"]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameworkFound:
+    """What one form of the framework of Figure 2 found.
+
+    Attributes:
+        name: ``strict`` or ``interleaved``.
+        status: ``done``, or why there is nothing.
+        mismatch: Area of ``|I_a - I_m|`` in the frame of the first pose [px^2], or None.
+        area: Area of the silhouette there [px^2], or None.
+        drawings: Silhouettes drawn.
+        seconds: Wall time [s].
+        error: Found less true pose in that frame [rad or m], (dof,), or None.
+        history: The sub-problems in the order in which they were solved.
+    """
+
+    name: str
+    status: str
+    mismatch: float | None = None
+    area: float | None = None
+    drawings: int = 0
+    seconds: float = 0.0
+    error: np.ndarray | None = None
+    history: tuple[History, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,22 +66,27 @@ class Seen:
     Attributes:
         method: One of ``BOTH_METHODS``.
         status: ``done``, or why there are no poses.
+        joints: The joints of the mechanism.
         scene: Camera, sizes and first pose, or None.
         poses: Joint positions in every frame, or None.
-        seconds_locate: Wall time for camera, sizes and first pose [s], everything compiled.
+        seconds_locate: Wall time for camera, sizes and first pose [s].
         seconds_a_frame: Wall time for the pose in a frame, median [s].
-        states: The filtered poses, or None.
-        errors: Measured less true joint positions [rad], (frame, dof), or None where the truth is not known.
+        errors: Measured less true joint positions [rad or m], (frame, dof), or None where the truth is
+            not known.
+        frameworks: Both forms of Figure 2, for the published method.
+        film: Whether the film is as the published method takes it to be.
     """
 
     method: str
     status: str
+    joints: tuple[Joint, ...] = ()
     scene: Scene | None = None
     poses: Poses | None = None
     seconds_locate: float = 0.0
     seconds_a_frame: float = 0.0
-    states: Filtered | None = None
     errors: np.ndarray | None = None
+    frameworks: tuple[FrameworkFound, ...] = ()
+    film: tuple[Assumption, ...] = ()
 
     @property
     def silhouettes(self) -> float | None:
@@ -57,42 +95,61 @@ class Seen:
             return None
         return float(np.median(self.poses.evaluations)) if isinstance(self.poses, PaperPoses) else 0.0
 
+    @property
+    def hinges(self) -> list[int]:
+        """The degrees of freedom that are hinges."""
+        return hinges_of(self.joints)
+
+
+def hinges_of(joints: Sequence[Joint]) -> list[int]:
+    """Return which degrees of freedom are hinges.
+
+    Args:
+        joints: The joints.
+    """
+    return [dof for dof, joint in enumerate(joints) if joint.kind == "hinge"]
+
 
 def see(
-    method: str,
-    masks: Masks,
-    mechanism: Mechanism,
-    truth: Truth | None,
-    gains: Gains,
-    progress: Progress | None = None,
+    method: str, masks: Masks, mechanism: Mechanism, truth: Truth | None, progress: Progress | None = None
 ) -> Seen:
-    """Locate and track the mechanism with one method and filter its poses.
+    """Locate and track the mechanism with one method.
 
     Args:
         method: One of ``BOTH_METHODS``.
         masks: The foreground of the clip.
         mechanism: Topology with wrong sizes.
         truth: The true motion, or None where it is not known.
-        gains: Gains of the filter.
         progress: Called with the frames done.
 
     Returns:
         What was seen; a failure stands in its ``status``.
     """
-    scene = None
+    scene, joints = None, mechanism.joints
+    frameworks: tuple[FrameworkFound, ...] = ()
+    began = time.perf_counter()
     try:
-        _located(method, masks, mechanism, progress)  # loads and compiles; the second one is timed
-        began = time.perf_counter()
-        scene = _located(method, masks, mechanism, progress)
-        located, watch = time.perf_counter(), _Watch(progress)
-        poses = track(scene.masks, scene, _track_settings(method), progress=watch)
-        states = filtered(poses.time, poses.position, gains, poses.covariance)
+        if method == "fast":
+            scene = locate(masks, mechanism, progress=progress)
+        else:
+            scene = _published(masks, mechanism, "strict", progress)
+        located, watch = time.perf_counter() - began, _Watch(progress)
+        if isinstance(scene, PaperScene):
+            frameworks = (
+                framework_found("strict", scene, located, truth),
+                _interleaved(masks, mechanism, truth, progress),
+            )
+        settings = TrackSettings() if method == "fast" else PaperTrackSettings(method="paper")
+        poses = track(scene.masks, scene, settings, progress=watch)
     except CASE_FAILURES as error:
-        return Seen(method, f"failed: {error}", scene)
+        film = () if method == "fast" else failed(ClipSilhouettes(masks))
+        return Seen(method, f"failed: {error}", joints, scene, frameworks=frameworks, film=film)
     errors = None
     if truth is not None:
-        errors = poses.position - aligned(truth.position, poses.position)
-    return Seen(method, "done", scene, poses, located - began, watch.median, states, errors)
+        known = truth.position[: len(poses)]
+        errors = errors_of(poses.position, known, joints, metric=poses.metric)
+    film = film_assumptions(scene, poses) if isinstance(scene, PaperScene) else ()
+    return Seen(method, "done", joints, scene, poses, located, watch.median, errors, frameworks, film)
 
 
 class _Watch:
@@ -113,28 +170,48 @@ class _Watch:
         return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
 
 
-def _located(method: str, masks: Masks, mechanism: Mechanism, progress: Progress | None) -> Scene:
-    """Locate with one method, camera included."""
-    if method == "fast":
-        return locate(masks, mechanism, progress=progress)
-    both = LocateSettings(method="paper"), CameraSettings(method="paper")
-    return locate(masks, mechanism, both[0], camera=both[1], progress=progress)
+def _published(masks: Masks, mechanism: Mechanism, framework: Framework, progress: Progress | None) -> Scene:
+    """Locate by one form of the published framework."""
+    settings = PaperLocateSettings(method="paper", framework=framework)
+    return locate(masks, mechanism, settings, camera=CameraSettings(method="paper"), progress=progress)
 
 
-def _track_settings(method: str) -> TrackSettings:
-    return TrackSettings() if method == "fast" else TrackSettings(method="paper")
+def _interleaved(
+    masks: Masks, mechanism: Mechanism, truth: Truth | None, progress: Progress | None
+) -> FrameworkFound:
+    """Locate a second time by our form of the framework, for comparison."""
+    began = time.perf_counter()
+    try:
+        scene = _published(masks, mechanism, "interleaved", progress)
+    except CASE_FAILURES as error:
+        return FrameworkFound("interleaved", f"failed: {error}")
+    return framework_found("interleaved", scene, time.perf_counter() - began, truth)
 
 
-def aligned(truth: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Turn true hinge angles by whole turns to where the measured ones are.
+def framework_found(name: str, scene: Scene, seconds: float, truth: Truth | None) -> FrameworkFound:
+    """Return how well one form of the framework explains the frame of the first pose.
 
     Args:
-        truth: True joint positions [rad], (frame, dof).
-        position: Measured ones, NaN where not seen, (frame, dof).
-
-    Returns:
-        The true positions, (frame, dof).
+        name: ``strict`` or ``interleaved``.
+        scene: What it found.
+        seconds: Wall time [s].
+        truth: The true motion, or None.
     """
-    # a hinge angle is measured up to whole turns; the median is right even where single frames are off
-    turns = np.round(np.nanmedian(position - truth, axis=0) / (2.0 * np.pi))
-    return truth + 2.0 * np.pi * turns
+    assert isinstance(scene, PaperScene)
+    frame = next(frame for frame in scene.masks.video.frames() if frame.index == scene.frame)
+    image = ClipSilhouettes(scene.masks, scene.level).of(frame).image
+    view = model_view(scene.mechanism, scene.camera, scene.position, CAMERA_HELD)
+    error = None
+    if truth is not None and scene.frame < len(truth.position):
+        row = slice(scene.frame, scene.frame + 1)
+        error = errors_of(scene.position[np.newaxis], truth.position[row], scene.mechanism.joints)[0]
+    return FrameworkFound(
+        name,
+        "done",
+        float(mismatch(image, view.rig, scene.position)),
+        image.area,
+        scene.evaluations,
+        seconds,
+        error,
+        scene.history,
+    )

@@ -1,0 +1,148 @@
+"""Joint positions in, their common period and Fourier series out: eq. (10), of one omega for all joints.
+
+At a given period the series is one linear least squares a joint, so that the period alone is searched. The
+paper leaves the numbers of harmonics M_i open; here Schwarz's criterion chooses them. A period that a record
+does not hold twice is compared with the others by its first harmonic alone: a series of several fits one
+period of anything, and only what comes again shows that it is a period.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from monodyn.mechanism.drive import fourier_basis
+from monodyn.paper.torque import fourier_coefficients
+
+MOST_HARMONICS = 3
+"""Harmonics of a joint's positions that are tried, at most."""
+PER_WAVE = 4.0
+"""Samples in the shortest wave, at least."""
+LONGEST_PERIOD = 2.0
+"""Longest period that is tried, in lengths of the record: half a wave at least is seen."""
+SCAN_STEP = 0.1
+"""Spacing of the scanned frequencies as a share of a turn of the last harmonic over the record."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSeries:
+    """The poses of a record as Fourier series of one period.
+
+    Attributes:
+        period: 2 pi / omega [s].
+        periods: How many of them the record holds.
+        coefficients: Mean, cos1, sin1, ... by joint, zero beyond its M_i, (1 + 2 harmonics, dof).
+        harmonics: M_i of each joint.
+        criterion: Schwarz's criterion; lower is better.
+    """
+
+    period: float
+    periods: float
+    coefficients: np.ndarray
+    harmonics: tuple[int, ...]
+    criterion: float
+
+
+def pose_series(
+    time: np.ndarray,
+    position: np.ndarray,
+    noise: np.ndarray,
+    bounds: tuple[float, float] = (0.0, np.inf),
+) -> PoseSeries:
+    """Fit theta_i = p_i0 + sum_j (p_ij cos j omega t + q_ij sin j omega t) with one omega to all joints.
+
+    Period and M_i have the least sum over the joints of n log(mean square of what is left) + (1 + 2 M_i)
+    log n, with M_i up to three, one where the record does not hold the period twice; M_i is then chosen anew,
+    up to three, if the record holds the period once.
+
+    Args:
+        time: Times [s], increasing, (frame,).
+        position: Joint positions [rad or m], NaN where not seen, (frame, dof).
+        noise: Standard deviation of the positions [rad or m], below which nothing is explained, (dof,).
+        bounds: Least and greatest period allowed [s]; equal where the period is known.
+
+    Returns:
+        The series of the best period.
+
+    Source:
+        Eq. (10) of "Estimating dynamics on-the-fly using monocular video", 2012; Schwarz, Estimating the
+        dimension of a model, 1978.
+    """
+    fit = _Fit(np.asarray(time, dtype=float), np.asarray(position, dtype=float), np.asarray(noise))
+    periods = fit.scanned(bounds)
+    best = min((fit.at(period) for period in periods), key=lambda found: found.criterion)
+    period = fit.refined(best, bounds)
+    return fit.at(period, MOST_HARMONICS if period <= fit.span else 1)
+
+
+class _Fit:
+    """Least squares at one period after the other."""
+
+    def __init__(self, time: np.ndarray, position: np.ndarray, noise: np.ndarray) -> None:
+        self.time, self.position, self.noise = time, position, noise
+        self.span = float(np.ptp(time))
+
+    def scanned(self, bounds: tuple[float, float]) -> np.ndarray:
+        """Return the periods to try [s]: evenly spaced in frequency, and the ends of the bounds."""
+        shortest = PER_WAVE * float(np.median(np.diff(self.time)))
+        low, high = 1.0 / (LONGEST_PERIOD * self.span), max(1.0 / shortest, 1.0 / self.span)
+        frequencies = np.arange(low, high, self.step)
+        inside = [1.0 / f for f in frequencies if bounds[0] < 1.0 / f < bounds[1]]
+        # where the bounds leave nothing of what the record can show, they decide themselves
+        ends = [end for end in bounds if 1.0 / high <= end <= 1.0 / low]
+        if not inside and not ends:
+            ends = [bounds[0] if bounds[0] > 1.0 / low else bounds[1]]
+        return np.array([*inside, *ends])
+
+    @property
+    def step(self) -> float:
+        """Spacing of the scanned frequencies [Hz]."""
+        return SCAN_STEP / (MOST_HARMONICS * self.span)
+
+    def at(self, period: float, most: int = 0) -> PoseSeries:
+        """Fit the series of one period, up to ``most`` harmonics; 0: as many as its search allows."""
+        # no more harmonics either than the samples can tell apart
+        step = float(np.median(np.diff(self.time)))
+        most = most or (MOST_HARMONICS if 2.0 * period <= self.span else 1)
+        most = min(most, int(period / (PER_WAVE * step)))
+        columns, chosen, criterion = [], [], 0.0
+        for dof in range(self.position.shape[1]):
+            tried = [self._joint(dof, period, m) for m in range(1, max(most, 1) + 1)]
+            best = int(np.argmin([value for value, _ in tried]))
+            chosen.append(best + 1)
+            criterion += tried[best][0]
+            columns.append(tried[best][1])
+        table = np.zeros((max(len(column) for column in columns), len(columns)))
+        for dof, column in enumerate(columns):
+            table[: len(column), dof] = column
+        return PoseSeries(period, self.span / period, table, tuple(chosen), criterion)
+
+    def _joint(self, dof: int, period: float, harmonics: int) -> tuple[float, np.ndarray]:
+        """Return criterion and coefficients of one joint's series."""
+        values = self.position[:, [dof]]
+        found = fourier_coefficients(self.time, values, period, harmonics)[:, 0]
+        left = values[:, 0] - fourier_basis(self.time, period, harmonics) @ found
+        left = left[np.isfinite(left)]
+        # what the noise explains is not charged: a series need not go below it
+        square = float(np.mean(left**2)) + max(float(self.noise[dof]) ** 2, 1e-300)
+        return len(left) * np.log(square) + len(found) * np.log(max(len(left), 2)), found
+
+    def refined(self, best: PoseSeries, bounds: tuple[float, float]) -> float:
+        """Move the period between its neighbours in the scan to where the criterion is least."""
+        from scipy.optimize import minimize_scalar
+
+        frequency, count = 1.0 / best.period, max(best.harmonics)
+        ends = np.array((frequency - self.step, frequency + self.step))
+        ends = np.clip(ends, 1.0 / bounds[1], 1.0 / max(bounds[0], 1e-9))
+        if not ends[1] > ends[0]:
+            return best.period
+        # the same harmonics throughout: their number jumps where one more period is whole
+        found: Any = minimize_scalar(
+            lambda f: self.at(1.0 / f, count).criterion,
+            bounds=ends,
+            method="bounded",
+            options={"xatol": 0.01 * self.step},
+        )
+        return 1.0 / float(found.x)

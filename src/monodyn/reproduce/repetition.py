@@ -1,0 +1,165 @@
+"""The experiment with one pendulum: what each method sees in its clip and fits to it; several in two
+processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeVar
+
+import numpy as np
+
+from monodyn.paper.assumptions import Assumption
+from monodyn.reproduce.assumptions import assumptions
+from monodyn.reproduce.cases import run_case, run_cases
+from monodyn.reproduce.clip import ClipSettings, make_clip
+from monodyn.reproduce.evidence import Evidence
+from monodyn.reproduce.given import opened
+from monodyn.reproduce.plans import CASE_TORQUES, Design, own_form
+from monodyn.reproduce.pose_starts import pose_starts
+from monodyn.reproduce.truth import Truth
+from monodyn.reproduce.vision import see
+from monodyn.stages import segment
+from monodyn.types import Camera, Progress
+
+START = """<mujoco model="double">
+  <!-- The topology of the clip. Every size is wrong on purpose: the methods find the true ones. -->
+  <option gravity="0 0 -9.81"/>
+  <worldbody>
+    <body name="link1">
+      <joint name="joint1" type="hinge" axis="0 -1 0" damping="0.001"/>
+      <geom type="box" size="0.05 0.002 0.01" pos="0.05 0 0" density="2700"/>
+      <body name="link2" pos="0.1 -0.006 0">
+        <joint name="joint2" type="hinge" axis="0 -1 0" damping="0.001"/>
+        <geom type="box" size="0.05 0.002 0.01" pos="0.05 0 0" density="2700"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+"""The mechanism file that both methods are given."""
+WARMING = ClipSettings(camera=Camera(144, 96, 140.0, 0.03, -0.17, 1.15), frames=20)
+"""A small clip on which every stage is run once before it is timed."""
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, eq=False)
+class Repetition:
+    """The experiment with one pendulum.
+
+    Attributes:
+        name: What the pendulum is called.
+        clip: Its clip.
+        settings: How the clip was made; None where it was given.
+        truth: The true motion, or None.
+        evidence: What each method found, by method.
+    """
+
+    name: str
+    clip: Path
+    settings: ClipSettings | None
+    truth: Truth | None
+    evidence: Mapping[str, Evidence]
+
+    @property
+    def assumptions(self) -> list[Assumption]:
+        """Whether the assumptions of the paper hold for its clip."""
+        return assumptions(self.evidence, given=self.settings is None)
+
+
+@dataclass(frozen=True, eq=False)
+class Trying:
+    """One method to try on one clip.
+
+    Attributes:
+        method: ``paper`` or ``fast``.
+        clip: The clip.
+        model: The mechanism file that the method is given.
+        truth: The true motion, or None.
+        design: What is fitted.
+    """
+
+    method: str
+    clip: str | Path
+    model: str | Path
+    truth: Truth | None
+    design: Design
+
+
+def tried(trying: Trying, progress: Progress | None = None) -> Evidence:
+    """Find poses and fits with one method.
+
+    Args:
+        trying: The method and the clip.
+        progress: Called with the steps done.
+    """
+    warm_up(trying.method)
+    return _found(trying, progress)
+
+
+def _found(trying: Trying, progress: Progress | None) -> Evidence:
+    video, mechanism = opened(trying.clip, trying.model)
+    design, truth = trying.design.within(video.count), trying.truth
+    seen = see(trying.method, segment(video, progress=progress), mechanism, truth, progress)
+    cases = run_cases(seen, truth, design, progress)
+    starts = pose_starts(seen, truth, design.seed)
+    return Evidence(seen, cases, design, float(np.median(np.diff(video.times))), starts)
+
+
+@cache
+def warm_up(method: str) -> None:
+    """Run every stage of a method once on a small clip, so that loading and compiling are not timed.
+
+    Args:
+        method: ``paper`` or ``fast``.
+    """
+    with TemporaryDirectory() as folder:
+        clip, model = Path(folder) / "clip.mp4", Path(folder) / "start.xml"
+        truth = make_clip(clip, WARMING)
+        model.write_text(START, encoding="utf-8")
+        video, mechanism = opened(clip, model)
+        design = Design(frames=WARMING.frames, ahead=0, lengths=())
+        seen = see(method, segment(video), mechanism, truth)
+        for name in CASE_TORQUES:
+            run_case(own_form(method, name, WARMING.frames), seen, truth, design)
+
+
+def each(
+    function: Callable[[Item, Progress | None], Result],
+    items: Sequence[Item],
+    processes: int,
+    progress: Progress | None,
+) -> Iterator[Result]:
+    """Yield what a function makes of each item, in their order, in several processes where that is allowed.
+
+    Args:
+        function: A function of a module, called with an item and with progress or None.
+        items: The items.
+        processes: Processes at most; 1 stays in this one.
+        progress: Passed on within this process; else called with the items done.
+
+    Yields:
+        The results.
+    """
+    count = min(processes, len(items))
+    if count < 2:
+        for item in items:
+            yield function(item, progress)
+        return
+    # a fresh interpreter each: a fork would copy locks of the threads that decoding has started
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(count, mp_context=context) as pool:
+        waiting = [pool.submit(function, item, None) for item in items]
+        for done, future in enumerate(waiting):
+            if progress is not None:
+                progress("experiments", done, len(items))
+            yield future.result()
+    if progress is not None:
+        progress("experiments", len(items), len(items))
