@@ -2,6 +2,9 @@
 
 Run: ``MONODYN_DATA=<folder> python benchmarks/published.py [--only NAME ...] [--json FILE] [--gate]``.
 Frames 0:40 of the passive clips are fitted and the next 40 predicted; 0:200 of the driven one are fitted.
+The published forms alone, Figure 2 both ways, Case II over three numbers of frames and raw starts, are
+measured on the passive clips and on the clip that ``monodyn reproduce`` makes; the statuses of the fits go to
+the standard error.
 Everything is run once before it is timed; locating and fitting count with the median of three runs.
 """
 
@@ -11,6 +14,7 @@ import argparse
 import json
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,10 +28,16 @@ import monodyn
 from accuracy import FITTED, PREDICTED, differences, rms
 from figures import Figure, finish, say, table
 from monodyn.paper.locate import PaperScene
+from monodyn.paper.settings import PaperIdentifySettings
 from monodyn.paper.track import PaperPoses
+from monodyn.reproduce.clip import ClipSettings, make_clip
+from monodyn.reproduce.repetition import START
 from monodyn.results.torques import torques
+from published_forms import Clip, as_it_comes, case_two, frameworks, raw_starts
 
 Result = TypeVar("Result")
+STUDY_FRAMES = 200
+"""Frames of the made clip: those of the longest fit and those predicted after it."""
 DRIVEN = 200
 """Fitted frames of the clip with torques."""
 POSE, RESIDUAL = 1.0, 3.0
@@ -85,7 +95,38 @@ def passive(clip: Path) -> list[Figure]:
     figures = []
     for name, found in methods.items():
         figures += against_truth(f"{clip.name}, {name}", found, truth, asked=name == "paper")
-    return figures + compared(clip.name, methods["paper"], methods["fast"], truth)
+    figures += compared(clip.name, methods["paper"], methods["fast"], truth)
+    document = json.loads(clip.with_suffix(".json").read_text(encoding="utf-8"))
+    lengths = np.array([link[0] for link in document["truth"]["links"]])
+    return figures + published_forms(clip, truth, lengths)
+
+
+def published_forms(clip: Path, truth: np.ndarray, lengths: np.ndarray) -> list[Figure]:
+    """Return what is measured of the published forms alone.
+
+    Args:
+        clip: The clip without its ending.
+        truth: True positions [rad], (frame, dof).
+        lengths: True length of each link [m], (link,).
+    """
+    mechanism = monodyn.load(clip.with_suffix(".xml"))
+    masks = monodyn.segment(monodyn.read(clip.with_suffix(".mp4")))
+    given = Clip(clip.name, mechanism, masks, truth, lengths)
+    figures, scene, poses = frameworks(given)
+    return figures + case_two(given, scene, poses) + raw_starts(given, scene, poses)
+
+
+def study(_: Path) -> list[Figure]:
+    """Return the same on the clip that ``monodyn reproduce`` makes, with more frames of it.
+
+    Args:
+        _: Not needed: the clip is made.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        clip = Path(folder) / "study"
+        true = make_clip(clip.with_suffix(".mp4"), ClipSettings(frames=STUDY_FRAMES))
+        clip.with_suffix(".xml").write_text(START, encoding="utf-8")
+        return published_forms(clip, true.position, np.array(ClipSettings().pendulum.length))
 
 
 def run(clip: Path, method: str) -> Outcome:
@@ -240,7 +281,10 @@ def driven(clip: Path) -> list[Figure]:
         if model == "fourier":
             fit = monodyn.identify(poses, known, settings)
             figures += torque_figures(f"{case}, thickness known", fit, poses.time, applied, true_period)
-    return figures
+    published = monodyn.identify(
+        poses, scene.mechanism, PaperIdentifySettings(method="paper", torque="fourier")
+    )
+    return figures + as_it_comes(f"{clip.name}, Case II published form", published, true_period)
 
 
 def torque_figures(
@@ -286,6 +330,7 @@ def period_of(torque: np.ndarray, times: np.ndarray) -> float:
 CLIPS: dict[str, Callable[[Path], list[Figure]]] = {
     "double_a": passive,
     "double_b": passive,
+    "study": study,
     "double_torque": driven,
 }
 
