@@ -204,20 +204,21 @@ def _minimum(
     *,
     whole: bool = True,
 ) -> Minimum:
-    """Search within bounds (2, param); under a Fourier series in directions taken anew until none gains.
+    """Search within bounds (2, param); under a torque over time in directions taken anew until none gains.
 
     Such a search is at its minimum when the step of Gauss and Newton from there gains next to nothing: the
     solver itself cannot tell, because its steps also end where a bound of a torque is met.
     """
-    if fixed.problem.mechanism.torque != "fourier":
-        return _searched(fixed, x, bounds, _directions(fixed, x), (most, _tolerance(fixed, x)), tick)
-    limit, spent = TOLERANCE if whole else PART_TOLERANCE, 1
-    directions, turns, near = _directions(fixed, x), 0, False
+    torque, directions = fixed.problem.mechanism.torque, _directions(fixed, x)
+    if torque == "friction":
+        return _searched(fixed, x, bounds, directions, (most, _tolerance(fixed, x)), tick)
+    spent, turns = 1, 0
     while True:
+        limit = PART_TOLERANCE if torque == "fourier" and not whole else _tolerance(fixed, x)
         end = _searched(fixed, x, bounds, directions, (max(most - spent, len(x) + 2), limit), tick)
         spent, turns, x = spent + end.evaluations + 1, turns + 1, end.x
         directions = _directions(fixed, x)
-        near = _gain(fixed, x, bounds, directions) < limit
+        near = _gain(fixed, x, bounds, directions) < (TOLERANCE if whole else PART_TOLERANCE)
         if near or turns >= MOST_TURNS or spent >= most:
             return replace(end, evaluations=spent, converged=near)
 
@@ -243,17 +244,23 @@ def _searched(
         for side, end in zip((-np.inf, np.inf), bounds, strict=True)
     )
 
-    # bounds of single torques are no bounds of their modes: outside of them the cost is not a number, from
-    # which the search steps back
+    # Bounds of single torques are no bounds of their modes. Beyond them the torque stays at its bound, and how
+    # far it is beyond is one more residual, so that the search finds its way back.
+    weight = float(np.linalg.norm(fixed.residuals(x))) / fixed.scale[turned]
+
     def residuals(z: np.ndarray) -> np.ndarray:
         tick()
         at = x + directions @ z
-        if ((at < bounds[0]) | (at > bounds[1]))[turned].any():
-            return np.full(1, np.nan)
-        return fixed.residuals(np.clip(at, *bounds)).ravel()
+        within = np.clip(at, *bounds)
+        return np.append(fixed.residuals(within), weight * (at - within)[turned])
 
     def slopes(z: np.ndarray) -> np.ndarray:
-        return fixed.jacobian(np.clip(x + directions @ z, *bounds)).reshape(-1, len(x)) @ directions
+        at = x + directions @ z
+        within = np.clip(at, *bounds)
+        outside = turned & (at != within)
+        along = fixed.jacobian(within).reshape(-1, len(x)) @ (directions * ~outside[:, None])
+        beyond = (directions * outside[:, None])[turned] * weight[:, None]
+        return np.concatenate((along, beyond))
 
     end = bounded_bfgs(
         residuals, np.zeros(len(x)), (low, high), most=most, tolerance=tolerance,
@@ -276,13 +283,14 @@ def _directions(fixed: FixedStart, x: np.ndarray) -> np.ndarray:
 
 
 def _gain(fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, directions: np.ndarray) -> float:
-    """Share of the cost that a step of Gauss and Newton within the bounds would gain, to first order."""
+    """Share of the cost, or of the noise's, that a step of Gauss and Newton would gain to first order."""
     residuals = fixed.residuals(x).ravel()
     along = fixed.jacobian(x).reshape(-1, len(x)) @ directions
     slope, single = along.T @ residuals, ~fixed.problem.unknowns.of_kind("torque")
     # an unknown at a bound from which the cost falls outward stays there
     held = single & np.where(slope > 0, x <= bounds[0], x >= bounds[1])
-    return float(np.sum(slope[~held] ** 2) / max(float(residuals @ residuals), 1e-300))
+    whole = max(float(residuals @ residuals), 2.0 * _noise_cost(fixed), 1e-300)
+    return float(np.sum(slope[~held] ** 2) / whole)
 
 
 def _tolerance(fixed: FixedStart, x: np.ndarray) -> float:
