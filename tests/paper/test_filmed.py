@@ -9,8 +9,8 @@ import numpy as np
 
 from chains import CAMERA, LENGTHS, THICK, WIDTHS
 from films import COUNT, film
-from monodyn.paper.assumptions import ALONE, failed
-from monodyn.paper.filmed import measured, outlook
+from monodyn.paper.assumptions import ALONE, failed, failed_advice
+from monodyn.paper.filmed import background_drift, measured, outlook
 from monodyn.paper.silhouettes import ClipSilhouettes
 
 
@@ -32,7 +32,7 @@ def test_a_film_of_the_drawn_mechanism(tmp_path: Path) -> None:
     assert 1.0 < found.usual("drawn") / found.usual("area") < 1.25
     for look in found.looks:
         assert max(look.missed, look.excess, look.far, look.outside) < 0.01
-        np.testing.assert_allclose(look.centroids[:2], look.centroids[2:], atol=0.6)
+        np.testing.assert_allclose(look.centroids[:2], look.centroids[2:], atol=1.0)
 
 
 def test_silhouettes_without_poses(tmp_path: Path) -> None:
@@ -50,4 +50,9 @@ def test_silhouettes_without_poses(tmp_path: Path) -> None:
     # its edge lies outside in the first frame and from the 32nd on
     assert abs(found.cut - 7 / COUNT) < 0.06
     assert found.undecided < 0.1
+    assert max(background_drift(silhouettes)) < 0.05
     assert ALONE in [own.name for own in failed(silhouettes)]
+    assert failed_advice(silhouettes)[0] == (
+        'The published method assumes: "The mechanism moves alone and is seen in one piece." This film is '
+        f"otherwise. {found.apart:.0%} of the silhouette lie apart from its largest patch."
+    )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.paper.filmed import FAR_PX, Film, Outlook, measured, outlook
+from monodyn.paper.filmed import FAR_PX, Film, Outlook, background_drift, measured, outlook
 from monodyn.paper.silhouettes import ClipSilhouettes
 from monodyn.paper.threshold import LEAST_THRESHOLD
 from monodyn.types import Poses
@@ -88,7 +88,7 @@ def film_assumptions(scene: Scene, poses: Poses) -> tuple[Assumption, ...]:
     if film.drawn_well and film.seen >= FOLLOWED:
         # with the mechanism found, its own pixels tell more than the silhouettes alone
         alone, in_view = _alone(film), _in_view(film)
-    return divides, _still_camera(film), alone, in_view, _as_given(film), _parallel(film)
+    return divides, _still_camera(film.drift), alone, in_view, _as_given(film), _parallel(film)
 
 
 def silhouette_assumptions(seen: Outlook) -> tuple[Assumption, Assumption, Assumption]:
@@ -121,24 +121,38 @@ def silhouette_assumptions(seen: Outlook) -> tuple[Assumption, Assumption, Assum
 
 
 def failed(silhouettes: ClipSilhouettes) -> tuple[Assumption, ...]:
-    """Return the assumptions that the silhouettes of a clip disprove without any pose.
+    """Return the assumptions that a clip disproves without any pose.
 
     Args:
-        silhouettes: The silhouettes.
+        silhouettes: The silhouettes of the clip.
     """
-    return tuple(own for own in silhouette_assumptions(outlook(silhouettes)) if own.held is False)
+    divides, alone, in_view = silhouette_assumptions(outlook(silhouettes))
+    still = _still_camera(background_drift(silhouettes))
+    return tuple(own for own in (divides, still, alone, in_view) if own.held is False)
 
 
-def _still_camera(film: Film) -> Assumption:
+def failed_advice(silhouettes: ClipSilhouettes) -> tuple[str, ...]:
+    """Return a sentence for each assumption that a clip disproves, for the user.
+
+    Args:
+        silhouettes: The silhouettes of the clip.
+    """
+    return tuple(
+        f'The published method assumes: "{own.name}" This film is otherwise. {own.numbers}'
+        for own in failed(silhouettes)
+    )
+
+
+def _still_camera(drift: tuple[float, ...]) -> Assumption:
     """Judge the camera by the displacement of the background."""
-    if not film.drift:
+    if not drift:
         return Assumption(STILL, None, "The background shows too little that could be aligned.")
     # the median: a picture in which something large moves may be aligned with that
-    usual = float(np.median(film.drift))
+    usual = float(np.median(drift))
     return Assumption(
         STILL,
         usual <= MOST_DRIFT_PX,
-        f"The background is displaced by {usual:.1f} px in the median of {len(film.drift)} frames.",
+        f"The background is displaced by {usual:.1f} px in the median of {len(drift)} frames.",
     )
 
 

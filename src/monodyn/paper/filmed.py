@@ -29,6 +29,8 @@ UNDECIDED = 0.3
 """A pixel's difference is undecided when it is this near to the threshold, as a share of it."""
 ALIKE = 0.93
 """Least correlation of two pictures of the background from which a displacement is taken."""
+ALIGNED = 12
+"""Sample frames that are aligned at most where there are no poses."""
 ALIGNED_SIDE_PX = 360
 """Width of the reduced pictures that are aligned [px]."""
 
@@ -171,6 +173,23 @@ def outlook(silhouettes: ClipSilhouettes) -> Outlook:
         cut=float(np.mean(cut)),
         apart=float(np.median(apart)),
     )
+
+
+def background_drift(silhouettes: ClipSilhouettes) -> tuple[float, ...]:
+    """Measure how far the background moves, without any pose: where nothing differs by the threshold.
+
+    Args:
+        silhouettes: The silhouettes of the clip.
+
+    Returns:
+        Displacements since the first sample frame [px], in those that allow to measure it.
+    """
+    frames = silhouettes.masks.samples.frames
+    still = []
+    for frame in frames[:: -(-len(frames) // ALIGNED)]:
+        over = _wider(_over(frame, silhouettes), AROUND_PX)
+        still.append((_reduced(frame.luma), _reduced(np.uint8(1) - over.astype(np.uint8))))
+    return _drift(still, silhouettes.masks.video.width)
 
 
 def _look(
