@@ -52,7 +52,10 @@ def _pose_before(sought: Sought) -> Scene:
         sought.progress(step, done, 5)
 
     settings = published(sought.settings, PaperLocateSettings)
-    scene = pose_before(find_scene(replace(sought, progress=report)), sought.fix, level=settings.level)
+    scene = pose_before(
+        find_scene(replace(sought, progress=report)), sought.fix,
+        level=settings.level, framework=settings.framework,
+    )  # fmt: skip
     # the default search counts four steps, the published one is the fifth
     sought.progress("locate", 5, 5)
     return scene

@@ -14,7 +14,7 @@ import numpy as np
 from monodyn.mechanism.tree import HINGE
 from monodyn.paper.hinge import along_first_body
 from monodyn.paper.placed import DEPTH, X
-from monodyn.paper.sequential import RoundSchedule, sequential
+from monodyn.paper.sequential import FRAMEWORKS, RoundSchedule
 from monodyn.paper.settings import PaperLocateSettings
 from monodyn.paper.silhouettes import SilhouetteFrame
 from monodyn.paper.start_model import StartModel
@@ -119,11 +119,12 @@ def interpret(
     Args:
         shown: Frames with a silhouette, the first one before others.
         model: The mechanism and the camera that the search starts with.
-        settings: ``start`` and ``seed``.
+        settings: ``start``, ``seed`` and ``framework``.
         budget: Counts the silhouettes; a search that passes its limit ends with the best so far.
         shrink: Pixels by side that are merged into one where starts are ranked.
     """
-    start = model.view()
+    # strict ratios are searched before a camera that is held, which shows every size
+    start = model.view(reference_held=settings.framework != "strict")
     every = max(1, (len(shown) - 1) // (MOST_PICTURES - 1))
     best: Interpretation | None = None
     # links that hide each other in one picture stand apart in another, so where the best is bad, the next one
@@ -151,7 +152,7 @@ def _interpretations(
     own: SilhouetteFrame, start: ModelView, settings: PaperLocateSettings, budget: DrawingBudget, shrink: int
 ) -> list[tuple[ModelView, tuple[History, ...]]]:
     """Return the interpretations of one picture that explain it about as well as the best."""
-    whole = start.base.camera
+    whole, solve = start.base.camera, FRAMEWORKS[settings.framework]
     found: list[tuple[float, ModelView, tuple[History, ...]]] = []
     for candidate in _finalists(own, start, settings, budget, shrink)[:FINALISTS]:
         if found and budget.over():
@@ -159,7 +160,7 @@ def _interpretations(
         # the place in metres is that of the whole picture; focal length and centre are its own
         camera = whole.copy()
         camera[X : DEPTH + 1] = candidate.base.camera[X : DEPTH + 1]
-        view, history = sequential(own.image, candidate.before(camera))
+        view, history = solve(own.image, candidate.before(camera), None)
         found.append((mismatch(own.image, view.rig, view.position), view, history))
         budget.step(drawings_of(history))
     least = min(value for value, _, _ in found)
@@ -188,7 +189,7 @@ def _finalists(
     for candidate in starts:
         if ends and budget.over(limit):
             break
-        view, history = sequential(small, candidate, COARSE_SCHEDULE)
+        view, history = FRAMEWORKS[settings.framework](small, candidate, COARSE_SCHEDULE)
         ends.append((mismatch(small, view.rig, view.position), view))
         budget.step(drawings_of(history))
     return _distinct([view for _, view in sorted(ends, key=lambda pair: pair[0])])

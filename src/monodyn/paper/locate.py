@@ -17,7 +17,7 @@ from monodyn.paper.ambiguity import (
     interpret,
 )
 from monodyn.paper.assumptions import failed_advice
-from monodyn.paper.sequential import RoundSchedule, camera_round, sequential
+from monodyn.paper.sequential import FRAMEWORKS, RoundSchedule, camera_round
 from monodyn.paper.settings import PaperLocateSettings
 from monodyn.paper.silhouettes import ClipSilhouettes, SilhouetteFrame
 from monodyn.paper.start_model import StartModel
@@ -55,11 +55,13 @@ class PaperScene(Scene):
     """A scene found by drawing silhouettes; ``rms_px`` is the mismatch by length of the outline.
 
     Attributes:
+        mismatch_px2: Sum of ``|I_a - I_m|`` over the picture of ``frame`` [px^2], what (3) and (4) minimize.
         evaluations: Silhouettes drawn.
         history: The sub-problems in the order in which they were solved.
         level: Threshold that the user set for the silhouettes [grey levels], or 0.
     """
 
+    mismatch_px2: float = field(kw_only=True)
     evaluations: int = field(kw_only=True)
     history: tuple[History, ...] = field(repr=False, kw_only=True)
     level: float = field(kw_only=True)
@@ -78,7 +80,7 @@ def locate_published(
     Args:
         masks: The soft foreground of the clip; its background is subtracted.
         model: The mechanism and the camera that the search starts with.
-        settings: ``start``, ``seed`` and ``level``.
+        settings: ``start``, ``framework``, ``seed`` and ``level``.
         most: Silhouettes after which no further part of the search begins; one that passes the number still
             ends.
         progress: Called with the number of starts, finalists and frames that are done.
@@ -94,7 +96,7 @@ def locate_published(
     # a background that still holds a part of the mechanism leaves a mismatch in between: a good
     # interpretation does not need another background, and a wrong one would take away the wrong pixels
     if ACCEPTED < best.cross_mismatch < MISREAD and not masks.background.given and not budget.over():
-        silhouettes, best = _uncovered(silhouettes, first, best, model, budget)
+        silhouettes, best = _uncovered(silhouettes, first, best, model, settings.framework, budget)
     budget.expect(1)
     view, drawings = model.released(best.view), 0
     opening = silhouettes.find(first) if best.frame.index != first.index else None
@@ -109,13 +111,17 @@ def locate_published(
     return replace(scene, advice=(*_cut_short(budget), *scene.advice))
 
 
-def pose_before(scene: Scene, pinned: Collection[str], *, level: float = 0.0) -> PaperScene:
+def pose_before(
+    scene: Scene, pinned: Collection[str], *, level: float = 0.0, framework: str = "strict"
+) -> PaperScene:
     """Find pose (3) and aspect ratios (4) before a camera that is known.
 
     Args:
         scene: Camera and start sizes.
         pinned: ``camera.*`` parameters that the user gave.
         level: Threshold of the silhouettes [grey levels]; 0 takes Otsu's.
+        framework: ``strict`` or ``interleaved``, of ``FRAMEWORKS``; before a camera that stays they differ in
+            when they end alone.
 
     Returns:
         The scene with the pose in the first frame; the camera stays.
@@ -124,7 +130,7 @@ def pose_before(scene: Scene, pinned: Collection[str], *, level: float = 0.0) ->
     shown = silhouettes.of(next(iter(scene.masks.video.frames())))
     view = model_view(scene.mechanism, scene.camera, scene.position, CAMERA_HELD)
     view, _, drawings = pose_by_beam(shown.image, view)
-    view, history = sequential(shown.image, view, SETTLING)
+    view, history = FRAMEWORKS[framework](shown.image, view, SETTLING)
     model = StartModel(scene.mechanism, scene.camera, pinned)
     found = _scene(model, silhouettes, shown, view, history, drawings + drawings_of(history))
     return replace(found, advice=(*scene.advice, *found.advice))
@@ -153,7 +159,10 @@ def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) 
     kept = {part.name: getattr(scene, part.name) for part in fields(Scene)}
     # the standard deviations were those of the other method's camera
     kept |= {"camera": model.placed(view), "camera_std": {}}
-    return PaperScene(**kept, evaluations=drawings_of(history), history=tuple(history), level=level)
+    return PaperScene(
+        **kept, mismatch_px2=mismatch(image, view.rig, view.position), evaluations=drawings_of(history),
+        history=tuple(history), level=level,
+    )  # fmt: skip
 
 
 def size_ratios(view: ModelView, model: StartModel) -> Measured:
@@ -171,7 +180,7 @@ def size_ratios(view: ModelView, model: StartModel) -> Measured:
         Information matrix on the logarithms of the sizes, the reference among them, (param, param).
     """
     names, sizes = view.names, view.sizes
-    if view.reference is not None:
+    if view.reference is not None and view.reference not in view.searched:
         name = view.reference.name
         names, sizes = (*names, name), np.append(sizes, model.mechanism.values[name])
     px = sizes * float(view.base.camera[FOCAL] / view.base.camera[DEPTH])
@@ -196,14 +205,15 @@ def _cut_short(budget: DrawingBudget) -> tuple[str, ...]:
 
 
 def _uncovered(
-    silhouettes: ClipSilhouettes, first: Frame, best: Interpretation, model: StartModel, budget: DrawingBudget
-) -> tuple[ClipSilhouettes, Interpretation]:
+    silhouettes: ClipSilhouettes, first: Frame, best: Interpretation, model: StartModel, framework: str,
+    budget: DrawingBudget,
+) -> tuple[ClipSilhouettes, Interpretation]:  # fmt: skip
     """Take the background again without the mechanism and settle; keep what explains other frames better."""
     other = replace(silhouettes, masks=_refined(silhouettes, best, model, budget))
     again = other.find(best.frame)
     if again is None:
         return silhouettes, best
-    found, history = sequential(again.image, best.view, SETTLING)
+    found, history = FRAMEWORKS[framework](again.image, best.view, SETTLING)
     budget.step(drawings_of(history))
     others = [witness for witness in other.witnesses(first) if witness.frame is not best.frame]
     share, drawings = cross_mismatch(model.released(found), others)
@@ -267,6 +277,7 @@ def _scene(
         camera_std={},
         rms_px=left / max(length, 1.0),
         advice=advice,
+        mismatch_px2=left,
         evaluations=drawings,
         history=history,
         level=silhouettes.level,

@@ -1,9 +1,18 @@
-"""The published sequential framework (Fig. 2): the four problems in turn until none gains."""
+"""The sequential framework (Fig. 2): camera, pose and aspect ratios in turn until nothing gains.
+
+Strict is the paper's: camera and pose alternate until neither moves, then the aspect ratios are searched, and
+all of it again. Interleaved is ours: a camera that is placed in closed form follows every trial of pose and
+ratios.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, SLIDE
 from monodyn.paper.subproblems import (
     History,
     camera_placed,
@@ -12,8 +21,18 @@ from monodyn.paper.subproblems import (
     fit_pose,
     fit_ratios,
     mismatch,
+    outline_points,
 )
-from monodyn.paper.view import ModelView, SilhouetteImage
+from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage
+from monodyn.vision.drawing.camera import DEPTH, X, Y
+
+SETTLED_PX = 0.03
+"""Camera and pose, and the whole framework, have converged when the outline moves by no more than this [px],
+in the root mean square of its points."""
+MOST_TURNS = 40
+"""Turns of camera and pose at most before the aspect ratios are searched."""
+PATIENCE = 5
+"""Strict rounds in a row without a gain after which the framework ends."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +45,7 @@ class RoundSchedule:
         sizes: First step of a size in the first round, as a share.
         shrink: The first steps of a round as a share of those of the round before.
         least: Least first steps as a share of the first round's.
-        gain: The framework ends when a round gains less than this share of the silhouette's area.
+        gain: A round gains when it lowers the mismatch by this share of the silhouette's area.
     """
 
     rounds: int = 30
@@ -37,10 +56,15 @@ class RoundSchedule:
     gain: float = 2e-4
 
 
-def sequential(
-    image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | None = None
-) -> tuple[ModelView, tuple[History, ...]]:
-    """Solve the four problems in turn until none gains any more (Fig. 2 of the 2012 paper).
+Solved = tuple[ModelView, tuple[History, ...]]
+"""The mechanism as found, the best of all rounds, and the history of every sub-problem in order."""
+
+
+def strict(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | None = None) -> Solved:
+    """Find camera and pose in turn until they have converged, then the aspect ratios, until nothing gains.
+
+    Every sub-problem holds what the others found: pose (3) and ratios (4) are searched before the camera that
+    (1) and (2) have left.
 
     Args:
         image: The seen silhouette.
@@ -51,7 +75,88 @@ def sequential(
         The mechanism as found, the best of all rounds, and the history of every sub-problem in order.
 
     Source:
-        The 2012 paper, Fig. 2 and eq. (1) to (4).
+        The 2012 paper, Fig. 2, eq. (1) to (4): "Once this problem has converged, we optimize for the aspect
+        ratio of the bodies".
+    """
+    schedule = schedule or RoundSchedule()
+    histories: list[History] = []
+    best, least, idle, share = view, np.inf, 0, 1.0
+    for _ in range(schedule.rounds):
+        before = view
+        view, own = camera_and_pose(image, view, schedule, share)
+        histories += own
+        if len(view.searched):
+            found, history = fit_ratios(image, _held(view), step=schedule.sizes * share)
+            view = _rescaled(replace(found, free=view.free))
+            histories.append(history)
+        value = mismatch(image, view.rig, view.position)
+        # equal areas and centroids are not the least mismatch, so a round may end above the one before: the
+        # alternation goes on to where it settles, and the best round is kept
+        idle = 0 if least - value > schedule.gain * image.area else idle + 1
+        if value < least:
+            best, least = view, value
+        # where the model does not fit, the alternation may creep along without end and without a gain
+        if _moved_px(before, view) < SETTLED_PX or idle == PATIENCE:
+            break
+        share = max(schedule.shrink * share, schedule.least)
+    return best, tuple(histories)
+
+
+def camera_and_pose(
+    image: SilhouetteImage, view: ModelView, schedule: RoundSchedule, share: float = 1.0
+) -> tuple[ModelView, list[History]]:
+    """Take the camera (1, 2) and the pose (3) in turn until the mismatch falls no more.
+
+    Args:
+        image: The seen silhouette.
+        view: The mechanism as found so far.
+        schedule: First steps of the pose, and what counts as a gain.
+        share: First step of the pose in the first turn, as a share of that of the schedule.
+
+    Returns:
+        The mechanism after the best turn, and the history of every sub-problem in order.
+
+    Source:
+        The 2012 paper, Fig. 2: "first for the camera parameters and then for the initial pose assuming an
+        initial aspect ratio".
+    """
+    histories: list[History] = []
+    best, least = view, np.inf
+    for _ in range(MOST_TURNS):
+        before = view
+        view, own = camera_round(image, view)
+        found, history = fit_pose(image, _held(view), step_px=schedule.pose_px * share)
+        view = replace(found, free=view.free)
+        histories += [*own, history]
+        value = mismatch(image, view.rig, view.position)
+        # With wrong aspect ratios the equal centroids are those of a camera that is off, the pose gives way
+        # to it, and every further turn leads farther off: the least mismatch is where this problem ends.
+        gained = least - value
+        if value < least:
+            best, least = view, value
+        # a camera that stays leaves the pose alone: the next turn would repeat this one
+        if gained < schedule.gain * image.area or not any(view.free) or _moved_px(before, view) < SETTLED_PX:
+            break
+        share = max(schedule.shrink * share, schedule.least)
+    return best, histories
+
+
+def interleaved(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | None = None) -> Solved:
+    """Solve the four problems in turn until none gains, the camera following every trial of (3) and (4).
+
+    This is ours and not the paper's: camera and pose need not zigzag, because each trial is judged before the
+    camera that gives it the seen area and centroid.
+
+    Args:
+        image: The seen silhouette.
+        view: The start.
+        schedule: How far to go.
+
+    Returns:
+        The mechanism as found, the best of all rounds, and the history of every sub-problem in order.
+
+    Source:
+        The objectives of the 2012 paper, eq. (1) to (4).
     """
     schedule = schedule or RoundSchedule()
     histories: list[History] = []
@@ -82,6 +187,13 @@ def sequential(
     return best, tuple(histories)
 
 
+FRAMEWORKS: dict[str, Callable[[SilhouetteImage, ModelView, RoundSchedule | None], Solved]] = {
+    "strict": strict,
+    "interleaved": interleaved,
+}
+"""How the four problems are taken in turn, by ``PaperLocateSettings.framework``."""
+
+
 def camera_round(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, list[History]]:
     """Find the camera's depth (1), then its place (2), as far as they are to be estimated.
 
@@ -97,3 +209,31 @@ def camera_round(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, li
         view, history = fit_place(image, view)
         histories.append(history)
     return view, histories
+
+
+def _held(view: ModelView) -> ModelView:
+    """Return the view with its camera as it stands."""
+    return replace(view, free=CAMERA_HELD)
+
+
+def _rescaled(view: ModelView) -> ModelView:
+    """Return the view with its reference size at its value again; camera and slides come along.
+
+    Before a camera that is held the picture shows every size. Their common scale goes to the camera's
+    distance from the first joint, which leaves the picture as it is but for sizes that a picture does not
+    show (thickness).
+    """
+    if view.reference not in view.searched:
+        return view
+    factor = view.reference.value / float(view.sizes[view.searched.index(view.reference)])
+    camera, anchor = view.base.camera.copy(), view.base.links[0, [ANCHOR_X, ANCHOR_Y]]
+    camera[X : Y + 1] = anchor + factor * (camera[X : Y + 1] - anchor)
+    camera[DEPTH] *= factor
+    position = np.where(view.base.kind == SLIDE, factor, 1.0) * view.position
+    return replace(view, sizes=factor * view.sizes, position=position).before(camera)
+
+
+def _moved_px(before: ModelView, after: ModelView) -> float:
+    """Return how far the outline moved between two views [px], in the root mean square of its points."""
+    moved = outline_points(after.rig, after.position) - outline_points(before.rig, before.position)
+    return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))

@@ -14,7 +14,7 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y
 from monodyn.paper.placed import CameraFree
-from monodyn.paper.view import ModelView, model_view
+from monodyn.paper.view import CAMERA_HELD, ModelView, model_view
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import DEPTH, X, Y, camera_array
 from monodyn.vision.drawing.rig import SIZE_KINDS, RootSlide, joint_limits, longest_reach, rig_of, root_slides
@@ -45,8 +45,13 @@ class StartModel:
         sizes = [p.free for p in self.mechanism.parameters if p.kind in SIZE_KINDS]
         return all(sizes) and "camera.depth" not in self.pinned
 
-    def view(self) -> ModelView:
-        """Return the mechanism before the camera, its first joint in the middle of the picture."""
+    def view(self, *, reference_held: bool = True) -> ModelView:
+        """Return the mechanism before the camera, its first joint in the middle of the picture.
+
+        Args:
+            reference_held: The size that the others are ratios to is not searched. Else it is, and who
+                searches brings the common scale back to it; where the scale is not free there is none.
+        """
         camera, free = self.camera, self.camera_free(slide=False)
         if free.depth:
             reach = longest_reach(rig_of(self.mechanism, camera))
@@ -54,7 +59,13 @@ class StartModel:
             camera = replace(camera, depth=camera.focal * reach / side)
         x, y = (float(value) for value in self.mechanism.tree.links[0, [ANCHOR_X, ANCHOR_Y]])
         camera = replace(camera, x=x if free.x else camera.x, y=y if free.y else camera.y)
-        view = model_view(self.mechanism, camera, np.zeros(len(self.mechanism.joints)), free)
+        rest = np.zeros(len(self.mechanism.joints))
+        view = model_view(self.mechanism, camera, rest, free)
+        # a common scale stands for a camera that backs away from one root, and no coordinate may be pinned
+        if not reference_held and all(free) and np.sum(view.base.parent < 0) == 1:
+            # a camera that stays shows every size
+            every = model_view(self.mechanism, camera, rest, CAMERA_HELD)
+            view = replace(every, free=free, reference=view.reference)
         limits = view.limits.copy()
         root = self._root_slide
         if root is not None and free[root.column - X]:

@@ -101,10 +101,11 @@ def evolved_starts(
     from monodyn.optimize.evolution import evolve
 
     low, high = _ranges(image, view)
-    dofs, fold = len(low), np.log(EVOLVED_FACTOR)
-    # the unknowns are the joint positions, then the logarithms of the factors on the sizes
-    lower = np.append(low, np.full(len(view.searched), -fold))
-    upper = np.append(high, np.full(len(view.searched), fold))
+    dofs = len(low)
+    # the unknowns are the joint positions, then the logarithms of the factors on the sizes; the reference
+    # stays, because the placed camera takes up the common scale
+    fold = np.array([0.0 if p is view.reference else np.log(EVOLVED_FACTOR) for p in view.searched])
+    lower, upper = np.append(low, -fold), np.append(high, fold)
     gaps = _candidate_gaps(image, view, dofs)
     starts, drawings = [], 0
     for own in range(count * seed, count * (seed + 1)):
@@ -212,7 +213,8 @@ def _grid(image: SilhouetteImage, view: ModelView, most: int) -> np.ndarray:
 
 def _patterns(view: ModelView) -> list[np.ndarray]:
     """Return factors on the sizes to try: each length longer or shorter, all widths wider or thinner."""
-    sizes = (*view.searched, view.reference) if view.reference else view.searched
+    held = () if view.reference is None or view.reference in view.searched else (view.reference,)
+    sizes = (*view.searched, *held)
     lengths = [p for p in sizes if p.kind == "length"]
     widths = np.array([p.kind == "width" for p in sizes], dtype=bool)
     shapes = [np.ones(len(sizes))]
@@ -223,7 +225,8 @@ def _patterns(view: ModelView) -> list[np.ndarray]:
     for shape, wider in itertools.product(shapes, WIDTH_FACTORS if widths.any() else (1.0,)):
         whole = shape * np.where(widths, wider, 1.0)
         # the reference does not change: a factor on it is its inverse on all others
-        out.append(whole[:-1] / whole[-1] if view.reference else whole)
+        own = 1.0 if view.reference is None else whole[sizes.index(view.reference)]
+        out.append(whole[: len(view.searched)] / own)
     return out
 
 

@@ -319,21 +319,36 @@ def fit_ratios(
     start = np.clip(view.sizes, lower, view.upper)
     typical = np.maximum(start, LEAST_STEPPED * float(start.max(initial=0.0)))
 
+    scaled = _in_scale(view)
+
     def gap(sizes: np.ndarray) -> float:
-        rig = view.rig_with(sizes)
+        rig = view.rig_with(scaled(sizes))
         if any(view.free):
             return _placed_gap(image, view, rig, view.position)[0]
         return mismatch(image, rig, view.position)
 
+    upper = view.upper
+    if view.reference in view.searched:
+        held = np.array([p is view.reference for p in view.searched])
+        lower, upper = np.where(held, start, lower), np.where(held, start, upper)
     found = augmented_lagrangian(
         gap,
         start,
-        (lower, view.upper),
+        (lower, upper),
         step=step * typical,
         settings=DirectSettings(RATIO_TOLERANCE, MOST_RATIOS),
     )
     history = _history("ratios", found.history, found.evaluations, view)
-    return camera_placed(image, replace(view, sizes=found.x)), history
+    return camera_placed(image, replace(view, sizes=scaled(found.x))), history
+
+
+def _in_scale(view: ModelView) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what brings sizes to the common scale of the view: the lengths keep their sum."""
+    lengths = np.array([p.kind == "length" for p in view.searched], dtype=bool)
+    if view.reference not in view.searched or not np.any(lengths):
+        return lambda sizes: sizes
+    total = float(view.sizes[lengths].sum())
+    return lambda sizes: sizes * (total / float(sizes[lengths].sum()))
 
 
 def camera_placed(image: SilhouetteImage, view: ModelView) -> ModelView:

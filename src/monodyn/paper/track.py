@@ -2,7 +2,8 @@
 
 The limits are a fraction of each joint's range about the last pose; the adaptive variant puts them about the
 pose that the joint's current velocity leads to, and narrows them where the joint is slow. A frame whose
-mismatch stands out was not seen; the limits widen until the mechanism is found again.
+mismatch stands out was not seen; the limits widen until the mechanism is found again, but never so far that a
+hinge could come back a whole turn off; the first frame after a long gap counts only with the next one.
 """
 
 from __future__ import annotations
@@ -41,8 +42,12 @@ AT_LIMIT = 0.02
 """A pose is held back when it comes as near to a limit as this share of the distance between the two."""
 WIDENING = 1.6
 """Growth of the move limits for each frame that was not seen."""
+WIDEST_TURN, WIDEST_SLIDE = np.pi, 0.5
+"""Most of a move limit to either side: of a hinge [rad], and of a slide as a share of its range. Beyond half
+a turn the same pose would lie within the limits twice, and a search could invent a turn."""
 MOST_COASTED = 3
-"""Frames out of sight over which the last velocity counts."""
+"""Frames out of sight over which the last velocity counts; after more of them one frame alone is not
+trusted."""
 FIRST_STEP_PX = 5.0
 """First step of the pose [px]."""
 LEAST_FRAMES = 5
@@ -66,6 +71,8 @@ class MotionState:
         frames: Number of frames seen so far.
         lost: Number of frames since.
         usual: Usual share of mismatch.
+        unconfirmed: Where the last seen frame ended a long time out of sight, what was known before it; it
+            holds again if the next frame is not seen.
     """
 
     time: float
@@ -74,6 +81,15 @@ class MotionState:
     frames: int
     lost: int
     usual: float
+    unconfirmed: MotionState | None = None
+
+    def missed(self) -> MotionState:
+        """Return what is known after a further frame that was not seen."""
+        if self.unconfirmed is None:
+            return replace(self, lost=self.lost + 1)
+        # what hides the mechanism may leave a piece on which another pose lies: alone among frames that are
+        # not seen it would take the hinge angles along to another turn
+        return replace(self.unconfirmed, lost=self.unconfirmed.lost + 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,20 +157,23 @@ def track_published(
     video = masks.video
     view = model_view(scene.mechanism, scene.camera, scene.position, CAMERA_HELD)
     silhouettes = ClipSilhouettes(scene.masks, scene.level if isinstance(scene, PaperScene) else 0.0)
-    motion = None
+    motion, latest = None, 0
     # frames that did not decode keep their row: not seen, nothing drawn
     position = np.full((video.count, len(scene.mechanism.joints)), np.nan)
     drawings = np.zeros(video.count, dtype=np.int64)
     for frame in video.frames():
         shown = silhouettes.find(frame)
+        before, found = motion, None
         if shown is None:
-            motion = motion and replace(motion, lost=motion.lost + 1)
+            motion = motion and motion.missed()
         else:
             known = scene.position if frame.index == scene.frame else None
             step = next_pose(shown.image, view, motion, frame.time, settings, known)
-            motion, drawings[frame.index] = step.motion, step.drawings
-            if step.position is not None:
-                position[frame.index] = step.position
+            motion, found, drawings[frame.index] = step.motion, step.position, step.drawings
+        if found is not None:
+            position[frame.index], latest = found, frame.index
+        elif before is not None and before.unconfirmed is not None:
+            position[latest] = np.nan
         if progress is not None:
             progress("track", frame.index + 1, video.count)
     # frames that did not decode at the end of the clip have no row
@@ -212,11 +231,12 @@ def next_pose(
             found, share = wide, left / image.area
     if share > most:
         # what hides the mechanism would pull the pose along; the last seen state stays, its limits widen
-        return FrameOutcome(replace(motion, lost=motion.lost + 1), None, drawings)
+        return FrameOutcome(motion.missed(), None, drawings)
     apart = time - motion.time
     velocity = (found.position - motion.position) / apart
     usual = motion.usual + USUAL_GAIN * (share - motion.usual)
-    state = MotionState(time, found.position, velocity, motion.frames + 1, 0, usual)
+    unconfirmed = motion if motion.lost > MOST_COASTED else None
+    state = MotionState(time, found.position, velocity, motion.frames + 1, 0, usual, unconfirmed)
     return FrameOutcome(state, found.position, drawings)
 
 
@@ -227,7 +247,8 @@ def move_limits(
 
     Fixed: the last pose, and ``move_share`` of the range about it. Adaptive: the pose that the current
     velocity leads to, and about it the share of those limits that the fastest joint moves, at least a fifth.
-    Each frame out of sight widens the limits.
+    Each frame out of sight widens the limits, to half a turn or half of a slide's range at most: of hinge
+    angles a whole turn apart the one nearest to where the motion was, or is expected, lies within them.
 
     Args:
         view: The mechanism, for the joints' ranges.
@@ -249,7 +270,8 @@ def move_limits(
             # all joints get the share of the fastest one: what one link does, it does to the others too
             fastest = float(np.max(np.abs(ahead) / widest))
             move = widest * np.clip(AGILE * fastest, SLOWEST, 1.0)
-    move = move * factor
+    cap = np.where(view.base.kind == HINGE, WIDEST_TURN, WIDEST_SLIDE * joint_ranges(view))
+    move = np.minimum(factor * move, cap)
     low, high = view.limits
     lower, upper = np.maximum(start - move, low), np.minimum(start + move, high)
     # a prediction beyond a joint's own limit would leave nothing between the limits: both come to the limit
