@@ -106,7 +106,7 @@ def test_a_search_out_of_silhouettes_gives_the_best_so_far(small: Masks) -> None
 
 
 def test_both_frameworks_come_to_one_scene(small: Masks) -> None:
-    """Strict and interleaved differ by less than a hundredth of the silhouette; the history says which ran."""
+    """They differ by less than a hundredth of the silhouette; the history says which of them ran."""
     both = CameraSettings(method="paper")
     found = {}
     for framework in ("strict", "interleaved"):
