@@ -45,7 +45,7 @@ def test_other_frames_decide_which_end_of_a_chain_is_the_hinge(tmp_path: Path) -
     view = view_of(chain(tmp_path), free=CAMERA_HELD)
     others = [shown(POSE + turn) for turn in ((0.6, 0.2), (-0.7, 0.9), (0.3, -1.2))]
     share, drawings = cross_mismatch(view, others)
-    assert share < 0.03
+    assert share < 0.07  # the pixels that the outline cuts
     assert drawings > 100
     moved = view.base.camera.copy()
     moved[9] += 0.1  # the hinge is taken to be elsewhere

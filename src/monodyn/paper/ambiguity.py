@@ -30,7 +30,7 @@ EQUIVALENT_SHARE = 0.05
 """Finalists are kept whose mismatch exceeds the least one by at most this share of the silhouette's area."""
 DISTINCT_ANGLE = 0.1
 """Ends of the search are distinct when they differ by this angle at some hinge [rad]."""
-ACCEPTED = 0.06
+ACCEPTED = 0.08
 """Mean share of mismatch in the other frames with which neither another picture nor a background without
 the mechanism is tried."""
 NARROWED = 0.25
