@@ -79,7 +79,7 @@ def test_objectives_run_on_over_all_sub_problems() -> None:
     scene = PaperScene(
         mechanism=unused, camera=Camera(64, 48, 100.0), masks=unused, frame=0, position=np.zeros(2),
         key_frames=(), key_positions=np.zeros((0, 2)), camera_std={}, rms_px=0.0, advice=(),
-        evaluations=12, history=history, level=0.0,
+        mismatch_px2=3.0, evaluations=12, history=history, level=0.0,
     )  # fmt: skip
     figure = history_figure(Seen("paper", "done", scene))
     assert figure is not None

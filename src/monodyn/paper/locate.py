@@ -16,6 +16,7 @@ from monodyn.paper.ambiguity import (
     drawings_of,
     interpret,
 )
+from monodyn.paper.assumptions import failed_advice
 from monodyn.paper.sequential import FRAMEWORKS, RoundSchedule, camera_round
 from monodyn.paper.settings import PaperLocateSettings
 from monodyn.paper.silhouettes import ClipSilhouettes, SilhouetteFrame
@@ -159,8 +160,8 @@ def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) 
     # the standard deviations were those of the other method's camera
     kept |= {"camera": model.placed(view), "camera_std": {}}
     return PaperScene(
-        **kept, mismatch_px2=mismatch(image, view.rig, view.position), evaluations=drawings_of(history),
-        history=tuple(history), level=level,
+        **kept, mismatch_px2=float(mismatch(image, view.rig, view.position)),
+        evaluations=drawings_of(history), history=tuple(history), level=level,
     )  # fmt: skip
 
 
@@ -263,6 +264,7 @@ def _scene(
             f"The drawn mechanism and the silhouette of frame {index} differ by "
             f"{left / shown.image.area:.0%} of its area: check the overlay; --locate.start evolution, "
             "another --locate.level, or --background may help, or the default method.",
+            *failed_advice(silhouettes),
         )
     return PaperScene(
         mechanism=sized,
@@ -275,7 +277,7 @@ def _scene(
         camera_std={},
         rms_px=left / max(length, 1.0),
         advice=advice,
-        mismatch_px2=left,
+        mismatch_px2=float(left),
         evaluations=drawings,
         history=history,
         level=silhouettes.level,
