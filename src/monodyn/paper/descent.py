@@ -46,7 +46,7 @@ MOST_ROLLOUTS = 20000
 """Rollouts from all starts, at most."""
 SHOWN_EVERY = 50
 """Progress is shown each time after this many rollouts."""
-CLOSE_SHARE = {"friction": 0.02, "fourier": 0.1, "free": 0.02}
+CLOSE_SHARE = {"friction": 0.02, "fourier": 0.2, "free": 0.02}
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
 
 
@@ -184,12 +184,15 @@ def _in_parts(
         part = replace(fixed, target=np.where(late, np.nan, fixed.target))
         if not np.isfinite(part.residuals(x)).all():
             break
-        end = _minimum(part, x, bounds, min(MOST_FOR_A_PART[torque], most - evaluations), tick, whole=False)
+        # with the whole record in few steps most of the way is gone before many steps are taken
+        whole = stop >= rows
+        allowed = most - evaluations if whole else min(MOST_FOR_A_PART[torque], most - evaluations)
+        end = _minimum(part, x, bounds, allowed, tick, whole=whole)
         evaluations += end.evaluations
         x = end.x
         if torque == "free":
             x = np.clip(led(fixed, x, smoothed, stop), *bounds)
-        elif stop >= rows:
+        elif whole:
             break
         stop = max(stop + LONGER_BY, _followed(fixed, x) if torque == "fourier" else 0)
     return x, evaluations
