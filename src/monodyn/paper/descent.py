@@ -31,7 +31,7 @@ MOST_FOR_A_PART = {"fourier": 800, "free": 2500}
 PART_STEPS = {"fourier": 4, "free": LED_STEPS}
 """Integration steps between stamps in those parts."""
 PART_TOLERANCE = 1e-2
-"""Nor, for a part under a Fourier series, for less than this share."""
+"""Nor, for a part under a Fourier series or in new directions, for less than this share."""
 TOLERANCE = 1e-4
 """No search goes on for less than this share of the cost."""
 LEAST_EFFECT = 1e-4
@@ -231,7 +231,7 @@ def _minimum(
         end = _searched(fixed, x, bounds, directions, (max(most - spent, len(x) + 2), limit), tick)
         spent, turns, x = spent + end.evaluations + 1, turns + 1, end.x
         directions = _directions(fixed, x)
-        near = _gain(fixed, x, bounds, directions) < (TOLERANCE if whole else PART_TOLERANCE)
+        near = _gain(fixed, x, bounds, directions) < PART_TOLERANCE
         if near or turns >= MOST_TURNS or spent >= most:
             return replace(end, evaluations=spent, converged=near)
 

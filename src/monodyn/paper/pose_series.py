@@ -33,7 +33,7 @@ class PoseSeries:
     Attributes:
         period: 2 pi / omega [s].
         periods: How many of them the record holds.
-        coefficients: Mean, cos1, sin1, ... by joint, zero beyond its M_i, (1 + 2 harmonics, dof).
+        coefficients: Mean, cos1, sin1, ... by joint, zero beyond its M_i, (2 M + 1, dof).
         harmonics: M_i of each joint.
         criterion: Schwarz's criterion; lower is better.
     """
