@@ -31,13 +31,15 @@ MOST_FOR_A_PART = {"fourier": 800, "free": 2500}
 PART_STEPS = {"fourier": 4, "free": LED_STEPS}
 """Integration steps between stamps in those parts."""
 PART_TOLERANCE = 1e-2
-"""Nor, for a part under a Fourier series, for less than this share."""
+"""Nor, for a part under a Fourier series or in new directions, for less than this share."""
 TOLERANCE = 1e-4
 """No search goes on for less than this share of the cost."""
 LEAST_EFFECT = 1e-4
 """Directions of less effect than this share of the strongest are left out of that step."""
 SHORT_SHARE = 0.1
 """A search is short of a minimum where a step of Gauss and Newton would lower the cost by this share."""
+MORE_DAMPING = 5.0
+"""Factor by which weak modes count as stronger after a search that gained next to nothing."""
 MOST_TURNS = 10
 """Times that the directions of a search under torques over time are taken anew, at most."""
 GRADIENT_EVALUATIONS = 4
@@ -46,7 +48,7 @@ MOST_ROLLOUTS = 20000
 """Rollouts from all starts, at most."""
 SHOWN_EVERY = 50
 """Progress is shown each time after this many rollouts."""
-CLOSE_SHARE = {"friction": 0.02, "fourier": 0.1, "free": 0.02}
+CLOSE_SHARE = {"friction": 0.02, "fourier": 0.2, "free": 0.02}
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
 
 
@@ -184,12 +186,15 @@ def _in_parts(
         part = replace(fixed, target=np.where(late, np.nan, fixed.target))
         if not np.isfinite(part.residuals(x)).all():
             break
-        end = _minimum(part, x, bounds, min(MOST_FOR_A_PART[torque], most - evaluations), tick, whole=False)
+        # with the whole record in few steps most of the way is gone before many steps are taken
+        whole = stop >= rows
+        allowed = most - evaluations if whole else min(MOST_FOR_A_PART[torque], most - evaluations)
+        end = _minimum(part, x, bounds, allowed, tick, whole=whole)
         evaluations += end.evaluations
         x = end.x
         if torque == "free":
             x = np.clip(led(fixed, x, smoothed, stop), *bounds)
-        elif stop >= rows:
+        elif whole:
             break
         stop = max(stop + LONGER_BY, _followed(fixed, x) if torque == "fourier" else 0)
     return x, evaluations
@@ -222,15 +227,18 @@ def _minimum(
         end = _searched(fixed, x, bounds, directions, (most, _tolerance(fixed, x)), tick)
         near = np.isfinite(end.value) and _gain(fixed, end.x, bounds, directions) < SHORT_SHARE
         return replace(end, converged=end.converged and bool(near))
-    spent, turns = 1, 0
+    spent, turns, damping = 1, 0, 1.0
     while True:
         limit = PART_TOLERANCE if torque == "fourier" and not whole else _tolerance(fixed, x)
         end = _searched(fixed, x, bounds, directions, (max(most - spent, len(x) + 2), limit), tick)
+        before, after = (float(np.sum(fixed.residuals(at) ** 2)) for at in (x, end.x))
+        # steps along weak modes are long, and where they leave what is linear they gain nothing: damp them
+        damping = 1.0 if after < (1.0 - PART_TOLERANCE) * before else damping * MORE_DAMPING
         spent, turns, x = spent + end.evaluations + 1, turns + 1, end.x
-        directions = _directions(fixed, x)
-        near = _gain(fixed, x, bounds, directions) < (TOLERANCE if whole else PART_TOLERANCE)
+        near = _gain(fixed, x, bounds, _directions(fixed, x)) < PART_TOLERANCE
         if near or turns >= MOST_TURNS or spent >= most:
             return replace(end, evaluations=spent, converged=near)
+        directions = _directions(fixed, x, damping)
 
 
 def _searched(
@@ -283,13 +291,14 @@ def _searched(
     return replace(end, x=np.clip(best, *bounds))
 
 
-def _directions(fixed: FixedStart, x: np.ndarray) -> np.ndarray:
+def _directions(fixed: FixedStart, x: np.ndarray, damping: float = 1.0) -> np.ndarray:
     """Directions of the search, (param, param): the unknowns in their scales, torques along their modes."""
     turned = fixed.problem.unknowns.of_kind("torque")
     if not turned.any():
         return np.diag(fixed.scale)
     along = fixed.jacobian(x).reshape(-1, len(x)) * fixed.scale
-    return fixed.scale[:, None] * modes(along, turned, WEAKEST_MODE[fixed.problem.mechanism.torque])
+    weakest = min(damping * WEAKEST_MODE[fixed.problem.mechanism.torque], 1.0)
+    return fixed.scale[:, None] * modes(along, turned, weakest)
 
 
 def _gain(fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, directions: np.ndarray) -> float:
