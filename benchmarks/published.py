@@ -107,7 +107,7 @@ def published_forms(clip: Path, truth: np.ndarray, lengths: np.ndarray) -> list[
     Args:
         clip: The clip without its ending.
         truth: True positions [rad], (frame, dof).
-        lengths: True length of each link [m], (link,).
+        lengths: True length of each link [m], (body,).
     """
     mechanism = monodyn.load(clip.with_suffix(".xml"))
     masks = monodyn.segment(monodyn.read(clip.with_suffix(".mp4")))
@@ -116,14 +116,14 @@ def published_forms(clip: Path, truth: np.ndarray, lengths: np.ndarray) -> list[
     return figures + case_two(given, scene, poses) + raw_starts(given, scene, poses)
 
 
-def study(_: Path) -> list[Figure]:
+def study(clip: Path) -> list[Figure]:
     """Return the same on the clip that ``monodyn reproduce`` makes, with more frames of it.
 
     Args:
-        _: Not needed: the clip is made.
+        clip: Gives the name alone; the clip is made.
     """
     with tempfile.TemporaryDirectory() as folder:
-        clip = Path(folder) / "study"
+        clip = Path(folder) / clip.name
         true = make_clip(clip.with_suffix(".mp4"), ClipSettings(frames=STUDY_FRAMES))
         clip.with_suffix(".xml").write_text(START, encoding="utf-8")
         return published_forms(clip, true.position, np.array(ClipSettings().pendulum.length))

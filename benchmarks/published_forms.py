@@ -41,7 +41,7 @@ class Clip:
         mechanism: What is given to the methods.
         masks: Its foreground.
         truth: True positions [rad], (frame, dof).
-        lengths: True length of each link [m], (link,).
+        lengths: True length of each link [m], (body,).
     """
 
     name: str
@@ -102,6 +102,9 @@ def case_two(clip: Clip, scene: Scene, poses: Poses) -> list[Figure]:
         clip: The clip.
         scene: From the published method.
         poses: From the published method.
+
+    Returns:
+        The figures.
     """
     figures: list[Figure] = []
     settings = PaperIdentifySettings(method="paper", torque="fourier")
@@ -175,6 +178,9 @@ def raw_starts(clip: Clip, scene: Scene, poses: Poses) -> list[Figure]:
         clip: The clip.
         scene: From the published method.
         poses: From the published method.
+
+    Returns:
+        The figures.
     """
     settings = PaperIdentifySettings(method="paper", begin="given")
     part, fits = poses.part(0, LENGTHS[0]), []

@@ -197,3 +197,4 @@ def test_equations_name_functions_and_tests_that_exist():
             path = next((ROOT / "tests").rglob(file))
             assert f"def {test}(" in path.read_text(encoding="utf-8"), mention
         assert ": test_" in row[2], row[0]
+        assert row[3].startswith(("*as printed*", "*as read*", "*ours*")), row[0]
