@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.paper.filmed import FAR_PX, OFTEN, Film, Outlook, measured, outlook
+from monodyn.paper.filmed import FAR_PX, Film, Outlook, background_drift, measured, outlook
 from monodyn.paper.silhouettes import ClipSilhouettes
 from monodyn.paper.threshold import LEAST_THRESHOLD
 from monodyn.types import Poses
@@ -40,10 +40,14 @@ LEAST_SEEN = 0.95
 """Share of the frames in which the mechanism should be seen."""
 PARTLY = 0.9
 """A frame shows a part of the mechanism when its silhouette is smaller than this share of the usual one."""
-MOST_HIDDEN = 0.05
-"""Share of the mechanism's area that may be a place where it is drawn but never seen."""
+HIDDEN, MOST_HIDDEN = 0.1, 0.05
+"""A part is hidden in a frame when this share of the drawn mechanism is missing there, and share of the
+frames in which that may be so."""
 MOST_DRIFT_PX = 0.5
 """Displacement of the background up to which the camera stands still [px]."""
+MOST_SHIFTING, LEAST_CLEAN = 0.05, 8
+"""Share of the mechanism's area, missed or uncovered, up to which a frame's centroid is used, and fewest such
+frames."""
 MOST_STRETCH = 0.06
 """Difference of the picture's scale between two directions up to which the planes count as parallel."""
 LEAST_SPREAD, LEAST_SPREAD_PX = 0.3, 10.0
@@ -84,7 +88,7 @@ def film_assumptions(scene: Scene, poses: Poses) -> tuple[Assumption, ...]:
     if film.drawn_well and film.seen >= FOLLOWED:
         # with the mechanism found, its own pixels tell more than the silhouettes alone
         alone, in_view = _alone(film), _in_view(film)
-    return divides, _still_camera(film), alone, in_view, _as_given(film), _parallel(film)
+    return divides, _still_camera(film.drift), alone, in_view, _as_given(film), _parallel(film)
 
 
 def silhouette_assumptions(seen: Outlook) -> tuple[Assumption, Assumption, Assumption]:
@@ -117,24 +121,38 @@ def silhouette_assumptions(seen: Outlook) -> tuple[Assumption, Assumption, Assum
 
 
 def failed(silhouettes: ClipSilhouettes) -> tuple[Assumption, ...]:
-    """Return the assumptions that the silhouettes of a clip disprove without any pose.
+    """Return the assumptions that a clip disproves without any pose.
 
     Args:
-        silhouettes: The silhouettes.
+        silhouettes: The silhouettes of the clip.
     """
-    return tuple(own for own in silhouette_assumptions(outlook(silhouettes)) if own.held is False)
+    divides, alone, in_view = silhouette_assumptions(outlook(silhouettes))
+    still = _still_camera(background_drift(silhouettes))
+    return tuple(own for own in (divides, still, alone, in_view) if own.held is False)
 
 
-def _still_camera(film: Film) -> Assumption:
+def failed_advice(silhouettes: ClipSilhouettes) -> tuple[str, ...]:
+    """Return a sentence for each assumption that a clip disproves, for the user.
+
+    Args:
+        silhouettes: The silhouettes of the clip.
+    """
+    return tuple(
+        f'The published method assumes: "{own.name}" This film is otherwise. {own.numbers}'
+        for own in failed(silhouettes)
+    )
+
+
+def _still_camera(drift: tuple[float, ...]) -> Assumption:
     """Judge the camera by the displacement of the background."""
-    if not film.drift:
+    if not drift:
         return Assumption(STILL, None, "The background shows too little that could be aligned.")
     # the median: a picture in which something large moves may be aligned with that
-    usual = float(np.median(film.drift))
+    usual = float(np.median(drift))
     return Assumption(
         STILL,
         usual <= MOST_DRIFT_PX,
-        f"The background is displaced by {usual:.1f} px in the median of {len(film.drift)} frames.",
+        f"The background is displaced by {usual:.1f} px in the median of {len(drift)} frames.",
     )
 
 
@@ -152,14 +170,15 @@ def _alone(film: Film) -> Assumption:
 def _in_view(film: Film) -> Assumption:
     """Judge the view of the mechanism by the frames without a pose and by what is drawn but not seen."""
     outside = max(look.outside for look in film.looks)
+    hidden = float(np.mean([look.missed > HIDDEN for look in film.looks]))
     part = min(film.unseen, default=np.inf) / film.usual("area")
-    partly = film.seen < LEAST_SEEN and part < PARTLY
+    lost = film.seen < LEAST_SEEN and part < PARTLY
     unseen = f", in the others down to {part:.0%} of its usual silhouette is left" if film.unseen else ""
     return Assumption(
         IN_VIEW,
-        not (partly or outside > 0.0 or film.hidden > MOST_HIDDEN),
-        f"It is followed in {film.seen:.0%} of the frames{unseen}; {film.hidden:.0%} of its area pass over "
-        f"places where it is never seen, and {outside:.0%} of its outline leave the picture.",
+        not (lost or outside > 0.0 or hidden > MOST_HIDDEN),
+        f"It is followed in {film.seen:.0%} of the frames{unseen}; more than {HIDDEN:.0%} of it are hidden "
+        f"in {hidden:.0%} of them, and {outside:.0%} of its outline leave the picture.",
     )
 
 
@@ -180,9 +199,11 @@ def _parallel(film: Film) -> Assumption:
     unknown = Assumption(
         PARALLEL, None, "The motion covers too few directions to compare the picture's scales."
     )
-    if len(film.looks) < OFTEN or not film.drawn_well:
+    # what hides a part of the mechanism, or touches it, would shift the centroid
+    clean = [look.centroids for look in film.looks if look.missed + look.excess <= MOST_SHIFTING]
+    if len(clean) < LEAST_CLEAN:
         return unknown
-    offset = np.array([look.centroids for look in film.looks])
+    offset = np.array(clean)
     offset = offset - offset.mean(axis=0)
     # A plane at a slant is shortened across its axis: the centroid of the silhouette then moves less than
     # the drawn one in that direction. The drawn sizes do not matter, they stretch both directions alike.

@@ -6,7 +6,7 @@ mechanism with the silhouette in frames spread over the poses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,10 +27,10 @@ WELL_DRAWN = 0.1
 """Share of its area by which the drawn mechanism may miss the silhouette, or leave it uncovered."""
 UNDECIDED = 0.3
 """A pixel's difference is undecided when it is this near to the threshold, as a share of it."""
-OFTEN, NEVER_SEEN = 3, 0.8
-"""A place hides the mechanism when it is drawn there in so many frames, and missed in this share of them."""
 ALIKE = 0.93
 """Least correlation of two pictures of the background from which a displacement is taken."""
+ALIGNED = 12
+"""Sample frames that are aligned at most where there are no poses."""
 ALIGNED_SIDE_PX = 360
 """Width of the reduced pictures that are aligned [px]."""
 
@@ -66,7 +66,7 @@ class Look:
         area: Area of the silhouette [px^2].
         drawn: Area of the drawn mechanism [px^2].
         outside: Share of the outline's corners that lie outside of the picture.
-        centroids: Of the silhouette, then of the drawn mechanism, x and y [px], (4,).
+        centroids: Of the silhouette near the drawn mechanism, then of that, x and y [px], (4,).
     """
 
     contrast: float
@@ -88,7 +88,6 @@ class Film:
         seen: Share of the frames with a pose.
         looks: Frames with a pose.
         unseen: Areas of the silhouettes in frames without one [px^2].
-        hidden: Area of the places where the mechanism is drawn but never seen, as a share of its own.
         drift: Displacements of the background [px], in the frames that allow to measure it.
     """
 
@@ -96,7 +95,6 @@ class Film:
     seen: float
     looks: tuple[Look, ...]
     unseen: tuple[float, ...]
-    hidden: float
     drift: tuple[float, ...]
 
     def usual(self, what: str) -> float:
@@ -113,27 +111,6 @@ class Film:
         return max(self.usual("missed"), self.usual("excess")) <= WELL_DRAWN
 
 
-@dataclass(eq=False)
-class _Places:
-    """Counts, for each pixel, how often the mechanism was drawn there and how often it was missed.
-
-    Attributes:
-        drawn: Frames, int (height, width).
-        missed: Frames, int (height, width).
-    """
-
-    drawn: np.ndarray
-    missed: np.ndarray = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.missed = np.zeros_like(self.drawn)
-
-    @property
-    def hidden_px(self) -> int:
-        """Number of pixels where the mechanism is hidden."""
-        return int(np.sum((self.drawn >= OFTEN) & (self.missed > NEVER_SEEN * self.drawn)))
-
-
 def measured(scene: Scene, poses: Poses, silhouettes: ClipSilhouettes) -> Film:
     """Measure a film in frames spread over the poses.
 
@@ -142,10 +119,8 @@ def measured(scene: Scene, poses: Poses, silhouettes: ClipSilhouettes) -> Film:
         poses: The poses before that camera, slides in the scene's scale.
         silhouettes: Its silhouettes.
     """
-    background = scene.masks.background
     picks = np.unique(np.linspace(0, len(poses) - 1, min(LOOKED_AT, len(poses))).round().astype(int))
     rows = {int(poses.frame[row]): row for row in picks}
-    places = _Places(np.zeros(background.known.shape, dtype=int))
     looks, unseen, still = [], [], []
     for frame in scene.masks.video.frames(min(rows), max(rows) + 1):
         row = rows.get(frame.index)
@@ -156,18 +131,16 @@ def measured(scene: Scene, poses: Poses, silhouettes: ClipSilhouettes) -> Film:
             covered = covered_pixels(scene.mechanism, scene.camera, poses.position[row], margin=0.0)
         # a slide may have been followed out of the picture, where nothing can be compared
         if covered.any() and holds(silhouettes.picture(frame)):
-            looks.append(_look(frame, scene, silhouettes, poses.position[row], covered, places))
+            looks.append(_look(frame, scene, silhouettes, poses.position[row], covered))
             shown = _wider(covered, FAR_PX) | _wider(_over(frame, silhouettes), AROUND_PX)
-            still.append((_reduced(frame.luma), _reduced((~shown).astype(np.uint8))))
+            still.append((_reduced(frame.luma), _reduced(np.uint8(1) - shown.astype(np.uint8))))
         else:
             unseen.append(float(np.sum(silhouettes.picture(frame) == FULL)))
-    drawn = float(np.median([look.drawn for look in looks])) if looks else np.inf
     return Film(
         outlook=outlook(silhouettes),
         seen=float(np.mean(poses.seen)),
         looks=tuple(looks),
         unseen=tuple(unseen),
-        hidden=places.hidden_px / drawn,
         drift=_drift(still, scene.camera.width),
     )
 
@@ -202,33 +175,52 @@ def outlook(silhouettes: ClipSilhouettes) -> Outlook:
     )
 
 
+def background_drift(silhouettes: ClipSilhouettes) -> tuple[float, ...]:
+    """Measure how far the background moves, without any pose: where nothing differs by the threshold.
+
+    Args:
+        silhouettes: The silhouettes of the clip.
+
+    Returns:
+        Displacements since the first sample frame [px], in those that allow to measure it.
+    """
+    frames = silhouettes.masks.samples.frames
+    still = []
+    for frame in frames[:: -(-len(frames) // ALIGNED)]:
+        over = _wider(_over(frame, silhouettes), AROUND_PX)
+        still.append((_reduced(frame.luma), _reduced(np.uint8(1) - over.astype(np.uint8))))
+    return _drift(still, silhouettes.masks.video.width)
+
+
 def _look(
-    frame: Frame, scene: Scene, silhouettes: ClipSilhouettes, position: np.ndarray, covered: np.ndarray,
-    places: _Places,
-) -> Look:  # fmt: skip
-    """Compare the drawn mechanism with a frame, and count where it is missed."""
+    frame: Frame, scene: Scene, silhouettes: ClipSilhouettes, position: np.ndarray, covered: np.ndarray
+) -> Look:
+    """Compare the drawn mechanism with a frame."""
     background, threshold = scene.masks.background, silhouettes.threshold
     picture, known = silhouettes.picture(frame), background.known
     seen = picture == FULL
     apart = difference(frame, background, colour=threshold.colour)
     inner, outer = ~_wider(~covered, EDGE_PX) & known, _wider(covered, EDGE_PX)
-    over, area = _over(frame, silhouettes), max(float(covered.sum()), 1.0)
-    places.drawn += inner
-    places.missed += inner & ~over
+    near, over = _wider(covered, FAR_PX), _over(frame, silhouettes)
+    area = max(float(covered.sum()), 1.0)
     corners = np.concatenate([polygon for _, polygon in outline(scene.mechanism, scene.camera, position)])
     size = np.array([frame.luma.shape[1], frame.luma.shape[0]])
     beyond = np.any((corners < -0.5) | (corners > size - 0.5), axis=1)
-    centroids = [np.argwhere(where).mean(axis=0)[::-1] for where in (seen, covered & (picture != OPEN))]
     return Look(
         contrast=float(np.median(apart[inner])) if inner.any() else np.nan,
         missed=float(np.sum(inner & ~seen & (picture != OPEN))) / area,
-        excess=float(np.sum(seen & known & ~outer)) / area,
-        far=float(np.sum(over & ~_wider(covered, FAR_PX))) / area,
+        excess=float(np.sum(seen & known & near & ~outer)) / area,
+        far=float(np.sum(over & ~near)) / area,
         area=float(seen.sum()),
         drawn=area,
         outside=float(beyond.mean()),
-        centroids=np.concatenate(centroids),
+        centroids=np.append(_centroid(seen & near), _centroid(covered & (picture != OPEN))),
     )
+
+
+def _centroid(where: np.ndarray) -> np.ndarray:
+    """Return the centroid of an area, x and y [px], (2,); the picture's corner where it is empty."""
+    return np.argwhere(where).mean(axis=0)[::-1] if where.any() else np.zeros(2)
 
 
 def _over(frame: Frame, silhouettes: ClipSilhouettes) -> np.ndarray:
@@ -252,7 +244,7 @@ def _drift(still: list[tuple[np.ndarray, np.ndarray]], width: int) -> tuple[floa
         try:
             alike, moved = cv2.findTransformECC(
                 first, picture, np.eye(2, 3, dtype=np.float32), cv2.MOTION_EUCLIDEAN, stop,
-                first_free & free, 5,
+                np.bitwise_and(first_free, free), 5,
             )  # fmt: skip
         except cv2.error:
             # it ends so where nothing can be aligned: an even wall, or a picture all of whose parts move

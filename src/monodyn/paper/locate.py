@@ -16,6 +16,7 @@ from monodyn.paper.ambiguity import (
     drawings_of,
     interpret,
 )
+from monodyn.paper.assumptions import failed_advice
 from monodyn.paper.sequential import FRAMEWORKS, RoundSchedule, camera_round
 from monodyn.paper.settings import PaperLocateSettings
 from monodyn.paper.silhouettes import ClipSilhouettes, SilhouetteFrame
@@ -263,6 +264,7 @@ def _scene(
             f"The drawn mechanism and the silhouette of frame {index} differ by "
             f"{left / shown.image.area:.0%} of its area: check the overlay; --locate.start evolution, "
             "another --locate.level, or --background may help, or the default method.",
+            *failed_advice(silhouettes),
         )
     return PaperScene(
         mechanism=sized,
