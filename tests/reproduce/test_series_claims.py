@@ -49,7 +49,8 @@ def test_periods_are_counted_in_the_fitted_frames() -> None:
     verdict = several_periods_are_needed(found)
     assert verdict == Verdict(
         True,
-        "prediction error 5.73° from 20 frames, 1.3 periods of 0.5 s, 1.15° from 40 frames, 2.7 periods of 0.5 s",
+        "prediction error 5.73° from 20 frames, 1.3 periods of 0.5 s, 1.15° from 40 frames, 2.7 periods "
+        "of 0.5 s",
         fits=2,
     )
     assert several_periods_are_needed(evidence(periodic(40, 0.02), method="paper")).held is None
@@ -63,7 +64,7 @@ def test_starts_that_end_in_one_place_are_not_sensitive() -> None:
     one, other = moved("I", 1e-3, start=1), moved("I", 1e-3, start=2)
     assert starts_end_apart(evidence(one, other)) == Verdict(
         False,
-        "2 of 2 end at residual 0.208°; where the fit follows the poses l1 differs most, by under 0.01 %",
+        "2 of 2 end at residual 0.206°; where the fit follows the poses l1 differs most, by under 0.01 %",
         starts=2,
     )
     values = {"joint1.damping": 2.0 * mechanism().values["joint1.damping"]}
@@ -78,7 +79,7 @@ def test_starts_that_end_elsewhere_are_counted() -> None:
     lost_one = SimpleNamespace(**{**vars(other.fit), "ok": False})
     cases = one, replace(other, fit=lost_one)  # type: ignore[arg-type]
     apart = starts_end_apart(evidence(*cases))
-    assert apart == Verdict(True, "1 of 2 end at residual 0.208°, 1 at residual 17.2°", starts=2)
+    assert apart == Verdict(True, "1 of 2 end at residual 0.206°, 1 at residual 17.2°", starts=2)
     assert starts_agree_in_motion(evidence(*cases)) == Verdict(
         False, "1 of 2 within 1° of the best over 80 frames, the farthest 17.1°", starts=2
     )
@@ -100,7 +101,7 @@ def test_starts_of_the_pose_are_judged_up_to_a_quarter_turn() -> None:
 def test_poses_are_judged_by_their_errors_in_every_frame() -> None:
     close = poses_are_close(evidence())
     assert close.held is True
-    assert close.numbers.startswith("0.2")
+    assert close.numbers.startswith("0.19° rms")
     assert "over 90 of 90 frames" in close.numbers
     assert poses_are_close(lost()) == Verdict(None, "no poses: failed: x")
     assert poses_are_close(replace(evidence(), seen=replace(seen(), errors=None))) == TRUTH_UNKNOWN

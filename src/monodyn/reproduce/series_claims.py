@@ -157,7 +157,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
     motions = [case.motion.position[:stop] for case in fits if case.motion is not None]
     assert best.motion is not None
     apart = [evidence.overall(rms(motion - best.motion.position[:stop])) or 0.0 for motion in motions]
-    near = sum(value < SAME for value in apart)
+    near = sum(bool(value < SAME) for value in apart)
     told = f"{near} of {evidence.design.starts} within 1° of the best over {stop} frames, "
     told += f"the farthest {degrees(max(apart))}"
     return Verdict(near == evidence.design.starts, told, starts=evidence.design.starts)
