@@ -166,9 +166,9 @@ def test_the_experiment_runs_from_the_clips_to_the_page(tmp_path: Path) -> None:
     settings = ReproduceSettings(ClipSettings(frames=90), design, seeds=2, processes=2)
     made = reproduce(tmp_path, settings)
     assert {path.name for path in tmp_path.iterdir()} == set(EXPERIMENT_FILES)
-    for repetition in made.repetitions:
-        for method, found in repetition.evidence.items():
-            one_way = replace(design, both_ways=False) if repetition is not made.repetitions[0] else design
+    for own in made.repetitions:
+        for method, found in own.evidence.items():
+            one_way = replace(design, both_ways=False) if own is not made.repetitions[0] else design
             assert len(found.cases) == len(plans(one_way, 90, method))
             usual = found.case()
             assert usual is not None
@@ -176,13 +176,11 @@ def test_the_experiment_runs_from_the_clips_to_the_page(tmp_path: Path) -> None:
             # of them
             assert found.overall(usual.residual) < np.radians(1.0)
             assert found.overall(usual.ahead) < np.radians(1.0)
-        published, default = (repetition.evidence[method] for method in ("paper", "fast"))
+        published, default = (own.evidence[method] for method in ("paper", "fast"))
         errors = [found.overall(rms(found.seen.errors)) for found in (default, published)]
         assert errors[0] < 0.3 * errors[1] < np.radians(0.3)
-        counts = {
-            case.plan.case: case.unknowns for case in main_cases(repetition) if case.plan.method == "paper"
-        }
-        assert (counts["I"], counts["III"]) == (6, 84) or repetition is made.repetitions[0]
+        counts = {case.plan.case: case.unknowns for case in main_cases(own) if case.plan.method == "paper"}
+        assert (counts["I"], counts["III"]) == (6, 84) or own is made.repetitions[0]
         assert published.pose_starts is not None
     truth = json.loads((tmp_path / "truth.json").read_text())
     assert np.array(truth["q"]).shape == (90, 2)
