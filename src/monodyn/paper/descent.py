@@ -34,13 +34,17 @@ PART_TOLERANCE = 1e-2
 """Nor, for a part under a Fourier series, for less than this share."""
 TOLERANCE = 1e-4
 """No search goes on for less than this share of the cost."""
+LEAST_EFFECT = 1e-4
+"""Directions of less effect than this share of the strongest are left out of that step."""
+SHORT_SHARE = 0.1
+"""A search is short of a minimum where a step of Gauss and Newton would lower the cost by this share."""
 MOST_TURNS = 10
-"""Times that the directions of a search under a Fourier series are taken anew, at most."""
+"""Times that the directions of a search under torques over time are taken anew, at most."""
 GRADIENT_EVALUATIONS = 4
 """Evaluations of a quasi-Newton search for one of a Gauss-Newton search."""
 MOST_ROLLOUTS = 20000
 """Rollouts from all starts, at most."""
-SHOWN_EVERY = 500
+SHOWN_EVERY = 50
 """Progress is shown each time after this many rollouts."""
 CLOSE_SHARE = {"friction": 0.02, "fourier": 0.1, "free": 0.02}
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
@@ -172,7 +176,9 @@ def _in_parts(
     if torque == "fourier":
         # with fewer values than unknowns the search would wander off along what they leave open
         stop = max(stop, int(np.ceil(FIRST_PART * len(x) / fixed.target.shape[1])))
-    while stop < rows - 1 and evaluations < most:
+    # the rest of free torques is left to the steps of the whole record; a series is first fitted with few
+    last = rows + LONGER_BY if torque == "fourier" else rows - 1
+    while stop < last and evaluations < most:
         # NaN in the target leaves a row out; torques after it move nothing that is compared
         late = (np.arange(rows) >= stop)[:, None]
         part = replace(fixed, target=np.where(late, np.nan, fixed.target))
@@ -183,6 +189,8 @@ def _in_parts(
         x = end.x
         if torque == "free":
             x = np.clip(led(fixed, x, smoothed, stop), *bounds)
+        elif stop >= rows:
+            break
         stop = max(stop + LONGER_BY, _followed(fixed, x) if torque == "fourier" else 0)
     return x, evaluations
 
@@ -204,20 +212,23 @@ def _minimum(
     *,
     whole: bool = True,
 ) -> Minimum:
-    """Search within bounds (2, param); under a Fourier series in directions taken anew until none gains.
+    """Search within bounds (2, param); under a torque over time in directions taken anew until none gains.
 
-    Such a search is at its minimum when the step of Gauss and Newton from there gains next to nothing: the
-    solver itself cannot tell, because its steps also end where a bound of a torque is met.
+    A search is at a minimum when the step of Gauss and Newton from there gains next to nothing: the solver
+    itself cannot tell, because in a long valley its steps end early.
     """
-    if fixed.problem.mechanism.torque != "fourier":
-        return _searched(fixed, x, bounds, _directions(fixed, x), (most, _tolerance(fixed, x)), tick)
-    limit, spent = TOLERANCE if whole else PART_TOLERANCE, 1
-    directions, turns, near = _directions(fixed, x), 0, False
+    torque, directions = fixed.problem.mechanism.torque, _directions(fixed, x)
+    if torque == "friction":
+        end = _searched(fixed, x, bounds, directions, (most, _tolerance(fixed, x)), tick)
+        near = np.isfinite(end.value) and _gain(fixed, end.x, bounds, directions) < SHORT_SHARE
+        return replace(end, converged=end.converged and bool(near))
+    spent, turns = 1, 0
     while True:
+        limit = PART_TOLERANCE if torque == "fourier" and not whole else _tolerance(fixed, x)
         end = _searched(fixed, x, bounds, directions, (max(most - spent, len(x) + 2), limit), tick)
         spent, turns, x = spent + end.evaluations + 1, turns + 1, end.x
         directions = _directions(fixed, x)
-        near = _gain(fixed, x, bounds, directions) < limit
+        near = _gain(fixed, x, bounds, directions) < (TOLERANCE if whole else PART_TOLERANCE)
         if near or turns >= MOST_TURNS or spent >= most:
             return replace(end, evaluations=spent, converged=near)
 
@@ -243,17 +254,23 @@ def _searched(
         for side, end in zip((-np.inf, np.inf), bounds, strict=True)
     )
 
-    # bounds of single torques are no bounds of their modes: outside of them the cost is not a number, from
-    # which the search steps back
+    # Bounds of single torques are no bounds of their modes. Beyond them the torque stays at its bound, and
+    # how far it is beyond is one more residual, so that the search finds its way back.
+    weight = float(np.linalg.norm(fixed.residuals(x))) / fixed.scale[turned]
+
     def residuals(z: np.ndarray) -> np.ndarray:
         tick()
         at = x + directions @ z
-        if ((at < bounds[0]) | (at > bounds[1]))[turned].any():
-            return np.full(1, np.nan)
-        return fixed.residuals(np.clip(at, *bounds)).ravel()
+        within = np.clip(at, *bounds)
+        return np.append(fixed.residuals(within), weight * (at - within)[turned])
 
     def slopes(z: np.ndarray) -> np.ndarray:
-        return fixed.jacobian(np.clip(x + directions @ z, *bounds)).reshape(-1, len(x)) @ directions
+        at = x + directions @ z
+        within = np.clip(at, *bounds)
+        outside = turned & (at != within)
+        along = fixed.jacobian(within).reshape(-1, len(x)) @ (directions * ~outside[:, None])
+        beyond = (directions * outside[:, None])[turned] * weight[:, None]
+        return np.concatenate((along, beyond))
 
     end = bounded_bfgs(
         residuals, np.zeros(len(x)), (low, high), most=most, tolerance=tolerance,
@@ -276,13 +293,18 @@ def _directions(fixed: FixedStart, x: np.ndarray) -> np.ndarray:
 
 
 def _gain(fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, directions: np.ndarray) -> float:
-    """Share of the cost that a step of Gauss and Newton within the bounds would gain, to first order."""
+    """Share of the cost, or of the noise's, by which a step of Gauss and Newton would lower it."""
     residuals = fixed.residuals(x).ravel()
     along = fixed.jacobian(x).reshape(-1, len(x)) @ directions
     slope, single = along.T @ residuals, ~fixed.problem.unknowns.of_kind("torque")
     # an unknown at a bound from which the cost falls outward stays there
     held = single & np.where(slope > 0, x <= bounds[0], x >= bounds[1])
-    return float(np.sum(slope[~held] ** 2) / max(float(residuals @ residuals), 1e-300))
+    along = along[:, ~held]
+    # directions of hardly any effect would take the step far out of where it is linear
+    left, sizes, _ = np.linalg.svd(along, full_matrices=False)
+    taken = left[:, sizes > LEAST_EFFECT * sizes.max(initial=0.0)].T @ residuals
+    whole = max(float(residuals @ residuals), 2.0 * _noise_cost(fixed), 1e-300)
+    return float(taken @ taken) / whole
 
 
 def _tolerance(fixed: FixedStart, x: np.ndarray) -> float:

@@ -21,6 +21,10 @@ UNSURE_SHARE = 0.05
 """A search that did not reach its minimum must come so near, as a share of the motion."""
 UNCLEAR_SHARE = 0.01
 """Residuals above this share of the motion may come from bodies or friction that the model lacks."""
+SHORT_OF_MINIMUM = (
+    "From the given start values the search ended short of a minimum; --identify.begin matched starts nearer."
+)
+"""Advice where the search was left to start values as they are."""
 SHORT_RECORD = 10
 """Frames of a record that can hardly be shorter."""
 FIX_PERIOD = "--fix torque.period=SECONDS"
@@ -129,6 +133,8 @@ def published_advice(
     sentences += advice.limits(mechanism, problem.simulated(fixed.trial(found.x)))
     if settings.torque != "free":
         sentences += advice.clock(mechanism, fit.parameters)
+    if settings.begin == "given" and not found.converged:
+        sentences.append(SHORT_OF_MINIMUM)
     return (*sentences, *advice.search_end(found.converged, found.tried))
 
 
