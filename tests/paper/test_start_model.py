@@ -22,6 +22,21 @@ def test_the_first_hinge_starts_in_the_middle_of_the_picture() -> None:
     assert np.hypot(*points.T).max() == pytest.approx(84.0, rel=0.05)
 
 
+def test_every_size_is_searched_where_the_reference_is_not_held() -> None:
+    """Both views draw the same; a pinned coordinate leaves no common scale, and the reference held."""
+    model = StartModel(monodyn.load("double"), CAMERA, ())
+    held, every = model.view(), model.view(reference_held=False)
+    assert held.reference is not None
+    assert every.reference is not None
+    assert held.reference.name == every.reference.name == "link1.length"
+    assert set(every.names) == {*held.names, "link1.length"}
+    assert every.free == held.free
+    pose = np.array([0.4, -0.7])
+    np.testing.assert_allclose(outline_points(every.rig, pose), outline_points(held.rig, pose), atol=1e-9)
+    pinned = StartModel(model.mechanism, CAMERA, ("camera.x",))
+    assert pinned.view(reference_held=False).names == pinned.view().names
+
+
 def test_a_pinned_camera_stays() -> None:
     model = StartModel(monodyn.load("double"), CAMERA, ("camera.x", "camera.depth"))
     assert model.camera_free(slide=False) == CameraFree(x=False, y=True, depth=False)

@@ -9,7 +9,7 @@ import pytest
 
 from chains import POSE, chain, silhouette_of, view_of
 from monodyn.paper import starts
-from monodyn.paper.sequential import strict
+from monodyn.paper.sequential import interleaved
 from monodyn.paper.starts import evolved_starts, grid_starts, pose_by_beam
 
 
@@ -20,7 +20,7 @@ def test_starts_lead_to_the_pose(tmp_path: Path, search: object) -> None:
     image = silhouette_of()
     found, drawings = search(image, view_of(mechanism, q=np.zeros(2)), 4)  # pyright: ignore[reportCallIssue]
     assert drawings > 1000
-    ends = [strict(image, start)[0] for start in found]
+    ends = [interleaved(image, start)[0] for start in found]
     errors = [np.abs((end.position - POSE + np.pi) % (2 * np.pi) - np.pi).max() for end in ends]
     assert min(errors) < np.radians(0.3)
 

@@ -10,6 +10,7 @@ import pytest
 
 from chains import ALL_FREE, CAMERA, POSE, chain, falls, silhouette_of, view_of
 from monodyn.paper.placed import DEPTH, CameraFree, X, Y
+from monodyn.paper.start_model import StartModel
 from monodyn.paper.subproblems import (
     fit_depth,
     fit_place,
@@ -67,6 +68,20 @@ def test_aspect_ratios_from_the_mismatch(tmp_path: Path) -> None:
     start = view_of(chain(tmp_path, lengths=(0.21, 0.18), widths=(0.045, 0.016)), free=CAMERA_HELD)
     found, history = fit_ratios(silhouette_of(), start)
     sizes = dict(zip(found.names, found.sizes, strict=True))
+    expected = {"link1.length": 0.2, "link1.width": 0.03, "link2.length": 0.15, "link2.width": 0.024}
+    assert sizes == pytest.approx(expected, rel=0.03)
+    assert falls(history)
+
+
+def test_ratios_keep_the_sum_of_the_lengths(tmp_path: Path) -> None:
+    """Before a camera that (1) has to find the common scale is not searched: the lengths keep their sum."""
+    mechanism = chain(tmp_path, lengths=(0.22, 0.13), widths=(0.04, 0.02))
+    start = StartModel(mechanism, CAMERA, ()).view(reference_held=False)
+    packed = view_of(mechanism).base.camera
+    start = replace(start, free=CAMERA_HELD, position=POSE).before(packed)
+    found, history = fit_ratios(silhouette_of(), start)
+    sizes = dict(zip(found.names, found.sizes, strict=True))
+    assert sizes["link1.length"] + sizes["link2.length"] == pytest.approx(0.35, abs=1e-12)
     expected = {"link1.length": 0.2, "link1.width": 0.03, "link2.length": 0.15, "link2.width": 0.024}
     assert sizes == pytest.approx(expected, rel=0.03)
     assert falls(history)

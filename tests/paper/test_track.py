@@ -13,6 +13,8 @@ import monodyn
 from chains import CAMERA, chain, silhouette_of, view_of
 from monodyn.paper.settings import PaperTrackSettings
 from monodyn.paper.track import (
+    LIMIT_FACTORS,
+    FrameOutcome,
     MotionState,
     PaperPoses,
     joint_ranges,
@@ -43,6 +45,66 @@ def test_move_limits() -> None:
     lost = replace(motion, lost=2)
     _, (lower, upper) = move_limits(at, lost, 1.1, PaperTrackSettings(move_share=0.1))
     np.testing.assert_allclose(upper - lower, 0.4 * np.pi * 1.6**2)
+
+
+@pytest.mark.parametrize("lost", [6, 40])
+def test_move_limits_end_at_half_a_turn(lost: int) -> None:
+    """However long the gap and whatever the factor: a pose a whole turn on is never within the limits."""
+    at = model_view(monodyn.load("double"), CAMERA, np.zeros(2), CAMERA_HELD)
+    motion = MotionState(1.0, np.array([9.0, -20.0]), np.array([6.0, -3.0]), 5, lost, 0.05)
+    for factor in LIMIT_FACTORS:
+        _, (lower, upper) = move_limits(at, motion, 1.5, PaperTrackSettings(), factor=factor)
+        np.testing.assert_allclose(lower, motion.position - np.pi)
+        np.testing.assert_allclose(upper, motion.position + np.pi)
+
+
+def test_move_limits_of_a_slide_end_at_half_its_range() -> None:
+    at = model_view(monodyn.load("cartpole"), CAMERA, np.zeros(2), CAMERA_HELD)
+    motion = MotionState(1.0, np.zeros(2), np.zeros(2), 5, 40, 0.05)
+    _, (_, upper) = move_limits(at, motion, 1.5, PaperTrackSettings(), factor=4.0)
+    own = at.limits[1, 0]
+    np.testing.assert_allclose(upper, [min(own, 0.5 * joint_ranges(at)[0]), np.pi])
+
+
+def lasting_gap(tmp_path: Path, glimpse: bool) -> list[tuple[np.ndarray, FrameOutcome]]:
+    """Follow a swing near -pi that is hidden for a long time; a glimpse shows another pose in between."""
+    at = view_of(chain(tmp_path), free=CAMERA_HELD)
+    hidden = silhouette_image(cv2.circle(np.zeros((280, 360), np.uint8), (60, 60), 40, FULL, -1))
+    motion, out = None, []
+    for k in range(26):
+        t = k / 30.0
+        truth = np.array([-3.1 + 0.5 * np.sin(3.0 * t), 0.6 * np.cos(3.0 * t)])
+        image = hidden if 6 <= k < 20 else silhouette_of(truth)
+        if glimpse and k == 15:
+            image = silhouette_of(truth + np.array([0.0, 2.9]))
+        found = next_pose(image, at, motion, t, PaperTrackSettings(), truth if k == 0 else None)
+        motion = found.motion
+        out.append((truth, found))
+    return out
+
+
+@pytest.mark.parametrize("glimpse", [False, True])
+def test_a_gap_invents_no_turn(tmp_path: Path, glimpse: bool) -> None:
+    """After 14 frames the angles are those of the turn that the motion was on."""
+    followed = lasting_gap(tmp_path, glimpse)
+    seen_frames = [k for k, (_, found) in enumerate(followed) if found.position is not None]
+    assert seen_frames == [k for k in range(26) if k < 6 or k >= 20 or (glimpse and k == 15)]
+    for truth, found in followed[20:]:
+        assert found.position is not None
+        np.testing.assert_allclose(found.position, truth, atol=np.radians(1.5))
+
+
+def test_one_frame_alone_after_a_gap_is_forgotten(tmp_path: Path) -> None:
+    """The next frame is not seen: what was known before the glimpse holds again, two frames later."""
+    followed = lasting_gap(tmp_path, True)
+    before, glimpse, after = (followed[k][1].motion for k in (14, 15, 16))
+    assert before is not None
+    assert glimpse is not None
+    assert after is not None
+    assert glimpse.unconfirmed is before
+    assert after.unconfirmed is None
+    np.testing.assert_array_equal(after.position, before.position)
+    assert (before.lost, glimpse.lost, after.lost) == (9, 0, 11)
 
 
 @pytest.mark.parametrize("adaptive", [True, False])

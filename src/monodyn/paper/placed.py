@@ -1,7 +1,7 @@
 """numba kernels: area, centroid and mismatch of the drawn silhouette of a mechanism.
 
-The sum of a picture over the drawn silhouette is a sum of row prefix sums of that picture
-(``silhouette.mismatch``): of ones it is the area, of the coordinates x and y the first moments. What lies
+The sum of a picture over the drawn silhouette follows from row prefix sums of that picture
+(``drawing.mismatch``): of ones it is the area, of the coordinates x and y the first moments. What lies
 outside of the picture, or where the background is not known, has no area.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, X, Y
-from monodyn.vision.drawing.mismatch import UNDRAWABLE, blank_spans, mismatch
+from monodyn.vision.drawing.mismatch import UNDRAWABLE, blank_cuts, silhouette_sums
 from monodyn.vision.drawing.rig import Rig, altered
 from monodyn.vision.drawing.silhouette import blank_outlines, draw
 
@@ -86,18 +86,11 @@ def drawn(sums: np.ndarray, rig: Rig, position: np.ndarray) -> tuple[float, np.n
         The drawn area, also outside of the picture [px^2], and the sum of each picture over the silhouette,
         (picture,); all NaN where the mechanism cannot be drawn.
     """
-    pictures = sums.shape[0]
-    geoms = rig.radius.shape[0]
-    whole, inside = np.nan, np.full(pictures, np.nan)
+    geoms, inside = rig.radius.shape[0], np.full(sums.shape[0], np.nan)
     outlines = blank_outlines(rig, geoms)
     if not draw(rig, position, outlines):
-        return whole, inside
-    spans = blank_spans(sums[0], geoms)
-    for i in range(pictures):
-        # the kernel gives the sum of 1 - 2 I over the silhouette, area - 2 (sum of I)
-        cost, whole = mismatch(sums[i], outlines, spans)
-        inside[i] = 0.5 * (whole - cost)
-    return whole, inside
+        return np.nan, inside
+    return silhouette_sums(sums, outlines, blank_cuts(geoms), inside), inside
 
 
 @njit(cache=True)

@@ -43,10 +43,11 @@ AT_LIMIT = 0.02
 WIDENING = 1.6
 """Growth of the move limits for each frame that was not seen."""
 WIDEST_TURN, WIDEST_SLIDE = np.pi, 0.5
-"""Most of a move limit to either side: of a hinge [rad], and of a slide as a share of its range. Beyond half a
-turn the same pose would lie within the limits twice, and a search could invent a turn."""
+"""Most of a move limit to either side: of a hinge [rad], and of a slide as a share of its range. Beyond half
+a turn the same pose would lie within the limits twice, and a search could invent a turn."""
 MOST_COASTED = 3
-"""Frames out of sight over which the last velocity counts; after more of them one frame alone is not trusted."""
+"""Frames out of sight over which the last velocity counts; after more of them one frame alone is not
+trusted."""
 FIRST_STEP_PX = 5.0
 """First step of the pose [px]."""
 LEAST_FRAMES = 5

@@ -1,7 +1,10 @@
 """numba kernels: the mismatch of a mechanism's silhouette with a mask.
 
 The mismatch of paper eq. (3), the sum of |I_a - I_m|, is ``sum I_a`` plus the sum of ``1 - 2 I_a`` over the
-silhouette. With row prefix sums of the mask that second sum costs one look-up per row and body.
+silhouette. A sum over a silhouette is an integral along its outline (Green's theorem): of x dy for the area,
+and of F dy for a picture whose sums from the left end of the row up to x are F. With row prefix sums F costs
+one look-up, so a silhouette costs as much as its outline is long. Pixels that the outline cuts count by the
+covered share, exactly, along rows and across them.
 """
 
 from __future__ import annotations
@@ -17,8 +20,12 @@ from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw
 
 UNDRAWABLE = 1e18
 """Mismatch of a pose that cannot be drawn [px^2]."""
-LEFT, RIGHT = range(2)
-"""Columns of a row's span in a geom: its ends [px]."""
+LEFT, RIGHT, TOP, BOTTOM, CENTRE_X, CENTRE_Y, INNER, SIDE, FROM, TO = range(10)
+"""Columns of the work space of a silhouette: the box around a geom [px], the centre [px] and the squared
+radius [px^2] of a circle inside of it, the side that lay beyond the last edge, and the share of an edge that
+is cut out, from 0 to 1."""
+ON_LINE = 1e-6
+"""Two edges are on one line when each end of one and the whole other one span no larger area [px^2]."""
 
 
 @njit(cache=True)
@@ -43,105 +50,191 @@ def row_sums(coverage: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _covered(sums: np.ndarray, y: int, left: float, right: float) -> float:
-    """Integrate coverage over row y between two x coordinates (pixel centres at whole numbers) [px]."""
-    width = sums.shape[1] - 1
-    # column i of the sums is the boundary at x = i - 0.5; between two boundaries coverage is constant
-    a = min(max(left + 0.5, 0.0), float(width))
-    b = min(max(right + 0.5, 0.0), float(width))
-    ia, ib = int(a), int(b)
-    low = sums[y, ia]
-    if ia < width:
-        low += (a - ia) * (sums[y, ia + 1] - sums[y, ia])
-    high = sums[y, ib]
-    if ib < width:
-        high += (b - ib) * (sums[y, ib + 1] - sums[y, ib])
-    return high - low
-
-
-@njit(cache=True)
-def blank_spans(sums: np.ndarray, geoms: int) -> np.ndarray:
-    """Make the work space of ``mismatch``: one picture height above the picture and one below it.
+def blank_cuts(geoms: int) -> np.ndarray:
+    """Make the work space of ``silhouette_sums``.
 
     Args:
-        sums: From ``row_sums``, (height, width + 1).
         geoms: Number of geoms.
 
     Returns:
-        Room for the span of each geom in each row, (row, geom, 2).
+        Room for the place of each geom and for a part cut out of an edge by each, (geom, 10).
     """
-    return np.empty((3 * sums.shape[0], max(geoms, 1), 2))
+    return np.empty((max(geoms, 1), TO + 1))
 
 
 @njit(cache=True)
-def mismatch(sums: np.ndarray, outlines: Outlines, spans: np.ndarray) -> tuple[float, float]:
-    """Sum ``1 - 2 I_a`` over the union of the outlines; outside of the picture I_a is 0.
+def silhouette_sums(sums: np.ndarray, outlines: Outlines, cuts: np.ndarray, inside: np.ndarray) -> float:
+    """Sum pictures over the union of the outlines; outside of a picture its pixels are 0.
 
     Args:
-        sums: From ``row_sums``, (height, width + 1).
+        sums: Row prefix sums of each picture, (picture, height, width + 1).
         outlines: The outlines of a pose.
-        spans: Work space from ``blank_spans``, (row, geom, 2).
+        cuts: Work space from ``blank_cuts``, (geom, 10).
+        inside: Filled with the sum of each picture over the union, (picture,).
 
     Returns:
-        The sum [px^2] and the area of the union [px^2].
+        The area of the union, also outside of the pictures [px^2].
     """
-    geoms = outlines.first.shape[0] - 1
-    height, rows = sums.shape[0], spans.shape[0]
-    # row y of the picture is row y + offset of the spans; what lies farther out is cut off
-    offset = (rows - height) // 2
-    top, bottom = 1e18, -1e18
-    for i in range(outlines.first[geoms]):
-        top = min(top, outlines.px[outlines.hull[i], 1])
-        bottom = max(bottom, outlines.px[outlines.hull[i], 1])
-    y0 = max(math.ceil(top), -offset)
-    y1 = min(math.floor(bottom), rows - offset - 1)
-    _fill_spans(outlines, y0, y1, offset, spans)
-    # The union of a row's spans, from left to right: ``end`` is how far the row has been summed, and the
-    # next piece belongs to the span that begins first beyond it. So no pixel counts twice.
-    cost, area = 0.0, 0.0
-    for y in range(y0, y1 + 1):
-        row = spans[y + offset]
-        end = -1e18
-        while True:
-            left, right = 1e18, 0.0
-            for g in range(geoms):
-                if row[g, RIGHT] > end and max(row[g, LEFT], end) < left:
-                    left, right = max(row[g, LEFT], end), row[g, RIGHT]
-            if left > 1e17:
-                break
-            end = right
-            area += right - left
-            cost += right - left
-            if 0 <= y < height:
-                cost -= 2.0 * _covered(sums, y, left, right)
-    return cost, area
+    px, hull, first = outlines.px, outlines.hull, outlines.first
+    _fill_places(outlines, cuts)
+    geoms, area = first.shape[0] - 1, 0.0
+    inside[:] = 0.0
+    # the outline of a union is what lies of each geom's edges outside of all other geoms
+    for g in range(geoms):
+        for i in range(first[g], first[g + 1]):
+            p, q = hull[i], hull[i + 1] if i + 1 < first[g + 1] else hull[first[g]]
+            xp, yp, xq, yq = px[p, 0], px[p, 1], px[q, 0], px[q, 1]
+            found = 0
+            for h in range(geoms):
+                # most geoms are far from most edges
+                if h == g or cuts[h, LEFT] > max(xp, xq) or cuts[h, RIGHT] < min(xp, xq):
+                    continue
+                if cuts[h, TOP] > max(yp, yq) or cuts[h, BOTTOM] < min(yp, yq):
+                    continue
+                x, y, inner = cuts[h, CENTRE_X], cuts[h, CENTRE_Y], cuts[h, INNER]
+                if (xp - x) ** 2 + (yp - y) ** 2 < inner and (xq - x) ** 2 + (yq - y) ** 2 < inner:
+                    begin, end = 0.0, 1.0  # without a look at each of many sides
+                else:
+                    begin, end = _part_inside(
+                        px, hull[first[h] : first[h + 1]], (xp, yp, xq, yq), h < g, cuts[h]
+                    )
+                if end > begin:
+                    # few geoms overlap: insertion keeps the parts in the order in which they begin
+                    k = found
+                    while k > 0 and cuts[k - 1, FROM] > begin:
+                        cuts[k, FROM], cuts[k, TO] = cuts[k - 1, FROM], cuts[k - 1, TO]
+                        k -= 1
+                    cuts[k, FROM], cuts[k, TO] = begin, end
+                    found += 1
+            begun = 0.0
+            for k in range(found + 1):
+                stop = cuts[k, FROM] if k < found else 1.0
+                if stop > begun:
+                    x0, y0 = xp + begun * (xq - xp), yp + begun * (yq - yp)
+                    x1, y1 = xp + stop * (xq - xp), yp + stop * (yq - yp)
+                    area += 0.5 * (x0 + x1) * (y1 - y0)
+                    for m in range(sums.shape[0]):
+                        inside[m] += _along_edge(sums[m], x0, y0, x1, y1)
+                if k < found:
+                    begun = max(begun, cuts[k, TO])
+    return area
 
 
 @njit(cache=True)
-def _fill_spans(outlines: Outlines, y0: int, y1: int, offset: int, spans: np.ndarray) -> None:
-    """Fill the span of each geom in the rows ``y0`` to ``y1``, which are those from ``y0 + offset`` on in
-    ``spans``, (row, geom, 2)."""
+def _fill_places(outlines: Outlines, cuts: np.ndarray) -> None:
+    """Fill the box around each geom and a circle inside of it into ``cuts`` (geom, 10)."""
     px, hull, first = outlines.px, outlines.hull, outlines.first
-    geoms = first.shape[0] - 1
-    for y in range(y0, y1 + 1):
-        for g in range(geoms):
-            spans[y + offset, g, LEFT] = 1e18
-            spans[y + offset, g, RIGHT] = -1e18
-    # An outline is convex, so its part of a row is one span: between the least and the largest of the
-    # crossings of its edges with the row's middle line.
-    for g in range(geoms):
+    for g in range(first.shape[0] - 1):
         a, b = first[g], first[g + 1]
+        left, right, top, bottom = 1e18, -1e18, 1e18, -1e18
+        x, y = 0.0, 0.0
         for i in range(a, b):
-            p = hull[i]
-            q = hull[i + 1] if i + 1 < b else hull[a]
-            if px[p, 1] > px[q, 1]:
-                p, q = q, p
-            dy = px[q, 1] - px[p, 1]
-            slope = (px[q, 0] - px[p, 0]) / dy if dy > 1e-12 else 0.0
-            for y in range(max(math.ceil(px[p, 1]), y0), min(math.floor(px[q, 1]), y1) + 1):
-                x = px[p, 0] + (y - px[p, 1]) * slope
-                spans[y + offset, g, LEFT] = min(spans[y + offset, g, LEFT], x)
-                spans[y + offset, g, RIGHT] = max(spans[y + offset, g, RIGHT], x)
+            left, right = min(left, px[hull[i], 0]), max(right, px[hull[i], 0])
+            top, bottom = min(top, px[hull[i], 1]), max(bottom, px[hull[i], 1])
+            x, y = x + px[hull[i], 0] / (b - a), y + px[hull[i], 1] / (b - a)
+        # the distance of the nearest side from the mean of the corners
+        inner = 1e18 if b - a > 2 else 0.0
+        for i in range(a, b):
+            p, q = hull[i], hull[i + 1] if i + 1 < b else hull[a]
+            dx, dy = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
+            beyond = dy * (x - px[p, 0]) - dx * (y - px[p, 1])
+            inner = min(inner, beyond * beyond / max(dx * dx + dy * dy, 1e-18))
+        cuts[g, LEFT], cuts[g, RIGHT], cuts[g, TOP], cuts[g, BOTTOM] = left, right, top, bottom
+        cuts[g, CENTRE_X], cuts[g, CENTRE_Y], cuts[g, INNER], cuts[g, SIDE] = x, y, (1.0 - 1e-9) * inner, 0.0
+
+
+@njit(cache=True)
+def _part_inside(
+    px: np.ndarray,
+    corners: np.ndarray,
+    edge: tuple[float, float, float, float],
+    before: bool,
+    cut: np.ndarray,
+) -> tuple[float, float]:
+    """Return the part of an edge that lies in a geom, as shares of the edge; nothing where the second is not
+    above the first.
+
+    ``corners`` (corner,) are those of the geom in ``px`` (point, 2), ``edge`` has x and y of both ends. The
+    side that lies beyond is kept in ``cut`` (10,), the geom's own row.
+    """
+    count = corners.shape[0]
+    if count < 3:  # no inside
+        return 1.0, 0.0
+    xp, yp, xq, yq = edge
+    begin, end = 0.0, 1.0
+    # neighbouring edges mostly lie beyond the same side: the last one is tried first
+    i = int(cut[SIDE])
+    xs, ys = px[corners[i], 0], px[corners[i], 1]
+    for _ in range(count):
+        side, xr, yr = i, xs, ys
+        i = i + 1 if i + 1 < count else 0
+        xs, ys = px[corners[i], 0], px[corners[i], 1]
+        dx, dy = xs - xr, ys - yr
+        # (dy, -dx) points outwards: distances of both ends beyond this side, times its length
+        at_p = dy * (xp - xr) - dx * (yp - yr)
+        at_q = dy * (xq - xr) - dx * (yq - yr)
+        if abs(at_p) <= ON_LINE and abs(at_q) <= ON_LINE:
+            # Two edges on one line. Running the same way they bound the union together, and one of them has
+            # to count: that of the first geom. Running opposite ways both count, and cancel.
+            same = dx * (xq - xp) + dy * (yq - yp) > 0.0
+            if not (same and before):
+                return 1.0, 0.0
+        elif at_p > 0.0 and at_q > 0.0:
+            cut[SIDE] = side
+            return 1.0, 0.0
+        elif at_p > 0.0:
+            begin = max(begin, at_p / (at_p - at_q))
+        elif at_q > 0.0:
+            end = min(end, at_p / (at_p - at_q))
+        if begin >= end:
+            return 1.0, 0.0
+    return begin, end
+
+
+@njit(cache=True)
+def _along_edge(sums: np.ndarray, x0: float, y0: float, x1: float, y1: float) -> float:
+    """Integrate F dy along an edge of a silhouette, pixel by pixel; ``sums`` (height, width + 1)."""
+    if y0 == y1:
+        return 0.0
+    height, width = sums.shape[0], sums.shape[1] - 1
+    sign = 1.0
+    if y0 > y1:  # so that rows are counted up
+        x0, y0, x1, y1, sign = x1, y1, x0, y0, -1.0
+    slope = (x1 - x0) / (y1 - y0)
+    # pixel centres are whole numbers, and pixels reach half a pixel to either side: from here on whole
+    # numbers are the borders between them
+    x, y, end = x0 + 0.5, y0 + 0.5, min(y1 + 0.5, float(height))
+    if y < 0.0:
+        x, y = x - y * slope, 0.0
+    # what enters or leaves the picture by its sides passes through columns that do not exist
+    i, j, total = int(y), min(max(math.floor(x), -1), width), 0.0
+    turn = 1 if slope > 0.0 else -1
+    per_column = abs(1.0 / slope) if slope != 0.0 else 1e18
+    below = i + 1.0
+    beside = 1e18
+    if slope > 0.0 and j < width:
+        beside = y + (j + 1 - x) * per_column
+    elif slope < 0.0 and j >= 0:
+        beside = y + (x - j) * per_column
+    while y < end:
+        # the next border that the edge meets: that of a row, of a column, or its own end
+        stop = min(below, beside, end)
+        step = stop - y
+        to = x + step * slope
+        if j >= width:
+            total += step * sums[i, width]
+        elif j >= 0:
+            # within a pixel F is a straight line: its mean is the value in the middle
+            before = sums[i, j]
+            total += step * (before + (0.5 * (x + to) - j) * (sums[i, j + 1] - before))
+        if beside <= below:
+            j += turn
+            beside = 1e18 if (j < 0 and turn < 0) or (j >= width and turn > 0) else beside + per_column
+        if stop == below:
+            i += 1
+            below += 1.0
+        x, y = to, stop
+    return sign * total
 
 
 @njit(cache=True)
@@ -158,9 +251,12 @@ def pose_mismatch(sums: np.ndarray, rig: Rig, positions: np.ndarray, geoms: int)
         The sum of ``1 - 2 I_a`` over the silhouette for each pose [px^2], ``UNDRAWABLE`` where it cannot be
         drawn, (pose,).
     """
-    outlines, spans = blank_outlines(rig, geoms), blank_spans(sums, geoms)
+    outlines, cuts, inside = blank_outlines(rig, geoms), blank_cuts(geoms), np.empty(1)
+    pictures = sums.reshape((1, sums.shape[0], sums.shape[1]))
     costs = np.empty(positions.shape[0])
     for i in range(positions.shape[0]):
-        drawn = draw(rig, positions[i], outlines)
-        costs[i] = mismatch(sums, outlines, spans)[0] if drawn else UNDRAWABLE
+        costs[i] = UNDRAWABLE
+        if draw(rig, positions[i], outlines):
+            area = silhouette_sums(pictures, outlines, cuts, inside)
+            costs[i] = area - 2.0 * inside[0]
     return costs

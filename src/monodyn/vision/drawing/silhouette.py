@@ -21,6 +21,10 @@ RING = 32
 """Points on the outline of a ball."""
 FARTHEST_PX = 1e6
 """Points farther out than this have no place in a picture [px]."""
+AROUND = np.stack(
+    [np.cos(2.0 * np.pi / RING * np.arange(RING)), np.sin(2.0 * np.pi / RING * np.arange(RING))]
+)
+"""Cosine and sine of the angle of each point on the outline of a ball, (2, ring)."""
 ROUNDING = math.sqrt(2.0 * math.pi / RING / math.sin(2.0 * math.pi / RING))
 """Growth of the ring that gives the polygon the area of the circle."""
 LINK_X, LINK_Y, LINK_ANGLE = range(3)
@@ -200,8 +204,7 @@ def _project_ball(
     ux, uy, uz = x / d, y / d, z / d
     bx, by, bz = uy * az, uz * ax - ux * az, -uy * ax
     for j in range(RING):
-        w = 2.0 * math.pi * j / RING
-        cw, sw = ring * math.cos(w), ring * math.sin(w)
+        cw, sw = ring * AROUND[0, j], ring * AROUND[1, j]
         qx = x * shrink + cw * ax + sw * bx
         qy = y * shrink + sw * by
         qz = z * shrink + cw * az + sw * bz
