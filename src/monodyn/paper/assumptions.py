@@ -26,6 +26,8 @@ DIVIDES, STILL, ALONE, IN_VIEW, AS_GIVEN, PARALLEL = (
     "The mechanism moves in a plane parallel to the picture.",
 )
 """What is assumed."""
+DISTURBED = "This cannot be judged where another assumption fails."
+"""Said of the plane."""
 MOST_UNDECIDED = 0.4
 """Pixels near the threshold, as a share of those above it, with which it still divides."""
 MOST_CUT = 0.1
@@ -45,12 +47,12 @@ HIDDEN, MOST_HIDDEN = 0.1, 0.05
 frames in which that may be so."""
 MOST_DRIFT_PX = 0.5
 """Displacement of the background up to which the camera stands still [px]."""
-MOST_SHIFTING, LEAST_CLEAN = 0.05, 8
+MOST_SHIFTING, LEAST_CLEAN = 0.1, 8
 """Share of the mechanism's area, missed or uncovered, up to which a frame's centroid is used, and fewest such
 frames."""
 MOST_STRETCH = 0.06
 """Difference of the picture's scale between two directions up to which the planes count as parallel."""
-LEAST_SPREAD, LEAST_SPREAD_PX = 0.3, 10.0
+LEAST_SPREAD, LEAST_SPREAD_PX = 0.25, 10.0
 """Standard deviation of the centroid across its main direction from which the scales of two directions can be
 compared: a share of that along it, and pixels."""
 
@@ -88,7 +90,11 @@ def film_assumptions(scene: Scene, poses: Poses) -> tuple[Assumption, ...]:
     if film.drawn_well and film.seen >= FOLLOWED:
         # with the mechanism found, its own pixels tell more than the silhouettes alone
         alone, in_view = _alone(film), _in_view(film)
-    return divides, _still_camera(film.drift), alone, in_view, _as_given(film), _parallel(film)
+    others = (divides, _still_camera(film.drift), alone, in_view, _as_given(film))
+    # what disturbs the silhouette or moves the picture would pass for a plane at a slant
+    disturbed = any(own.held is False for own in others)
+    plane = Assumption(PARALLEL, None, DISTURBED) if disturbed else _parallel(film)
+    return *others, plane
 
 
 def silhouette_assumptions(seen: Outlook) -> tuple[Assumption, Assumption, Assumption]:

@@ -118,6 +118,9 @@ def measured(scene: Scene, poses: Poses, silhouettes: ClipSilhouettes) -> Film:
         scene: Mechanism, camera and masks, as they were located.
         poses: The poses before that camera, slides in the scene's scale.
         silhouettes: Its silhouettes.
+
+    Returns:
+        The film: what the silhouettes alone show, and what the drawn mechanism shows.
     """
     picks = np.unique(np.linspace(0, len(poses) - 1, min(LOOKED_AT, len(poses))).round().astype(int))
     rows = {int(poses.frame[row]): row for row in picks}
@@ -150,6 +153,9 @@ def outlook(silhouettes: ClipSilhouettes) -> Outlook:
 
     Args:
         silhouettes: The silhouettes.
+
+    Returns:
+        What they show.
     """
     import cv2
 

@@ -38,7 +38,7 @@ class _Body:
     """The first body of a mechanism whose hinge may be moved along it.
 
     Attributes:
-        length: Place of its length among the sizes, or None where the length is the reference.
+        length: Place of its length among the sizes, or None where it is the reference and stays.
         tail: Place of its tail among the sizes.
         value: Its length [m].
         direction: From the hinge along the body, in the plane, (2,).
@@ -103,8 +103,7 @@ def _first_body(view: ModelView, model: StartModel) -> _Body | None:
     if not open_place or f"{first}.tail" not in names:
         return None
     name = f"{first}.length"
-    is_reference = view.reference is not None and view.reference.name == name
-    if not is_reference and name not in names:
+    if name not in names and (view.reference is None or view.reference.name != name):
         return None
     place = names.index(f"{first}.tail")
     # the points that a longer tail moves show the direction of the body
@@ -113,7 +112,7 @@ def _first_body(view: ModelView, model: StartModel) -> _Body | None:
     frame = link_frames(view.rig, view.position)[0]
     c, s = np.cos(frame[LINK_ANGLE]), np.sin(frame[LINK_ANGLE])
     direction = np.array([[c, -s], [s, c]]) @ (-back / np.linalg.norm(back))
-    length = None if is_reference else names.index(name)
+    length = names.index(name) if name in names else None
     value = model.mechanism.values[name] if length is None else float(view.sizes[length])
     return _Body(length, place, float(value), direction, frame[[LINK_X, LINK_Y]])
 
@@ -126,7 +125,7 @@ def _shifted(view: ModelView, body: _Body, shift: float) -> ModelView:
     # the hinge stays where it is in the plane: body and camera move the other way
     camera[[X, Y]] -= shift * body.direction
     if body.length is None:
-        # the first length is the unit, so that everything else becomes larger, seen from the hinge
+        # the first length is the unit and stays, so that everything else becomes larger, seen from the hinge
         factor = body.value / left
         sizes *= factor
         camera[[X, Y]] = body.hinge + factor * (camera[[X, Y]] - body.hinge)
