@@ -107,7 +107,7 @@ def starts_end_apart(evidence: Evidence) -> Verdict:
 
 
 def ended(places: Sequence[Ending], drawn: int) -> str:
-    """Write how many searches ended where.
+    """Return how many searches ended where, in words.
 
     Args:
         places: The places, the one with the least residual first.
