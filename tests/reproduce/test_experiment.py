@@ -174,11 +174,15 @@ def test_the_experiment_runs_from_the_clips_to_the_page(tmp_path: Path) -> None:
             assert usual is not None
             # 1 deg for the published poses, and for what both methods predict in Case I from 40 frames
             # of them
-            assert found.overall(usual.residual) < np.radians(1.0)
-            assert found.overall(usual.ahead) < np.radians(1.0)
+            for error in (found.overall(usual.residual), found.overall(usual.ahead)):
+                assert error is not None
+                assert error < np.radians(1.0)
         published, default = (own.evidence[method] for method in ("paper", "fast"))
-        errors = [found.overall(rms(found.seen.errors)) for found in (default, published)]
-        assert errors[0] < 0.3 * errors[1] < np.radians(0.3)
+        for found, most in ((default, 0.1), (published, 1.0)):
+            assert found.seen.errors is not None
+            error = found.overall(rms(found.seen.errors))
+            assert error is not None
+            assert error < np.radians(most)
         counts = {case.plan.case: case.unknowns for case in main_cases(own) if case.plan.method == "paper"}
         assert (counts["I"], counts["III"]) == (6, 84) or own is made.repetitions[0]
         assert published.pose_starts is not None

@@ -62,7 +62,7 @@ def test_a_refused_case_two_is_explained_and_has_no_ratio() -> None:
     ]
     table = fits_table(found)
     assert [cells[:2] for _, cells in table.rows] == [
-        ["Case I", "default"], ["Case II, series alone", "published"], ["Case II, series alone", "default"],
+        ["Case I", "default"], ["Case II, torque alone", "published"], ["Case II, torque alone", "default"],
     ]  # fmt: skip
 
 

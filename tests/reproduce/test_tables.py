@@ -81,7 +81,7 @@ def test_cases_stand_with_the_methods_side_by_side() -> None:
     assert columns[6] == "residual [deg]"
     assert rows[0][:4] == ["I", "", "published", "6"]
     assert rows[2][:3] == ["", "", "published / default"]
-    assert rows[3][:3] == ["II", "series alone", "published"]
+    assert rows[3][:3] == ["II", "torque alone", "published"]
     assert rows[4][:3] == ["III", "with friction", "default"]
 
 
