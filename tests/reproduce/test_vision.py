@@ -10,11 +10,14 @@ import pytest
 from experiments import JOINTS, mechanism, seen
 from monodyn.errors import VideoError
 from monodyn.reproduce import vision
-from monodyn.reproduce.clip import make_clip
+from monodyn.reproduce.clip import ClipSettings, make_clip
 from monodyn.reproduce.given import opened
-from monodyn.reproduce.repetition import START, WARMING
+from monodyn.reproduce.repetition import START
 from monodyn.reproduce.vision import hinges_of, see
 from monodyn.stages import segment
+from monodyn.types import Camera
+
+SMALL = ClipSettings(camera=Camera(144, 96, 140.0, 0.03, -0.17, 1.15), frames=20)
 
 
 def test_hinges_are_counted_by_place() -> None:
@@ -25,7 +28,7 @@ def test_hinges_are_counted_by_place() -> None:
 
 def test_a_failure_stands_in_the_status(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clip, model = tmp_path / "clip.mp4", tmp_path / "start.xml"
-    truth = make_clip(clip, WARMING)
+    truth = make_clip(clip, SMALL)
     model.write_text(START)
     video, topology = opened(clip, model)
 
@@ -39,9 +42,10 @@ def test_a_failure_stands_in_the_status(tmp_path: Path, monkeypatch: pytest.Monk
     assert tuple(joint.name for joint in found.joints) == JOINTS
 
 
+@pytest.mark.slow
 def test_both_forms_of_the_framework_are_compared(tmp_path: Path) -> None:
     clip, model = tmp_path / "clip.mp4", tmp_path / "start.xml"
-    truth = make_clip(clip, WARMING)
+    truth = make_clip(clip, SMALL)
     model.write_text(START)
     video, topology = opened(clip, model)
     found = see("paper", segment(video), topology, truth)
@@ -57,4 +61,4 @@ def test_both_forms_of_the_framework_are_compared(tmp_path: Path) -> None:
         assert np.abs(form.error).max() < np.radians(5.0)
         assert form.drawings > len(form.history) > 0
     assert found.errors is not None
-    assert found.errors.shape == (WARMING.frames, 2)
+    assert found.errors.shape == (SMALL.frames, 2)
