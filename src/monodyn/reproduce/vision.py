@@ -111,7 +111,13 @@ def hinges_of(joints: Sequence[Joint]) -> list[int]:
 
 
 def see(
-    method: str, masks: Masks, mechanism: Mechanism, truth: Truth | None, progress: Progress | None = None
+    method: str,
+    masks: Masks,
+    mechanism: Mechanism,
+    truth: Truth | None,
+    progress: Progress | None = None,
+    *,
+    both_forms: bool = True,
 ) -> Seen:
     """Locate and track the mechanism with one method.
 
@@ -121,6 +127,7 @@ def see(
         mechanism: Topology with wrong sizes.
         truth: The true motion, or None where it is not known.
         progress: Called with the frames done.
+        both_forms: Locate in both forms of Figure 2 by the published method; poses are those of the strict.
 
     Returns:
         What was seen; a failure stands in its ``status``.
@@ -134,7 +141,7 @@ def see(
         else:
             scene = _published(masks, mechanism, "strict", progress)
         located, watch = time.perf_counter() - began, _Watch(progress)
-        if isinstance(scene, PaperScene):
+        if isinstance(scene, PaperScene) and both_forms:
             frameworks = (
                 framework_found("strict", scene, located, truth),
                 _interleaved(masks, mechanism, truth, progress),
