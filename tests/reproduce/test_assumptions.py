@@ -34,7 +34,8 @@ def test_a_clip_like_the_paper_holds_them() -> None:
         "40 frames are fitted and as many predicted.": (True, "40 are fitted, 40 predicted."),
         "Uniform bars move under gravity and viscous friction alone (Case I).": (
             True,
-            "Case I leaves a residual of 0.206° (published) and 0.206° (default).",
+            "Case I leaves a residual of 0.206°, 0.0573° in the prediction (published); 0.206°, 0.0573° in the "
+            "prediction (default).",
         ),
         "The motion is periodic, and the fitted frames hold multiple periods (Case II).": (
             True,
@@ -57,7 +58,7 @@ def test_what_fails_is_said_with_its_numbers() -> None:
     held, told = found["Uniform bars move under gravity and viscous friction alone (Case I)."]
     assert held is False
     assert told.startswith("Case I leaves a residual of 5.7")
-    assert told.endswith("° (published). The bodies may not be uniform.")
+    assert told.endswith("°, 5.73° in the prediction (published). The bodies may not be uniform.")
     periodic = "The motion is periodic, and the fitted frames hold multiple periods (Case II)."
     assert found[periodic] == (None, "There is no period.")
     assert found["The time stamps are those of the motion."] == (
