@@ -109,3 +109,19 @@ def test_bfgs_says_that_its_start_has_no_residuals():
     lost = bounded_bfgs(lambda x: np.array([np.nan]), np.zeros(1))
     assert (lost.converged, lost.evaluations) == (False, 1)
     assert lost.status == "The function is not finite at the start; choose another start."
+
+
+def test_a_jacobian_takes_the_place_of_differences():
+    def slopes(x):
+        return np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]])
+
+    def valley(x):
+        return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]])
+
+    plain = bounded_bfgs(valley, np.zeros(2), (-2.0, 2.0))
+    exact = bounded_bfgs(valley, np.zeros(2), (-2.0, 2.0), jacobian=slopes)
+    np.testing.assert_allclose(exact.x, 1.0, atol=1e-4)
+    assert exact.evaluations < plain.evaluations
+    # where derivatives overflow, differences take over
+    lost = bounded_bfgs(valley, np.zeros(2), (-2.0, 2.0), jacobian=lambda x: np.full((2, 2), np.nan))
+    np.testing.assert_allclose(lost.x, plain.x)

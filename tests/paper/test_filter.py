@@ -33,6 +33,21 @@ def test_even_stamps_against_transfer_function():
         np.testing.assert_allclose(states[:, 0], ahead, atol=1e-11 * scale)
 
 
+def test_the_consistent_reading_takes_half_of_gamma():
+    """Stable all the way to the bound of eq. (7), where the printed one has long begun to grow."""
+    samples = np.random.default_rng(8).normal(size=(40, 2))
+    consistent = filtered(UNEVEN, samples, Gains.of((0.4, 0.1, 0.05), "consistent"))
+    halved = filtered(UNEVEN, samples, Gains(0.4, 0.1, 0.025))
+    np.testing.assert_allclose(consistent.acceleration, halved.acceleration, rtol=1e-12)
+    most = 4.0 * 0.4 * 0.1 / (2.0 - 0.4)
+    for gains, grows in ((Gains(0.4, 0.1, 0.999 * most, "consistent"), False), (Gains(0.4, 0.1, 0.06), True)):
+        read = Gains(gains.alpha, gains.beta, gains.acceleration)
+        assert (np.abs(np.linalg.eigvals(kalata(read, 1.0)[0])).max() > 1.0) == grows
+        assert gains.stable == (not grows)
+    with refuses(SettingsError, "gains.reading: expected one of 'printed', 'consistent', got 'other'."):
+        Gains.of((0.4, 0.1, 0.05), "other")
+
+
 def test_constant_acceleration_is_exact():
     motion = np.stack((1.0 - 2.0 * UNEVEN + 4.9 * UNEVEN**2, 0.3 + UNEVEN), axis=1)
     motion[[5, 6, 20], 0] = np.nan

@@ -168,3 +168,17 @@ def test_advice_of_free_torques():
         "With free torques any sizes and masses are possible: link1.length, link1.thickness and "
         "joint1.damping are arbitrary; give measured values with --fix.",
     )
+
+
+def test_advice_of_given_starts_and_of_bounds_of_the_search():
+    found, poses = ended(converged=False)
+    fit, settings = fit_with(found, poses, 1e-4), replace(PAPER, begin="given")
+    length = np.array([name == "link1.length" for name in found.fixed.problem.unknowns.names])
+    edge = replace(found, bounds=np.stack((found.bounds[0], np.where(length, found.x, found.bounds[1]))))
+    assert published_advice(edge, of_series(edge), fit, (poses,), settings, ()) == (
+        "link1.length ended where the search is bounded, a factor from the start value: the true value may "
+        "lie beyond; give a nearer one in the mechanism file.",
+        "From the given start values the search ended short of a minimum; --identify.begin matched starts "
+        "nearer.",
+        "The search ended before the minimum was certain; allow more with --identify.evaluations.",
+    )

@@ -89,6 +89,29 @@ def test_case_three_on_two_thirds_of_a_second(seed):
         assert 1.0 / 6.0 < fit.mechanism.values[f"{body}.length"] / truth.values[f"{body}.length"] < 6.0
 
 
+def test_given_starts_are_left_as_they_are():
+    """The search begins at the file's own values: one start, and how it goes depends on them."""
+    truth = double_truth()
+    poses = record(truth, TIMES[:40], motion(truth, TIMES[:40], [0.9, 0.6], [0.0, 0.0]), noise=SMALL)
+    given, ends = replace(PAPER, begin="given"), []
+    for factor in (1.0, 0.8):
+        near = {n: v * factor for n, v in truth.values.items() if n.endswith((".length", ".thickness"))}
+        fit = identify_published([poses], load("double").with_values(near), given)
+        assert not any("starts were tried" in line for line in fit.advice)
+        ends.append(fit)
+    assert ends[0].parameter("link1.length").value == pytest.approx(truth.values["link1.length"], rel=0.02)
+    assert ends[0].evaluations != ends[1].evaluations
+
+
+def test_case_three_with_friction():
+    """Ours: the dampings in addition, 2 k + 6 unknowns."""
+    truth = double_truth()
+    poses = record(truth, TIMES[:12], motion(truth, TIMES[:12], [0.9, 0.6], [0.0, 0.0]), noise=SMALL)
+    fit = identify_published([poses], load("double"), replace(PAPER, torque="free", series="with-friction"))
+    assert fit.ok, fit.status
+    assert len(fit.names) - 4 == 2 * 12 + 6
+
+
 def test_gains_without_effect_and_ringing():
     truth = load("single").with_values({"link1.length": 0.26})
     poses = record(truth, TIMES, motion(truth, TIMES, [0.8], [0.0]))
@@ -101,6 +124,10 @@ def test_gains_without_effect_and_ringing():
     assert any("no effect" in line for line in other.advice)
     ringing = identify_published([poses], load("single"), replace(PAPER, states="filtered"))
     assert any("gamma below 0.05" in line for line in ringing.advice)
+    settings = replace(PAPER, states="filtered", filter="consistent")
+    consistent = identify_published([poses], load("single"), settings)
+    assert not any("ring" in line for line in consistent.advice)
+    assert consistent.parameter("link1.length") != ringing.parameter("link1.length")
 
 
 def test_case_three_follows_the_noise():

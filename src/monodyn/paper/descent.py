@@ -31,7 +31,7 @@ MOST_FOR_A_PART = {"fourier": 800, "free": 2500}
 PART_STEPS = {"fourier": 4, "free": LED_STEPS}
 """Integration steps between stamps in those parts."""
 PART_TOLERANCE = 1e-2
-"""Nor, for a part under a Fourier series, for less than this share."""
+"""Nor, for a part under a Fourier series or in new directions, for less than this share."""
 TOLERANCE = 1e-4
 """No search goes on for less than this share of the cost."""
 LEAST_EFFECT = 1e-4
@@ -46,7 +46,7 @@ MOST_ROLLOUTS = 20000
 """Rollouts from all starts, at most."""
 SHOWN_EVERY = 50
 """Progress is shown each time after this many rollouts."""
-CLOSE_SHARE = {"friction": 0.02, "fourier": 0.1, "free": 0.02}
+CLOSE_SHARE = {"friction": 0.02, "fourier": 0.2, "free": 0.02}
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
 
 
@@ -184,12 +184,15 @@ def _in_parts(
         part = replace(fixed, target=np.where(late, np.nan, fixed.target))
         if not np.isfinite(part.residuals(x)).all():
             break
-        end = _minimum(part, x, bounds, min(MOST_FOR_A_PART[torque], most - evaluations), tick, whole=False)
+        # with the whole record in few steps most of the way is gone before many steps are taken
+        whole = stop >= rows
+        allowed = most - evaluations if whole else min(MOST_FOR_A_PART[torque], most - evaluations)
+        end = _minimum(part, x, bounds, allowed, tick, whole=whole)
         evaluations += end.evaluations
         x = end.x
         if torque == "free":
             x = np.clip(led(fixed, x, smoothed, stop), *bounds)
-        elif stop >= rows:
+        elif whole:
             break
         stop = max(stop + LONGER_BY, _followed(fixed, x) if torque == "fourier" else 0)
     return x, evaluations
@@ -228,7 +231,7 @@ def _minimum(
         end = _searched(fixed, x, bounds, directions, (max(most - spent, len(x) + 2), limit), tick)
         spent, turns, x = spent + end.evaluations + 1, turns + 1, end.x
         directions = _directions(fixed, x)
-        near = _gain(fixed, x, bounds, directions) < (TOLERANCE if whole else PART_TOLERANCE)
+        near = _gain(fixed, x, bounds, directions) < PART_TOLERANCE
         if near or turns >= MOST_TURNS or spent >= most:
             return replace(end, evaluations=spent, converged=near)
 

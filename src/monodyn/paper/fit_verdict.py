@@ -129,7 +129,9 @@ def published_advice(
     if settings.torque != "free":
         sentences += advice.open_parameters(mechanism, bodies, without_effect)
         sentences += advice.few(fixed.compared, len(problem.unknowns))
-    sentences += advice.bounds(bodies)
+    edge = _at_reach(found, kinds)
+    sentences += edge
+    sentences += advice.bounds([p for p in bodies if not any(p.name in line for line in edge)])
     sentences += advice.limits(mechanism, problem.simulated(fixed.trial(found.x)))
     if settings.torque != "free":
         sentences += advice.clock(mechanism, fit.parameters)
@@ -172,6 +174,25 @@ def _misfit(found: Descent, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
             "residual; --identify.method fast estimates it."
         )
     return sentences
+
+
+def _at_reach(found: Descent, kinds: dict[str, str]) -> list[str]:
+    """Name the sizes that ended where the search itself is bounded, and not at a bound of the user."""
+    unknowns, x, (low, high) = found.fixed.problem.unknowns, found.x, found.bounds
+    near = 1e-6 * found.fixed.scale
+    at_low = (x <= low + near) & (low > unknowns.lower + near)
+    at_high = (x >= high - near) & (high < unknowns.upper - near)
+    names = [
+        name
+        for name, edge in zip(unknowns.names, at_low | at_high, strict=True)
+        if edge and kinds[name] in ("length", "thickness")
+    ]
+    if not names:
+        return []
+    return [
+        f"{listed(names)} ended where the search is bounded, a factor from the start value: the true value "
+        "may lie beyond; give a nearer one in the mechanism file."
+    ]
 
 
 def _period(model: TorqueModel) -> list[str]:

@@ -3,18 +3,20 @@
 Unlike the default method it takes the start state from the filtered poses, compares angles without weights,
 takes no sizes from a picture, and searches with BFGS and an active set. Where the paper is silent:
 
-* Bodies keep their aspect ratio. A Fourier series has 7 harmonics unless the user sets another number, and
-  its period is estimated beforehand and held; with the dampings of Case I these are 4 + 2 + 30 = 36
-  unknowns for two links, the paper's count, which its own 4 + 2 s_1 + 2 s_2 + 2 = 34 is not. Free torques
-  are linear between time stamps; 2 k + 4 unknowns for two links.
+* Bodies keep their aspect ratio. Case II takes its period from the poses, eq. (10), and holds it. Its series
+  has 7 harmonics unless the user sets another number, and stands for the friction too: 4 + 2 s_1 + 2 s_2 + 2
+  = 34 unknowns for two links. The paper counts 36 and does not say which: with the dampings of Case I (our
+  ``with-friction``), with a period for each joint, with omega and a phase, or with both coefficients of j = 0
+  to 7 for both joints, 32 + 4. Free torques are linear between time stamps; 2 k + 4 unknowns for two links.
 * The start state of each record is the filtered one, eq. (6), at its first sample: the parabola through the
   first three samples, before any correction, so that the gains count only with filtered states or rates.
 * Bounds are a factor of ten about the sizes of file or picture, lengths in the common scale of the start (a
   factor of three under free torques) and within the user's bounds; dampings up to where friction alone
   balances the weight; torques up to ten times that of weight and inertia, three times for free ones.
-* The start has its common scale from the accelerations of smoothed motion, where the paper starts by hand;
-  free torques start as those that lead the motion along the smoothed poses, and are fitted to the first
-  samples before more. No sample is left out as a gross error, which the paper does not do either.
+* The start matches the accelerations of smoothed motion, or is that of the file as it is (``begin``). A
+  series starts as that of the torque that the periodic poses require, eq. (12); free torques as those that
+  lead the motion along the smoothed poses. Both are fitted to the first samples before more. No sample is
+  left out as a gross error, which the paper does not do either.
 * Intervals are those of the least squares with the noise of the samples, which reaches the parameters
   directly and by way of the start state; free torques, underdetermined, have none.
 """
@@ -54,8 +56,8 @@ def identify_published(
     """Minimize |X_s - X_e| over the unknowns of the paper's Case I, II or III, within bounds.
 
     Unknowns are the free lengths and thicknesses and, with ``settings.torque``, in Case I (``friction``) the
-    dampings, b in tau = -b v; in Case II (``fourier``) the coefficients of a series for each joint, with the
-    dampings or alone; in Case III (``free``) a torque for each joint and time stamp.
+    dampings, b in tau = -b v; in Case II (``fourier``) the coefficients of a series for each joint; in Case
+    III (``free``) a torque for each joint and time stamp; in both without the dampings, or with them.
 
     Args:
         records: Records of joint positions, at least one.

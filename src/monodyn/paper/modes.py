@@ -21,7 +21,7 @@ def modes(jacobian: np.ndarray, turned: np.ndarray, weakest: float) -> np.ndarra
     -V D^-1 U' S, and is scaled by what is left of its column. So the others keep their bounds.
 
     Args:
-        jacobian: Of all residuals by the unknowns, (value, param).
+        jacobian: Of all residuals by the unknowns, (row, param).
         turned: True for the unknowns that are searched along modes, (param,).
         weakest: Singular values below this share of the largest count as that share.
 

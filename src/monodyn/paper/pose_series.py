@@ -33,7 +33,7 @@ class PoseSeries:
     Attributes:
         period: 2 pi / omega [s].
         periods: How many of them the record holds.
-        coefficients: Mean, cos1, sin1, ... by joint, zero beyond its M_i, (1 + 2 harmonics, dof).
+        coefficients: Mean, cos1, sin1, ... by joint, zero beyond its M_i, (2 M + 1, dof).
         harmonics: M_i of each joint.
         criterion: Schwarz's criterion; lower is better.
     """
@@ -136,7 +136,8 @@ class _Fit:
         frequency, count = 1.0 / best.period, max(best.harmonics)
         ends = np.array((frequency - self.step, frequency + self.step))
         ends = np.clip(ends, 1.0 / bounds[1], 1.0 / max(bounds[0], 1e-9))
-        if not ends[1] > ends[0]:
+        seen = best.period <= LONGEST_PERIOD * self.span
+        if not (seen and ends[1] > ends[0]):
             return best.period
         # the same harmonics throughout: their number jumps where one more period is whole
         found: Any = minimize_scalar(
