@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,12 +16,13 @@ import monodyn
 from chains import CAMERA, LENGTHS, chain, falls, view_of
 from monodyn.errors import SettingsError, VideoError
 from monodyn.paper.locate import PaperScene, locate_published, pose_before, size_ratios
+from monodyn.paper.sequential import FRAMEWORKS, RoundSchedule
 from monodyn.paper.settings import PaperLocateSettings
 from monodyn.paper.silhouettes import ClipSilhouettes
 from monodyn.paper.start_model import StartModel
-from monodyn.paper.subproblems import mismatch
+from monodyn.paper.subproblems import History, mismatch
 from monodyn.paper.track import PaperPoses
-from monodyn.paper.view import CAMERA_HELD, model_view
+from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage, model_view
 from monodyn.types import Camera
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
@@ -105,22 +108,38 @@ def test_a_search_out_of_silhouettes_gives_the_best_so_far(small: Masks) -> None
     assert counts_up(told)
 
 
-def test_both_frameworks_come_to_one_scene(small: Masks) -> None:
-    """Strict and interleaved differ by less than a hundredth of the silhouette; the history says which ran."""
-    both = CameraSettings(method="paper")
-    found = {}
-    for framework in ("strict", "interleaved"):
-        settings = PaperLocateSettings(method="paper", framework=framework)
-        found[framework] = monodyn.locate(small, monodyn.load(MODEL), settings, camera=both)
-    strict, interleaved = found["strict"], found["interleaved"]
-    assert isinstance(strict, PaperScene)
-    assert isinstance(interleaved, PaperScene)
-    np.testing.assert_allclose(strict.position, interleaved.position, atol=np.radians(1.5))
-    assert abs(strict.mismatch_px2 - interleaved.mismatch_px2) < 0.01 * silhouette_area(strict)
-    problems = {name: [h.problem for h in scene.history] for name, scene in found.items()}
-    assert problems["interleaved"][:4] == ["depth", "place", "pose", "ratios"]
-    assert problems["strict"].count("depth") > problems["strict"].count("ratios")
-    assert all(falls(h) for h in strict.history)
+def test_the_framework_is_that_of_the_settings(small: Masks, default: Scene, monkeypatch: Any) -> None:
+    """Starts in the reduced picture and finalists in the whole one go by it, as the pose alone does."""
+    called: list[str] = []
+
+    def named(name: str) -> Callable[..., tuple[ModelView, tuple[History, ...]]]:
+        def solve(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | None) -> Any:
+            called.append(f"{name}, {'whole' if schedule is None else 'scheduled'}")
+            return view, (History("pose", np.array([1]), np.array([1.0])),)
+
+        return solve
+
+    video = small.video
+    model = StartModel(monodyn.load(MODEL), Camera(video.width, video.height, float(video.width)), ())
+    for name in ("strict", "interleaved"):
+        monkeypatch.setitem(FRAMEWORKS, name, named(name))
+        called.clear()
+        locate_published(small, model, PaperLocateSettings(method="paper", framework=name), most=60_000)
+        assert set(called) == {f"{name}, whole", f"{name}, scheduled"}
+        called.clear()
+        pose_before(default, (), framework=name)
+        assert called == [f"{name}, scheduled"]
+
+
+def test_the_mismatch_of_a_scene_is_that_of_its_frame(small: Masks, default: Scene) -> None:
+    """Before a camera that stays both frameworks find the pose and sizes of the default method again."""
+    image = ClipSilhouettes(default.masks).of(next(iter(small.video.frames()))).image
+    for name in ("strict", "interleaved"):
+        scene = pose_before(default, (), framework=name)
+        view = model_view(scene.mechanism, scene.camera, scene.position, CAMERA_HELD)
+        assert scene.mismatch_px2 == pytest.approx(mismatch(image, view.rig, view.position))
+        assert scene.mismatch_px2 < 0.15 * image.area
+        assert {h.problem for h in scene.history} == {"pose", "ratios"}
 
 
 def test_a_mechanism_that_does_not_fit_its_silhouette_is_said(small: Masks, default: Scene) -> None:

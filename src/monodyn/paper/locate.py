@@ -160,8 +160,8 @@ def camera_behind(scene: Scene, pinned: Collection[str], *, level: float = 0.0) 
     # the standard deviations were those of the other method's camera
     kept |= {"camera": model.placed(view), "camera_std": {}}
     return PaperScene(
-        **kept, mismatch_px2=mismatch(image, view.rig, view.position), evaluations=drawings_of(history),
-        history=tuple(history), level=level,
+        **kept, mismatch_px2=float(mismatch(image, view.rig, view.position)),
+        evaluations=drawings_of(history), history=tuple(history), level=level,
     )  # fmt: skip
 
 
@@ -277,7 +277,7 @@ def _scene(
         camera_std={},
         rms_px=left / max(length, 1.0),
         advice=advice,
-        mismatch_px2=left,
+        mismatch_px2=float(left),
         evaluations=drawings,
         history=history,
         level=silhouettes.level,

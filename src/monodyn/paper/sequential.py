@@ -80,6 +80,7 @@ def strict(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | No
     """
     schedule = schedule or RoundSchedule()
     histories: list[History] = []
+    start = view
     best, least, idle, share = view, np.inf, 0, 1.0
     for _ in range(schedule.rounds):
         before = view
@@ -99,6 +100,9 @@ def strict(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | No
         if _moved_px(before, view) < SETTLED_PX or idle == PATIENCE:
             break
         share = max(schedule.shrink * share, schedule.least)
+    # equal areas and centroids may cost more than they gain where the start is near the least mismatch
+    if mismatch(image, start.rig, start.position) < least:
+        best = start
     return best, tuple(histories)
 
 

@@ -1,7 +1,8 @@
 """Starts for the published local search: poses over the joint ranges, or the ends of an evolutionary search.
 
 A start is a pose and a set of sizes before the camera that gives its silhouette the seen area and centroid
-(eq. 1 and 2); starts are ranked by the mismatch (eq. 3).
+(eq. 1 and 2), in closed form; starts are ranked by the mismatch (eq. 3). This initialization is ours: the
+paper starts from any suitable one.
 """
 
 from __future__ import annotations

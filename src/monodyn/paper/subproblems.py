@@ -3,9 +3,10 @@
 Each is one pure function. The area determines the depth, the centroid the place, and the mismatch of the
 drawn and the seen silhouette pose and ratios.
 
-Solved strictly one after the other they stop far from the least mismatch, because a pose is only as good as
-the camera that it was found with. So each trial of (3) and (4) is made before a camera that is placed by (1)
-and (2) in closed form: the area falls with the square of the depth, the centroid moves with the camera.
+Where the camera is held, as in the strict framework, every trial of (3) and (4) is made before the camera as
+it stands. Where it is free, as in the interleaved one, which is ours, each trial is made before a camera that
+is placed by (1) and (2) in closed form: the area falls with the square of the depth, the centroid moves with
+the camera.
 """
 
 from __future__ import annotations
@@ -192,7 +193,8 @@ def fit_pose(
 ) -> tuple[ModelView, History]:
     """Find the pose by the mismatch of the silhouettes within limits: augmented Lagrangian, Powell inside.
 
-    The unknowns are the joint positions along ``pose_directions``.
+    The unknowns are the joint positions along ``pose_directions``. The paper does not say along which
+    directions Powell's search starts; these are ours.
 
     Args:
         image: The seen silhouette.
@@ -258,7 +260,8 @@ def _beyond(
 def pose_directions(rig: Rig, position: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return directions of the pose that move the picture independently, by one pixel each.
 
-    They are the principal axes of the mean square displacement of the outline's points, ``d^T M d`` with
+    Powell's search starts along them; the paper does not say along which directions it starts. They are the
+    principal axes of the mean square displacement of the outline's points, ``d^T M d`` with
     ``M = mean J^T J``. Along the joints themselves the mismatch has narrow valleys with a kinked floor, in
     which line searches stop: turning a link moves all that hang on it.
 
@@ -300,7 +303,9 @@ def fit_ratios(
 ) -> tuple[ModelView, History]:
     """Find the aspect ratios by the mismatch of the silhouettes: augmented Lagrangian, Powell inside.
 
-    With the reference length held, the unknowns are each body's width and every other length.
+    The unknowns are each body's width and length as ratios to the reference length. The common scale is left
+    to the depth: the reference stays as long as it is, or, where it is among the sizes of the view, the sum
+    of the lengths does.
 
     Args:
         image: The seen silhouette.
