@@ -15,9 +15,8 @@ from monodyn.paper.assumptions import Assumption, failed, film_assumptions
 from monodyn.paper.locate import PaperScene
 from monodyn.paper.settings import PaperLocateSettings, PaperTrackSettings
 from monodyn.paper.silhouettes import ClipSilhouettes
-from monodyn.paper.subproblems import History, mismatch
+from monodyn.paper.subproblems import History
 from monodyn.paper.track import PaperPoses
-from monodyn.paper.view import CAMERA_HELD, model_view
 from monodyn.reproduce.truth import Truth, errors_of
 from monodyn.stages import locate, track
 from monodyn.types import Poses, Progress
@@ -206,8 +205,7 @@ def framework_found(name: str, scene: Scene, seconds: float, truth: Truth | None
     """
     assert isinstance(scene, PaperScene)
     frame = next(frame for frame in scene.masks.video.frames() if frame.index == scene.frame)
-    image = ClipSilhouettes(scene.masks, scene.level).of(frame).image
-    view = model_view(scene.mechanism, scene.camera, scene.position, CAMERA_HELD)
+    area = ClipSilhouettes(scene.masks, scene.level).of(frame).image.area
     error = None
     if truth is not None and scene.frame < len(truth.position):
         row = slice(scene.frame, scene.frame + 1)
@@ -215,8 +213,8 @@ def framework_found(name: str, scene: Scene, seconds: float, truth: Truth | None
     return FrameworkFound(
         name,
         "done",
-        float(mismatch(image, view.rig, scene.position)),
-        image.area,
+        scene.mismatch_px2,
+        float(area),
         scene.evaluations,
         seconds,
         error,
