@@ -4,6 +4,7 @@ processes."""
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -138,6 +139,11 @@ def warm_up(method: str) -> None:
             run_case(own_form(method, name, WARMING.frames), seen, None, design)
 
 
+def _stopped_by_interrupt() -> None:
+    """Let Ctrl-C end a worker at once; the first process reports it and tidies up."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def each(
     function: Callable[[Item, Progress | None], Result],
     items: Sequence[Item],
@@ -162,7 +168,7 @@ def each(
         return
     # a fresh interpreter each: a fork would copy locks of the threads that decoding has started
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, mp_context=context) as pool:
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_stopped_by_interrupt) as pool:
         waiting = [pool.submit(function, item, None) for item in items]
         for done, future in enumerate(waiting):
             if progress is not None:
