@@ -38,6 +38,8 @@ LEAST_EFFECT = 1e-4
 """Directions of less effect than this share of the strongest are left out of that step."""
 SHORT_SHARE = 0.1
 """A search is short of a minimum where a step of Gauss and Newton would lower the cost by this share."""
+MORE_DAMPING = 5.0
+"""Factor by which weak modes count as stronger after a search that gained next to nothing."""
 MOST_TURNS = 10
 """Times that the directions of a search under torques over time are taken anew, at most."""
 GRADIENT_EVALUATIONS = 4
@@ -225,15 +227,18 @@ def _minimum(
         end = _searched(fixed, x, bounds, directions, (most, _tolerance(fixed, x)), tick)
         near = np.isfinite(end.value) and _gain(fixed, end.x, bounds, directions) < SHORT_SHARE
         return replace(end, converged=end.converged and bool(near))
-    spent, turns = 1, 0
+    spent, turns, damping = 1, 0, 1.0
     while True:
         limit = PART_TOLERANCE if torque == "fourier" and not whole else _tolerance(fixed, x)
         end = _searched(fixed, x, bounds, directions, (max(most - spent, len(x) + 2), limit), tick)
+        before, after = (float(np.sum(fixed.residuals(at) ** 2)) for at in (x, end.x))
+        # steps along weak modes are long, and where they leave what is linear they gain nothing: damp them
+        damping = 1.0 if after < (1.0 - PART_TOLERANCE) * before else damping * MORE_DAMPING
         spent, turns, x = spent + end.evaluations + 1, turns + 1, end.x
-        directions = _directions(fixed, x)
-        near = _gain(fixed, x, bounds, directions) < PART_TOLERANCE
+        near = _gain(fixed, x, bounds, _directions(fixed, x)) < PART_TOLERANCE
         if near or turns >= MOST_TURNS or spent >= most:
             return replace(end, evaluations=spent, converged=near)
+        directions = _directions(fixed, x, damping)
 
 
 def _searched(
@@ -286,13 +291,14 @@ def _searched(
     return replace(end, x=np.clip(best, *bounds))
 
 
-def _directions(fixed: FixedStart, x: np.ndarray) -> np.ndarray:
+def _directions(fixed: FixedStart, x: np.ndarray, damping: float = 1.0) -> np.ndarray:
     """Directions of the search, (param, param): the unknowns in their scales, torques along their modes."""
     turned = fixed.problem.unknowns.of_kind("torque")
     if not turned.any():
         return np.diag(fixed.scale)
     along = fixed.jacobian(x).reshape(-1, len(x)) * fixed.scale
-    return fixed.scale[:, None] * modes(along, turned, WEAKEST_MODE[fixed.problem.mechanism.torque])
+    weakest = min(damping * WEAKEST_MODE[fixed.problem.mechanism.torque], 1.0)
+    return fixed.scale[:, None] * modes(along, turned, weakest)
 
 
 def _gain(fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, directions: np.ndarray) -> float:
