@@ -34,9 +34,8 @@ def test_a_clip_like_the_paper_holds_them() -> None:
         "40 frames are fitted and as many predicted.": (True, "40 are fitted, 40 predicted."),
         "Uniform bars move under gravity and viscous friction alone (Case I).": (
             True,
-            "Case I leaves a residual of 0.206°, 0.0573° in the prediction (published); 0.206°, 0.0573° "
-            "in the "
-            "prediction (default).",
+            "Case I leaves a residual of 0.206°, 0.0573° in the prediction (published); 0.206°, 0.0573° in "
+            "the prediction (default).",
         ),
         "The motion is periodic, and the fitted frames hold multiple periods (Case II).": (
             True,

@@ -151,11 +151,9 @@ def test_the_page_says_what_the_clips_are(tmp_path: Path, monkeypatch: pytest.Mo
         "pendulum 1",
     ]
     assert (
-        "2 clips of 46 frames of 72 × 48 px over 1.50 s: aluminium double pendulums of known truth, made "
-        "by MuJoCo. "
-        "Frames 0 to 39 are fitted, the next 40 predicted, by the published and by the default method. "
-        "Figures show "
-        "pendulum 0 where they do not name others; tables and verdicts all."
+        "2 clips of 46 frames of 72 × 48 px over 1.50 s: aluminium double pendulums of known truth, made by "
+        "MuJoCo. Frames 0 to 39 are fitted, the next 40 predicted, by the published and by the default "
+        "method. Figures show pendulum 0 where they do not name others; tables and verdicts all."
     ) in (tmp_path / "reproduce.html").read_text(encoding="utf-8")
     assert {path.name for path in tmp_path.iterdir()} == set(EXPERIMENT_FILES)
 

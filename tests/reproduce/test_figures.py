@@ -72,8 +72,7 @@ def test_the_prediction_of_case_two_is_drawn_over_the_periods() -> None:
     figure = periods_figure([repetition(published=published)])
     assert figure.caption == (
         "Published form, each pendulum: error of the prediction over the frames after the fitted ones, by "
-        "how "
-        "many periods of the poses these hold."
+        "how many periods of the poses these hold."
     )
     (line,) = figure.panels[0]["series"]
     assert line["x"] == pytest.approx([40 / 30 / 0.5], rel=1e-5)

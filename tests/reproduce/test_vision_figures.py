@@ -21,10 +21,9 @@ def test_filtered_states_are_drawn_in_both_readings() -> None:
     assert figure.title == "Figure 3: filtered states"
     # 2 alpha beta / (2 - alpha) at 0.4 and 0.1
     assert figure.caption == (
-        "Poses of the default method through the α-β-γ filter, α = 0.4, β = 0.1, γ = 0.05, over 40 "
-        "frames, in "
-        "both readings of (6) and (7). As printed the acceleration takes γ/T² of what was not predicted, and "
-        "errors die out for γ below 2αβ/(2 − α) = 0.05 alone; at that limit it rings without end. With "
+        "Poses of the default method through the α-β-γ filter, α = 0.4, β = 0.1, γ = 0.05, over 40 frames, "
+        "in both readings of (6) and (7). As printed the acceleration takes γ/T² of what was not predicted, "
+        "and errors die out for γ below 2αβ/(2 − α) = 0.05 alone; at that limit it rings without end. With "
         "γ/(2T²), to which the bound of (7) belongs, they die out for twice as much."
     )
     assert [panel["title"] for panel in figure.panels] == ["θ1", "θ2", "rate of θ1", "rate of θ2"]
@@ -49,11 +48,10 @@ def test_objectives_run_on_over_all_sub_problems_of_each_form() -> None:
     figure = history_figure(forms)
     assert figure is not None
     assert figure.caption == (
-        "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn. Strict: "
-        "(1) and (2) alternate with (3), then (4), as published. Interleaved, ours: each trial of (3) and "
-        "(4) "
-        "has its own camera. The choice of the start, before it, drew further ones. Values below a billionth "
-        "are left out."
+        "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn. "
+        "Strict: (1) and (2) alternate with (3), then (4), as published. Interleaved, ours: each trial of "
+        "(3) and (4) has its own camera. The choice of the start, before it, drew further ones. Values "
+        "below a billionth are left out."
     )
     areas, places = figure.panels
     assert areas["title"] == "strict: (3) and (4), area of |I_a − I_m|"

@@ -143,8 +143,7 @@ def free_torque_follows_noise(evidence: Evidence) -> Verdict:
     return Verdict(
         bool(residual < EXACT * scatter and together > FOLLOWS),
         f"residual {degrees(residual)}; {degrees(apart)} from the truth where the poses are "
-        f"{degrees(scatter)} "
-        f"from it, correlation {together:.2f}",
+        f"{degrees(scatter)} from it, correlation {together:.2f}",
         fits=1,
     )
 

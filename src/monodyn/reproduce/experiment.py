@@ -48,12 +48,11 @@ SHOWN_FRAMES = 4
 """Number of frames whose pictures are shown."""
 CAPTIONS = {
     "6": "As Figure 7, but fitted to the filtered states, which are shown in place of the poses, in both "
-    "readings of "
-    "the filter. The default method does not filter.",
+    "readings of the filter. The default method does not filter.",
     "I": "The form of the friction torque is known. The frames after the shaded ones are predicted.",
     "II": "The torque of each joint is a Fourier series, whose period is estimated from the poses of the "
-    "fitted frames "
-    "alone. Published form: the series alone; the default method's: with friction in addition to it.",
+    "fitted frames alone. Published form: the series alone; the default method's: with friction in addition "
+    "to it.",
     "III": "One torque for each joint and time stamp. After the fitted frames none acts, because nothing "
     "determines it there. Published form: the torques alone; the default method's: with friction in "
     "addition to them.",
@@ -286,8 +285,7 @@ def _frames(video: Video, stop: int) -> list[Frame]:
 
 
 def figures(repetitions: Sequence[Repetition]) -> list[Figure]:
-    """Return the counterparts of the paper's figures: of the first pendulum, or of all where they are
-    compared.
+    """Return the counterparts of the paper's figures: of the first pendulum, or of all compared.
 
     Args:
         repetitions: The experiment with each pendulum.

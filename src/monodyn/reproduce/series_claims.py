@@ -215,8 +215,7 @@ def fast_enough_in_time(evidence: Evidence) -> Verdict:
         return Verdict(None, f"no poses: {seen.status}")
     told = (
         f"{1e3 * seen.seconds_a_frame:.3g} ms a frame where frames are {1e3 * evidence.interval:.3g} ms "
-        f"apart; "
-        f"first pose {seen.seconds_locate:.2g} s"
+        f"apart; first pose {seen.seconds_locate:.2g} s"
     )
     if usual is not None:
         told += f", Case I {usual.seconds:.2g} s"
