@@ -64,7 +64,8 @@ def read_truth(path: str | Path, mechanism: Mechanism, times: np.ndarray) -> Tru
 
     A JSON document has ``q``, joint positions by frame [rad or m], and may have ``v``, rates, and
     ``times`` [s]; without times its rows are the frames of the clip. ``pendulum`` or ``truth.links`` state
-    sizes. Any other file is a table with a column ``time`` and one for each joint, as ``monodyn identify`` reads it.
+    sizes. Any other file is a table with a column ``time`` and one for each joint, as ``monodyn identify``
+    reads it.
 
     Args:
         path: The file.
