@@ -18,35 +18,44 @@ from support import refuses
 def test_options() -> None:
     found = parsed("reproduce", ["--out", "page", "--clip", "a.mp4", "--model", "double", "--seed", "3"])
     assert found == ReproduceOptions(Path("page"), Path("a.mp4"), "double", seed=3)
+    found = parsed("reproduce", ["--out", "page", "--seeds", "5", "--truth", "t.json"])
+    assert found == ReproduceOptions(Path("page"), truth=Path("t.json"), seeds=5)
     with refuses(SettingsError, "seed: expected 0 or more, got -1; give a whole number."):
         ReproduceOptions(Path("page"), seed=-1).go()
+    with refuses(
+        SettingsError, "seeds: expected none with --clip, which is one pendulum, got 2; leave it out."
+    ):
+        ReproduceOptions(Path("page"), Path("a.mp4"), "double", seeds=2).go()
 
 
-def test_the_table_stands_in_columns_and_each_claim_has_its_verdicts(
+def test_the_tables_stand_in_columns_and_each_claim_has_its_verdicts(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from monodyn.reproduce import tables
-    from monodyn.reproduce.vision import TITLES
 
     rows = (["case", "method", "torque", "rms"], [["1", "paper", "none", "0.5"], ["2", "fast", "none", "12"]])
-    monkeypatch.setattr(tables, "plain_rows", lambda cases, joints: rows)
-    method, other = list(TITLES)[:2]
-    verdicts = {method: SimpleNamespace(held=True), other: SimpleNamespace(held=None)}
+    monkeypatch.setattr(tables, "plain_rows", lambda repetition: rows)
+    judged = {"paper": SimpleNamespace(words="held in 2 of 3"), "fast": SimpleNamespace(words="no verdict")}
+    assumed = SimpleNamespace(name="It swings.", held=False, numbers="It stands.")
+    clip = SimpleNamespace(name="clip.mp4", settings=None, assumptions=[assumed])
     made: Any = SimpleNamespace(
-        cases=[SimpleNamespace(clip_period=True)],
-        joints=("joint1",),
-        claims=[SimpleNamespace(text="The error falls:", verdicts=verdicts)],
+        repetitions=[clip],
+        claims=[SimpleNamespace(text="The error falls.", judged=judged)],
         seconds=12.4,
         folder=Path("page"),
     )
     reproduced._print(made)
     assert capsys.readouterr().out.splitlines() == [
+        "clip.mp4",
         "case  method  torque  rms",
         "1     paper   none    0.5",
         "2     fast    none     12",
-        f"{tables.STAR} the period is that of the whole clip, predicted frames included",
         "",
-        f"The error falls: {TITLES[method]} held, {TITLES[other]} no verdict.",
+        "Assumptions of the paper",
+        "  does not hold   It swings. It stands.",
+        "",
+        "claim             published         default",
+        "The error falls.  held in 2 of 3    no verdict",
         "",
         "12 s. page: page/reproduce.html",
     ]

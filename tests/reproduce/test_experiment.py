@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from experiments import DESIGN, FAILED, JOINTS, moved, seen
+from experiments import DESIGN, evidence, lost, moved, repetition
 from monodyn.cli import main
-from monodyn.errors import MechanismError, SettingsError, VideoError
-from monodyn.reproduce.cases import Case, Design, FitPlan, plans, rms
-from monodyn.reproduce.claims import claims, overall
-from monodyn.reproduce.clip import ClipSettings, make_clip
+from monodyn.errors import SettingsError, VideoError
+from monodyn.reproduce.cases import rms
+from monodyn.reproduce.claims import claims
+from monodyn.reproduce.clip import ClipSettings
+from monodyn.reproduce.evidence import Evidence
 from monodyn.reproduce.experiment import (
     EXPERIMENT,
     EXPERIMENT_FILES,
     Experiment,
     ReproduceSettings,
     figures,
-    opened,
     reproduce,
 )
+from monodyn.reproduce.given import GivenClip, given_truth
+from monodyn.reproduce.plans import Design, plans
+from monodyn.reproduce.repetition import Trying
 from monodyn.reproduce.tables import main_cases
-from monodyn.reproduce.vision import Seen
 from monodyn.results.folder import RunFolder
 from monodyn.types import Camera
 from support import command, refuses
@@ -77,26 +80,16 @@ def test_a_folder_is_filled_whole_or_not_at_all(tmp_path: Path) -> None:
         folder(out / "mine.txt")
 
 
-def test_input_that_cannot_be_used_is_refused(tmp_path: Path) -> None:
-    with refuses(
-        SettingsError, "reproduce: expected --clip and --model together, got --clip alone; add --model."
-    ):
-        reproduce(tmp_path / "out", clip="a.mp4")
-    with refuses(
-        SettingsError, "reproduce: expected --clip and --model together, got --model alone; add --clip."
-    ):
-        reproduce(tmp_path / "out", model="double")
-    clip = tmp_path / "short.mp4"
-    make_clip(clip, ClipSettings(camera=Camera(72, 48, 70.0, 0.03, -0.17, 1.15), frames=20))
-    with refuses(VideoError, f"clip '{clip}': expected more than 40 frames, got 20; give a longer clip."):
-        opened(clip, "double", Design())
-    with refuses(
-        MechanismError,
-        "mechanism 'cartpole': expected hinges alone, got the slide 'slide'; use monodyn run --method paper.",
-    ):
-        opened(clip, "cartpole", Design())
+def test_settings_out_of_range_are_refused() -> None:
+    with refuses(SettingsError, "seeds: expected 1 to 20, got 0; give another number."):
+        ReproduceSettings(seeds=0)
+    with refuses(SettingsError, "seeds: expected 1 to 20, got 21; give another number."):
+        ReproduceSettings(seeds=21)
+
+
+def test_nothing_is_left_behind_by_input_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(VideoError):
-        reproduce(tmp_path / "out", clip=tmp_path / "none.mp4", model="double")
+        reproduce(tmp_path / "out", given=GivenClip(tmp_path / "none.mp4", "double"))
     assert not (tmp_path / "out").exists()
 
 
@@ -110,72 +103,109 @@ def test_the_command_says_what_is_wrong(tmp_path: Path) -> None:
 
 
 def test_figures_say_what_each_case_is() -> None:
-    shown = figures({"fast": seen(), "paper": FAILED}, [moved("I", 1e-3)], None, DESIGN)
+    shown = figures([repetition(moved("I", 1e-3))])
     assert {figure.title: figure.caption for figure in shown if figure.title[:8] in CASE_FIGURES} == {
         "Figure 6: Case I with filtered states": (
-            "As Figure 7, but fitted to the filtered states; the default method does not filter."
+            "As Figure 7, but fitted to the filtered states, which are shown in place of the poses, in both "
+            "readings of the filter. The default method does not filter."
         ),
         "Figure 7: Case I, friction": (
             "The form of the friction torque is known. The frames after the shaded ones are predicted."
         ),
         "Figure 8: Case II, Fourier series": (
-            "The torque of each joint is a Fourier series. Its period is estimated from the poses "
-            "beforehand: from those of the whole clip where the fitted frames are too few."
+            "The torque of each joint is a Fourier series, whose period is estimated from the poses of the "
+            "fitted frames alone. Published form: the series alone; the default method's: with friction in "
+            "addition to it."
         ),
         "Figure 9: Case III, free torque": (
             "One torque for each joint and time stamp. After the fitted frames none acts, because nothing "
-            "determines it there."
+            "determines it there. Published form: the torques alone; the default method's: with friction in "
+            "addition to them."
         ),
     }
 
 
-def test_the_page_says_what_the_clip_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lost = {method: Seen(method, "failed: lost") for method in ("fast", "paper")}
-    failed = Case(FitPlan("fast", "I", "measured", 40), "failed: lost")
-    monkeypatch.setattr("monodyn.reproduce.experiment._run", lambda *args: (lost, [failed]))
+def test_figure_six_shows_the_states_that_were_fitted() -> None:
+    cases = moved("I", 1e-3, method="paper"), moved("I", 1e-2, method="paper", compared="consistent")
+    shown = figures([repetition(published=evidence(*cases, method="paper"))])
+    six = next(figure for figure in shown if figure.title.startswith("Figure 6"))
+    assert [panel["title"] for panel in six.panels][:2] == [
+        "published, consistent: θ1",
+        "published, consistent: θ2",
+    ]
+    assert len(six.panels[0]["series"][1]["x"]) == 40
+
+
+def test_the_page_says_what_the_clips_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing = {"paper": lost(), "fast": lost("fast")}
+
+    def tried(trying: Trying, progress: object) -> Evidence:
+        return nothing[trying.method]
+
+    monkeypatch.setattr("monodyn.reproduce.experiment.tried", tried)
+    monkeypatch.setattr("monodyn.reproduce.experiment.csv_text", lambda found: "")
     small = ClipSettings(camera=Camera(72, 48, 70.0, 0.03, -0.17, 1.15), frames=46)
-    reproduce(tmp_path, ReproduceSettings(small, DESIGN))
+    made = reproduce(tmp_path, ReproduceSettings(small, DESIGN, seeds=2))
+    assert [each.name.split(":")[0] for each in made.repetitions] == [
+        "pendulum 0, the usual one",
+        "pendulum 1",
+    ]
     assert (
-        "46 frames of 72 × 48 px over 1.50 s: an aluminium double pendulum of known truth, made by MuJoCo. "
-        "Frames 0 to 39 are fitted, the next 40 predicted, by the published and by the default method."
+        "2 clips of 46 frames of 72 × 48 px over 1.50 s: aluminium double pendulums of known truth, made by "
+        "MuJoCo. Frames 0 to 39 are fitted, the next 40 predicted, by the published and by the default "
+        "method. Figures show pendulum 0 where they do not name others; tables and verdicts all."
     ) in (tmp_path / "reproduce.html").read_text(encoding="utf-8")
+    assert {path.name for path in tmp_path.iterdir()} == set(EXPERIMENT_FILES)
 
 
 @pytest.mark.slow
-def test_the_experiment_runs_from_the_clip_to_the_page(tmp_path: Path) -> None:
-    design = Design(ahead=20, lengths=(20, 30, 40), starts=2)
-    settings = ReproduceSettings(ClipSettings(frames=90), design)
-    steps: list[str] = []
-    made = reproduce(tmp_path, settings, progress=lambda step, done, total: steps.append(step))
+def test_the_experiment_runs_from_the_clips_to_the_page(tmp_path: Path) -> None:
+    design = Design(ahead=20, lengths=(20, 30, 40), periods=(40,), starts=2)
+    settings = ReproduceSettings(ClipSettings(frames=90), design, seeds=2, processes=2)
+    made = reproduce(tmp_path, settings)
     assert {path.name for path in tmp_path.iterdir()} == set(EXPERIMENT_FILES)
-    assert dict.fromkeys(steps) == dict.fromkeys(["clip", "background", "locate", "track", "fits"])
-    assert len(made.cases) == len(plans(design, 90))
-    for case in made.cases:
-        # 1 deg for the published poses, and for what both methods predict in Case I from 40 frames of them
-        if case.plan.states == "measured" and case.plan.frames == 40:
-            assert overall(case.residual) < np.radians(1.0), case
-            assert case.plan.case != "I" or overall(case.ahead) < np.radians(1.0), case
-    default, published = (made.seen[method].errors for method in ("fast", "paper"))
-    assert overall(rms(default)) < 0.2 * overall(rms(published)) < np.radians(0.2)
+    for own in made.repetitions:
+        for method, found in own.evidence.items():
+            one_way = replace(design, both_ways=False) if own is not made.repetitions[0] else design
+            assert len(found.cases) == len(plans(one_way, 90, method))
+            usual = found.case()
+            assert usual is not None
+            # 1 deg for the published poses, and for what both methods predict in Case I from 40 frames
+            # of them
+            for error in (found.overall(usual.residual), found.overall(usual.ahead)):
+                assert error is not None
+                assert error < np.radians(1.0)
+        published, default = (own.evidence[method] for method in ("paper", "fast"))
+        for found, most in ((default, 0.1), (published, 1.0)):
+            assert found.seen.errors is not None
+            error = found.overall(rms(found.seen.errors))
+            assert error is not None
+            assert error < np.radians(most)
+        counts = {case.plan.case: case.unknowns for case in main_cases(own) if case.plan.method == "paper"}
+        assert (counts["I"], counts["III"]) == (6, 84) or own is made.repetitions[0]
+        assert published.pose_starts is not None
     truth = json.loads((tmp_path / "truth.json").read_text())
     assert np.array(truth["q"]).shape == (90, 2)
-    counts = {c.plan.case: c.unknowns for c in main_cases(made.cases) if c.plan.method == "paper"}
-    assert counts == {"I": 6, "II": 36, "III": 84}
+    # the truth that was written is read as that of a given clip
+    given = GivenClip(tmp_path / "clip.mp4", tmp_path / "start.xml", tmp_path / "truth.json")
+    again = given_truth(given)
+    assert again is not None
+    assert again.position == pytest.approx(np.array(truth["q"]))
 
 
 def test_the_command_prints_cases_and_verdicts(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    both = {"fast": seen(), "paper": Seen("paper", "failed: lost")}
-    cases = [moved("I", 1e-3), moved("II", 5e-3)]
-    made = Experiment(tmp_path, both, cases, claims(both, cases, DESIGN), JOINTS, 2.4)
+    found = repetition(moved("I", 1e-3), moved("III", 5e-3))
+    made = Experiment(tmp_path, [found], claims([found.evidence]), 2.4)
     monkeypatch.setattr("monodyn.reproduce.experiment.reproduce", lambda *args, **settings: made)
     assert main(["reproduce", "--out", str(tmp_path)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[1].split()[:5] == ["I", "measured", "default", "6", "7"]
-    assert lines[1].endswith("0.0573 · 0.0573")
+    assert lines[0] == "pendulum 0, the usual one"
+    assert lines[2].split()[:4] == ["I", "default", "6", "7"]
+    assert lines[2].endswith("0.0573 · 0.0573")
     assert lines[-1] == f"2 s. page: {tmp_path / 'reproduce.html'}"
-    said = "Case II tracks the estimated poses but deviates. published no verdict, default held."
-    assert said in lines
+    close = next(line for line in lines if line.startswith("The estimated pose is very close"))
+    assert close.split("  ")[-2:] == ["no verdict", "held in 1 of 1"] or close.endswith("held in 1 of 1")
     assert main(["reproduce", "--out", str(tmp_path), "--quiet"]) == 0
     assert capsys.readouterr().out == ""

@@ -64,14 +64,16 @@ def _known_dynamics(evidence: Mapping[str, Evidence]) -> Assumption:
         residual = None if case is None else found.overall(case.residual)
         if case is None or case.fit is None or residual is None:
             continue
-        told.append(f"{degrees(residual)} ({TITLES[method]})")
+        ahead = found.overall(case.ahead)
+        predicted = "" if ahead is None else f", {degrees(ahead)} in the prediction"
+        told.append(f"{degrees(residual)}{predicted} ({TITLES[method]})")
         # the paper's own method decides; where its search alone has failed, the other residual shows it
         held = bool(residual < TRACKING and case.ok) if held is None else held
         if not residual < TRACKING and case.fit.advice and not advice:
             advice = f" {case.fit.advice[0]}"
     if held is None:
         return Assumption(name, None, "There is no fit of Case I to measured angles.")
-    return Assumption(name, held, f"Case I leaves a residual of {' and '.join(told)}.{advice}")
+    return Assumption(name, held, f"Case I leaves a residual of {'; '.join(told)}.{advice}")
 
 
 def _several_periods(published: Evidence) -> Assumption:

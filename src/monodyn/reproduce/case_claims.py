@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from monodyn.reproduce.cases import Case, rms
 from monodyn.reproduce.evidence import FIT_MISSING, TRUTH_UNKNOWN, Evidence, Verdict, correlation, degrees
-from monodyn.reproduce.plans import READINGS
+from monodyn.reproduce.plans import READINGS, FitPlan
 
 TRACKING = np.radians(1.0)
 """A simulated motion tracks the estimated poses when it stays as near as this, rms [rad]."""
@@ -141,8 +143,7 @@ def free_torque_follows_noise(evidence: Evidence) -> Verdict:
     return Verdict(
         bool(residual < EXACT * scatter and together > FOLLOWS),
         f"residual {degrees(residual)}; {degrees(apart)} from the truth where the poses are "
-        f"{degrees(scatter)} "
-        f"from it, correlation {together:.2f}",
+        f"{degrees(scatter)} from it, correlation {together:.2f}",
         fits=1,
     )
 
@@ -177,14 +178,16 @@ def sizes_are_comparable(evidence: Evidence) -> Verdict:
     judged = [share for name, lengths in shares if name != "I" for share in lengths.values()]
     if not judged:
         return TRUTH_UNKNOWN if evidence.seen.errors is None else FIT_MISSING
-    told = [
-        f"Case {name} {', '.join(f'{label} {100.0 * share:+.2g} %' for label, share in lengths.items())}"
-        for name, lengths in shares
-        if lengths
-    ]
+    told = [f"Case {name} {_written(lengths)}" for name, lengths in shares if lengths]
     return Verdict(
         all(abs(share) < COMPARABLE for share in judged), "; ".join(told).replace("-", "−"), fits=len(told)
     )
+
+
+def _written(shares: Mapping[str, float]) -> str:
+    """Write signed shares in per cent, two digits."""
+    parts = [(label, 100.0 * share) for label, share in shares.items()]
+    return ", ".join(f"{label} {v:+.0f} %" if abs(v) >= 10.0 else f"{label} {v:+.2g} %" for label, v in parts)
 
 
 def _lengths(case: Case) -> dict[str, float]:
@@ -218,4 +221,7 @@ def unknowns_as_printed(evidence: Evidence) -> Verdict:
     told += f" with k = {stamps}"
     if counts.get("II") == 34:
         told += "; with seven terms 2 s1 + 2 s2 + 2 coefficients and 4 sizes are 34, the paper's own formula"
+    both = evidence.made(FitPlan("paper", "II", evidence.design.frames, series="with-friction"))
+    if both is not None:
+        told += f"; Case II with friction in addition to the series {both.unknowns}"
     return Verdict(counts == expected, told, fits=len(counts))

@@ -29,7 +29,7 @@ class Ending:
 
 
 def endings(cases: Sequence[Case], hinges: Sequence[int]) -> list[Ending]:
-    """Group fits from different starts by where they ended, the least residual first.
+    """Return fits from different starts, grouped by where they ended, the least residual first.
 
     Args:
         cases: Fits of the same frames that have a motion.

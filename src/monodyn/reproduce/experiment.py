@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from monodyn.errors import SettingsError
+from monodyn.reproduce.cases import Case
 from monodyn.reproduce.claims import Claim, claims
 from monodyn.reproduce.clip import ClipSettings, film, simulated, truth_document
 from monodyn.reproduce.figures import (
@@ -23,9 +24,9 @@ from monodyn.reproduce.figures import (
 from monodyn.reproduce.given import GivenClip, given_truth
 from monodyn.reproduce.page import PageContent, page_text, picture_rows
 from monodyn.reproduce.pendulums import drawn_clip
-from monodyn.reproduce.plans import OVER_TIME, READINGS, Design
+from monodyn.reproduce.plans import READINGS, Design
 from monodyn.reproduce.repetition import START, Repetition, Trying, each, tried
-from monodyn.reproduce.tables import csv_text, document
+from monodyn.reproduce.tables import WORDS, csv_text, document, main_cases
 from monodyn.reproduce.truth import Truth
 from monodyn.reproduce.units import units_of
 from monodyn.reproduce.vision import BOTH_METHODS, TITLES
@@ -47,12 +48,11 @@ SHOWN_FRAMES = 4
 """Number of frames whose pictures are shown."""
 CAPTIONS = {
     "6": "As Figure 7, but fitted to the filtered states, which are shown in place of the poses, in both "
-    "readings of "
-    "the filter. The default method does not filter.",
+    "readings of the filter. The default method does not filter.",
     "I": "The form of the friction torque is known. The frames after the shaded ones are predicted.",
     "II": "The torque of each joint is a Fourier series, whose period is estimated from the poses of the "
-    "fitted frames "
-    "alone. Published form: the series alone; the default method's: with friction in addition to it.",
+    "fitted frames alone. Published form: the series alone; the default method's: with friction in addition "
+    "to it.",
     "III": "One torque for each joint and time stamp. After the fitted frames none acts, because nothing "
     "determines it there. Published form: the torques alone; the default method's: with friction in "
     "addition to them.",
@@ -285,8 +285,7 @@ def _frames(video: Video, stop: int) -> list[Frame]:
 
 
 def figures(repetitions: Sequence[Repetition]) -> list[Figure]:
-    """Return the counterparts of the paper's figures: of the first pendulum, or of all where they are
-    compared.
+    """Return the counterparts of the paper's figures: of the first pendulum, or of all compared.
 
     Args:
         repetitions: The experiment with each pendulum.
@@ -306,7 +305,7 @@ def figures(repetitions: Sequence[Repetition]) -> list[Figure]:
 
 def _case_figures(first: Repetition) -> list[Figure]:
     """Return Figures 6 to 9."""
-    evidence, published = first.evidence, first.evidence["paper"]
+    published = first.evidence["paper"]
     units, design = units_of(published.seen.joints), published.design
     columns = []
     for compared, reading in READINGS.items():
@@ -321,11 +320,13 @@ def _case_figures(first: Repetition) -> list[Figure]:
         ("Figure 8: Case II, Fourier series", "II"),
         ("Figure 9: Case III, free torque", "III"),
     ):
-        columns = []
-        for method in BOTH_METHODS:
-            case = evidence[method].case(name)
-            own = f", {case.plan.series.replace('-', ' ')}" if case is not None and name in OVER_TIME else ""
-            if case is not None:
-                columns.append(Column(f"{TITLES[method]}{own}", case))
+        made = [case for case in main_cases(first) if case.plan.case == name and case.motion is not None]
+        columns = [Column(_column(case), case) for case in made if case.plan.compared == "measured"]
         found.append(case_figure(title, CAPTIONS[name], columns, units, design))
     return found
+
+
+def _column(case: Case) -> str:
+    """Return the heading of a fit's column."""
+    way = f", {WORDS[case.plan.series]}" if case.plan.series else ""
+    return f"{TITLES[case.plan.method]}{way}"

@@ -226,8 +226,7 @@ def periods_figure(repetitions: Sequence[Repetition]) -> Figure:
     return Figure(
         "Periods of Case II",
         "Published form, each pendulum: error of the prediction over the frames after the fitted ones, by "
-        "how many "
-        "periods of the poses these hold.",
+        "how many periods of the poses these hold.",
         1,
         panels if content else [],
         pendulum_legend(repetitions),

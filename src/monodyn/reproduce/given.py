@@ -50,8 +50,7 @@ class GivenClip:
             if truth is not None:
                 raise SettingsError(
                     "reproduce: expected --truth with --clip, got it alone; the made clip has its own, "
-                    "leave it "
-                    "out."
+                    "leave it out."
                 )
             return None
         return cls(clip, model, truth)

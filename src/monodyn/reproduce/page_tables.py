@@ -62,8 +62,7 @@ class PageTable:
 
 
 def fits_table(repetition: Repetition) -> PageTable:
-    """Return the main table; where both methods had the same information, with how much better the
-    default is.
+    """Return the main table, with ratios where both methods had the same information.
 
     Args:
         repetition: The experiment with one pendulum.
@@ -347,8 +346,7 @@ def remarks(repetition: Repetition) -> list[str]:
     if refused:
         found.append(
             "The default method refuses Case II where no periodic torque shows in addition to friction: a "
-            "freely "
-            "swinging pendulum has none. So there is no ratio; the published series stands for the "
+            "freely swinging pendulum has none. So there is no ratio; the published series stands for the "
             "friction as well."
         )
     free = {
@@ -360,15 +358,12 @@ def remarks(repetition: Repetition) -> list[str]:
     if published is not None and default is not None and np.any(default > published):
         found.append(
             "In Case III the default method has the larger residual where it does not follow the noise of "
-            "the "
-            "poses from frame to frame. The errors against the truth and of the prediction are the ones to "
-            "compare."
+            "the poses from frame to frame. The errors against the truth and of the prediction are the ones "
+            "to compare."
         )
     found.append(
         "Cases II and III are fitted both ways: with the torque over time alone, the published form, and "
-        "with "
-        "friction in addition to it, the default method's. Ratios compare fits with the same friction and "
-        "poses of "
-        "the same frames."
+        "with friction in addition to it, the default method's. Ratios compare fits with the same friction "
+        "and poses of the same frames."
     )
     return found

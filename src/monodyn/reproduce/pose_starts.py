@@ -85,8 +85,7 @@ def pose_starts(
 
 
 def settled(image: SilhouetteImage, view: ModelView) -> ModelView:
-    """Search for the pose (3) again and again, with shorter and shorter first steps, until that gains
-    nothing.
+    """Return the pose after searches (3) with shorter and shorter first steps, until one gains nothing.
 
     Args:
         image: The seen silhouette.

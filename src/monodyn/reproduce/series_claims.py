@@ -107,7 +107,7 @@ def starts_end_apart(evidence: Evidence) -> Verdict:
 
 
 def ended(places: Sequence[Ending], drawn: int) -> str:
-    """Write how many searches ended where.
+    """Return how many searches ended where, in words.
 
     Args:
         places: The places, the one with the least residual first.
@@ -157,7 +157,7 @@ def starts_agree_in_motion(evidence: Evidence) -> Verdict:
     motions = [case.motion.position[:stop] for case in fits if case.motion is not None]
     assert best.motion is not None
     apart = [evidence.overall(rms(motion - best.motion.position[:stop])) or 0.0 for motion in motions]
-    near = sum(value < SAME for value in apart)
+    near = sum(bool(value < SAME) for value in apart)
     told = f"{near} of {evidence.design.starts} within 1° of the best over {stop} frames, "
     told += f"the farthest {degrees(max(apart))}"
     return Verdict(near == evidence.design.starts, told, starts=evidence.design.starts)
@@ -215,8 +215,7 @@ def fast_enough_in_time(evidence: Evidence) -> Verdict:
         return Verdict(None, f"no poses: {seen.status}")
     told = (
         f"{1e3 * seen.seconds_a_frame:.3g} ms a frame where frames are {1e3 * evidence.interval:.3g} ms "
-        f"apart; "
-        f"first pose {seen.seconds_locate:.2g} s"
+        f"apart; first pose {seen.seconds_locate:.2g} s"
     )
     if usual is not None:
         told += f", Case I {usual.seconds:.2g} s"

@@ -28,7 +28,7 @@ WORDS = {
     "filtered": "filtered, as printed",
     "consistent": "filtered, consistent",
     "rates": "with rates",
-    "alone": "series alone",
+    "alone": "torque alone",
     "with-friction": "with friction",
 }
 """What is compared, and what acts beside a torque over time, in words."""

@@ -63,10 +63,9 @@ def read_truth(path: str | Path, mechanism: Mechanism, times: np.ndarray) -> Tru
     """Read the truth of a clip, at the clip's time stamps.
 
     A JSON document has ``q``, joint positions by frame [rad or m], and may have ``v``, rates, and
-    ``times`` [s];
-    without times its rows are the frames of the clip. ``pendulum`` or ``truth.links`` state sizes. Any
-    other file is
-    a table with a column ``time`` and one for each joint, as ``monodyn identify`` reads it.
+    ``times`` [s]; without times its rows are the frames of the clip. ``pendulum`` or ``truth.links`` state
+    sizes. Any other file is a table with a column ``time`` and one for each joint, as ``monodyn identify``
+    reads it.
 
     Args:
         path: The file.
@@ -175,8 +174,7 @@ def true_values(
 
 
 def identifiable(mechanism: Mechanism) -> dict[str, float]:
-    """Return what the motion determines: lengths l, ratios of masses m and of dampings b, but no scale
-    of the masses.
+    """Return what the motion determines: lengths, and ratios of masses and dampings without their scale.
 
     Numbers count the hinges, and the bodies that they turn.
 
@@ -211,8 +209,7 @@ def errors_of(
     """Return measured less true joint positions, up to what a picture cannot show.
 
     A hinge is known up to whole turns; a slide up to its origin, because the camera's place is found as
-    well, and
-    where it is not ``metric`` up to its scale.
+    well, and where it is not ``metric`` up to its scale.
 
     Args:
         position: Measured joint positions [rad; m or start scale], NaN where not seen, (frame, dof).

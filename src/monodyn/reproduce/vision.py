@@ -15,9 +15,8 @@ from monodyn.paper.assumptions import Assumption, failed, film_assumptions
 from monodyn.paper.locate import PaperScene
 from monodyn.paper.settings import PaperLocateSettings, PaperTrackSettings
 from monodyn.paper.silhouettes import ClipSilhouettes
-from monodyn.paper.subproblems import History, mismatch
+from monodyn.paper.subproblems import History
 from monodyn.paper.track import PaperPoses
-from monodyn.paper.view import CAMERA_HELD, model_view
 from monodyn.reproduce.truth import Truth, errors_of
 from monodyn.stages import locate, track
 from monodyn.types import Poses, Progress
@@ -111,7 +110,13 @@ def hinges_of(joints: Sequence[Joint]) -> list[int]:
 
 
 def see(
-    method: str, masks: Masks, mechanism: Mechanism, truth: Truth | None, progress: Progress | None = None
+    method: str,
+    masks: Masks,
+    mechanism: Mechanism,
+    truth: Truth | None,
+    progress: Progress | None = None,
+    *,
+    both_forms: bool = True,
 ) -> Seen:
     """Locate and track the mechanism with one method.
 
@@ -121,6 +126,7 @@ def see(
         mechanism: Topology with wrong sizes.
         truth: The true motion, or None where it is not known.
         progress: Called with the frames done.
+        both_forms: Locate in both forms of Figure 2 by the published method; poses are those of the strict.
 
     Returns:
         What was seen; a failure stands in its ``status``.
@@ -134,7 +140,7 @@ def see(
         else:
             scene = _published(masks, mechanism, "strict", progress)
         located, watch = time.perf_counter() - began, _Watch(progress)
-        if isinstance(scene, PaperScene):
+        if isinstance(scene, PaperScene) and both_forms:
             frameworks = (
                 framework_found("strict", scene, located, truth),
                 _interleaved(masks, mechanism, truth, progress),
@@ -199,8 +205,7 @@ def framework_found(name: str, scene: Scene, seconds: float, truth: Truth | None
     """
     assert isinstance(scene, PaperScene)
     frame = next(frame for frame in scene.masks.video.frames() if frame.index == scene.frame)
-    image = ClipSilhouettes(scene.masks, scene.level).of(frame).image
-    view = model_view(scene.mechanism, scene.camera, scene.position, CAMERA_HELD)
+    area = ClipSilhouettes(scene.masks, scene.level).of(frame).image.area
     error = None
     if truth is not None and scene.frame < len(truth.position):
         row = slice(scene.frame, scene.frame + 1)
@@ -208,8 +213,8 @@ def framework_found(name: str, scene: Scene, seconds: float, truth: Truth | None
     return FrameworkFound(
         name,
         "done",
-        float(mismatch(image, view.rig, scene.position)),
-        image.area,
+        scene.mismatch_px2,
+        float(area),
         scene.evaluations,
         seconds,
         error,

@@ -58,11 +58,9 @@ def history_figure(forms: Sequence[FrameworkFound]) -> Figure | None:
     return Figure(
         "Figure 2: objectives of the sequential framework",
         "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn. "
-        "Strict: (1) and "
-        "(2) alternate with (3), then (4), as published. Interleaved, ours: each trial of (3) and (4) has "
-        "its own "
-        "camera. The choice of the start, before it, drew further ones. Values below a billionth are left "
-        "out.",
+        "Strict: (1) and (2) alternate with (3), then (4), as published. Interleaved, ours: each trial of "
+        "(3) and (4) has its own camera. The choice of the start, before it, drew further ones. Values "
+        "below a billionth are left out.",
         2,
         panels,
         [("line", colour, name) for _, colour, name in PROBLEMS.values() if colour in drawn],

@@ -1,0 +1,43 @@
+"""The experiment with one pendulum: work in one process or in several, and what is not timed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments import repetition
+from monodyn.mechanism import load
+from monodyn.reproduce.repetition import START, each, warm_up
+
+
+def squared(number: int, progress: object = None) -> int:
+    """Square a number."""
+    return number * number
+
+
+def test_results_come_in_their_order_from_one_process_or_two() -> None:
+    steps: list[tuple[int, int | None]] = []
+
+    def progress(step: str, done: int, total: int | None) -> None:
+        steps.append((done, total))
+
+    assert list(each(squared, [3, 1, 2], 1, None)) == [9, 1, 4]
+    assert list(each(squared, [3, 1, 2], 2, progress)) == [9, 1, 4]
+    assert steps == [(0, 3), (1, 3), (2, 3), (3, 3)]
+
+
+def test_the_mechanism_that_methods_are_given_has_two_hinges(tmp_path: Path) -> None:
+    path = tmp_path / "start.xml"
+    path.write_text(START)
+    assert [joint.kind for joint in load(path).joints] == ["hinge", "hinge"]
+
+
+def test_stages_are_warmed_once() -> None:
+    warm_up("fast")
+    hits = warm_up.cache_info().hits
+    warm_up("fast")
+    assert warm_up.cache_info().hits == hits + 1
+
+
+def test_a_given_clip_has_one_more_assumption() -> None:
+    made, given = repetition(), repetition(given=True)
+    assert len(given.assumptions) == len(made.assumptions) + 1
