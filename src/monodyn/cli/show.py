@@ -54,10 +54,16 @@ def _bars(stream: TextIO) -> Iterator[Progress]:
             if step not in begun:
                 begun[step] = (bars.add_task(step, total=total, speed=""), time.perf_counter())
             task, start = begun[step]
-            rate = done / max(time.perf_counter() - start, 1e-6)
-            bars.update(task, completed=done, total=total, speed=f"{rate:.0f}/s" if done > 1 else "")
+            speed = _speed(done, time.perf_counter() - start) if done > 1 else ""
+            bars.update(task, completed=done, total=total, speed=speed)
 
         yield progress
+
+
+def _speed(done: int, seconds: float) -> str:
+    """Write how many are done in a second; nothing for steps that take longer than that."""
+    rate = done / max(seconds, 1e-6)
+    return f"{rate:.0f}/s" if rate >= 1.0 else ""
 
 
 class _ProgressLines:
@@ -85,9 +91,9 @@ class _ProgressLines:
 
     def _print_line(self, now: float) -> None:
         self.printed = now
-        seconds = max(now - self.begun, 1e-6)
         share = f"{self.done}" if self.total is None else f"{self.done} of {self.total}"
-        print(f"{self.step}: {share}, {self.done / seconds:.0f}/s", file=self.stream, flush=True)
+        parts = [f"{self.step}: {share}", _speed(self.done, now - self.begun)]
+        print(", ".join(part for part in parts if part), file=self.stream, flush=True)
 
 
 def show(outcome: Outcome, *, as_json: bool, quiet: bool) -> int:

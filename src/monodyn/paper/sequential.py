@@ -75,8 +75,7 @@ def strict(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | No
         The mechanism as found, the best of all rounds, and the history of every sub-problem in order.
 
     Source:
-        The 2012 paper, Fig. 2, eq. (1) to (4): "Once this problem has converged, we optimize for the aspect
-        ratio of the bodies".
+        The 2012 paper, Fig. 2, eq. (1) to (4).
     """
     schedule = schedule or RoundSchedule()
     histories: list[History] = []
@@ -121,8 +120,7 @@ def camera_and_pose(
         The mechanism after the best turn, and the history of every sub-problem in order.
 
     Source:
-        The 2012 paper, Fig. 2: "first for the camera parameters and then for the initial pose assuming an
-        initial aspect ratio".
+        The 2012 paper, Fig. 2: the part before the aspect ratios.
     """
     histories: list[History] = []
     best, least = view, np.inf
