@@ -105,11 +105,12 @@ def test_progress_is_a_few_lines_where_there_is_no_terminal(monkeypatch: pytest.
     with progress_on(stream, quiet=False) as progress:
         assert progress is not None
         for done in range(1, 9):
-            progress("track", done, 8)
-        progress("search", 5, None)
-    # a line after ten seconds, and one at the end of each step
-    lines = [line.rpartition(",")[0] for line in stream.getvalue().splitlines()]
-    assert lines == ["track: 7 of 8", "track: 8 of 8", "search: 5"]
+            progress("track", 40 * done, 320)
+        progress("search", 1, None)
+    # a line after ten seconds, and one at the end of each step; no rate below one a second
+    lines = [line.rpartition(" ")[0] for line in stream.getvalue().splitlines()]
+    assert lines == ["track: 280 of 320,", "track: 320 of 320,", "search:"]
+    assert stream.getvalue().endswith("/s\nsearch: 1\n")
     with progress_on(sys.stderr, quiet=True) as nothing:
         assert nothing is None
 

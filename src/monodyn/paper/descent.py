@@ -144,8 +144,9 @@ def _search(
     fixed, bounds = bounded(fixed, x, smoothed)
     x = np.clip(x, *bounds)
     evaluations, converged = 0, False
+    in_one = GRADIENT_EVALUATIONS * settings.evaluations * (len(x) + 1)
     if fixed.problem.mechanism.torque != "friction":
-        x, evaluations = _in_parts(fixed, x, bounds, smoothed[0], most // 2, tick)
+        x, evaluations = _in_parts(fixed, x, bounds, smoothed[0], min(in_one, most // 2), tick)
     # the start may move slowly and the end fast: the steps that the end needs are only known there
     error = np.inf
     for _ in range(3):
@@ -153,7 +154,7 @@ def _search(
         if evaluations and substeps <= fixed.substeps:
             break
         fixed = replace(fixed, substeps=max(substeps, fixed.substeps))
-        allowed = min(GRADIENT_EVALUATIONS * settings.evaluations * (len(x) + 1), most - evaluations)
+        allowed = min(in_one, most - evaluations)
         if allowed <= len(x):
             break
         end = _minimum(fixed, x, bounds, allowed, tick)
