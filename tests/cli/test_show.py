@@ -108,9 +108,9 @@ def test_progress_is_a_few_lines_where_there_is_no_terminal(monkeypatch: pytest.
             progress("track", 40 * done, 320)
         progress("search", 1, None)
     # a line after ten seconds, and one at the end of each step; no rate below one a second
-    lines = [line.rpartition(" ")[0] for line in stream.getvalue().splitlines()]
-    assert lines == ["track: 280 of 320,", "track: 320 of 320,", "search:"]
-    assert stream.getvalue().endswith("/s\nsearch: 1\n")
+    assert stream.getvalue().splitlines() == [
+        "track: 280 of 320, 23/s", "track: 320 of 320, 18/s", "search: 1"
+    ]  # fmt: skip
     with progress_on(sys.stderr, quiet=True) as nothing:
         assert nothing is None
 

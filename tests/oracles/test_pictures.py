@@ -140,6 +140,24 @@ def test_a_union_of_squares_with_common_sides() -> None:
     assert sums_over(mask, [first, square(10.2, 10.3, 5.0)]) == pytest.approx((-400.0, 400.0), abs=1e-3)
 
 
+def test_an_edge_crossed_twice_loses_both_parts() -> None:
+    """The geom that is met last is listed first."""
+    mask = np.full((60, 60), FULL, np.uint8)
+    bar = np.array([[5.0, 20.0], [45.0, 20.0], [45.0, 24.0], [5.0, 24.0]])
+    crossing = [square(32.0, 15.0, 6.0), square(10.0, 15.0, 6.0)]
+    assert sums_over(mask, [bar, *crossing]) == pytest.approx((-220.0, 220.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("apart", [1e-6, 1e-8, 3e-9, 1e-10, 1e-12])
+def test_squares_that_nearly_agree_count_once(apart: float) -> None:
+    """Sides on one line to rounding, also where a corner is doubled."""
+    mask = np.full((60, 60), FULL, np.uint8)
+    near = square(10.0 + apart, 10.0 + apart, 40.0)
+    doubled = np.vstack([square(10.0, 10.0, 40.0), [[10.0, 50.0 - apart], [10.0 + apart, 50.0]]])
+    for polygons in ([square(10.0, 10.0, 40.0), near], [near, doubled], [doubled, square(30.0, 45.0, 5.0)]):
+        assert sums_over(mask, polygons) == pytest.approx((-1600.0, 1600.0), abs=2e-3)
+
+
 @pytest.mark.parametrize("name", ["double", "bob", "cartpole"])
 def test_pose_mismatch_of_all_geoms_and_of_the_first_alone(name: str) -> None:
     """Boxes, a disk and a slide over a mask of soft blots, in the picture and partly out of it."""

@@ -24,8 +24,8 @@ LEFT, RIGHT, TOP, BOTTOM, CENTRE_X, CENTRE_Y, INNER, SIDE, FROM, TO = range(10)
 """Columns of the work space of a silhouette: the box around a geom [px], the centre [px] and the squared
 radius [px^2] of a circle inside of it, the side that lay beyond the last edge, and the share of an edge that
 is cut out, from 0 to 1."""
-ON_LINE = 1e-6
-"""Two edges are on one line when each end of one and the whole other one span no larger area [px^2]."""
+ON_LINE = 1e-8
+"""Two edges are on one line when the ends of one are this near to the other [px]."""
 
 
 @njit(cache=True)
@@ -139,7 +139,9 @@ def _fill_places(outlines: Outlines, cuts: np.ndarray) -> None:
             dx, dy = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
             beyond = dy * (x - px[p, 0]) - dx * (y - px[p, 1])
             inner = min(inner, beyond * beyond / max(dx * dx + dy * dy, 1e-18))
-        cuts[g, LEFT], cuts[g, RIGHT], cuts[g, TOP], cuts[g, BOTTOM] = left, right, top, bottom
+        # an edge on one line with a side of the geom belongs to its box
+        cuts[g, LEFT], cuts[g, RIGHT] = left - ON_LINE, right + ON_LINE
+        cuts[g, TOP], cuts[g, BOTTOM] = top - ON_LINE, bottom + ON_LINE
         cuts[g, CENTRE_X], cuts[g, CENTRE_Y], cuts[g, INNER], cuts[g, SIDE] = x, y, (1.0 - 1e-9) * inner, 0.0
 
 
@@ -173,7 +175,8 @@ def _part_inside(
         # (dy, -dx) points outwards: distances of both ends beyond this side, times its length
         at_p = dy * (xp - xr) - dx * (yp - yr)
         at_q = dy * (xq - xr) - dx * (yq - yr)
-        if abs(at_p) <= ON_LINE and abs(at_q) <= ON_LINE:
+        near = ON_LINE * (abs(dx) + abs(dy))
+        if abs(at_p) <= near and abs(at_q) <= near:
             # Two edges on one line. Running the same way they bound the union together, and one of them has
             # to count: that of the first geom. Running opposite ways both count, and cancel.
             same = dx * (xq - xp) + dy * (yq - yp) > 0.0
