@@ -4,7 +4,7 @@ Run: ``MONODYN_DATA=<folder> python benchmarks/published.py [--only NAME ...] [-
 Frames 0:40 of the passive clips are fitted and the next 40 predicted; 0:200 of the driven one are fitted.
 The published forms alone, Figure 2 both ways, Case II over three numbers of frames and raw starts, are
 measured on the passive clips and on the clip that ``monodyn reproduce`` makes; the statuses of the fits go to
-the standard error.
+the standard error. Of other mechanisms and of real film it is measured how the published method follows them.
 Everything is run once before it is timed; locating and fitting count with the median of three runs.
 """
 
@@ -34,6 +34,7 @@ from monodyn.reproduce.clip import ClipSettings, make_clip
 from monodyn.reproduce.repetition import START
 from monodyn.results.torques import torques
 from published_forms import Clip, as_it_comes, case_two, frameworks, raw_starts
+from published_systems import real_film, system
 
 Result = TypeVar("Result")
 STUDY_FRAMES = 200
@@ -78,7 +79,7 @@ def main() -> int:
     figures: list[Figure] = []
     for name in options.only or CLIPS:
         began = time.perf_counter()
-        figures += CLIPS[name](data / "rendered" / name)
+        figures += CLIPS[name](data / ("real" if CLIPS[name] is real_film else "rendered") / name)
         say(f"{name}: {time.perf_counter() - began:.1f} s")
     print(table(figures))
     return finish(figures, to=options.json, gate=options.gate)
@@ -332,6 +333,12 @@ CLIPS: dict[str, Callable[[Path], list[Figure]]] = {
     "double_b": passive,
     "study": study,
     "double_torque": driven,
+    "single": system,
+    "bob": system,
+    "triple": system,
+    "cartpole": system,
+    "double_occluded": partial(system, hidden=True),
+    "double_pendulum": real_film,
 }
 
 if __name__ == "__main__":
