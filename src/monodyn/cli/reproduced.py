@@ -30,13 +30,12 @@ class ReproduceOptions:
         out: Folder for the page, the tables and the clip.
         clip: A clip of a mechanism in place of the made ones. Needs --model.
         model: Mechanism file (MJCF, URDF) or bundled name for --clip.
-        truth: The true motion of --clip: a JSON document with q by frame, or a table as monodyn identify
-            reads it.
+        truth: The true motion of --clip: a JSON document with q by frame [rad, m for slides], or a table as
+            monodyn identify reads it.
         force: Replace an experiment that is already in DIR.
         quiet: No progress, no table.
-        seed: Seed of the made clips and of the start values.
-        seeds: Pendulums, each with a seed of its own: the usual one, then drawn ones; 3 unless --clip is
-            given.
+        seed: Random numbers of the made clips, of the drawn pendulums and of the start values.
+        seeds: How many pendulums: the usual one, then others drawn by --seed; 3 unless --clip is given.
     """
 
     out: Annotated[Path, conf.arg(metavar="DIR")]

@@ -26,7 +26,7 @@ class IdentifySettings:
         method: ``fast``: parameters and start state in one weighted least squares; ``paper``: eq. (14) of
             the 2012 paper, start state from the filtered poses; None is as the whole run.
         torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
-            Fourier series, and friction) or ``free`` (one torque a joint and time stamp).
+            Fourier series) or ``free`` (one torque a joint and time stamp); see ``series`` for friction.
         terms: Harmonics of the Fourier series; 0 takes as many as the record supports, 7 with ``paper``.
         series: ``with-friction`` keeps friction in addition to a torque over time, ``alone`` leaves it out;
             None is with friction, and alone with ``paper``.

@@ -20,7 +20,7 @@ class PaperLocateSettings(LocateSettings):
 
     Attributes:
         start: Where the search of ``paper`` starts: poses ``spread`` over the joint ranges, or the ends of an
-            ``evolution``.
+            ``evolution``, which it proposes for complicated mechanisms.
         framework: Figure 2 of ``paper``: ``strict``, camera and pose in turn until neither gains, then the
             aspect ratios; or ``interleaved``, ours, in which every trial has its own camera.
         level: Threshold of the silhouettes of ``paper`` [grey levels]; 0 takes Otsu's.
@@ -75,11 +75,12 @@ class PaperIdentifySettings(IdentifySettings):
     Attributes:
         gains: Gains alpha, beta, gamma of the filter, eq. (7); for ``paper``.
         states: What ``paper`` compares the simulated states with: the ``measured`` poses or the ``filtered``.
-        rates: With ``paper`` compare rates as well as angles, weighted with the tracker's covariance.
+        rates: With ``paper`` compare rates as well as angles, as its discussion proposes, weighted with the
+            tracker's covariance.
         filter: How ``paper`` reads eq. (6): ``printed``, the acceleration takes gamma / T^2 of what was not
             predicted; or ``consistent`` with the bound of eq. (7), gamma / (2 T^2).
-        begin: Where the search of ``paper`` begins: at the start values ``matched`` to the accelerations of
-            the poses, or at those that are ``given``, as they are.
+        begin: Where the search of ``paper`` begins, which it leaves open: at start values ``matched`` to the
+            accelerations of the poses (ours), or at those ``given`` by file and picture, as they are.
     """
 
     gains: tuple[float, float, float] = PAPER_GAINS
