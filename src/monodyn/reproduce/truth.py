@@ -118,7 +118,7 @@ def _document_truth(path: Path, mechanism: Mechanism, times: np.ndarray) -> Trut
         )
     if not (np.isfinite(stamps).all() and (np.diff(stamps) > 0.0).all()):
         raise VideoError(f"{path.name}: expected times that increase, got others; correct 'times'.")
-    return Truth(stamps, position, velocity, stated_values(document))
+    return Truth(stamps, position, velocity, stated_values(document, path.name))
 
 
 def _table(path: Path, document: Mapping[str, Any], name: str, dofs: int) -> np.ndarray:
@@ -128,31 +128,74 @@ def _table(path: Path, document: Mapping[str, Any], name: str, dofs: int) -> np.
         table = np.array(document[name], dtype=float)
     except (TypeError, ValueError):
         table = np.zeros(0)
-    if not len(table) or table.ndim != (2 if dofs else 1) or (dofs and table.shape[-1] != dofs):
+    if not table.size or table.ndim != (2 if dofs else 1) or (dofs and table.shape[-1] != dofs):
         raise VideoError(f"{path.name}: expected {shape} as '{name}', got something else; correct it.")
     return table
 
 
-def stated_values(document: Mapping[str, Any]) -> dict[str, float]:
+def stated_values(document: Mapping[str, Any], where: str = "truth") -> dict[str, float]:
     """Return what a document states of the bodies, under the names of ``identifiable``.
 
     Args:
         document: With ``pendulum`` (length, width, thickness, density and damping of each rod) or
-            ``truth`` with
-            ``links``, (length, width, thickness) of each; other entries are left alone.
+            ``truth`` with ``links``, (length, width, thickness) of each; other entries are left alone.
+        where: The file, for messages.
+
+    Raises:
+        VideoError: what is stated has another form.
     """
-    stated = document.get("pendulum") or document.get("truth") or {}
-    sizes = stated.get("links")
-    if sizes is None and "length" in stated:
-        sizes = list(zip(stated["length"], stated["width"], stated["thickness"], strict=True))
+    name = "pendulum" if document.get("pendulum") else "truth"
+    stated = document.get(name) or {}
+    if not isinstance(stated, Mapping):
+        raise VideoError(f"{where}: expected entries with names in '{name}', got something else; correct it.")
+    sizes = _sizes(where, name, stated)
     if not sizes:
         return {}
+    damping = stated.get("damping")
+    if damping is not None and not _are_numbers(damping):
+        raise VideoError(
+            f"{where}: expected a list of numbers as '{name}.damping', got something else; correct it."
+        )
+    density = stated.get("density")
+    if density is not None and not (_are_numbers([density]) and density > 0.0):
+        raise VideoError(
+            f"{where}: expected a number above 0 as '{name}.density', got something else; correct it."
+        )
     # masses follow from sizes for plain bars of one density alone
-    plain = stated.get("shape", "box") == "box" and not stated.get("bob") and "density" in stated
+    plain = stated.get("shape", "box") == "box" and not stated.get("bob") and density is not None
     mass = None
     if plain and all(len(size) == 3 for size in sizes):
-        mass = float(stated["density"]) * np.prod(np.array(sizes, dtype=float), axis=1)
-    return true_values([size[0] for size in sizes], mass, stated.get("damping"))
+        mass = float(density) * np.prod(np.array(sizes, dtype=float), axis=1)
+    return true_values([size[0] for size in sizes], mass, damping)
+
+
+def _sizes(where: str, name: str, stated: Mapping[str, Any]) -> list[Sequence[float]]:
+    """Return the sizes of each body that an entry states, the length first; none where it states none."""
+    sizes = stated.get("links")
+    if sizes is None and "length" in stated:
+        columns = [stated.get(size) for size in ("length", "width", "thickness")]
+        if not all(_are_numbers(column) for column in columns) or len({len(c) for c in columns if c}) > 1:
+            raise VideoError(
+                f"{where}: expected lists of as many numbers as '{name}.length', '{name}.width' and "
+                f"'{name}.thickness', got something else; correct it."
+            )
+        sizes = list(zip(*(column for column in columns if column), strict=True))
+    if sizes is None:
+        return []
+    # a share of a size or a mass is formed later: none of them may be zero
+    if not isinstance(sizes, list) or not all(_are_numbers(s) and len(s) and min(s) > 0.0 for s in sizes):
+        raise VideoError(
+            f"{where}: expected sizes above 0 in '{name}', a list for each body, got something else; "
+            "correct it."
+        )
+    return sizes
+
+
+def _are_numbers(values: object) -> bool:
+    """Return whether something is a list of finite numbers."""
+    return isinstance(values, list | tuple) and all(
+        isinstance(value, int | float) and bool(np.isfinite(value)) for value in values
+    )
 
 
 def true_values(
