@@ -119,6 +119,7 @@ def test_sizes_of_another_form_are_refused_in_one_line(tmp_path: Path) -> None:
     )
     refused(lists, pendulum={"length": [0.2, 0.1]})
     refused(lists, pendulum={"length": [0.2, 0.1], "width": [0.1], "thickness": [0.1, 0.1]})
+    refused(lists, pendulum={"length": [], "width": [0.1], "thickness": [0.1]})
     refused(lists, pendulum={"length": 0.2, "width": 0.1, "thickness": 0.1})
     sizes = (
         "truth.json: expected sizes above 0 in 'truth', a list for each body, got something else; correct it."

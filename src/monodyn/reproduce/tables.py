@@ -151,10 +151,10 @@ def pose_gain(published: Seen, default: Seen) -> dict[str, float | None]:
     Returns:
         Ratios of times and errors, these over the frames that both have seen; None where there is none.
     """
-    errors = [seen.errors for seen in (published, default)]
-    both = [np.isfinite(own).all(axis=1) for own in errors if own is not None]
+    one, other, among = published.errors, default.errors, None
     # a frame that one of the two has lost is a hard one: with it the other would be judged by other frames
-    among = both[0] & both[1] if len(both) == 2 and len(both[0]) == len(both[1]) else None
+    if one is not None and other is not None:
+        among = np.asarray(np.isfinite(one + other).all(axis=1))
     return gain_row(seen_row(published, among), seen_row(default, among))
 
 

@@ -151,51 +151,51 @@ def stated_values(document: Mapping[str, Any], where: str = "truth") -> dict[str
     sizes = _sizes(where, name, stated)
     if not sizes:
         return {}
-    damping = stated.get("damping")
-    if damping is not None and not _are_numbers(damping):
+    damping, given = _numbers(stated.get("damping")), stated.get("density")
+    density = _numbers([1.0 if given is None else given])
+    if damping is None and stated.get("damping") is not None:
         raise VideoError(
             f"{where}: expected a list of numbers as '{name}.damping', got something else; correct it."
         )
-    density = stated.get("density")
-    if density is not None and not (_are_numbers([density]) and density > 0.0):
+    if density is None or not density[0] > 0.0:
         raise VideoError(
             f"{where}: expected a number above 0 as '{name}.density', got something else; correct it."
         )
     # masses follow from sizes for plain bars of one density alone
-    plain = stated.get("shape", "box") == "box" and not stated.get("bob") and density is not None
+    plain = stated.get("shape", "box") == "box" and not stated.get("bob") and given is not None
     mass = None
     if plain and all(len(size) == 3 for size in sizes):
-        mass = float(density) * np.prod(np.array(sizes, dtype=float), axis=1)
+        mass = density[0] * np.prod(np.array(sizes), axis=1)
     return true_values([size[0] for size in sizes], mass, damping)
 
 
-def _sizes(where: str, name: str, stated: Mapping[str, Any]) -> list[Sequence[float]]:
+def _sizes(where: str, name: str, stated: Mapping[str, Any]) -> list[list[float]]:
     """Return the sizes of each body that an entry states, the length first; none where it states none."""
-    sizes = stated.get("links")
-    if sizes is None and "length" in stated:
-        columns = [stated.get(size) for size in ("length", "width", "thickness")]
-        if not all(_are_numbers(column) for column in columns) or len({len(c) for c in columns if c}) > 1:
+    links = stated.get("links")
+    if links is None and "length" in stated:
+        columns = [_numbers(stated.get(size)) or [] for size in ("length", "width", "thickness")]
+        if not columns[0] or len({len(column) for column in columns}) > 1:
             raise VideoError(
                 f"{where}: expected lists of as many numbers as '{name}.length', '{name}.width' and "
                 f"'{name}.thickness', got something else; correct it."
             )
-        sizes = list(zip(*(column for column in columns if column), strict=True))
-    if sizes is None:
-        return []
+        links = [list(row) for row in zip(*columns, strict=True)]
+    rows = [_numbers(row) or [] for row in links] if isinstance(links, list) else []
     # a share of a size or a mass is formed later: none of them may be zero
-    if not isinstance(sizes, list) or not all(_are_numbers(s) and len(s) and min(s) > 0.0 for s in sizes):
+    if links is not None and not (rows and all(row and min(row) > 0.0 for row in rows)):
         raise VideoError(
             f"{where}: expected sizes above 0 in '{name}', a list for each body, got something else; "
             "correct it."
         )
-    return sizes
+    return rows
 
 
-def _are_numbers(values: object) -> bool:
-    """Return whether something is a list of finite numbers."""
-    return isinstance(values, list | tuple) and all(
-        isinstance(value, int | float) and bool(np.isfinite(value)) for value in values
-    )
+def _numbers(values: object) -> list[float] | None:
+    """Return a list of finite numbers, or None for anything else."""
+    if not isinstance(values, list | tuple):
+        return None
+    numbers = [float(v) for v in values if isinstance(v, int | float) and bool(np.isfinite(v))]
+    return numbers if len(numbers) == len(values) else None
 
 
 def true_values(
