@@ -9,13 +9,16 @@ from typing import Literal
 import numpy as np
 
 import monodyn
-from accuracy import differences, rms
+from accuracy import FITTED, differences, rms
 from figures import Figure, say
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
 from monodyn.paper.locate import PaperScene
 from monodyn.paper.settings import PaperIdentifySettings, PaperLocateSettings
-from monodyn.reproduce.plans import started
+from monodyn.reproduce.cases import run_case
+from monodyn.reproduce.endings import endings
+from monodyn.reproduce.plans import Design, FitPlan
+from monodyn.reproduce.vision import Seen
 from monodyn.types import Poses
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
@@ -28,8 +31,8 @@ FRAMEWORKS: tuple[Literal["strict", "interleaved"], ...] = ("strict", "interleav
 """The ways through Figure 2."""
 NEAR_POSE = 1.0
 """The most that the poses behind either may be off [deg]."""
-STARTS, SAME_RESIDUAL, SAME_RATIO = 10, 0.05, 0.02
-"""Drawn starts; shares by which residuals and mass ratios of fits that ended in one place may differ."""
+STARTS = 10
+"""Drawn starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,22 +80,43 @@ def frameworks(clip: Clip) -> tuple[list[Figure], Scene, Poses]:
         figures.append(Figure(case, "silhouettes", scene.evaluations, ""))
         figures.append(Figure(case, "locate", 1e3 * seconds, "ms"))
         figures.append(Figure(case, "sub-problems solved", len(scene.history), ""))
-        for dof, joint in enumerate(poses.joints):
-            error = pose_error(poses, clip.truth, dof)
-            figures.append(Figure(case, f"{joint}, 0:{LENGTHS[0]}", error, "deg", NEAR_POSE))
+        for joint, error in zip(poses.joints, pose_errors(poses, clip.truth), strict=True):
+            figures.append(Figure(case, f"{joint}, 0:{FITTED}", error, "deg", NEAR_POSE))
     return figures, *found["strict"]
 
 
-def pose_error(poses: Poses, truth: np.ndarray, dof: int) -> float:
-    """Return the rms error of one joint over the first frames in which it was seen [deg].
+def pose_errors(poses: Poses, truth: np.ndarray) -> np.ndarray:
+    """Return the rms error of each joint over the first frames, where they were seen [deg], (dof,).
 
     Args:
         poses: What was tracked.
         truth: True positions [rad], (frame, dof).
-        dof: Which joint.
     """
-    rows = np.flatnonzero(poses.seen[: LENGTHS[0]])
-    return float(np.degrees(rms(differences(poses.position[rows, dof], truth[rows, dof], turns=True))))
+    rows = np.flatnonzero(poses.seen[:FITTED])
+    at = poses.frame[rows]
+    errors = [
+        differences(poses.position[rows, dof], truth[at, dof], turns=True) for dof in range(truth.shape[1])
+    ]
+    return np.degrees([rms(error) for error in errors])
+
+
+def ahead_errors(fit: Fit, poses: Poses, truth: np.ndarray, frames: int = FITTED) -> np.ndarray:
+    """Return the rms error of each joint over the frames after a fit [deg], (dof,); NaN without a motion.
+
+    Args:
+        fit: The fit.
+        poses: For the time stamps.
+        truth: True positions [rad], (frame, dof).
+        frames: Frames that were fitted.
+    """
+    if not fit.starts:
+        return np.full(truth.shape[1], np.nan)
+    ahead = slice(frames, frames + AHEAD)
+    future = monodyn.predict(fit, times=poses.time[ahead])
+    errors = [
+        differences(future.position[:, dof], truth[ahead, dof], turns=True) for dof in range(truth.shape[1])
+    ]
+    return np.degrees([rms(error) for error in errors])
 
 
 def case_two(clip: Clip, scene: Scene, poses: Poses) -> list[Figure]:
@@ -119,12 +143,11 @@ def case_two(clip: Clip, scene: Scene, poses: Poses) -> list[Figure]:
             Figure(case, "periods in the record", _periods(fit, poses, frames), ""),
         ]
         most = SERIES_RESIDUAL if frames == SERIES_LENGTH else None
-        for dof, joint in enumerate(poses.joints):
+        future = ahead_errors(fit, poses, clip.truth, frames)
+        for joint, ahead in zip(poses.joints, future, strict=True):
             left = float(np.degrees(fit.rms[joint]))
             figures.append(Figure(case, f"{joint} residual", left, "deg", most))
-            figures.append(
-                Figure(case, f"{joint} predicted", predicted(fit, poses, clip, frames, dof), "deg")
-            )
+            figures.append(Figure(case, f"{joint} predicted", ahead, "deg"))
         for k, true in enumerate(clip.lengths, start=1):
             off = 100.0 * (fit.mechanism.values[f"link{k}.length"] / true - 1.0)
             figures.append(Figure(case, f"link{k}.length off", off, "%"))
@@ -134,21 +157,6 @@ def case_two(clip: Clip, scene: Scene, poses: Poses) -> list[Figure]:
 
 def _periods(fit: Fit, poses: Poses, frames: int) -> float:
     return float(np.ptp(poses.time[:frames]) / fit.mechanism.values["torque.period"])
-
-
-def predicted(fit: Fit, poses: Poses, clip: Clip, frames: int, dof: int) -> float:
-    """Return the rms error of one joint over the frames after a fit [deg].
-
-    Args:
-        fit: The fit.
-        poses: For the time stamps.
-        clip: For the truth.
-        frames: Frames that were fitted.
-        dof: Which joint.
-    """
-    ahead = slice(frames, frames + AHEAD)
-    future = monodyn.predict(fit, times=poses.time[ahead])
-    return float(np.degrees(rms(differences(future.position[:, dof], clip.truth[ahead, dof], turns=True))))
 
 
 def as_it_comes(case: str, fit: Fit, period: float) -> list[Figure]:
@@ -182,43 +190,22 @@ def raw_starts(clip: Clip, scene: Scene, poses: Poses) -> list[Figure]:
     Returns:
         The figures.
     """
-    settings = PaperIdentifySettings(method="paper", begin="given")
-    part, fits = poses.part(0, LENGTHS[0]), []
-    for number in range(1, STARTS + 1):
-        fits.append(monodyn.identify(part, started(scene.mechanism, number, 0), settings))
-    places: list[list[Fit]] = []
-    for fit in sorted(fits, key=residual):
-        for place in places:
-            if _alike(place[0], fit):
-                place.append(fit)
-                break
-        else:
-            places.append([fit])
+    # as the experiment makes and groups them
+    design = Design(frames=FITTED, ahead=AHEAD, lengths=(), periods=())
+    seen = Seen("paper", "done", tuple(scene.mechanism.joints), scene, poses)
+    plans = [FitPlan("paper", "I", FITTED, start=number) for number in range(1, STARTS + 1)]
+    places = endings([run_case(plan, seen, None, design) for plan in plans], seen.hinges)
     case = f"{clip.name}, {STARTS} raw starts"
     figures = [Figure(case, "places where the search ends", len(places), "")]
     for k, place in enumerate(places, start=1):
-        values = place[0].mechanism.values
+        fit = place.cases[0].fit
+        assert fit is not None
+        values = fit.mechanism.values
         ratio = values["link2.mass"] / values["link1.mass"]
         figures += [
-            Figure(case, f"place {k}: starts", len(place), ""),
-            Figure(case, f"place {k}: residual", float(np.degrees(residual(place[0]))), "deg"),
+            Figure(case, f"place {k}: starts", len(place.cases), ""),
+            Figure(case, f"place {k}: residual", float(np.degrees(place.residual)), "deg"),
             Figure(case, f"place {k}: m2/m1", ratio, ""),
             Figure(case, f"place {k}: link1.length", values["link1.length"], "m"),
         ]
     return figures
-
-
-def residual(fit: Fit) -> float:
-    """Return the residual over all joints, rms [rad].
-
-    Args:
-        fit: The fit.
-    """
-    return rms(np.array(list(fit.rms.values())))
-
-
-def _alike(one: Fit, other: Fit) -> bool:
-    """Return whether two fits ended in one place."""
-    a, b = (fit.mechanism.values["link2.mass"] / fit.mechanism.values["link1.mass"] for fit in (one, other))
-    near = residual(other) < (1.0 + SAME_RESIDUAL) * residual(one)
-    return near and abs(b / a - 1.0) < SAME_RATIO

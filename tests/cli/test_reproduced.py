@@ -20,8 +20,13 @@ def test_options() -> None:
     assert found == ReproduceOptions(Path("page"), Path("a.mp4"), "double", seed=3)
     found = parsed("reproduce", ["--out", "page", "--seeds", "5", "--truth", "t.json"])
     assert found == ReproduceOptions(Path("page"), truth=Path("t.json"), seeds=5)
-    with refuses(SettingsError, "seed: expected 0 or more, got -1; give a whole number."):
-        ReproduceOptions(Path("page"), seed=-1).go()
+    for seed in (-1, 2**64):
+        with refuses(
+            SettingsError, f"seed: expected 0 to 4294967295, got {seed}; give a whole number in between."
+        ):
+            ReproduceOptions(Path("page"), seed=seed).go()
+    with refuses(SettingsError, "seeds: expected 1 to 20, got 21; give another number."):
+        ReproduceOptions(Path("page"), seeds=21).go()
     with refuses(
         SettingsError, "seeds: expected none with --clip, which is one pendulum, got 2; leave it out."
     ):

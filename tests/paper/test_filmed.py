@@ -23,13 +23,10 @@ def test_a_film_of_the_drawn_mechanism(tmp_path: Path) -> None:
     assert found.seen == 1.0 - 2 / COUNT
     assert len(found.drift) == len(found.looks) - 1
     assert max(found.drift) < 0.05
-    assert abs(found.usual("contrast") - 105.0) < 25.0  # the wall varies by that much
     # two rectangles that overlap at the elbow, seen from a little nearer than their middle plane
     px = CAMERA.focal / (CAMERA.depth - THICK / 2)
     area = sum(length * width for length, width in zip(LENGTHS, WIDTHS, strict=True)) * px**2
     assert abs(found.usual("area") / area - 1.0) < 0.1
-    # the drawn one counts each pixel that its outline cuts
-    assert 1.0 < found.usual("drawn") / found.usual("area") < 1.25
     for look in found.looks:
         assert max(look.missed, look.excess, look.far, look.outside) < 0.01
         np.testing.assert_allclose(look.centroids[:2], look.centroids[2:], atol=1.5)

@@ -45,6 +45,8 @@ def test_filtered_states_are_judged_by_the_prediction() -> None:
     )
     assert judged(filtered_is_worse, published("I", 2.5e-3), *both).held is False
     assert judged(filtered_is_worse, published("I", 1e-3)) == FIT_MISSING
+    # the consistent filter alone does not decide
+    assert judged(filtered_is_worse, published("I", 1e-3), both[1]) == FIT_MISSING
     default = filtered_is_worse(evidence(moved("I", 1e-3)))
     assert default == Verdict(None, "it does not filter: every pose is weighted with its covariance")
 
@@ -107,6 +109,10 @@ def test_sizes_are_comparable_within_a_fifth() -> None:
     )
     assert judged(sizes_are_comparable, sized("II", 0.1), sized("III", 0.21)).held is False
     assert judged(sizes_are_comparable, published("I", 1e-3)) == FIT_MISSING
+    held = replace(moved("III", 1e-3), parameters={"l1": 0.0})
+    assert sizes_are_comparable(evidence(held)).numbers == (
+        "Case III l1 +0 %; in Case III it holds the lengths of a fit made before, without the torques"
+    )
 
 
 def test_unknowns_are_compared_with_the_printed_ones() -> None:
@@ -122,7 +128,9 @@ def test_unknowns_are_compared_with_the_printed_ones() -> None:
     by_formula = judged(unknowns_as_printed, counted("I", 6), counted("II", 34), counted("III", 84))
     assert by_formula.held is False
     assert by_formula.numbers.endswith(
-        "; with seven terms 2 s1 + 2 s2 + 2 coefficients and 4 sizes are 34, the paper's own formula"
+        "; with seven terms 2 s1 + 2 s2 + 2 coefficients and 4 sizes are 34, the paper's own formula; 36 "
+        "with the two dampings, a period for each joint, omega and a phase, a and b for j = 0 to 7, or two "
+        "values of the start state"
     )
     default = unknowns_as_printed(evidence(moved("I", 0.0)))
     assert default.held is None

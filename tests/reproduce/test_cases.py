@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from experiments import DESIGN, NOISE, evidence, mechanism, seen, truth
+from experiments import DESIGN, NOISE, evidence, mechanism, moved, seen, truth
 from monodyn.reproduce.cases import parameter_errors, run_case
 from monodyn.reproduce.plans import FitPlan
 from monodyn.reproduce.vision import Seen
@@ -32,6 +34,21 @@ def test_a_fit_is_measured_against_the_truth() -> None:
     assert set(parameter_errors(replace(case, plan=replace(case.plan, case="III")), truth())) == {
         "l1", "l2", "m2/m1"
     }  # fmt: skip
+
+
+def test_the_fitted_frames_hold_their_span_by_the_period() -> None:
+    case = moved("II", 0.0)
+    fit: Any = SimpleNamespace(
+        **{**vars(case.fit), "mechanism": mechanism().with_torque("fourier", terms=1, period=0.5)}
+    )
+    # 40 frames at 30 a second span 1.3 s
+    assert replace(case, fit=fit).periods == pytest.approx(2.6)
+    assert moved("I", 0.0).periods is None
+
+
+def test_of_a_hinge_without_friction_there_is_no_share() -> None:
+    told = replace(truth(), values={"b1/m1": 1e-3, "b2/m1": 0.0})
+    assert list(parameter_errors(moved("I", 0.0), told)) == ["b1/m1"]
 
 
 def test_a_fit_without_poses_has_a_status() -> None:

@@ -75,7 +75,7 @@ def test_the_prediction_of_case_two_is_drawn_over_the_periods() -> None:
         "how many periods of the poses these hold."
     )
     (line,) = figure.panels[0]["series"]
-    assert line["x"] == pytest.approx([40 / 30 / 0.5], rel=1e-5)
+    assert line["x"] == pytest.approx([39 / 30 / 0.5], rel=1e-5)
     assert line["y"] == pytest.approx([np.degrees(1e-2)], rel=1e-5)
     assert periods_figure([repetition()]).panels == []
 

@@ -23,8 +23,8 @@ from monodyn.reproduce.vision import FrameworkFound
 
 BOTH_WAYS = (
     "Cases II and III are fitted both ways: with the torque over time alone, the published form, and with "
-    "friction in addition to it, the default method's. Ratios compare fits with the same friction and poses "
-    "of the same frames."
+    "friction in addition to it, the default method's. Ratios compare fits that follow the poses, with the "
+    "same friction and poses of the same frames."
 )
 
 

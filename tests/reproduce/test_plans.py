@@ -49,9 +49,13 @@ def test_settings_follow_the_plan() -> None:
 
 def test_a_short_clip_is_fitted_by_half() -> None:
     design = Design()
-    assert design.within(80) is design
+    assert design.within(120) == design
+    assert (design.within(90).lengths, design.within(90).periods) == ((20, 30, 40), (40,))
+    # the last frames are those after the longest fit that the clip has
+    assert (design.longest, design.within(90).longest) == (80, 40)
     short = design.within(50)
     assert (short.frames, short.ahead, short.periods) == (25, 25, (25,))
+    assert short.lengths == (20,)
 
 
 def test_other_starts_have_other_values_within_the_factors() -> None:

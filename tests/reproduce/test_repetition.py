@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from pathlib import Path
 
 from experiments import repetition
+from monodyn.errors import SettingsError
 from monodyn.mechanism import load
 from monodyn.reproduce.repetition import START, each, warm_up
+from support import refuses
 
 
 def squared(number: int, progress: object = None) -> int:
@@ -23,6 +27,20 @@ def test_results_come_in_their_order_from_one_process_or_two() -> None:
     assert list(each(squared, [3, 1, 2], 1, None)) == [9, 1, 4]
     assert list(each(squared, [3, 1, 2], 2, progress)) == [9, 1, 4]
     assert steps == [(0, 3), (1, 3), (2, 3), (3, 3)]
+
+
+def ended(number: int, progress: object = None) -> None:
+    """Be ended by the system."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_worker_that_the_system_ends_is_reported_in_one_line() -> None:
+    with refuses(
+        SettingsError,
+        "reproduce: expected 2 worker processes that finish, got one that the system has ended, as it does "
+        "where memory runs out; free memory, or give --seeds 1.",
+    ):
+        list(each(ended, [1, 2], 2, None))
 
 
 def test_the_mechanism_that_methods_are_given_has_two_hinges(tmp_path: Path) -> None:

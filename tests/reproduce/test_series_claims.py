@@ -49,7 +49,7 @@ def test_periods_are_counted_in_the_fitted_frames() -> None:
     verdict = several_periods_are_needed(found)
     assert verdict == Verdict(
         True,
-        "prediction error 5.73° from 20 frames, 1.3 periods of 0.5 s, 1.15° from 40 frames, 2.7 periods "
+        "prediction error 5.73° from 20 frames, 1.3 periods of 0.5 s, 1.15° from 40 frames, 2.6 periods "
         "of 0.5 s",
         fits=2,
     )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from experiments import NOISE, evidence, moved, repetition
+from experiments import NOISE, evidence, moved, repetition, seen
 from monodyn.reproduce.cases import Case
 from monodyn.reproduce.claims import claims
 from monodyn.reproduce.plans import FitPlan
@@ -21,6 +23,7 @@ from monodyn.reproduce.tables import (
     labels,
     main_cases,
     plain_rows,
+    pose_gain,
 )
 from monodyn.reproduce.units import units_of
 
@@ -35,6 +38,13 @@ def test_the_table_holds_every_fit_of_every_pendulum() -> None:
     assert float(rows[1]["error_joint1_deg"]) == pytest.approx(np.degrees(1e-3), rel=1e-5)
     assert rows[1]["l1_error_percent"] == "50.0"
     assert rows[0]["l1_error_percent"] == ""
+
+
+def test_the_table_has_the_columns_of_all_pendulums() -> None:
+    sized = replace(moved("I", 1e-3), parameters={"l1": 0.5})
+    lines = csv_text([repetition(moved("I", 1e-3)), repetition(sized)]).splitlines()
+    assert lines[0].endswith(",l1_error_percent,status")
+    assert [row["l1_error_percent"] for row in csv.DictReader(lines)] == ["", "50.0"]
 
 
 def test_the_document_says_what_each_claim_rests_on() -> None:
@@ -65,6 +75,19 @@ def test_ratios_are_given_where_both_had_the_same_information() -> None:
     unseen = default.poses.copy()
     unseen[3] = np.nan
     assert not comparable([published, replace(default, poses=unseen)])
+    lost: Any = SimpleNamespace(**{**vars(default.fit), "ok": False})
+    assert not comparable([published, replace(default, fit=lost)])
+
+
+def test_poses_are_compared_over_the_frames_that_both_have_seen() -> None:
+    errors = np.full((90, 2), 0.01)
+    published, default = errors.copy(), 0.5 * errors
+    # the published method has lost the frames in which the other one is far off
+    published[:20], default[:20] = np.nan, 1.0
+    gain = pose_gain(replace(seen("paper"), errors=published), replace(seen(), errors=default))
+    assert gain["error_joint1_deg"] == pytest.approx(2.0)
+    untold = pose_gain(replace(seen("paper"), errors=None), seen())
+    assert untold["error_joint1_deg"] is None
 
 
 def test_cases_stand_with_the_methods_side_by_side() -> None:

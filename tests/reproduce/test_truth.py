@@ -104,6 +104,52 @@ def test_bad_files_are_refused_in_one_line(tmp_path: Path) -> None:
     )
 
 
+def test_sizes_of_another_form_are_refused_in_one_line(tmp_path: Path) -> None:
+    def refused(message: str, **stated: Any) -> None:
+        with refuses(VideoError, message):
+            read_truth(written(tmp_path, {"q": [[0.0, 1.0]] * 2, **stated}), mechanism(), TIMES)
+
+    refused(
+        "truth.json: expected entries with names in 'pendulum', got something else; correct it.",
+        pendulum="x",
+    )
+    lists = (
+        "truth.json: expected lists of as many numbers as 'pendulum.length', 'pendulum.width' and "
+        "'pendulum.thickness', got something else; correct it."
+    )
+    refused(lists, pendulum={"length": [0.2, 0.1]})
+    refused(lists, pendulum={"length": [0.2, 0.1], "width": [0.1], "thickness": [0.1, 0.1]})
+    refused(lists, pendulum={"length": [], "width": [0.1], "thickness": [0.1]})
+    refused(lists, pendulum={"length": 0.2, "width": 0.1, "thickness": 0.1})
+    sizes = (
+        "truth.json: expected sizes above 0 in 'truth', a list for each body, got something else; correct it."
+    )
+    for links in (3.0, [0.2], [[0.2], []], [["a"]], [[0.0]], {"a": 1}):
+        refused(sizes, truth={"links": links})
+    bars = [[0.2, 0.03, 0.01], [0.1, 0.03, 0.01]]
+    refused("truth.json: expected entries with names in 'truth', got something else; correct it.", truth=[3])
+    rods = {"length": [0.2], "width": [0.03], "thickness": [0.01]}
+    refused(
+        "truth.json: expected a number above 0 as 'pendulum.density', got something else; correct it.",
+        pendulum={**rods, "density": -1.0},
+    )
+    refused(
+        "truth.json: expected a list of numbers as 'pendulum.damping', got something else; correct it.",
+        pendulum={**rods, "damping": ["a"]},
+    )
+    refused(
+        "truth.json: expected a number above 0 as 'truth.density', got something else; correct it.",
+        truth={"links": bars, "density": [1000.0]},
+    )
+    refused(
+        "truth.json: expected a list of numbers as 'truth.damping', got something else; correct it.",
+        truth={"links": bars, "density": 1000.0, "damping": 1e-3},
+    )
+    refused(
+        "truth.json: expected rows of 2 numbers, one a joint, as 'q', got something else; correct it.", q=5.0
+    )
+
+
 def test_hinges_are_compared_up_to_whole_turns_and_slides_up_to_origin_and_scale() -> None:
     joints = mechanism().joints
     position = truth().position[:20]

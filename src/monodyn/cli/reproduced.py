@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 USUAL_SEEDS = 3
 """Pendulums of the experiment where the user does not say."""
+MOST_SEED = 2**32 - 1
+"""Greatest seed; the seeds of drawn pendulums count on from it."""
 MOST_PROCESSES = 2
 """Processes that work side by side at most; each takes up to half a gigabyte."""
 
@@ -51,10 +53,12 @@ class ReproduceOptions:
         """Return the exit code after running the command.
 
         Raises:
-            SettingsError: the seed is negative, or there are several seeds for one clip.
+            SettingsError: the seed is out of range, or there are several seeds for one clip.
         """
-        if self.seed < 0:
-            raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
+        if not 0 <= self.seed <= MOST_SEED:
+            raise SettingsError(
+                f"seed: expected 0 to {MOST_SEED}, got {self.seed}; give a whole number in between."
+            )
         if self.clip is not None and self.seeds is not None:
             raise SettingsError(
                 f"seeds: expected none with --clip, which is one pendulum, got {self.seeds}; leave it out."

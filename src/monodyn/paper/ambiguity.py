@@ -13,7 +13,6 @@ import numpy as np
 
 from monodyn.mechanism.tree import HINGE
 from monodyn.paper.hinge import along_first_body
-from monodyn.paper.placed import DEPTH, X
 from monodyn.paper.sequential import FRAMEWORKS, RoundSchedule
 from monodyn.paper.settings import PaperLocateSettings
 from monodyn.paper.silhouettes import SilhouetteFrame
@@ -22,7 +21,7 @@ from monodyn.paper.starts import EVOLUTIONS, evolved_starts, grid_starts, pose_b
 from monodyn.paper.subproblems import History, mismatch
 from monodyn.paper.view import ModelView, silhouette_image
 from monodyn.types import Frame, Progress
-from monodyn.vision.drawing.camera import shrunk
+from monodyn.vision.drawing.camera import DEPTH, X, shrunk
 
 STARTS, FINALISTS = 6, 4
 """Starts of the local search in the reduced picture by joint, and those that go on in the whole one."""

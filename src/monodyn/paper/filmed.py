@@ -59,22 +59,18 @@ class Look:
     """What was measured in a frame with a pose; areas as shares of that of the drawn mechanism.
 
     Attributes:
-        contrast: Median difference from the background inside of the drawn mechanism [grey levels].
         missed: Drawn, but not in the silhouette.
         excess: In the silhouette near the drawn mechanism, but not covered by it.
         far: Different from the background far from the drawn mechanism.
         area: Area of the silhouette [px^2].
-        drawn: Area of the drawn mechanism [px^2].
         outside: Share of the outline's corners that lie outside of the picture.
         centroids: Of the silhouette near the drawn mechanism, then of that, x and y [px], (4,).
     """
 
-    contrast: float
     missed: float
     excess: float
     far: float
     area: float
-    drawn: float
     outside: float
     centroids: np.ndarray
 
@@ -202,10 +198,8 @@ def _look(
     frame: Frame, scene: Scene, silhouettes: ClipSilhouettes, position: np.ndarray, covered: np.ndarray
 ) -> Look:
     """Compare the drawn mechanism with a frame."""
-    background, threshold = scene.masks.background, silhouettes.threshold
-    picture, known = silhouettes.picture(frame), background.known
+    picture, known = silhouettes.picture(frame), scene.masks.background.known
     seen = picture == FULL
-    apart = difference(frame, background, colour=threshold.colour)
     inner, outer = ~_wider(~covered, EDGE_PX) & known, _wider(covered, EDGE_PX)
     near, over = _wider(covered, FAR_PX), _over(frame, silhouettes)
     area = max(float(covered.sum()), 1.0)
@@ -213,12 +207,10 @@ def _look(
     size = np.array([frame.luma.shape[1], frame.luma.shape[0]])
     beyond = np.any((corners < -0.5) | (corners > size - 0.5), axis=1)
     return Look(
-        contrast=float(np.median(apart[inner])) if inner.any() else np.nan,
         missed=float(np.sum(inner & ~seen & (picture != OPEN))) / area,
         excess=float(np.sum(seen & known & near & ~outer)) / area,
         far=float(np.sum(over & ~near)) / area,
         area=float(seen.sum()),
-        drawn=area,
         outside=float(beyond.mean()),
         centroids=np.append(_centroid(seen & near), _centroid(covered & (picture != OPEN))),
     )

@@ -67,25 +67,26 @@ def _known_dynamics(evidence: Mapping[str, Evidence]) -> Assumption:
         ahead = found.overall(case.ahead)
         predicted = "" if ahead is None else f", {degrees(ahead)} in the prediction"
         told.append(f"{degrees(residual)}{predicted} ({TITLES[method]})")
-        # the paper's own method decides; where its search alone has failed, the other residual shows it
-        held = bool(residual < TRACKING and case.ok) if held is None else held
+        # the paper's own method decides; the residual of the other is shown beside it
+        if method == "paper":
+            held = bool(residual < TRACKING and case.ok)
         if not residual < TRACKING and case.fit.advice and not advice:
             advice = f" {case.fit.advice[0]}"
-    if held is None:
+    if not told:
         return Assumption(name, None, "There is no fit of Case I to measured angles.")
-    return Assumption(name, held, f"Case I leaves a residual of {'; '.join(told)}.{advice}")
+    missing = " The published method has no fit, which would decide." if held is None else ""
+    return Assumption(name, held, f"Case I leaves a residual of {'; '.join(told)}.{missing}{advice}")
 
 
 def _several_periods(published: Evidence) -> Assumption:
     """Return whether the fitted frames hold several periods of the motion, as Case II requires."""
     name = "The motion is periodic, and the fitted frames hold multiple periods (Case II)."
     case = published.case("II")
-    if case is None or case.period is None:
+    if case is None or case.period is None or case.periods is None:
         made = next((c.status for c in published.cases if c.plan.case == "II"), "There is no fit of Case II.")
         return Assumption(name, None, made)
-    held = case.plan.frames * published.interval / case.period
-    told = f"{case.plan.frames} frames hold {held:.2g} of the poses' periods of {case.period:.3g} s."
-    return Assumption(name, held >= SEVERAL, told)
+    told = f"{case.plan.frames} frames hold {case.periods:.2g} of the poses' periods of {case.period:.3g} s."
+    return Assumption(name, case.periods >= SEVERAL, told)
 
 
 def _time_stamps(published: Evidence) -> Assumption:

@@ -71,6 +71,13 @@ class Case:
             return None
         return self.fit.mechanism.values.get("torque.period")
 
+    @property
+    def periods(self) -> float | None:
+        """How many of its periods the fitted frames span, from the first to the last; None without one."""
+        if not self.period or self.motion is None:
+            return None
+        return float(np.ptp(self.motion.time[: self.plan.frames])) / self.period
+
 
 def run_cases(
     seen: Seen, truth: Truth | None, design: Design, progress: Progress | None = None
@@ -171,4 +178,9 @@ def parameter_errors(case: Case, truth: Truth) -> dict[str, float]:
     assert case.fit is not None
     found = identifiable(case.fit.mechanism)
     names = [name for name in truth.values if case.plan.case == "I" or not name.startswith("b")]
-    return {name: found[name] / truth.values[name] - 1.0 for name in names if name in found}
+    # of a true value of zero, a hinge without friction, there is no share
+    return {
+        name: found[name] / truth.values[name] - 1.0
+        for name in names
+        if found.get(name) and truth.values[name]
+    }

@@ -24,7 +24,7 @@ from monodyn.reproduce.figures import (
 from monodyn.reproduce.given import GivenClip, given_truth
 from monodyn.reproduce.page import PageContent, page_text, picture_rows
 from monodyn.reproduce.pendulums import drawn_clip
-from monodyn.reproduce.plans import READINGS, Design
+from monodyn.reproduce.plans import FILTERED, Design
 from monodyn.reproduce.repetition import START, Repetition, Trying, each, tried
 from monodyn.reproduce.tables import WORDS, csv_text, document, main_cases
 from monodyn.reproduce.truth import Truth
@@ -308,7 +308,7 @@ def _case_figures(first: Repetition) -> list[Figure]:
     published = first.evidence["paper"]
     units, design = units_of(published.seen.joints), published.design
     columns = []
-    for compared, reading in READINGS.items():
+    for compared, reading in FILTERED.items():
         case = published.case(compared=compared)
         if case is not None:
             states = filtered_states(published.seen, design, compared).position

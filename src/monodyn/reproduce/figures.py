@@ -126,7 +126,7 @@ def legend_of(panels: Sequence[Mapping[str, Any]], units: Sequence[JointUnit]) -
     drawn = {(line["kind"] == "dots", line["colour"]) for content in panels for line in content["series"]}
     entries = [*LEGEND, *joint_legend(units)]
     kept = [entry for entry in entries if (entry[0] == "dot", entry[1]) in drawn and entry[0] != "box"]
-    return kept[:1] + kept[1:] + ([LEGEND[-1]] if panels else [])
+    return kept + ([LEGEND[-1]] if panels else [])
 
 
 def joint_legend(units: Sequence[JointUnit]) -> list[tuple[str, str, str]]:
@@ -217,8 +217,8 @@ def periods_figure(repetitions: Sequence[Repetition]) -> Figure:
         for frames in evidence.design.periods:
             case = evidence.case("II", frames=frames)
             error = None if case is None else evidence.overall(case.ahead)
-            if case is not None and case.period and error is not None:
-                points.append((frames * evidence.interval / case.period, np.degrees(error)))
+            if case is not None and case.periods is not None and error is not None:
+                points.append((case.periods, np.degrees(error)))
         if points:
             x, y = np.array(points).T
             content.append(series("marks", pendulum_colour(number), x, y, repetition.name))

@@ -22,6 +22,7 @@ from monodyn.reproduce.tables import (
     labels,
     main_cases,
     parameter_values,
+    pose_gain,
     seen_row,
 )
 from monodyn.reproduce.units import JointUnit, shared_unit, units_of
@@ -115,7 +116,7 @@ def poses_table(repetition: Repetition) -> PageTable:
         rows.append(("", [*cells, row["status"]]))
     if all(seen[method].poses is not None for method in BOTH_METHODS):
         # the default method draws no silhouettes while it tracks: without a quotient both numbers are shown
-        gain = gain_row(found["paper"], found["fast"])
+        gain = pose_gain(seen["paper"], seen["fast"])
         drawn = [_number(row["silhouettes_a_frame"]) for row in found.values()]
         cells = ["ratio", "", _joints(gain, "error", units, _times)]
         cells += ["" if NO_NUMBER in drawn else " : ".join(drawn), _times(gain["seconds_a_frame"])]
@@ -363,7 +364,7 @@ def remarks(repetition: Repetition) -> list[str]:
         )
     found.append(
         "Cases II and III are fitted both ways: with the torque over time alone, the published form, and "
-        "with friction in addition to it, the default method's. Ratios compare fits with the same friction "
-        "and poses of the same frames."
+        "with friction in addition to it, the default method's. Ratios compare fits that follow "
+        "the poses, with the same friction and poses of the same frames."
     )
     return found

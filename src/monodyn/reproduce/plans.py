@@ -19,7 +19,7 @@ OVER_TIME = ("II", "III")
 COMPARED = ("measured", "filtered", "consistent", "rates")
 """What simulated states are compared with: poses, filtered ones in either reading of the filter, poses
 and rates."""
-READINGS = {"filtered": "printed", "consistent": "consistent"}
+FILTERED = {"filtered": "printed", "consistent": "consistent"}
 """Reading of the filter's equations by what is compared."""
 LEAST_FRAMES = 10
 """Frames of the shortest clip that the experiment takes."""
@@ -55,15 +55,22 @@ class Design:
         return max((self.frames, *self.lengths, *self.periods))
 
     def within(self, count: int) -> Design:
-        """Return the same for a clip that may be too short for it: half of the frames are fitted then.
+        """Return the same for a clip that may be too short for it: half of the frames are fitted then, and
+        only numbers of frames are compared that the clip has with those to predict.
 
         Args:
             count: Frames of the clip.
         """
-        if count >= self.frames + self.ahead:
-            return self
-        frames = min(self.frames, max(count // 2, LEAST_FRAMES // 2))
-        return replace(self, frames=frames, ahead=count - frames, periods=(frames,))
+        design = self
+        if count < self.frames + self.ahead:
+            frames = min(self.frames, max(count // 2, LEAST_FRAMES // 2))
+            design = replace(self, frames=frames, ahead=count - frames, periods=(frames,))
+        # a fit is compared with the others only where the frames that it predicts are in the clip
+        lengths, periods = (
+            tuple(n for n in numbers if n + design.ahead <= count)
+            for numbers in (design.lengths, design.periods)
+        )
+        return replace(design, lengths=lengths, periods=periods)
 
 
 @dataclass(frozen=True)
@@ -132,14 +139,14 @@ def identify_settings(plan: FitPlan, design: Design) -> IdentifySettings:
     series: Any = plan.series or None
     if plan.method == "fast":
         return IdentifySettings(torque=torque, series=series, seed=design.seed)
-    reading: Any = READINGS.get(plan.compared, "printed")
+    reading: Any = FILTERED.get(plan.compared, "printed")
     return PaperIdentifySettings(
         method="paper",
         torque=torque,
         series=series,
         seed=design.seed,
         gains=design.gains,
-        states="filtered" if plan.compared in READINGS else "measured",
+        states="filtered" if plan.compared in FILTERED else "measured",
         filter=reading,
         rates=plan.compared == "rates",
         # drawn values are kept as they are: matched to the accelerations all of them would become the same

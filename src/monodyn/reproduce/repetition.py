@@ -7,6 +7,7 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from monodyn.errors import SettingsError
 from monodyn.paper.assumptions import Assumption
 from monodyn.reproduce.assumptions import assumptions
 from monodyn.reproduce.cases import run_case, run_cases
@@ -160,6 +162,9 @@ def each(
 
     Yields:
         The results.
+
+    Raises:
+        SettingsError: the system has ended a worker process.
     """
     count = min(processes, len(items))
     if count < 2:
@@ -173,6 +178,12 @@ def each(
         for done, future in enumerate(waiting):
             if progress is not None:
                 progress("experiments", done, len(items))
-            yield future.result()
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                raise SettingsError(
+                    f"reproduce: expected {count} worker processes that finish, got one that the system has "
+                    "ended, as it does where memory runs out; free memory, or give --seeds 1."
+                ) from None
     if progress is not None:
         progress("experiments", len(items), len(items))

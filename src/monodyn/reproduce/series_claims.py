@@ -63,9 +63,9 @@ def several_periods_are_needed(evidence: Evidence) -> Verdict:
     for frames in evidence.design.periods:
         case = evidence.case("II", frames=frames)
         error = None if case is None else evidence.overall(case.ahead)
-        if case is None or case.period is None or error is None:
+        held = None if case is None else case.periods
+        if case is None or held is None or error is None:
             continue
-        held = frames * evidence.interval / case.period
         (several if held >= SEVERAL else few).append(error)
         told.append(f"{degrees(error)} from {frames} frames, {held:.2g} periods of {case.period:.3g} s")
     if not told:

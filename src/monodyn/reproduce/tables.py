@@ -103,12 +103,12 @@ def gain_row(published: Mapping[str, Any], default: Mapping[str, Any]) -> dict[s
 
 
 def comparable(group: Sequence[Case]) -> bool:
-    """Return whether the fits of both methods had the same information: friction model, frames with poses.
+    """Return whether the fits of both methods follow the same information: friction model, frames with poses.
 
     Args:
         group: Fits that differ in the method alone.
     """
-    if len(group) != 2 or any(case.fit is None or case.residual is None for case in group):
+    if len(group) != 2 or any(not case.ok or case.residual is None for case in group):
         return False
     first, second = (np.isfinite(case.poses[: case.plan.frames]) for case in group if case.poses is not None)
     return bool((first == second).all())
@@ -141,11 +141,29 @@ def main_cases(repetition: Repetition) -> list[Case]:
     return sorted(chosen, key=lambda case: plan_order(case.plan))
 
 
-def seen_row(seen: Seen) -> dict[str, Any]:
+def pose_gain(published: Seen, default: Seen) -> dict[str, float | None]:
+    """Return by how much the default method sees better: published over default, by column.
+
+    Args:
+        published: What the published method saw.
+        default: What the default method saw.
+
+    Returns:
+        Ratios of times and errors, these over the frames that both have seen; None where there is none.
+    """
+    one, other, among = published.errors, default.errors, None
+    # a frame that one of the two has lost is a hard one: with it the other would be judged by other frames
+    if one is not None and other is not None:
+        among = np.asarray(np.isfinite(one + other).all(axis=1))
+    return gain_row(seen_row(published, among), seen_row(default, among))
+
+
+def seen_row(seen: Seen, among: np.ndarray | None = None) -> dict[str, Any]:
     """Return what one method saw as a flat row; what is not known is None.
 
     Args:
         seen: What it saw.
+        among: Frames that the error is taken over, bool (frame,); None: those that were seen.
     """
     scene, poses, units = seen.scene, seen.poses, units_of(seen.joints)
     frames = 0 if poses is None else len(poses)
@@ -158,7 +176,7 @@ def seen_row(seen: Seen) -> dict[str, Any]:
         "seconds_a_frame": _short(seen.seconds_a_frame) if frames else None,
         "silhouettes_a_frame": seen.silhouettes,
     }
-    errors = None if seen.errors is None else rms(seen.errors)
+    errors = None if seen.errors is None else rms(seen.errors if among is None else seen.errors[among])
     for dof, unit in enumerate(units):
         value = None if errors is None else _short(unit.factor * errors[dof])
         row[f"error_{unit.name}_{unit.unit}"] = value
@@ -174,7 +192,10 @@ def csv_text(repetitions: Sequence[Repetition]) -> str:
     """
     rows = [row for number, repetition in enumerate(repetitions) for row in _fit_rows(number, repetition)]
     file = io.StringIO()
-    writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+    # a pendulum without fits has no columns of parameters, which another one may have
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    columns.sort(key="status".__eq__)
+    writer = csv.DictWriter(file, fieldnames=columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return file.getvalue()
@@ -250,7 +271,7 @@ def _pendulum(number: int, repetition: Repetition) -> dict[str, Any]:
         ],
         "pose_starts": None if starts is None else asdict(starts),
         "published_over_default": {
-            "poses": gain_row(*poses),
+            "poses": pose_gain(*(evidence[method].seen for method in BOTH_METHODS)),
             "fits": [
                 {
                     "case": pair[0].plan.case,

@@ -118,7 +118,7 @@ def _document_truth(path: Path, mechanism: Mechanism, times: np.ndarray) -> Trut
         )
     if not (np.isfinite(stamps).all() and (np.diff(stamps) > 0.0).all()):
         raise VideoError(f"{path.name}: expected times that increase, got others; correct 'times'.")
-    return Truth(stamps, position, velocity, stated_values(document))
+    return Truth(stamps, position, velocity, stated_values(document, path.name))
 
 
 def _table(path: Path, document: Mapping[str, Any], name: str, dofs: int) -> np.ndarray:
@@ -128,31 +128,74 @@ def _table(path: Path, document: Mapping[str, Any], name: str, dofs: int) -> np.
         table = np.array(document[name], dtype=float)
     except (TypeError, ValueError):
         table = np.zeros(0)
-    if not len(table) or table.ndim != (2 if dofs else 1) or (dofs and table.shape[-1] != dofs):
+    if not table.size or table.ndim != (2 if dofs else 1) or (dofs and table.shape[-1] != dofs):
         raise VideoError(f"{path.name}: expected {shape} as '{name}', got something else; correct it.")
     return table
 
 
-def stated_values(document: Mapping[str, Any]) -> dict[str, float]:
+def stated_values(document: Mapping[str, Any], where: str = "truth") -> dict[str, float]:
     """Return what a document states of the bodies, under the names of ``identifiable``.
 
     Args:
         document: With ``pendulum`` (length, width, thickness, density and damping of each rod) or
-            ``truth`` with
-            ``links``, (length, width, thickness) of each; other entries are left alone.
+            ``truth`` with ``links``, (length, width, thickness) of each; other entries are left alone.
+        where: The file, for messages.
+
+    Raises:
+        VideoError: what is stated has another form.
     """
-    stated = document.get("pendulum") or document.get("truth") or {}
-    sizes = stated.get("links")
-    if sizes is None and "length" in stated:
-        sizes = list(zip(stated["length"], stated["width"], stated["thickness"], strict=True))
+    name = "pendulum" if document.get("pendulum") else "truth"
+    stated = document.get(name) or {}
+    if not isinstance(stated, Mapping):
+        raise VideoError(f"{where}: expected entries with names in '{name}', got something else; correct it.")
+    sizes = _sizes(where, name, stated)
     if not sizes:
         return {}
+    damping, given = _numbers(stated.get("damping")), stated.get("density")
+    density = _numbers([1.0 if given is None else given])
+    if damping is None and stated.get("damping") is not None:
+        raise VideoError(
+            f"{where}: expected a list of numbers as '{name}.damping', got something else; correct it."
+        )
+    if density is None or not density[0] > 0.0:
+        raise VideoError(
+            f"{where}: expected a number above 0 as '{name}.density', got something else; correct it."
+        )
     # masses follow from sizes for plain bars of one density alone
-    plain = stated.get("shape", "box") == "box" and not stated.get("bob") and "density" in stated
+    plain = stated.get("shape", "box") == "box" and not stated.get("bob") and given is not None
     mass = None
     if plain and all(len(size) == 3 for size in sizes):
-        mass = float(stated["density"]) * np.prod(np.array(sizes, dtype=float), axis=1)
-    return true_values([size[0] for size in sizes], mass, stated.get("damping"))
+        mass = density[0] * np.prod(np.array(sizes), axis=1)
+    return true_values([size[0] for size in sizes], mass, damping)
+
+
+def _sizes(where: str, name: str, stated: Mapping[str, Any]) -> list[list[float]]:
+    """Return the sizes of each body that an entry states, the length first; none where it states none."""
+    links = stated.get("links")
+    if links is None and "length" in stated:
+        columns = [_numbers(stated.get(size)) or [] for size in ("length", "width", "thickness")]
+        if not columns[0] or len({len(column) for column in columns}) > 1:
+            raise VideoError(
+                f"{where}: expected lists of as many numbers as '{name}.length', '{name}.width' and "
+                f"'{name}.thickness', got something else; correct it."
+            )
+        links = [list(row) for row in zip(*columns, strict=True)]
+    rows = [_numbers(row) or [] for row in links] if isinstance(links, list) else []
+    # a share of a size or a mass is formed later: none of them may be zero
+    if links is not None and not (rows and all(row and min(row) > 0.0 for row in rows)):
+        raise VideoError(
+            f"{where}: expected sizes above 0 in '{name}', a list for each body, got something else; "
+            "correct it."
+        )
+    return rows
+
+
+def _numbers(values: object) -> list[float] | None:
+    """Return a list of finite numbers, or None for anything else."""
+    if not isinstance(values, list | tuple):
+        return None
+    numbers = [float(v) for v in values if isinstance(v, int | float) and bool(np.isfinite(v))]
+    return numbers if len(numbers) == len(values) else None
 
 
 def true_values(

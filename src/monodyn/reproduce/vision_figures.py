@@ -9,7 +9,7 @@ import numpy as np
 from monodyn.paper.filter import Filtered, Gains, filtered
 from monodyn.reproduce.evidence import Evidence
 from monodyn.reproduce.figures import Figure, panel, pendulum_colour, pendulum_legend, series
-from monodyn.reproduce.plans import READINGS, Design
+from monodyn.reproduce.plans import FILTERED, Design
 from monodyn.reproduce.repetition import Repetition
 from monodyn.reproduce.truth import Truth
 from monodyn.reproduce.units import units_of
@@ -73,12 +73,12 @@ def filtered_states(seen: Seen, design: Design, compared: str) -> Filtered:
     Args:
         seen: What a method saw.
         design: Frames and gains.
-        compared: A key of ``plans.READINGS``.
+        compared: A key of ``plans.FILTERED``.
     """
     assert seen.poses is not None
     poses = seen.poses.part(0, design.frames)
     position = np.where(poses.seen[:, None], poses.position, np.nan)
-    return filtered(poses.time, position, Gains.of(design.gains, READINGS[compared]))
+    return filtered(poses.time, position, Gains.of(design.gains, FILTERED[compared]))
 
 
 def states_figure(evidence: Evidence, truth: Truth | None) -> Figure:
@@ -92,18 +92,17 @@ def states_figure(evidence: Evidence, truth: Truth | None) -> Figure:
     assert seen.poses is not None
     stop, units = design.frames, units_of(seen.joints)
     time, panels = seen.poses.time[:stop], []
-    found = {compared: filtered_states(seen, design, compared) for compared in READINGS}
+    found = {compared: filtered_states(seen, design, compared) for compared in FILTERED}
     true = None if seen.errors is None else seen.poses.position[:stop] - seen.errors[:stop]
     for rate in (False, True):
         for dof, unit in enumerate(units):
             content = []
             # later series are drawn over earlier ones: the truth must not hide what was found; a picture
-            # shows
-            # slides in another scale than the truth's
+            # shows slides in another scale than the truth's
             exact = true if not rate else None if truth is None else truth.velocity[:stop]
             if exact is not None and unit.unit == "deg":
                 content.append(series("line", "truth", time, unit.factor * exact[:, dof], "truth"))
-            for compared, reading in READINGS.items():
+            for compared, reading in FILTERED.items():
                 states = found[compared].velocity if rate else found[compared].position
                 colour = READING_COLOURS[compared]
                 content.append(series("line", colour, time, unit.factor * states[:, dof], reading))
