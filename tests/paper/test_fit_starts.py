@@ -69,8 +69,8 @@ def test_given_starts_are_those_of_the_file_alone():
     (only,) = fit_starts(fixed, smoothed, None, replace(PAPER, begin="given"))
     np.testing.assert_array_equal(only, fixed.problem.unknowns.x0)
     matched = list(fit_starts(fixed, smoothed, None, replace(PAPER, starts=2)))
-    assert len(matched) > 0
-    assert all(not np.array_equal(x, only) for x in matched)
+    # those of the default search, which tries the file's among others
+    assert any(not np.array_equal(x, only) for x in matched)
 
 
 def test_given_starts_leave_the_sizes_under_a_torque():

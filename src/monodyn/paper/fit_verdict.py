@@ -225,8 +225,8 @@ def _filtering(settings: PaperIdentifySettings) -> list[str]:
     if not used and idle:
         verb = "have" if "The gains" in idle else "has"
         return [
-            f"{' and '.join(idle)} {verb} no effect on this fit: measured angles are compared, and the start state "
-            "is the parabola through the first three samples."
+            f"{' and '.join(idle)} {verb} no effect on this fit: measured angles are compared, and the start "
+            "state is the parabola through the first three samples."
         ]
     # the paper's own gains lie on the edge, where errors neither grow nor die out
     gains = Gains.of(settings.gains, settings.filter)
