@@ -91,6 +91,20 @@ def test_the_cap_holds_for_jacobians_by_differences(monkeypatch, simulated, most
     assert len(simulated) <= most + 3 * (2 * len(x) + 2) + 16
 
 
+@pytest.mark.parametrize("allowed", [1, 5, 20, 45, 60])
+def test_a_search_spends_no_more_than_it_may(simulated, allowed):
+    """The solver counts a Jacobian by differences as one evaluation; the search knows what it takes."""
+    fixed, smoothed, x = swing("fourier", model="cartpole", metric=False)
+    fixed, bounds = bounded(fixed, x, smoothed)
+    away = x + 0.1 * fixed.problem.unknowns.of_kind("thickness")
+    directions = descent._directions(fixed, away)
+    before = fixed.rollouts.spent
+    # one more: the residuals at the start, which weigh what is out of bounds
+    end = descent._searched(fixed, away, bounds, directions, (before + 1 + allowed, 1e-6))
+    assert np.isfinite(end.value)
+    assert fixed.rollouts.spent == len(simulated) <= before + 1 + allowed
+
+
 def test_a_torque_out_of_bounds_finds_its_way_back(monkeypatch):
     """How far it is beyond is a residual: the cost rises outside, where the motion stays as it is."""
     fixed, smoothed, x = swing("fourier")
