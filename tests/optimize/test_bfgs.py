@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from minima import Counted, rosenbrock_residuals
-from monodyn.optimize import bounded_bfgs
+from monodyn.optimize import Exhausted, bounded_bfgs
 
 
 def test_bfgs_reaches_active_bounds_exactly():
@@ -125,3 +125,23 @@ def test_a_jacobian_takes_the_place_of_differences():
     # where derivatives overflow, differences take over
     lost = bounded_bfgs(valley, np.zeros(2), (-2.0, 2.0), jacobian=lambda x: np.full((2, 2), np.nan))
     np.testing.assert_allclose(lost.x, plain.x)
+
+
+def test_jacobians_count_as_evaluations():
+    """None is asked for once the evaluations are over; what is counted is what was called."""
+    steep = Counted(rosenbrock_residuals)
+    slopes = Counted(lambda x: np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]]))
+    for most in range(1, 12):
+        steep.places.clear(), slopes.places.clear()
+        found = bounded_bfgs(steep, np.array([-1.2, 1.0]), (-2.0, 2.0), most=most, jacobian=slopes)
+        assert found.evaluations == len(steep.places) + len(slopes.places) == most
+        assert found.status == "The evaluations ran out before the minimum was reached."
+
+
+def test_who_gives_a_jacobian_may_end_the_search():
+    def none_left(x):
+        raise Exhausted
+
+    found = bounded_bfgs(rosenbrock_residuals, np.array([-1.2, 1.0]), (-2.0, 2.0), jacobian=none_left)
+    assert (found.x.tolist(), found.converged) == ([-1.2, 1.0], False)
+    assert found.status == "The evaluations ran out before the minimum was reached."

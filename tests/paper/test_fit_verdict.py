@@ -158,6 +158,37 @@ def test_gains_without_effect():
     )
 
 
+def test_a_reading_of_the_filter_without_effect():
+    found, poses = ended()
+    fit, settings = fit_with(found, poses, 1e-4), replace(PAPER, filter="consistent")
+    why = "measured angles are compared, and the start state is the parabola through the first three samples."
+    for changed, what in (
+        (settings, "--identify.filter consistent has"),
+        (
+            replace(settings, gains=(0.5, 0.1, 0.01)),
+            "The gains and --identify.filter consistent have",
+        ),
+    ):
+        advice = published_advice(found, of_series(found), fit, (poses,), changed, ())
+        assert advice == (f"{what} no effect on this fit: {why}",)
+    # where rates are compared the filter counts
+    used = replace(settings, rates=True)
+    advice = published_advice(found, of_series(found), fit, (poses,), used, ())
+    assert not any("no effect" in line for line in advice)
+
+
+def test_a_size_at_the_lower_bound_of_the_search():
+    found, poses = ended()
+    names = np.array(found.fixed.problem.unknowns.names)
+    low = np.where(names == "link1.length", found.x, found.bounds[0])
+    edge = replace(found, bounds=np.stack((low, found.bounds[1])))
+    size = found.fixed.problem.mechanism.values["link1.length"]
+    assert published_advice(edge, of_series(edge), fit_with(edge, poses, 1e-4), (poses,), PAPER, ()) == (
+        f"The search ended at its own bounds: link1.length at {size:.3g} m, 1/10 of its start value; the "
+        "truth may lie beyond: give nearer values in the mechanism file.",
+    )
+
+
 def test_advice_of_free_torques():
     found, poses = ended("free", frames=12)
     model = TorqueModel(found.fixed.problem)
@@ -175,9 +206,10 @@ def test_advice_of_given_starts_and_of_bounds_of_the_search():
     fit, settings = fit_with(found, poses, 1e-4), replace(PAPER, begin="given")
     length = np.array([name == "link1.length" for name in found.fixed.problem.unknowns.names])
     edge = replace(found, bounds=np.stack((found.bounds[0], np.where(length, found.x, found.bounds[1]))))
+    size = found.fixed.problem.mechanism.values["link1.length"]
     assert published_advice(edge, of_series(edge), fit, (poses,), settings, ()) == (
-        "link1.length ended where the search is bounded, a factor from the start value: the true value may "
-        "lie beyond; give a nearer one in the mechanism file.",
+        f"The search ended at its own bounds: link1.length at {size:.3g} m, 10 times its start value; the "
+        "truth may lie beyond: give nearer values in the mechanism file.",
         "From the given start values the search ended short of a minimum; --identify.begin matched starts "
         "nearer.",
         "The search ended before the minimum was certain; allow more with --identify.evaluations.",

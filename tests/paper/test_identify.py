@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,23 +57,20 @@ def test_case_two_with_a_period_that_is_known():
 
 
 def test_case_three_on_a_chaotic_second():
-    """Thirty frames: it may not follow, and says so; bodies keep near the file's, nothing has an interval."""
+    """Thirty frames are followed within the noise; bodies keep near the file's, nothing has an interval."""
     truth, shown = double_truth(), []
     position = motion(truth, TIMES[:30], [0.9, 0.6], [0.0, 0.0])
     poses = record(truth, TIMES[:30], position, noise=np.radians(0.1))
     settings = replace(PAPER, torque="free", evaluations=10)
     fit = identify_published([poses], load("double"), settings, lambda *step: shown.append(step))
-    if fit.ok:
-        assert max(fit.rms.values()) < 0.05 * np.std(position, axis=0).max()
-    else:
-        assert re.search("does not follow|ended before its minimum", fit.status)
+    assert fit.ok, fit.status
+    assert max(fit.rms.values()) < np.radians(0.1)
     for name in ("link1.length", "link2.length"):
         assert 1.0 / 10.0 < fit.mechanism.values[name] / truth.values[name] < 10.0
     assert all(np.isinf(e.std) and not e.identifiable for e in fit.parameters if e.free)
     assert any("are arbitrary" in line for line in fit.advice)
     assert not any("follow from gravity" in line for line in fit.advice)
-    assert len(shown) > 1
-    assert sorted(step[1] for step in shown) == [step[1] for step in shown]
+    assert [step[1] // 50 for step in shown] == list(range(1, fit.evaluations // 50 + 1))
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -23,9 +23,13 @@ RATES = (
     "method weighs the measured positions with their covariance."
 )
 
-OURS = (
-    "identify.filter, identify.begin: expected them with --identify.method paper alone; add it, or leave "
-    "them out."
+BEGIN = (
+    "identify.begin: expected 'matched' with the fast method, got 'given'; it belongs to identify.method "
+    "paper."
+)
+FILTER = (
+    "identify.filter: expected 'printed' with the fast method, got 'consistent'; it belongs to "
+    "identify.method paper."
 )
 
 
@@ -71,8 +75,8 @@ OURS = (
             {"begin": "raw"},
             "identify.begin: expected one of 'matched', 'given', got 'raw'.",
         ),
-        (PaperIdentifySettings, {"method": "fast", "begin": "given"}, OURS),
-        (PaperIdentifySettings, {"method": "fast", "filter": "consistent"}, OURS),
+        (PaperIdentifySettings, {"method": "fast", "begin": "given"}, BEGIN),
+        (PaperIdentifySettings, {"method": "fast", "filter": "consistent"}, FILTER),
         (PaperIdentifySettings, {"method": "fast", "rates": True}, RATES),
         (PaperIdentifySettings, {"method": "fast", "states": "filtered"}, RATES),
         (PaperIdentifySettings, {"method": "fast", "gains": (0.5, 0.1, 0.05)}, GAINS),

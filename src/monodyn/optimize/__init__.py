@@ -1,6 +1,6 @@
 """General searches for a minimum; nothing here depends on mechanisms."""
 
-from monodyn.optimize.bfgs import bounded_bfgs
+from monodyn.optimize.bfgs import Exhausted, bounded_bfgs
 from monodyn.optimize.bracket import Bracket, Found, golden_section, line_search, swann
 from monodyn.optimize.evolution import evolve
 from monodyn.optimize.lagrangian import augmented_lagrangian
@@ -16,6 +16,7 @@ __all__ = [
     "Bounds",
     "Bracket",
     "DirectSettings",
+    "Exhausted",
     "Found",
     "Minimum",
     "SearchSettings",

@@ -18,6 +18,10 @@ RESTARTS = 5
 """Searches from the best point at most, after the first."""
 
 
+class Exhausted(Exception):
+    """No more evaluations are allowed; residuals or a Jacobian that raise it end the search at its best."""
+
+
 def bounded_bfgs(
     residuals: Callable[[np.ndarray], np.ndarray],
     start: np.ndarray,
@@ -42,8 +46,9 @@ def bounded_bfgs(
             in units of their typical size.
         bounds: Lower and upper bounds, (param,) each or one for all; may be infinite.
         tolerance: Done when the value changes by less than this share of that at the start.
-        most: Evaluations of the residuals at most.
-        jacobian: Gives dr/dx (row, param) in place of differences; counted as one evaluation.
+        most: Evaluations of the residuals at most, Jacobians among them.
+        jacobian: Gives dr/dx (row, param) in place of differences; counted as one evaluation. Where it takes
+            more, who gives it counts them, and raises ``Exhausted`` when too many are spent.
 
     Returns:
         The best point where the residuals exist, with the value 1/2 r.r. A search whose last steps met points
@@ -71,7 +76,7 @@ def bounded_bfgs(
     fit.unit = fit.best[1] or 1.0
     try:
         status = _searches(fit, tolerance)
-    except _Exhausted:
+    except Exhausted:
         status = EXHAUSTED
     x, value = fit.best
     return Minimum(x, value, fit.evaluations, status == REACHED, as_history(fit.history), status)
@@ -89,10 +94,6 @@ def _searches(fit: _Fit, tolerance: float) -> str:
         if before - fit.best[1] <= tolerance * fit.unit:
             break
     return status
-
-
-class _Exhausted(Exception):
-    """The evaluations ran out."""
 
 
 class _Fit:
@@ -115,7 +116,7 @@ class _Fit:
     def evaluate(self, x: np.ndarray) -> np.ndarray | None:
         """Return the residuals at x (param,), (row,), or None where they do not exist."""
         if self.evaluations >= self.most:
-            raise _Exhausted
+            raise Exhausted
         self.evaluations += 1
         try:
             # a copy: a function that changes its argument must not change the point that is kept
@@ -167,6 +168,8 @@ class _Fit:
         if residual is None:
             return np.zeros(len(x))
         if self.jacobian is not None:
+            if self.evaluations >= self.most:
+                raise Exhausted
             self.evaluations += 1
             along = residual @ self.jacobian(x)
             # derivatives overflow before the residuals themselves do

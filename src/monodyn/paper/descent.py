@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from monodyn.estimation.record.smooth import Smoothed
-from monodyn.estimation.shooting.shoot import choose_substeps
-from monodyn.optimize import Minimum
+from monodyn.optimize import Exhausted, Minimum
 from monodyn.paper.fit_bounds import bounded
 from monodyn.paper.fit_starts import LED_STEPS, fit_starts, led
-from monodyn.paper.fixed_start import FixedStart
+from monodyn.paper.fixed_start import FixedStart, Rollouts
 from monodyn.paper.modes import WEAKEST_MODE, modes
 from monodyn.paper.pose_series import PoseSeries
 from monodyn.paper.settings import PaperIdentifySettings
@@ -27,7 +25,7 @@ LONGER_BY = 8
 FOLLOWED_SHARE = 0.5
 """A part under a Fourier series grows as far as the motion is followed within this share of its size."""
 MOST_FOR_A_PART = {"fourier": 800, "free": 2500}
-"""Rollouts for each of those parts, at most."""
+"""Evaluations of residuals or Jacobian for each of those parts, at most."""
 PART_STEPS = {"fourier": 4, "free": LED_STEPS}
 """Integration steps between stamps in those parts."""
 PART_TOLERANCE = 1e-2
@@ -43,11 +41,9 @@ MORE_DAMPING = 5.0
 MOST_TURNS = 10
 """Times that the directions of a search under torques over time are taken anew, at most."""
 GRADIENT_EVALUATIONS = 4
-"""Evaluations of a quasi-Newton search for one of a Gauss-Newton search."""
+"""Gradients of a quasi-Newton search for one evaluation of a Gauss-Newton search."""
 MOST_ROLLOUTS = 20000
-"""Rollouts from all starts, at most."""
-SHOWN_EVERY = 50
-"""Progress is shown each time after this many rollouts."""
+"""Rollouts from all starts after which no step is taken; those that judge the end come on top."""
 CLOSE_SHARE = {"friction": 0.02, "fourier": 0.2, "free": 0.02}
 """A start is good, and no other is tried, when the rms residual is below this share of the motion."""
 
@@ -60,7 +56,7 @@ class Descent:
         fixed: The problem, with the scales and integration steps of the search.
         x: Coordinates, (param,).
         bounds: Lower and upper bounds of the coordinates, (2, param).
-        evaluations: Rollouts from all starts.
+        evaluations: Rollouts of the search from all starts, those of its Jacobians included.
         converged: True when the search reached its minimum.
         tried: Starts that were tried.
         error: Integration error [rad or m].
@@ -93,95 +89,78 @@ def descend(
         fixed: The problem; its scales and integration steps are chosen here.
         smoothed: Smooth motion of each record.
         series: The Fourier series of the poses, or None.
-        settings: Starts, seed, evaluations (each as many rollouts as a gradient takes), error bound.
+        settings: Starts, seed, evaluations (each as many rollouts as forward differences take, several
+            times), error bound.
         progress: Called as ``progress("identify", rollouts, None)`` every few hundred rollouts.
 
     Returns:
         The best end, or None where no start can be simulated.
     """
     close = CLOSE_SHARE[fixed.problem.mechanism.torque] * fixed.problem.data.motion_size
-    best: Descent | None = None
-    evaluations, tried, tick = 0, 0, _ticker(progress)
+    fixed, best, tried = replace(fixed, rollouts=Rollouts(progress)), None, 0
     for x in fit_starts(fixed, smoothed, series, settings):
-        found = _search(fixed, x, smoothed, settings, MOST_ROLLOUTS - evaluations, tick)
+        found = _search(fixed, x, smoothed, settings)
         tried += 1
         if found is not None:
-            evaluations += found.evaluations
             best = found if best is None or found.size < best.size else best
-        if evaluations >= MOST_ROLLOUTS or (found is not None and (_rms(found) < close).all()):
+        near = found is not None and bool((_rms(found) < close).all())
+        if near or fixed.rollouts.spent >= MOST_ROLLOUTS:
             break
-    return None if best is None else replace(best, evaluations=evaluations, tried=tried)
-
-
-def _ticker(progress: Progress | None) -> Callable[[], None]:
-    """Return what counts rollouts and shows every few hundred of them."""
-    count = 0
-
-    def tick() -> None:
-        nonlocal count
-        count += 1
-        if progress is not None and count % SHOWN_EVERY == 0:
-            progress("identify", count, None)
-
-    return tick
+    if best is None:
+        return None
+    # what looks at the end is no part of the search, and is not counted with it
+    ended = replace(best.fixed, rollouts=Rollouts())
+    return replace(best, fixed=ended, evaluations=fixed.rollouts.spent, tried=tried)
 
 
 def _rms(found: Descent) -> np.ndarray:
     """Root mean square of simulated less measured positions in the record's units, (dof,)."""
-    difference = found.fixed.problem.differences(found.fixed.trial(found.x))
+    problem = found.fixed.problem
+    difference = np.where(problem.data.measured, found.fixed.motion(found.x) - problem.data.position, np.nan)
     return np.sqrt(np.nanmean(difference**2, axis=0))
 
 
 def _search(
-    fixed: FixedStart,
-    x: np.ndarray,
-    smoothed: tuple[Smoothed, ...],
-    settings: PaperIdentifySettings,
-    most: int,
-    tick: Callable[[], None],
+    fixed: FixedStart, x: np.ndarray, smoothed: tuple[Smoothed, ...], settings: PaperIdentifySettings
 ) -> Descent | None:
     """Search from one start; again where the end needs more integration steps than the start did."""
     fixed, bounds = bounded(fixed, x, smoothed)
-    x = np.clip(x, *bounds)
-    evaluations, converged = 0, False
-    in_one = GRADIENT_EVALUATIONS * settings.evaluations * (len(x) + 1)
-    if fixed.problem.mechanism.torque != "friction":
-        x, evaluations = _in_parts(fixed, x, bounds, smoothed[0], min(in_one, most // 2), tick)
+    x, rollouts, converged = np.clip(x, *bounds), fixed.rollouts, False
+    in_one, began = GRADIENT_EVALUATIONS * settings.evaluations * (len(x) + 1), fixed.rollouts.spent
+    driven = fixed.problem.mechanism.torque != "friction"
+    if driven:
+        x = _in_parts(fixed, x, bounds, smoothed[0], began + min(in_one, (MOST_ROLLOUTS - began) // 2))
     # the start may move slowly and the end fast: the steps that the end needs are only known there
     error = np.inf
-    for _ in range(3):
-        substeps, error = choose_substeps(fixed.problem, fixed.trial(x), settings.error_bound)
-        if evaluations and substeps <= fixed.substeps:
+    for turn in range(3):
+        substeps, error = fixed.least_substeps(x, settings.error_bound)
+        if (turn or driven) and substeps <= fixed.substeps:
             break
         fixed = replace(fixed, substeps=max(substeps, fixed.substeps))
-        allowed = min(in_one, most - evaluations)
-        if allowed <= len(x):
+        until = min(rollouts.spent + in_one, MOST_ROLLOUTS)
+        if until - rollouts.spent <= len(x):
             break
-        end = _minimum(fixed, x, bounds, allowed, tick)
-        evaluations += end.evaluations
+        end = _minimum(fixed, x, bounds, until)
         if not np.isfinite(end.value):
             return None
         x, converged = end.x, end.converged
-    return Descent(fixed, x, bounds, evaluations, converged, 1, error)
+    return Descent(fixed, x, bounds, rollouts.spent - began, converged, 1, error)
 
 
 def _in_parts(
-    fixed: FixedStart,
-    x: np.ndarray,
-    bounds: np.ndarray,
-    smoothed: Smoothed,
-    most: int,
-    tick: Callable[[], None],
-) -> tuple[np.ndarray, int]:
+    fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, smoothed: Smoothed, until: int
+) -> np.ndarray:
     """Fit torques over time to the first samples, then to more; free ones are led on from where they fit."""
-    rows, evaluations, torque = len(fixed.problem.data.times), 0, fixed.problem.mechanism.torque
+    rows, torque, rollouts = len(fixed.problem.data.times), fixed.problem.mechanism.torque, fixed.rollouts
     fixed, stop = replace(fixed, substeps=PART_STEPS[torque]), LONGER_BY
+    # half of the evaluations are Jacobians, of which each may take many rollouts
+    in_part = MOST_FOR_A_PART[torque] * (1 + fixed.jacobian_rollouts) // 2
     if torque == "fourier":
         # with fewer values than unknowns the search would wander off along what they leave open
         stop = max(stop, int(np.ceil(FIRST_PART * len(x) / fixed.target.shape[1])))
     # the rest of free torques is left to the steps of the whole record; a series is first fitted with few
     last = rows + LONGER_BY if torque == "fourier" else rows - 1
-    while stop < last and evaluations < most:
+    while stop < last and rollouts.spent < until:
         # NaN in the target leaves a row out; torques after it move nothing that is compared
         late = (np.arange(rows) >= stop)[:, None]
         part = replace(fixed, target=np.where(late, np.nan, fixed.target))
@@ -189,16 +168,14 @@ def _in_parts(
             break
         # with the whole record in few steps most of the way is gone before many steps are taken
         whole = stop >= rows
-        allowed = most - evaluations if whole else min(MOST_FOR_A_PART[torque], most - evaluations)
-        end = _minimum(part, x, bounds, allowed, tick, whole=whole)
-        evaluations += end.evaluations
-        x = end.x
+        allowed = until if whole else min(rollouts.spent + in_part, until)
+        x = _minimum(part, x, bounds, allowed, whole=whole).x
         if torque == "free":
             x = np.clip(led(fixed, x, smoothed, stop), *bounds)
         elif whole:
             break
         stop = max(stop + LONGER_BY, _followed(fixed, x) if torque == "fourier" else 0)
-    return x, evaluations
+    return x
 
 
 def _followed(fixed: FixedStart, x: np.ndarray) -> int:
@@ -210,35 +187,31 @@ def _followed(fixed: FixedStart, x: np.ndarray) -> int:
 
 
 def _minimum(
-    fixed: FixedStart,
-    x: np.ndarray,
-    bounds: np.ndarray,
-    most: int,
-    tick: Callable[[], None],
-    *,
-    whole: bool = True,
+    fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, until: int, *, whole: bool = True
 ) -> Minimum:
     """Search within bounds (2, param); under a torque over time in directions taken anew until none gains.
+
+    No step is taken once as many rollouts are spent as ``until`` says.
 
     A search is at a minimum when the step of Gauss and Newton from there gains next to nothing: the solver
     itself cannot tell, because in a long valley its steps end early.
     """
     torque, directions = fixed.problem.mechanism.torque, _directions(fixed, x)
     if torque == "friction":
-        end = _searched(fixed, x, bounds, directions, (most, _tolerance(fixed, x)), tick)
+        end = _searched(fixed, x, bounds, directions, (until, _tolerance(fixed, x)))
         near = np.isfinite(end.value) and _gain(fixed, end.x, bounds, directions) < SHORT_SHARE
         return replace(end, converged=end.converged and bool(near))
-    spent, turns, damping = 1, 0, 1.0
+    turns, damping = 0, 1.0
     while True:
         limit = PART_TOLERANCE if torque == "fourier" and not whole else _tolerance(fixed, x)
-        end = _searched(fixed, x, bounds, directions, (max(most - spent, len(x) + 2), limit), tick)
+        end = _searched(fixed, x, bounds, directions, (until, limit))
         before, after = (float(np.sum(fixed.residuals(at) ** 2)) for at in (x, end.x))
         # steps along weak modes are long, and where they leave what is linear they gain nothing: damp them
         damping = 1.0 if after < (1.0 - PART_TOLERANCE) * before else damping * MORE_DAMPING
-        spent, turns, x = spent + end.evaluations + 1, turns + 1, end.x
+        turns, x = turns + 1, end.x
         near = _gain(fixed, x, bounds, _directions(fixed, x)) < PART_TOLERANCE
-        if near or turns >= MOST_TURNS or spent >= most:
-            return replace(end, evaluations=spent, converged=near)
+        if near or turns >= MOST_TURNS or fixed.rollouts.spent >= until:
+            return replace(end, converged=near)
         directions = _directions(fixed, x, damping)
 
 
@@ -248,15 +221,16 @@ def _searched(
     bounds: np.ndarray,
     directions: np.ndarray,
     limits: tuple[int, float],
-    tick: Callable[[], None],
 ) -> Minimum:
     """Search once by the paper's solver, along directions (param, param) from ``x``.
+
+    ``limits`` are the rollouts of the whole search after which it ends, and the tolerance.
 
     Directions of torques are combinations of them, whose bounds are kept by the penalty.
     """
     from monodyn.optimize import bounded_bfgs
 
-    turned, most, tolerance = fixed.problem.unknowns.of_kind("torque"), *limits
+    turned, until, tolerance = fixed.problem.unknowns.of_kind("torque"), *limits
     lengths = np.where(turned, 1.0, np.diag(directions))
     low, high = (
         np.where(turned, side, (end - x) / lengths)
@@ -267,13 +241,21 @@ def _searched(
     # how far it is beyond is one more residual, so that the search finds its way back.
     weight = float(np.linalg.norm(fixed.residuals(x))) / fixed.scale[turned]
 
+    rollouts = fixed.rollouts
+    # the start itself is always looked at
+    until = max(until, rollouts.spent + 1)
+
     def residuals(z: np.ndarray) -> np.ndarray:
-        tick()
         at = x + directions @ z
         within = np.clip(at, *bounds)
+        if rollouts.spent >= until:
+            raise Exhausted
         return np.append(fixed.residuals(within), weight * (at - within)[turned])
 
     def slopes(z: np.ndarray) -> np.ndarray:
+        # by differences a Jacobian takes many rollouts, of which the solver knows nothing
+        if rollouts.spent + fixed.jacobian_rollouts > until:
+            raise Exhausted
         at = x + directions @ z
         within = np.clip(at, *bounds)
         outside = turned & (at != within)
@@ -282,7 +264,7 @@ def _searched(
         return np.concatenate((along, beyond))
 
     end = bounded_bfgs(
-        residuals, np.zeros(len(x)), (low, high), most=most, tolerance=tolerance,
+        residuals, np.zeros(len(x)), (low, high), most=until - rollouts.spent, tolerance=tolerance,
         jacobian=slopes if turned.any() else None,
     )  # fmt: skip
     # rounding in and out of the scaled coordinates must not take an unknown off its bound
@@ -304,12 +286,16 @@ def _directions(fixed: FixedStart, x: np.ndarray, damping: float = 1.0) -> np.nd
 
 def _gain(fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, directions: np.ndarray) -> float:
     """Share of the cost, or of the noise's, by which a step of Gauss and Newton would lower it."""
-    residuals = fixed.residuals(x).ravel()
-    along = fixed.jacobian(x).reshape(-1, len(x)) @ directions
-    slope, single = along.T @ residuals, ~fixed.problem.unknowns.of_kind("torque")
-    # an unknown at a bound from which the cost falls outward stays there
-    held = single & np.where(slope > 0, x <= bounds[0], x >= bounds[1])
-    along = along[:, ~held]
+    residuals, turned = fixed.residuals(x).ravel(), fixed.problem.unknowns.of_kind("torque")
+    along = fixed.jacobian(x).reshape(-1, len(x))
+
+    def held(slope: np.ndarray) -> np.ndarray:
+        # an unknown at a bound from which the cost falls outward stays there
+        return np.where(slope > 0, x <= bounds[0], x >= bounds[1])
+
+    # a direction combines many torques: those that are held do not move along it, the others do
+    along = along @ (directions * ~(turned & held(along.T @ residuals))[:, None])
+    along = along[:, turned | ~held(along.T @ residuals)]
     # directions of hardly any effect would take the step far out of where it is linear
     left, sizes, _ = np.linalg.svd(along, full_matrices=False)
     taken = left[:, sizes > LEAST_EFFECT * sizes.max(initial=0.0)].T @ residuals

@@ -131,6 +131,7 @@ def led(fixed: FixedStart, x: np.ndarray, smoothed: Smoothed, first: int = 0) ->
     rate, (q, v) = LEAD_RATE / np.median(np.diff(times)), np.split(fixed.states(x)[0], 2)
     # the error obeys e'' + 2 r e' + r^2 e = 0: it dies out without overshoot, in a few time steps
     off, x = np.zeros_like(q), x.copy()
+    fixed.rollouts.add()
     for k in range(len(times)):
         if k >= first:
             goal = (wanted[0][k], wanted[1][k], wanted[2][k] + off)

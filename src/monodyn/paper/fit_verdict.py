@@ -12,6 +12,7 @@ from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.estimation.wording import amount, amounts, listed, percent
 from monodyn.paper.descent import Descent
 from monodyn.paper.filter import Gains
+from monodyn.paper.fit_bounds import centred
 from monodyn.paper.fixed_start import FixedStart
 from monodyn.paper.settings import PAPER_GAINS, PaperIdentifySettings
 from monodyn.paper.torque_model import TorqueModel
@@ -129,9 +130,9 @@ def published_advice(
     if settings.torque != "free":
         sentences += advice.open_parameters(mechanism, bodies, without_effect)
         sentences += advice.few(fixed.compared, len(problem.unknowns))
-    edge = _at_reach(found, kinds)
-    sentences += edge
-    sentences += advice.bounds([p for p in bodies if not any(p.name in line for line in edge)])
+    edge = _at_reach(found)
+    sentences += _beyond_reach(found, edge)
+    sentences += advice.bounds([p for p in bodies if p.name not in edge])
     sentences += advice.limits(mechanism, problem.simulated(fixed.trial(found.x)))
     if settings.torque != "free":
         sentences += advice.clock(mechanism, fit.parameters)
@@ -176,22 +177,29 @@ def _misfit(found: Descent, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     return sentences
 
 
-def _at_reach(found: Descent, kinds: dict[str, str]) -> list[str]:
-    """Name the sizes that ended where the search itself is bounded, and not at a bound of the user."""
+def _at_reach(found: Descent) -> dict[str, int]:
+    """Sizes that ended where the search itself is bounded, and not at a bound of the user, by place."""
     unknowns, x, (low, high) = found.fixed.problem.unknowns, found.x, found.bounds
     near = 1e-6 * found.fixed.scale
     at_low = (x <= low + near) & (low > unknowns.lower + near)
     at_high = (x >= high - near) & (high < unknowns.upper - near)
-    names = [
-        name
-        for name, edge in zip(unknowns.names, at_low | at_high, strict=True)
-        if edge and kinds[name] in ("length", "thickness")
-    ]
-    if not names:
+    sized = unknowns.log & (unknowns.of_kind("length") | unknowns.of_kind("thickness"))
+    return {unknowns.names[p]: int(p) for p in np.flatnonzero((at_low | at_high) & sized)}
+
+
+def _beyond_reach(found: Descent, edge: dict[str, int]) -> list[str]:
+    """Report the sizes of ``_at_reach``, each with its bound."""
+    if not edge:
         return []
+    reach = centred(found.fixed, found.x)[1]
+    ends = []
+    for name, p in edge.items():
+        above = found.x[p] > 0.5 * found.bounds[:, p].sum()
+        factor = f"{np.exp(reach[p]):.3g} times" if above else f"1/{np.exp(reach[p]):.3g} of"
+        ends.append(f"{name} at {np.exp(found.x[p]):.3g} m, {factor} its start value")
     return [
-        f"{listed(names)} ended where the search is bounded, a factor from the start value: the true value "
-        "may lie beyond; give a nearer one in the mechanism file."
+        f"The search ended at its own bounds: {'; '.join(ends)}; the truth may lie beyond: give nearer "
+        "values in the mechanism file."
     ]
 
 
@@ -212,10 +220,13 @@ def _period(model: TorqueModel) -> list[str]:
 def _filtering(settings: PaperIdentifySettings) -> list[str]:
     """Report what the gains do, where they are not the usual ones or ring."""
     used = settings.rates or settings.states == "filtered"
-    if not used and tuple(settings.gains) != PAPER_GAINS:
+    idle = ["The gains"] if tuple(settings.gains) != PAPER_GAINS else []
+    idle += [f"--identify.filter {settings.filter}"] if settings.filter != "printed" else []
+    if not used and idle:
+        verb = "have" if "The gains" in idle else "has"
         return [
-            "The gains have no effect on this fit: measured angles are compared, and the start state is the "
-            "parabola through the first three samples."
+            f"{' and '.join(idle)} {verb} no effect on this fit: measured angles are compared, and the start "
+            "state is the parabola through the first three samples."
         ]
     # the paper's own gains lie on the edge, where errors neither grow nor die out
     gains = Gains.of(settings.gains, settings.filter)

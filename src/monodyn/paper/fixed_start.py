@@ -6,20 +6,45 @@ one rollout.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.shoot import MOST_SHOOTING_STEPS, choose_substeps
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.paper.filter import Filtered
+from monodyn.types import Progress
 
 JACOBIAN_STEP = 1e-6
 """Step of the differences for Jacobians, in scales of the unknowns; of start states in their units."""
 SINGULAR = 1e-10
 """Eigenvalues of a covariance count as at least this share of the largest."""
+SHOWN_EVERY = 50
+"""Progress is shown each time after this many rollouts."""
+
+
+class Rollouts:
+    """Counts the rollouts of a search: simulated motions of all records, with or without derivatives.
+
+    Attributes:
+        spent: Rollouts so far.
+    """
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        self.spent, self._progress = 0, progress
+
+    def add(self, count: int = 1) -> None:
+        """Count rollouts, and show every few of them.
+
+        Args:
+            count: How many.
+        """
+        before, self.spent = self.spent, self.spent + count
+        if self._progress is not None and before // SHOWN_EVERY < self.spent // SHOWN_EVERY:
+            self._progress("identify", self.spent, None)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,6 +62,7 @@ class FixedStart:
         response: The filter of each record, each (frame, 2, dof, frame); none to compare measured angles
             alone. With rates the simulated positions go through it as the measured ones did.
         filtered: True to compare filtered angles, False for measured ones.
+        rollouts: Counts every simulated motion; one for all problems of a search.
     """
 
     problem: Problem
@@ -47,6 +73,7 @@ class FixedStart:
     substeps: int
     response: tuple[np.ndarray, ...] = ()
     filtered: bool = False
+    rollouts: Rollouts = field(default_factory=Rollouts)
 
     @property
     def compared(self) -> int:
@@ -98,6 +125,7 @@ class FixedStart:
         Returns:
             Positions in the records' units [rad or m], (row, dof).
         """
+        self.rollouts.add()
         q, data = self.problem.simulated(self.trial(x)), self.problem.data
         if not data.slide.any():
             return q
@@ -127,13 +155,39 @@ class FixedStart:
         Returns:
             The Jacobian, (row, column, param).
         """
-        # start states of slides in the start scale move with the sizes, which the tangents do not contain
-        if self.white is not None or self.problem.data.slide.any():
+        if self._by_differences:
             return self.differences(x)
+        self.rollouts.add()
         compared = np.isfinite(self.target)
         plain = np.eye(self.target.shape[1]) * compared[:, :, None]
         problem = self.problem.with_data(replace(self.problem.data, white=plain))
         return problem.rows(self.trial(x))[1][:, :, : len(x)]
+
+    @property
+    def _by_differences(self) -> bool:
+        """True where the tangents along a rollout are not the whole Jacobian."""
+        # start states of slides in the start scale move with the sizes, which the tangents do not contain
+        return self.white is not None or bool(self.problem.data.slide.any())
+
+    @property
+    def jacobian_rollouts(self) -> int:
+        """Rollouts that a Jacobian takes, at most: one with derivatives, or two for each unknown."""
+        return 2 * len(self.problem.unknowns) if self._by_differences else 1
+
+    def least_substeps(self, x: np.ndarray, error_bound: float) -> tuple[int, float]:
+        """Choose the integration steps between stamps by doubling them until the motion no longer changes.
+
+        Args:
+            x: Coordinates, (param,).
+            error_bound: Largest error [rad or m].
+
+        Returns:
+            The number, and the largest error with it [rad or m].
+        """
+        substeps, error = choose_substeps(self.problem, self.trial(x), error_bound)
+        # one motion with each power of two, up to twice the number that is chosen
+        self.rollouts.add(min(substeps.bit_length() + 1, MOST_SHOOTING_STEPS.bit_length()))
+        return substeps, error
 
     def differences(self, x: np.ndarray) -> np.ndarray:
         """Differentiate ``residuals`` by the unknowns, by central differences within their bounds.

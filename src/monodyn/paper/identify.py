@@ -6,8 +6,9 @@ takes no sizes from a picture, and searches with BFGS and an active set. Where t
 * Bodies keep their aspect ratio. Case II takes its period from the poses, eq. (10), and holds it. Its series
   has 7 harmonics unless the user sets another number, and stands for the friction too: 4 + 2 s_1 + 2 s_2 + 2
   = 34 unknowns for two links. The paper counts 36 and does not say which: with the dampings of Case I (our
-  ``with-friction``), with a period for each joint, with omega and a phase, or with both coefficients of j = 0
-  to 7 for both joints, 32 + 4. Free torques are linear between time stamps; 2 k + 4 unknowns for two links.
+  ``with-friction``), with a period for each joint, with omega and a phase, with both coefficients of j = 0
+  to 7 for both joints, 32 + 4, or with two values of the start state. Free torques are linear between time
+  stamps; 2 k + 4 unknowns for two links.
 * The start state of each record is the filtered one, eq. (6), at its first sample: the parabola through the
   first three samples, before any correction, so that the gains count only with filtered states or rates.
 * Bounds are a factor of ten about the sizes of file or picture, lengths in the common scale of the start (a
@@ -67,7 +68,9 @@ def identify_published(
 
     Returns:
         The identified mechanism; ``ok`` is False, with the reason as its status, where it does not follow the
-        record or nothing could be identified. ``evaluations`` counts rollouts.
+        record or nothing could be identified. ``evaluations`` counts rollouts, each
+        a simulated motion of all records, with or without derivatives; by differences a Jacobian takes two
+        for each unknown.
 
     Source:
         Eq. (9), (13) and (14) of "Estimating dynamics on-the-fly using monocular video", 2012.

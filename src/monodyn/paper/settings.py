@@ -94,11 +94,13 @@ class PaperIdentifySettings(IdentifySettings):
         check_choice("identify.states", self.states, ("measured", "filtered"))
         check_choice("identify.filter", self.filter, ("printed", "consistent"))
         check_choice("identify.begin", self.begin, ("matched", "given"))
-        if self.method == "fast" and (self.filter != "printed" or self.begin != "matched"):
-            raise SettingsError(
-                "identify.filter, identify.begin: expected them with --identify.method paper alone; add it, "
-                "or leave them out."
-            )
+        if self.method == "fast":
+            for name, given, usual in (("filter", self.filter, "printed"), ("begin", self.begin, "matched")):
+                if given != usual:
+                    raise SettingsError(
+                        f"identify.{name}: expected '{usual}' with the fast method, got '{given}'; it "
+                        "belongs to identify.method paper."
+                    )
         if self.method == "fast" and (self.rates or self.states == "filtered"):
             raise SettingsError(
                 "identify.rates, identify.states: rates and filtered states belong to --identify.method "

@@ -93,6 +93,9 @@ def inverse_dynamics(
 ) -> np.ndarray:
     """Compute the torques that a motion needs, H(theta) a + C(theta, rate) rate + g(theta).
 
+    ``torque.inverse_dynamics`` does it for any mechanism, and is what the identification calls; this is the
+    closed form of two links, to read and to check it by.
+
     Args:
         pendulum: The pendulum.
         theta: Joint angles [rad], (..., 2).
