@@ -157,6 +157,24 @@ def test_a_mechanism_that_does_not_fit_its_silhouette_is_said(small: Masks, defa
     )
 
 
+def test_another_mechanism_is_refused(small: Masks) -> None:
+    """One link cannot be two: more than half of the silhouette stays uncovered, or is not there."""
+    both = {"method": "paper"}
+    with pytest.raises(VideoError) as refused:
+        monodyn.locate(
+            small,
+            monodyn.load("single"),
+            monodyn.LocateSettings(**both),
+            camera=monodyn.CameraSettings(**both),
+        )
+    share = str(refused.value).partition("by ")[2].partition("%")[0]
+    assert 50 < int(share) < 200
+    assert str(refused.value) == (
+        f"{small.video.path}: expected a silhouette of the mechanism in frame 0, found one that differs from "
+        f"the drawn mechanism by {share}% of its area; check the mechanism file, or use the default method."
+    )
+
+
 def test_a_level_above_every_difference_is_refused(small: Masks) -> None:
     with refuses(
         VideoError,

@@ -18,6 +18,9 @@ from monodyn.vision.settings import LocateSettings, TrackSettings
 from support import refuses
 
 GAINS = "identify.gains: the filter belongs to --identify.method paper; add it."
+LIMITS = (
+    "track.move_share, track.adaptive: move limits belong to track.method paper; add it, or leave them out."
+)
 RATES = (
     "identify.rates, identify.states: rates and filtered states belong to --identify.method paper; the fast "
     "method weighs the measured positions with their covariance."
@@ -58,6 +61,13 @@ FILTER = (
             {"framework": "loose"},
             "locate.framework: expected one of 'strict', 'interleaved', got 'loose'.",
         ),
+        (
+            PaperLocateSettings,
+            {"method": "fast", "level": 30.0},
+            "locate.level: expected 0 with the fast method, got 30; it belongs to locate.method paper.",
+        ),
+        (PaperTrackSettings, {"method": "fast", "move_share": 0.2}, LIMITS),
+        (PaperTrackSettings, {"method": "fast", "adaptive": False}, LIMITS),
         (PaperLocateSettings, {"level": 255.0}, "locate.level: expected 0 to 255 grey levels, got 255."),
         (PaperTrackSettings, {"move_share": 0.0}, "track.move_share: expected 0.001 to 0.5, got 0.0."),
         (

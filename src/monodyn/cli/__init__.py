@@ -58,6 +58,12 @@ def _main(words: list[str]) -> int:
     except KeyboardInterrupt as stop:
         _fail(f"interrupted; {stop.args[0] if stop.args else 'nothing was written.'}")
         return 130
+    except SystemError as error:
+        # numba reports a stop in the middle of loading a kernel so
+        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+            raise
+        _fail("interrupted; nothing was written.")
+        return 130
     except FitError as error:
         _fail(str(error))
         return 1

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from monodyn.errors import VideoError
 from monodyn.mechanism import Measured
 from monodyn.paper.ambiguity import (
     ACCEPTED,
@@ -87,6 +88,9 @@ def locate_published(
 
     Returns:
         The scene; where the silhouettes were used up, the best so far with advice.
+
+    Raises:
+        VideoError: the drawn mechanism is not that in the picture.
     """
     first, budget = next(iter(masks.video.frames())), DrawingBudget(most, progress)
     silhouettes = ClipSilhouettes(masks, settings.level)
@@ -108,6 +112,13 @@ def locate_published(
         view, _, drawings = pose_by_beam(shown.image, view)
     budget.step(drawings)
     scene = _scene(model, silhouettes, shown, view, best.history, budget.drawn)
+    share = scene.mismatch_px2 / shown.image.area
+    if share > MISREAD:
+        raise VideoError(
+            f"{masks.video.path}: expected a silhouette of the mechanism in frame {shown.frame.index}, found "
+            f"one that differs from the drawn mechanism by {share:.0%} of its area; check the mechanism "
+            f"file, or use the default method.{_because(silhouettes)}"
+        )
     return replace(scene, advice=(*_cut_short(budget), *scene.advice))
 
 
@@ -191,6 +202,12 @@ def size_ratios(view: ModelView, model: StartModel) -> Measured:
         # remains is the information on ratios with the common scale eliminated
         information = information - np.outer(known, known) / known.sum()
     return Measured(names, information)
+
+
+def _because(silhouettes: ClipSilhouettes) -> str:
+    """Return the assumptions that the clip disproves as the end of a sentence, or nothing."""
+    sentences = failed_advice(silhouettes)
+    return f" {' '.join(sentences)}" if sentences else ""
 
 
 def _cut_short(budget: DrawingBudget) -> tuple[str, ...]:

@@ -13,6 +13,9 @@ from monodyn.vision.settings import LocateSettings, TrackSettings
 PAPER_GAINS = (0.4, 0.1, 0.05)
 """Gains of the filter in the paper's Figure 3."""
 
+USUAL_MOVE_SHARE = 0.1
+"""Move limits to either side, as a share of a joint's range, where the user does not say."""
+
 
 @dataclass(frozen=True)
 class PaperLocateSettings(LocateSettings):
@@ -44,6 +47,11 @@ class PaperLocateSettings(LocateSettings):
                 f"locate.framework: expected 'strict' with the fast method, got '{self.framework}'; it "
                 "belongs to locate.method paper."
             )
+        if self.method == "fast" and self.level != 0.0:
+            raise SettingsError(
+                f"locate.level: expected 0 with the fast method, got {self.level:g}; it belongs to "
+                "locate.method paper."
+            )
         if not 0.0 <= self.level < 255.0:
             raise SettingsError(f"locate.level: expected 0 to 255 grey levels, got {self.level:g}.")
 
@@ -59,11 +67,16 @@ class PaperTrackSettings(TrackSettings):
             are slow; off: a fixed share of the range about the last pose.
     """
 
-    move_share: float = 0.1
+    move_share: float = USUAL_MOVE_SHARE
     adaptive: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.method == "fast" and (self.move_share != USUAL_MOVE_SHARE or not self.adaptive):
+            raise SettingsError(
+                "track.move_share, track.adaptive: move limits belong to track.method paper; add it, or "
+                "leave them out."
+            )
         if not 1e-3 <= self.move_share <= 0.5:
             raise SettingsError(f"track.move_share: expected 0.001 to 0.5, got {self.move_share}.")
 

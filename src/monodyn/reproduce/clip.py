@@ -353,7 +353,7 @@ class _Film:
 
         # with the tree of macroblocks x264 does not write the same file twice
         options = {"preset": "medium", "crf": str(settings.quality), "x264-params": "mbtree=0"}
-        self.container = av.open(str(path), "w", format="mp4", options={"movflags": "faststart"})
+        self.container = av.open(str(path.absolute()), "w", format="mp4", options={"movflags": "faststart"})
         self.stream: Any = self.container.add_stream("libx264", rate=settings.rate, options=options)
         self.stream.width, self.stream.height = settings.camera.width, settings.camera.height
         self.stream.pix_fmt = "yuv420p"
