@@ -73,6 +73,27 @@ def test_a_period_that_is_bounded():
     fit = identify_published([poses], start, settings)
     assert 1.8 <= fit.mechanism.values["torque.period"] <= 2.5
     assert "torque.period" not in fit.names
+    assert not any("is a bound" in line for line in fit.advice)
+    # the motion repeats after some 1.1 s
+    start = load("double").with_torque("fourier", terms=1, period=1.0)
+    start = start.with_choices(bounds={"torque.period": (0.8, 1.05)})
+    fit = identify_published([poses], start, settings)
+    assert any("is a bound of torque.period" in line for line in fit.advice)
+
+
+@pytest.mark.parametrize("bounds", [(1e-9, 1e-8), (20.0, 30.0)])
+def test_bounds_that_leave_no_period(bounds):
+    """Four samples of a thirtieth of a second, and twice the record of 149/30 s."""
+    _, poses = fourier_truth(np.arange(150) / 30.0)
+    start = load("double").with_torque("fourier", terms=1, period=bounds[0])
+    start = start.with_choices(bounds={"torque.period": bounds})
+    fit = identify_published([poses], start, replace(PAPER, torque="fourier", terms=1))
+    assert not fit.ok
+    assert fit.status == (
+        f"torque.period: {bounds[0]:.4g} to {bounds[1]:.4g} s leave no period that the poses can show; "
+        "expected bounds that reach into 0.1333 to 9.933 s; widen them with --bounds, or give the period "
+        "with --fix torque.period=SECONDS."
+    )
 
 
 def test_less_than_a_period_is_fitted_all_the_same():

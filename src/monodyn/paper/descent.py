@@ -289,6 +289,9 @@ def _directions(fixed: FixedStart, x: np.ndarray, damping: float = 1.0) -> np.nd
     if not turned.any():
         return np.diag(fixed.scale)
     along = fixed.jacobian(x).reshape(-1, len(x)) * fixed.scale
+    # without an effect, or where the motion overflows, torques have no modes to take
+    if not (np.isfinite(along).all() and along[:, turned].any()):
+        return np.diag(fixed.scale)
     weakest = min(damping * WEAKEST_MODE[fixed.problem.mechanism.torque], 1.0)
     return fixed.scale[:, None] * modes(along, turned, weakest)
 
@@ -297,6 +300,8 @@ def _gain(fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, directions: np.n
     """Share of the cost, or of the noise's, by which a step of Gauss and Newton would lower it."""
     residuals, turned = fixed.residuals(x).ravel(), fixed.problem.unknowns.of_kind("torque")
     along = fixed.jacobian(x).reshape(-1, len(x))
+    if not (np.isfinite(along).all() and np.isfinite(residuals).all()):
+        return np.inf
 
     def held(slope: np.ndarray) -> np.ndarray:
         # an unknown at a bound from which the cost falls outward stays there

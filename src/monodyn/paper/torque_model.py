@@ -84,8 +84,8 @@ def _periodic(mechanism: Mechanism, terms: int, data: Data) -> TorqueModel:
     if not known and (bounds[1] < shortest or bounds[0] > longest):
         reason = (
             f"torque.period: {bounds[0]:.4g} to {bounds[1]:.4g} s leave no period that the poses can show; "
-            f"expected bounds that reach into {shortest:.4g} to {longest:.4g} s; widen them with --bounds, or "
-            "give the period with --fix torque.period=SECONDS."
+            f"expected bounds that reach into {shortest:.4g} to {longest:.4g} s; widen them with --bounds, "
+            "or give the period with --fix torque.period=SECONDS."
         )
         return TorqueModel(posed(_of_period(mechanism, terms), data), reason)
     series = pose_series(times, position, noise, bounds)
