@@ -228,11 +228,12 @@ def test_torques_without_effect_have_no_modes(monkeypatch):
     assert descent._gain(fixed, x, np.stack((x - 1.0, x + 1.0)), np.diag(fixed.scale)) == np.inf
 
 
-@pytest.mark.parametrize(("evaluations", "spent"), [(1, True), (1000, False)])
-def test_what_ends_the_search(evaluations, spent):
-    """One evaluation ends it; a thousand are as many as any."""
+@pytest.mark.parametrize(("gradients", "spent"), [(1, True), (1000, False)])
+def test_what_ends_the_search(monkeypatch, gradients, spent):
+    """Five gradients end it; five thousand are as many as any."""
+    monkeypatch.setattr(descent, "GRADIENT_EVALUATIONS", gradients)
     fixed, smoothed, _ = swing(frames=40)
     fixed = replace(fixed, start=fixed.start + 0.3)
-    found = descent.descend(fixed, smoothed, None, replace(GIVEN, evaluations=evaluations))
+    found = descent.descend(fixed, smoothed, None, GIVEN)
     assert found is not None
     assert found.spent == spent

@@ -154,7 +154,7 @@ def test_without_intervals_there_are_none(tmp_path):
     assert fit.parameter("link1.mass").std == np.inf
     assert np.isinf(torques(fit, poses.time).std).all()
     assert np.isinf(fill(fit, poses.time).std).all()
-    report(fit, poses, tmp_path)
+    report(fit, poses=poses, to=tmp_path, force=True)
     page = (tmp_path / "report.html").read_text()
     assert "What acts at the joints, any friction included, in proportion" in page
     assert "95 % band" not in page
