@@ -216,3 +216,24 @@ def test_a_turn_that_gains_nothing_damps_the_next(monkeypatch):
     factor = descent.MORE_DAMPING
     assert dampings == [factor, factor**2, 1.0, factor]
     assert end.converged
+
+
+def test_torques_without_effect_have_no_modes(monkeypatch):
+    fixed, _, x = swing("fourier")
+    for slope in (0.0, np.nan):
+        monkeypatch.setattr(
+            FixedStart, "jacobian", lambda self, x, slope=slope: np.full((12, 1, len(x)), slope)
+        )
+        np.testing.assert_array_equal(descent._directions(fixed, x), np.diag(fixed.scale))
+    assert descent._gain(fixed, x, np.stack((x - 1.0, x + 1.0)), np.diag(fixed.scale)) == np.inf
+
+
+@pytest.mark.parametrize(("gradients", "spent"), [(1, True), (1000, False)])
+def test_what_ends_the_search(monkeypatch, gradients, spent):
+    """Five gradients end it; five thousand are as many as any."""
+    monkeypatch.setattr(descent, "GRADIENT_EVALUATIONS", gradients)
+    fixed, smoothed, _ = swing(frames=40)
+    fixed = replace(fixed, start=fixed.start + 0.3)
+    found = descent.descend(fixed, smoothed, None, GIVEN)
+    assert found is not None
+    assert found.spent == spent

@@ -9,7 +9,7 @@ from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.shooting.problem import posed
 from monodyn.mechanism import load
 from monodyn.mechanism.tree import DAMPING, INERTIA, MASS
-from monodyn.paper.fit_starts import fit_starts, required
+from monodyn.paper.fit_starts import fit_starts, led, required
 from monodyn.paper.fixed_start import FixedStart
 from monodyn.paper.pose_series import PoseSeries
 from swings import TIMES, record
@@ -80,3 +80,23 @@ def test_given_starts_leave_the_sizes_under_a_torque():
         turned = fixed.problem.unknowns.of_kind("torque")
         np.testing.assert_array_equal(only[~turned], fixed.problem.unknowns.x0[~turned])
         assert only[turned].any()
+
+
+def test_a_start_that_diverges_gives_way_to_the_file(monkeypatch):
+    """With damping that the integration steps cannot hold the led motion leaves all bounds."""
+    fixed, smoothed = cosine("free")
+    x0, damping = fixed.problem.unknowns.x0, fixed.problem.unknowns.of_kind("damping")
+    stiff = np.where(damping, 1e4, x0)
+    assert led(fixed, stiff, smoothed[0]) is None
+    monkeypatch.setattr("monodyn.paper.fit_starts.starts", lambda *given: iter([(stiff[:3], 0.0)]))
+    settings = replace(PAPER, torque="free")
+    (only,) = fit_starts(fixed, smoothed, None, settings)
+    np.testing.assert_array_equal(only, led(fixed, x0, smoothed[0]))
+    monkeypatch.setattr("monodyn.paper.fit_starts.led", lambda *given: None)
+    assert list(fit_starts(fixed, smoothed, None, settings)) == []
+
+
+def test_poses_beyond_all_sense_are_no_start():
+    fixed, _ = cosine("fourier")
+    wild = replace(SERIES, coefficients=1e150 * SERIES.coefficients)
+    assert required(fixed, fixed.problem.unknowns.x0, wild) is None

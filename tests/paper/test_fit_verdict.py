@@ -22,7 +22,7 @@ SWING = 0.5
 """Amplitude of the measured motion [rad]."""
 
 
-def ended(torque="friction", *, frames=40, compared=None, converged=True, tried=1, error=0.0):
+def ended(torque="friction", *, frames=40, compared=None, converged=True, tried=1, error=0.0, spent=True):
     """Return where a search of a single pendulum ended that follows a swing of standard deviation one."""
     single = load("single").with_torque(torque, terms=1, period=1.0, knots=TIMES[:frames])
     position = motion(load("single"), TIMES[:frames], [SWING], [0.0])
@@ -34,7 +34,7 @@ def ended(torque="friction", *, frames=40, compared=None, converged=True, tried=
         problem=problem, start=np.array([[SWING, 0.0]]), target=target, white=None, scale=np.ones(len(x)),
         substeps=4,
     )  # fmt: skip
-    return Descent(fixed, x, np.stack((x - 1.0, x + 1.0)), 100, converged, tried, error), poses
+    return Descent(fixed, x, np.stack((x - 1.0, x + 1.0)), 100, converged, tried, error, spent), poses
 
 
 SERIES = PoseSeries(1.234567, 1.23, np.zeros((3, 1)), (1,), 0.0)
@@ -75,6 +75,11 @@ def fit_with(found, poses, rms) -> Fit:
             0.1, {"converged": False}, None,
             "The search ended before its minimum: rms residual of joint1 {amount}, 10 % of its motion; allow "
             "more with --identify.evaluations, or try --identify.method fast.",
+        ),
+        (
+            0.1, {"converged": False, "spent": False}, None,
+            "The search ended before its minimum: rms residual of joint1 {amount}, 10 % of its motion; fix "
+            "parameters, give more frames, or try --identify.method fast.",
         ),
     ],
 )  # fmt: skip
@@ -139,8 +144,9 @@ def test_advice_of_a_search_that_misses_and_stops_early():
         "The period of 1.235 s is that of the poses, held in the fit.",
         "The frames hold 1.2 periods, and its estimate requires multiple ones; give more frames, or the "
         "period with --fix torque.period=SECONDS.",
-        "With these gains the filtered states ring and errors do not die out; take a gamma below 0.05 with "
-        "--identify.gains, or --identify.filter consistent.",
+        "With these gains, the paper's own, the filtered states ring and errors do not die out; take a gamma "
+        "below 0.05 with --identify.gains, or the other reading of eq. (6) with --identify.filter "
+        "consistent.",
         "11 measured positions are few for 3 unknowns; more frames give smaller intervals.",
         "The search ended before the minimum was certain; allow more with --identify.evaluations.",
         "2 starts were tried; the best of them is reported.",
@@ -213,4 +219,44 @@ def test_advice_of_given_starts_and_of_bounds_of_the_search():
         "From the given start values the search ended short of a minimum; --identify.begin matched starts "
         "nearer.",
         "The search ended before the minimum was certain; allow more with --identify.evaluations.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("torque", "instead"),
+    [
+        ("friction", "fix parameters or give more frames"),
+        ("fourier", "take fewer harmonics with --identify.terms or give more frames"),
+        ("free", "fit fewer frames"),
+    ],
+)
+def test_more_evaluations_are_advised_where_they_ended_the_search_alone(torque, instead):
+    flat = (
+        "The search ended before the minimum was certain, and more evaluations would not take it further; "
+        f"{instead}."
+    )
+    short = "The search ended before the minimum was certain; allow more with --identify.evaluations."
+    for spent, last in ((False, flat), (True, short)):
+        found, poses = ended(torque, converged=False, spent=spent)
+        fit, settings = fit_with(found, poses, 1e-4), replace(PAPER, torque=torque)
+        advice = published_advice(found, of_series(found), fit, (poses,), settings, ())
+        assert advice[-1] == last
+        assert (flat in advice, short in advice) == (not spent, spent)
+
+
+def test_gains_of_the_user_that_ring():
+    found, poses = ended()
+    fit, settings = fit_with(found, poses, 1e-4), replace(PAPER, states="filtered", gains=(0.5, 0.1, 0.1))
+    assert published_advice(found, of_series(found), fit, (poses,), settings, ()) == (
+        "With these gains the filtered states ring and errors do not die out; take a gamma below 0.0667 with "
+        "--identify.gains, or the other reading of eq. (6) with --identify.filter consistent.",
+    )
+
+
+def test_a_period_at_its_bound():
+    found, poses = ended()
+    model = replace(of_series(found, replace(SERIES, periods=3.0)), bounded=True)
+    assert published_advice(found, model, fit_with(found, poses, 1e-4), (poses,), PAPER, ()) == (
+        "The period of 1.235 s, held in the fit, is a bound of torque.period: that of the poses may lie "
+        "beyond; widen it with --bounds.",
     )

@@ -8,9 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monodyn.estimation.verdict.summary import UNSTARTED
 from monodyn.mechanism import load
 from monodyn.paper.identify import identify_published
+from monodyn.results.fill import fill
 from monodyn.results.predict import predict
+from monodyn.results.report import report
+from monodyn.results.torques import torques
 from swings import TIMES, double_truth, motion, record
 from waves import PAPER, SMALL, fourier_truth
 
@@ -124,6 +128,36 @@ def test_gains_without_effect_and_ringing():
     consistent = identify_published([poses], load("single"), settings)
     assert not any("ring" in line for line in consistent.advice)
     assert consistent.parameter("link1.length") != ringing.parameter("link1.length")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("torque", ["friction", "fourier", "free"])
+@pytest.mark.parametrize("scale", [1e8, 1e150])
+def test_motion_beyond_all_numbers_has_one_status(torque, scale):
+    """Rates so large that accelerations overflow, or only their slopes do."""
+    _, poses = fourier_truth(TIMES[:40])
+    terms = 1 if torque == "fourier" else 0
+    settings = replace(PAPER, torque=torque, terms=terms, begin="given")
+    fit = identify_published([replace(poses, position=scale * poses.position)], load("double"), settings)
+    assert not fit.ok
+    assert fit.status == UNSTARTED
+
+
+def test_without_intervals_there_are_none(tmp_path):
+    """Under published free torques no file and no figure has one; only given values are known."""
+    truth = double_truth()
+    poses = record(truth, TIMES[:12], motion(truth, TIMES[:12], [0.9, 0.6], [0.0, 0.0]), noise=SMALL)
+    fit = identify_published([poses], load("double"), replace(PAPER, torque="free", evaluations=5))
+    assert any("there are no intervals" in line for line in fit.advice)
+    for p in fit.parameters:
+        assert p.std == 0.0 or (p.lower, p.upper) == (-np.inf, np.inf), p.name
+    assert fit.parameter("link1.mass").std == np.inf
+    assert np.isinf(torques(fit, poses.time).std).all()
+    assert np.isinf(fill(fit, poses.time).std).all()
+    report(fit, poses=poses, to=tmp_path, force=True)
+    page = (tmp_path / "report.html").read_text()
+    assert "What acts at the joints, any friction included, in proportion" in page
+    assert "95 % band" not in page
 
 
 def test_case_three_follows_the_noise():

@@ -95,6 +95,15 @@ def test_torque_of_a_single_pendulum():
     np.testing.assert_allclose(found, expected, atol=1e-12 + 1e-9 * np.abs(expected).max())
 
 
+def test_rates_without_a_mass_matrix():
+    """Rates whose accelerations drown a unit torque leave no torque, and no exception."""
+    double, table = load("double"), np.array([[0.3, 0.2], [0.3, 0.2]])
+    rates = np.array([[1.0, 1.0], [1e150, 1e150]])
+    found = inverse_dynamics(double, table, rates, np.zeros((2, 2)))
+    assert np.isfinite(found[0]).all()
+    assert not np.isfinite(found[1]).any()
+
+
 def test_bad_input():
     for call, message in (
         (lambda: fourier_basis(TIMES, 0.0, 3), "period: expected a time above 0 s, got 0."),

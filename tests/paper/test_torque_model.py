@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from monodyn.errors import SettingsError
+from monodyn.estimation.record.samples import prepare
 from monodyn.mechanism import load
 from monodyn.paper.identify import identify_published
+from monodyn.paper.torque_model import torque_model
 from support import refuses
 from swings import TIMES, double_truth, motion, record
 from waves import PAPER, SMALL, fourier_truth
@@ -73,6 +75,26 @@ def test_a_period_that_is_bounded():
     fit = identify_published([poses], start, settings)
     assert 1.8 <= fit.mechanism.values["torque.period"] <= 2.5
     assert "torque.period" not in fit.names
+    assert not any("is a bound" in line for line in fit.advice)
+    # the motion repeats after some 1.1 s
+    start = replace(load("double").with_torque("fourier", terms=1, period=1.0), measured=None)
+    start = start.with_choices(bounds={"torque.period": (0.8, 1.05)})
+    assert torque_model(start, settings, prepare((poses,), start)).bounded
+
+
+@pytest.mark.parametrize("bounds", [(1e-9, 1e-8), (20.0, 30.0)])
+def test_bounds_that_leave_no_period(bounds):
+    """Four samples of a thirtieth of a second, and twice the record of 149/30 s."""
+    _, poses = fourier_truth(np.arange(150) / 30.0)
+    start = load("double").with_torque("fourier", terms=1, period=bounds[0])
+    start = start.with_choices(bounds={"torque.period": bounds})
+    fit = identify_published([poses], start, replace(PAPER, torque="fourier", terms=1))
+    assert not fit.ok
+    assert fit.status == (
+        f"torque.period: {bounds[0]:.4g} to {bounds[1]:.4g} s leave no period that the poses can show; "
+        "expected bounds that reach into 0.1333 to 9.933 s; widen them with --bounds, or give the period "
+        "with --fix torque.period=SECONDS."
+    )
 
 
 def test_less_than_a_period_is_fitted_all_the_same():

@@ -89,7 +89,8 @@ class Fit:
         tied: Sizes that keep their proportion to a length because nothing determines them: (size, length)
             pairs.
         covariance: Covariance of the unknowns ``names``, (unknown, unknown); directions that the data do not
-            fix, and that do not move the motion, are left out of it.
+            fix, and that do not move the motion, are left out of it; NaN for parameters of which none is
+            determined.
         residual: Measured less simulated positions by record [rad or m], NaN where not measured, each
             (frame, dof).
         rms: Root mean square of the residual by joint [rad or m].

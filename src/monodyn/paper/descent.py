@@ -60,6 +60,7 @@ class Descent:
         converged: True when the search reached its minimum.
         tried: Starts that were tried.
         error: Integration error [rad or m].
+        spent: True when the evaluations that the settings allow ended it, and more would take it further.
     """
 
     fixed: FixedStart
@@ -69,6 +70,7 @@ class Descent:
     converged: bool
     tried: int
     error: float
+    spent: bool = False
 
     @property
     def size(self) -> float:
@@ -125,13 +127,18 @@ def _search(
 ) -> Descent | None:
     """Search from one start; again where the end needs more integration steps than the start did."""
     fixed, bounds = bounded(fixed, x, smoothed)
+    # of angles beyond all sense no loads can be computed
+    if not np.isfinite(fixed.scale).all():
+        return None
     x, rollouts, converged = np.clip(x, *bounds), fixed.rollouts, False
     in_one, began = GRADIENT_EVALUATIONS * settings.evaluations * (len(x) + 1), fixed.rollouts.spent
     driven = fixed.problem.mechanism.torque != "friction"
     if driven:
         x = _in_parts(fixed, x, bounds, smoothed[0], began + min(in_one, (MOST_ROLLOUTS - began) // 2))
     # the start may move slowly and the end fast: the steps that the end needs are only known there
-    error = np.inf
+    error, most = np.inf, fixed.jacobian_rollouts
+    # a part or a search ends where its next Jacobian would take more; more is never allowed than in all
+    spent = driven and in_one < (MOST_ROLLOUTS - began) // 2 and rollouts.spent + most >= began + in_one
     for turn in range(3):
         substeps, error = fixed.least_substeps(x, settings.error_bound)
         if (turn or driven) and substeps <= fixed.substeps:
@@ -144,7 +151,8 @@ def _search(
         if not np.isfinite(end.value):
             return None
         x, converged = end.x, end.converged
-    return Descent(fixed, x, bounds, rollouts.spent - began, converged, 1, error)
+        spent = spent or (until < MOST_ROLLOUTS and rollouts.spent + most >= until)
+    return Descent(fixed, x, bounds, rollouts.spent - began, converged, 1, error, spent)
 
 
 def _in_parts(
@@ -171,7 +179,8 @@ def _in_parts(
         allowed = until if whole else min(rollouts.spent + in_part, until)
         x = _minimum(part, x, bounds, allowed, whole=whole).x
         if torque == "free":
-            x = np.clip(led(fixed, x, smoothed, stop), *bounds)
+            ahead = led(fixed, x, smoothed, stop)
+            x = x if ahead is None else np.clip(ahead, *bounds)
         elif whole:
             break
         stop = max(stop + LONGER_BY, _followed(fixed, x) if torque == "fourier" else 0)
@@ -280,6 +289,9 @@ def _directions(fixed: FixedStart, x: np.ndarray, damping: float = 1.0) -> np.nd
     if not turned.any():
         return np.diag(fixed.scale)
     along = fixed.jacobian(x).reshape(-1, len(x)) * fixed.scale
+    # without an effect, or where the motion overflows, torques have no modes to take
+    if not (np.isfinite(along).all() and along[:, turned].any()):
+        return np.diag(fixed.scale)
     weakest = min(damping * WEAKEST_MODE[fixed.problem.mechanism.torque], 1.0)
     return fixed.scale[:, None] * modes(along, turned, weakest)
 
@@ -288,6 +300,8 @@ def _gain(fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, directions: np.n
     """Share of the cost, or of the noise's, by which a step of Gauss and Newton would lower it."""
     residuals, turned = fixed.residuals(x).ravel(), fixed.problem.unknowns.of_kind("torque")
     along = fixed.jacobian(x).reshape(-1, len(x))
+    if not (np.isfinite(along).all() and np.isfinite(residuals).all()):
+        return np.inf
 
     def held(slope: np.ndarray) -> np.ndarray:
         # an unknown at a bound from which the cost falls outward stays there

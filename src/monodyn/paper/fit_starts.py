@@ -37,6 +37,8 @@ def fit_starts(
 ) -> Iterator[np.ndarray]:
     """Yield starts: those of the default search without a torque, or the given values alone.
 
+    One whose torques cannot be computed is left out; the values of the file take the place of the last.
+
     A Fourier series starts as that of the torque that the series of the poses requires there, eq. (10) to
     (13); free torques as those that lead the motion of the file's bodies, in the scale of the start, along
     the poses.
@@ -53,9 +55,20 @@ def fit_starts(
     Source:
         Eq. (10) to (13) of "Estimating dynamics on-the-fly using monocular video", 2012.
     """
-    if settings.begin == "given":
-        yield _driven(fixed, fixed.problem.unknowns.x0, smoothed, series)
-        return
+    given = fixed.problem.unknowns.x0
+    for x in [] if settings.begin == "given" else _matched(fixed, smoothed, settings):
+        driven = _driven(fixed, x, smoothed, series)
+        if driven is not None:
+            yield driven
+            given = None
+    if given is not None and (driven := _driven(fixed, given, smoothed, series)) is not None:
+        yield driven
+
+
+def _matched(
+    fixed: FixedStart, smoothed: tuple[Smoothed, ...], settings: PaperIdentifySettings
+) -> Iterator[np.ndarray]:
+    """Yield the starts of the default search without a torque, (param,) each."""
     count = min(settings.starts, MOST_STARTS.get(fixed.problem.mechanism.torque, settings.starts))
     undriven = posed(fixed.problem.mechanism.with_torque("friction"), fixed.problem.data)
     place = fixed.problem.unknowns.index(undriven.unknowns.names)
@@ -65,19 +78,19 @@ def fit_starts(
         whole[place] = x
         if fixed.problem.mechanism.torque == "free":
             whole = centred(fixed, whole)[0]
-        yield _driven(fixed, whole, smoothed, series)
+        yield whole
 
 
 def _driven(
     fixed: FixedStart, x: np.ndarray, smoothed: tuple[Smoothed, ...], series: PoseSeries | None
-) -> np.ndarray:
-    """Put the torques that the poses require into ``x`` (param,)."""
+) -> np.ndarray | None:
+    """Put the torques that the poses require into ``x`` (param,); None where they are not finite."""
     if fixed.problem.mechanism.torque == "free":
         return led(fixed, x, smoothed[0])
     return x if series is None else required(fixed, x, series)
 
 
-def required(fixed: FixedStart, x: np.ndarray, series: PoseSeries) -> np.ndarray:
+def required(fixed: FixedStart, x: np.ndarray, series: PoseSeries) -> np.ndarray | None:
     """Put in the Fourier coefficients of the torque that periodic poses require.
 
     The motion of the series and the torque that it requires repeat, so one period of both is taken.
@@ -88,7 +101,7 @@ def required(fixed: FixedStart, x: np.ndarray, series: PoseSeries) -> np.ndarray
         series: The series of the poses.
 
     Returns:
-        Coordinates with the coefficients, (param,).
+        Coordinates with the coefficients, (param,); None where the torque is not finite.
 
     Source:
         Eq. (11) to (13) of "Estimating dynamics on-the-fly using monocular video", 2012.
@@ -100,12 +113,14 @@ def required(fixed: FixedStart, x: np.ndarray, series: PoseSeries) -> np.ndarray
     time = np.arange(SAMPLES_A_WAVE * terms) * period / (SAMPLES_A_WAVE * terms)
     metres = np.where(problem.data.slide[0], problem.size(x), 1.0)
     torque = torque_of_series(mechanism, series.coefficients * metres, period, time)
+    if not np.isfinite(torque).all():
+        return None
     coefficients = fourier_coefficients(time, torque, period, terms)
     x[entries[entries >= 0]] = coefficients.T[entries >= 0]
     return x
 
 
-def led(fixed: FixedStart, x: np.ndarray, smoothed: Smoothed, first: int = 0) -> np.ndarray:
+def led(fixed: FixedStart, x: np.ndarray, smoothed: Smoothed, first: int = 0) -> np.ndarray | None:
     """Put in the torques that lead the simulated motion along the smoothed poses.
 
     At each stamp the torque is that of the smoothed acceleration and of how far the simulated state is off.
@@ -118,7 +133,7 @@ def led(fixed: FixedStart, x: np.ndarray, smoothed: Smoothed, first: int = 0) ->
         first: Row before which torques are not changed.
 
     Returns:
-        Coordinates with the torques, (param,).
+        Coordinates with the torques, (param,); None where the simulated motion diverges.
     """
     problem = fixed.problem
     mechanism, stretch = problem.mechanism_at(x), problem.stretch(x)
@@ -135,7 +150,11 @@ def led(fixed: FixedStart, x: np.ndarray, smoothed: Smoothed, first: int = 0) ->
     for k in range(len(times)):
         if k >= first:
             goal = (wanted[0][k], wanted[1][k], wanted[2][k] + off)
-            x[entries[:, k]] = inverse_dynamics(mechanism, *(part[None] for part in goal))[0]
+            torque = inverse_dynamics(mechanism, *(part[None] for part in goal))[0]
+            # strong damping makes few integration steps unstable: the motion leaves all bounds
+            if not np.isfinite(torque).all():
+                return None
+            x[entries[:, k]] = torque
         if k:
             drive, step = problem.mechanism_at(x).drive, times[k - 1 : k + 1]
             q, v = (part[1] for part in rollout(tree, step, q, v, substeps=LED_STEPS, drive=drive))

@@ -60,7 +60,7 @@ def published_verdict(
         instead = ["fit fewer frames"] if frames > SHORT_RECORD else []
         if share[j] < NOT_FOLLOWED_SHARE:
             what = "The search ended before its minimum"
-            instead = ["allow more with --identify.evaluations"]
+            instead = ["allow more with --identify.evaluations"] if found.spent else _surer(found)
         elif settings.states == "filtered":
             instead = ["compare with --identify.states measured, which do not lag"]
         if model.series is not None and not model.known:
@@ -138,7 +138,21 @@ def published_advice(
         sentences += advice.clock(mechanism, fit.parameters)
     if settings.begin == "given" and not found.converged:
         sentences.append(SHORT_OF_MINIMUM)
-    return (*sentences, *advice.search_end(found.converged, found.tried))
+    if not found.converged and not found.spent:
+        sentences.append(
+            "The search ended before the minimum was certain, and more evaluations would not take it "
+            f"further; {' or '.join(_surer(found))}."
+        )
+    return (*sentences, *advice.search_end(found.converged or not found.spent, found.tried))
+
+
+def _surer(found: Descent) -> list[str]:
+    """What leaves the search fewer directions in which hardly anything changes."""
+    if found.fixed.problem.mechanism.torque == "free":
+        return ["fit fewer frames"]
+    series = found.fixed.problem.mechanism.torque == "fourier"
+    fewer = "take fewer harmonics with --identify.terms" if series else "fix parameters"
+    return [fewer, "give more frames"]
 
 
 def _under_torques(fixed: FixedStart) -> list[str]:
@@ -209,6 +223,11 @@ def _period(model: TorqueModel) -> list[str]:
     if series is None or model.known:
         return []
     sentences = [f"The period of {series.period:.4g} s is that of the poses, held in the fit."]
+    if model.bounded:
+        sentences = [
+            f"The period of {series.period:.4g} s, held in the fit, is a bound of torque.period: that of the "
+            "poses may lie beyond; widen it with --bounds."
+        ]
     if 1.0 <= series.periods < SEVERAL_PERIODS:
         sentences.append(
             f"The frames hold {series.periods:.2g} periods, and its estimate requires multiple ones; give "
@@ -231,8 +250,10 @@ def _filtering(settings: PaperIdentifySettings) -> list[str]:
     # the paper's own gains lie on the edge, where errors neither grow nor die out
     gains = Gains.of(settings.gains, settings.filter)
     if used and not gains.stable:
+        own = ", the paper's own," if tuple(settings.gains) == PAPER_GAINS else ""
         return [
-            f"With these gains the filtered states ring and errors do not die out; take a gamma below "
-            f"{gains.ringing:.3g} with --identify.gains, or --identify.filter consistent."
+            f"With these gains{own} the filtered states ring and errors do not die out; take a gamma below "
+            f"{gains.ringing:.3g} with --identify.gains, or the other reading of eq. (6) with "
+            "--identify.filter consistent."
         ]
     return []

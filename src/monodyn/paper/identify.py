@@ -141,11 +141,17 @@ def _fit(
     known = with_start_noise(fixed, x, noise, known)
     # more unknowns than values: every direction is open, however small the linear algebra's numbers are
     if not determined:
-        known = replace(known, open=np.eye(len(x)), std=np.full(len(x), np.inf))
+        full = known.full.copy()
+        full[: len(x)] = full[:, : len(x)] = np.nan
+        known = replace(known, open=np.eye(len(x)), std=np.full(len(x), np.inf), full=full)
     optimum = _optimum(found, residuals / noise)
     fit = fit_of(problem, optimum, known, records, freedom=freedom, began=began)
     if not determined:
-        fit = replace(fit, combinations=())
+        # bounds of what is not determined would be read as intervals
+        parameters = (
+            replace(p, lower=-np.inf, upper=np.inf) if np.isinf(p.std) else p for p in fit.parameters
+        )
+        fit = replace(fit, combinations=(), parameters=tuple(parameters))
     status, ok = published_verdict(found, fit.rms, settings, model)
     without_effect = known.without_effect(problem.unknowns.names)
     advice = published_advice(found, model, fit, records, settings, without_effect)

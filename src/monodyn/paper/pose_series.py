@@ -77,6 +77,19 @@ def pose_series(
     return fit.at(period, MOST_HARMONICS if period <= fit.span else 1)
 
 
+def shown_periods(time: np.ndarray) -> tuple[float, float]:
+    """Return the shortest and the longest period that a record can show [s].
+
+    The shortest takes as many samples as a wave needs, or the record where that is shorter still; half of the
+    longest one is seen.
+
+    Args:
+        time: Times [s], increasing, (frame,).
+    """
+    span, step = float(np.ptp(time)), float(np.median(np.diff(time)))
+    return min(PER_WAVE * step, span), LONGEST_PERIOD * span
+
+
 class _Fit:
     """Least squares at one period after the other."""
 
@@ -86,8 +99,7 @@ class _Fit:
 
     def scanned(self, bounds: tuple[float, float]) -> np.ndarray:
         """Return the periods to try [s]: evenly spaced in frequency, and the ends of the bounds."""
-        shortest = PER_WAVE * float(np.median(np.diff(self.time)))
-        low, high = 1.0 / (LONGEST_PERIOD * self.span), max(1.0 / shortest, 1.0 / self.span)
+        high, low = (1.0 / period for period in shown_periods(self.time))
         frequencies = np.arange(low, high, self.step)
         inside = [1.0 / f for f in frequencies if bounds[0] < 1.0 / f < bounds[1]]
         # where the bounds leave nothing of what the record can show, they decide themselves

@@ -86,7 +86,7 @@ def inverse_dynamics(
         tree: Joint tree in place of the mechanism's.
 
     Returns:
-        Torques [N m or N], (frame, dof).
+        Torques [N m or N], (frame, dof); NaN where no mass matrix can be computed.
 
     Source:
         Eq. (8), for any mechanism, of "Estimating dynamics on-the-fly using monocular video", 2012.
@@ -99,7 +99,11 @@ def inverse_dynamics(
     pushed = [accelerations(tree, *motion, np.tile(push, (count, 1))) for push in np.eye(dofs)]
     for k in range(count):
         inverse_inertia = np.array([by_joint[k] for by_joint in pushed]).T - free[k][:, None]
-        found[k] = np.linalg.solve(inverse_inertia, acceleration[k] - free[k])
+        try:
+            found[k] = np.linalg.solve(inverse_inertia, acceleration[k] - free[k])
+        except np.linalg.LinAlgError:
+            # accelerations so large that a unit torque is lost in their rounding
+            found[k] = np.nan
     return found
 
 

@@ -12,11 +12,13 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import NOTHING_MOVES
 from monodyn.estimation.torque.task import frictionless
 from monodyn.mechanism import Mechanism
-from monodyn.paper.pose_series import PoseSeries, pose_series
+from monodyn.paper.pose_series import PoseSeries, pose_series, shown_periods
 from monodyn.paper.settings import PaperIdentifySettings
 
 FEWEST_MEASURED = 5
 """Measured samples that each joint needs in each record."""
+AT_BOUND = 1e-3
+"""A period this near to one of its bounds, as a share, is that of the bound."""
 MOST_PUBLISHED_TORQUES = 400
 """Free torques that a search over rollouts can find in half a minute."""
 
@@ -30,12 +32,14 @@ class TorqueModel:
         reason: Why there is no point in a search, or None.
         series: The Fourier series of the poses, from which that of the torque starts, or None.
         known: True where the user gave the period.
+        bounded: True where the period lies at one of its bounds.
     """
 
     problem: Problem
     reason: str | None = None
     series: PoseSeries | None = None
     known: bool = False
+    bounded: bool = False
 
 
 def torque_model(mechanism: Mechanism, settings: PaperIdentifySettings, data: Data) -> TorqueModel:
@@ -75,10 +79,19 @@ def _periodic(mechanism: Mechanism, terms: int, data: Data) -> TorqueModel:
     stretch = mechanism.values["time_scale"]
     bounds = (clock.lower, clock.upper) if clock.free else (clock.value, clock.value)
     position = np.where(data.measured, data.position, np.nan)
-    noise = np.nanmedian(data.std, axis=0)
-    series = pose_series(data.times * stretch, position, noise, bounds)
+    times, noise = data.times * stretch, np.nanmedian(data.std, axis=0)
+    known, (shortest, longest) = bounds[0] == bounds[1], shown_periods(times)
+    if not known and (bounds[1] < shortest or bounds[0] > longest):
+        reason = (
+            f"torque.period: {bounds[0]:.4g} to {bounds[1]:.4g} s leave no period that the poses can show; "
+            f"expected bounds that reach into {shortest:.4g} to {longest:.4g} s; widen them with --bounds, "
+            "or give the period with --fix torque.period=SECONDS."
+        )
+        return TorqueModel(posed(_of_period(mechanism, terms), data), reason)
+    series = pose_series(times, position, noise, bounds)
     driven = _of_period(mechanism, terms, series.period)
-    return TorqueModel(posed(driven, data), None, series, bounds[0] == bounds[1])
+    ends = any(abs(series.period / end - 1.0) < AT_BOUND for end in bounds if end > 0.0)
+    return TorqueModel(posed(driven, data), None, series, known, ends and not known)
 
 
 def _of_period(mechanism: Mechanism, terms: int, period: float | None = None) -> Mechanism:

@@ -42,7 +42,8 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
-    covariance; infinite before and after free torques, where nothing is known of them.
+    covariance; infinite before and after free torques, where nothing is known of them, and throughout where
+    the fit has no intervals.
 
     Args:
         fit: The identified mechanism.
@@ -97,9 +98,10 @@ def _one_way(
     covariance = fit.motion_covariance(record)
     dq = dq[rows]
     variance = np.einsum("fip,pr,fir->fi", dq, covariance, dq, optimize=True)
-    unknown = np.zeros(len(rows), dtype=bool)
+    # a fit that is not determined has no covariance
+    unknown = np.isnan(variance).any(axis=1)
     if fit.torque == "free":  # no torque is known outside of its knots
-        unknown = (clock[rows] < drive.times[0] - 1e-9) | (clock[rows] > drive.times[-1] + 1e-9)
+        unknown |= (clock[rows] < drive.times[0] - 1e-9) | (clock[rows] > drive.times[-1] + 1e-9)
     # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
     return q[rows], v[rows], std

@@ -51,6 +51,8 @@ def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) ->
         plots=plots,
         torques=[plot for trace in traces for plot in torque_curves(fit, trace, several=several)],
         # free torques contain the friction that the mechanism has no parameters for
+        motion_band=any(np.isfinite(t.states.std).any() for t in traces),
+        torque_band=any(t.torques is not None and np.isfinite(t.torques.std).any() for t in traces),
         with_friction=not any(row.value for row in fit.mechanism.parameters if row.kind in BRAKES),
         pictures=[
             {"data": base64.b64encode(data).decode("ascii"), "caption": caption} for data, caption in pictures

@@ -16,7 +16,8 @@ class Torques:
     Attributes:
         time: Time stamps [s], (frame,).
         torque: Torque [N m] at a hinge, force [N] at a slide, (frame, dof).
-        std: Standard deviation from that of the fit, the mass scale as it was assumed, (frame, dof).
+        std: Standard deviation from that of the fit, the mass scale as it was assumed; infinite where the
+            fit has none, (frame, dof).
     """
 
     time: np.ndarray
@@ -38,4 +39,5 @@ def torques(fit: Fit, times: np.ndarray) -> Torques:
     clock = times * mechanism.values["time_scale"]
     found, slopes = mechanism.drive.derivatives(mechanism.directions(fit.shared), clock)
     variance = np.einsum("fip,pr,fir->fi", slopes, fit.shared_covariance, slopes, optimize=True)
+    variance = np.where(np.isnan(variance), np.inf, variance)
     return Torques(times, found, np.sqrt(np.maximum(variance, 0.0)))
