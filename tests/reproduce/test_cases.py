@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from experiments import DESIGN, NOISE, evidence, mechanism, moved, seen, truth
-from monodyn.reproduce.cases import parameter_errors, run_case
-from monodyn.reproduce.plans import FitPlan
+from monodyn.mechanism import load
+from monodyn.reproduce.cases import parameter_errors, run_case, slides_scaled
+from monodyn.reproduce.plans import FitPlan, start_scale, started
 from monodyn.reproduce.vision import Seen
+from swings import white
 
 
 def test_a_fit_is_measured_against_the_truth() -> None:
@@ -55,3 +57,19 @@ def test_a_fit_without_poses_has_a_status() -> None:
     nothing = Seen("paper", "failed: lost", mechanism().joints)
     case = run_case(FitPlan("paper", "I", 40), nothing, None, DESIGN)
     assert (case.status, case.fit, case.ok, case.unknowns) == ("no poses: failed: lost", None, False, None)
+
+
+def test_slides_are_in_the_scale_of_the_start_values() -> None:
+    cart = load("cartpole")
+    poses = white(tuple(joint.name for joint in cart.joints), np.arange(9) / 30.0, np.ones((9, 2)), 0.01)
+    seen_poses = replace(poses, metric=False)
+    factor = start_scale(3, 7)
+    begun = started(cart, 3, 7)
+    length = next(p.name for p in cart.parameters if p.kind == "length")
+    assert begun.values[length] / cart.values[length] == pytest.approx(factor)
+    scaled = slides_scaled(seen_poses, cart, factor)
+    assert not scaled.metric
+    kinds = [joint.kind for joint in cart.joints]
+    np.testing.assert_allclose(scaled.position[0], [factor if kind == "slide" else 1.0 for kind in kinds])
+    assert slides_scaled(poses, cart, factor) is poses
+    assert start_scale(0, 7) == 1.0

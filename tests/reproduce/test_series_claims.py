@@ -103,6 +103,15 @@ def test_poses_are_judged_by_their_errors_in_every_frame() -> None:
     assert close.held is True
     assert close.numbers.startswith("0.19° rms")
     assert "over 90 of 90 frames" in close.numbers
+    errors = np.full((90, 2), np.nan)
+    errors[3] = np.radians(1.1)
+    few = poses_are_close(replace(evidence(), seen=replace(seen(), errors=errors)))
+    assert few == Verdict(
+        False,
+        "1.1° (near the limit of 1°) rms over 1 of 90 frames, at most 1.1°; 90 have a pose, of the others the "
+        "truth is not known",
+        frames=1,
+    )
     assert poses_are_close(lost()) == Verdict(None, "no poses: failed: x")
     assert poses_are_close(replace(evidence(), seen=replace(seen(), errors=None))) == TRUTH_UNKNOWN
 

@@ -146,7 +146,7 @@ def frameworks_table(repetitions: Sequence[Repetition]) -> PageTable:
             share = None if form.mismatch is None or not form.area else 100.0 * form.mismatch / form.area
             row = {
                 f"error_{unit.name}_{unit.unit}": None
-                if form.error is None
+                if form.error is None or not np.isfinite(form.error[dof])
                 else unit.factor * abs(form.error[dof])
                 for dof, unit in enumerate(units)
             }
@@ -329,7 +329,9 @@ def _joints(
     if shown is not None:
         return Markup(" · ").join(shown(value) for value in values)
     signs = ["" if shared_unit(units) else unit.sign for unit in units]
-    return " · ".join(_number(value, 2) + sign for value, sign in zip(values, signs, strict=True))
+    return " · ".join(
+        _number(value, 2) + ("" if value is None else sign) for value, sign in zip(values, signs, strict=True)
+    )
 
 
 def _shares(row: Mapping[str, Any], names: Sequence[str]) -> list[str]:

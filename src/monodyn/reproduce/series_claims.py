@@ -8,7 +8,16 @@ import numpy as np
 
 from monodyn.reproduce.cases import Case, rms
 from monodyn.reproduce.endings import Ending, endings
-from monodyn.reproduce.evidence import FIT_MISSING, TRUTH_UNKNOWN, Evidence, Verdict, correlation, degrees
+from monodyn.reproduce.evidence import (
+    FIT_MISSING,
+    TRUTH_UNKNOWN,
+    Evidence,
+    Verdict,
+    correlation,
+    degrees,
+    near,
+    refused,
+)
 from monodyn.reproduce.truth import identifiable
 
 RISING = 0.5
@@ -36,6 +45,8 @@ def more_frames_are_better(evidence: Evidence) -> Verdict:
     numbers, errors = [], []
     for frames in evidence.design.lengths:
         case = evidence.case(frames=frames)
+        if refused(case):
+            continue
         error = None if case is None else evidence.overall(case.late)
         if error is not None:
             numbers.append(frames)
@@ -65,6 +76,9 @@ def several_periods_are_needed(evidence: Evidence) -> Verdict:
         error = None if case is None else evidence.overall(case.ahead)
         held = None if case is None else case.periods
         if case is None or held is None or error is None:
+            continue
+        if refused(case):
+            told.append(f"{frames} frames no usable fit")
             continue
         (several if held >= SEVERAL else few).append(error)
         told.append(f"{degrees(error)} from {frames} frames, {held:.2g} periods of {case.period:.3g} s")
@@ -197,11 +211,15 @@ def poses_are_close(evidence: Evidence) -> Verdict:
     if seen.errors is None:
         return TRUTH_UNKNOWN
     error, frames = evidence.overall(rms(seen.errors)), int(seen.poses.seen.sum())
+    known = int(np.isfinite(seen.errors).all(axis=1).sum())
     if error is None:
         return TRUTH_UNKNOWN
     most = float(np.nanmax(np.abs(seen.errors[:, seen.hinges])))
-    told = f"{degrees(error)} rms over {frames} of {len(seen.poses)} frames, at most {degrees(most)}"
-    return Verdict(bool(error < CLOSE and frames == len(seen.poses)), told, frames=len(seen.poses))
+    told = f"{degrees(error)}{near(error, CLOSE, '1°')} rms over {known} of {len(seen.poses)} frames, "
+    told += f"at most {degrees(most)}"
+    if known < frames:
+        told += f"; {frames} have a pose, of the others the truth is not known"
+    return Verdict(bool(error < CLOSE and frames == len(seen.poses)), told, frames=known)
 
 
 def fast_enough_in_time(evidence: Evidence) -> Verdict:

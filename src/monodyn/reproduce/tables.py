@@ -353,4 +353,6 @@ def _joined(row: Mapping[str, Any], name: str, units: Sequence[JointUnit], *, si
     if all(value is None for value in values):
         return "–"
     signs = [unit.sign if signed and not shared_unit(units) else "" for unit in units]
-    return " · ".join(_cell(value) + sign for value, sign in zip(values, signs, strict=True))
+    return " · ".join(
+        _cell(value) + ("" if value is None else sign) for value, sign in zip(values, signs, strict=True)
+    )
