@@ -72,6 +72,10 @@ def test_starts_that_end_in_one_place_are_not_sensitive() -> None:
     apart = starts_end_apart(evidence(one, replace(other, fit=fit)))
     assert apart.held is True
     assert apart.numbers.endswith("b1/m1 differs most, by 67 %")
+    values = {"joint1.damping": 3.5 * mechanism().values["joint1.damping"]}
+    fit = SimpleNamespace(**{**vars(other.fit), "mechanism": mechanism().with_values(values)})
+    apart = starts_end_apart(evidence(one, replace(other, fit=fit)))
+    assert apart.numbers.endswith("b1/m1 differs most, by a factor of 3.5")
 
 
 def test_starts_that_end_elsewhere_are_counted() -> None:

@@ -345,13 +345,16 @@ def remarks(repetition: Repetition) -> list[str]:
         repetition: The experiment with one pendulum.
     """
     main, found = main_cases(repetition), []
-    refused = [c for c in main if c.plan.case == "II" and c.plan.method == "fast" and c.motion is None]
+    tried = [c for c in main if c.plan.case == "II" and c.plan.method == "fast"]
+    refused = [c for c in tried if c.motion is None]
     if refused:
-        found.append(
-            "The default method refuses Case II where no periodic torque shows in addition to friction: a "
-            "freely swinging pendulum has none. So there is no ratio; the published series stands for the "
-            "friction as well."
+        made = [c for c in tried if c.motion is not None]
+        forms = "Case II" if not made else " and ".join(case_name(c) for c in refused)
+        told = (
+            f"The default method refuses {forms} where no period shows that explains the motion better than "
+            "friction alone: a freely swinging pendulum has no periodic torque."
         )
+        found.append(told if made else f"{told} So there is no ratio for it.")
     free = {
         case.plan.method: case.residual
         for case in main
@@ -364,9 +367,16 @@ def remarks(repetition: Repetition) -> list[str]:
             "the poses from frame to frame. The errors against the truth and of the prediction are the ones "
             "to compare."
         )
-    found.append(
+    both = any(c.plan.method == "paper" and c.plan.series == "with-friction" for c in main)
+    ways = (
         "Cases II and III are fitted both ways: with the torque over time alone, the published form, and "
-        "with friction in addition to it, the default method's. Ratios compare fits that follow "
-        "the poses, with the same friction and poses of the same frames."
+        "with friction in addition to it, the default method's."
+        if both
+        else "By the published method Cases II and III are fitted in its own form alone, without friction in "
+        "addition to the torque over time, to save time; by the default method both ways."
+    )
+    found.append(
+        f"{ways} Ratios compare fits that follow the poses, with the same friction and poses of the same "
+        "frames."
     )
     return found

@@ -113,10 +113,10 @@ def starts_end_apart(evidence: Evidence) -> Verdict:
     places = endings(fits, evidence.seen.hinges)
     # what a fit that does not follow the poses says of the parameters is no estimate
     values = [identifiable(case.fit.mechanism) for case in fits if case.fit is not None and case.ok]
-    name, share = _most_different(values)
+    name, share, factor = _most_different(values)
     told = ended(places, drawn)
     if name:
-        told += f"; where the fit follows the poses {name} differs most, by {_percent(share)}"
+        told += f"; where the fit follows the poses {name} differs most, by {_difference(share, factor)}"
     return Verdict(len(places) > 1 or share > OTHER, told, starts=drawn)
 
 
@@ -138,22 +138,25 @@ def ended(places: Sequence[Ending], drawn: int) -> str:
     return ", ".join(parts)
 
 
-def _most_different(values: Sequence[Mapping[str, float]]) -> tuple[str, float]:
-    """Return which of the numbers that the motion determines differs most, and by what share."""
+def _most_different(values: Sequence[Mapping[str, float]]) -> tuple[str, float, float]:
+    """Return which of the numbers that the motion determines differs most, by what share of its median, and
+    the greatest over the least."""
     shares: dict[str, float] = {}
     if len(values) < 2:
-        return "", 0.0
+        return "", 0.0, 1.0
     for name in values[0]:
         numbers = [found[name] for found in values]
         shares[name] = (max(numbers) - min(numbers)) / max(abs(float(np.median(numbers))), 1e-12)
     most = max(shares, key=lambda name: shares[name])
-    return most, shares[most]
+    numbers = [found[most] for found in values]
+    return most, shares[most], max(numbers) / min(numbers) if min(numbers) > 0.0 else np.inf
 
 
-def _percent(share: float) -> str:
-    return (
-        "under 0.01 %" if share < 1e-4 else f"{100.0 * share:.2g} %" if share < 1.0 else f"{share:.2g} times"
-    )
+def _difference(share: float, factor: float) -> str:
+    """Write a difference: in per cent of the median, from 100 % on as the greatest over the least."""
+    if share < 1.0:
+        return "under 0.01 %" if share < 1e-4 else f"{100.0 * share:.2g} %"
+    return f"a factor of {factor:.2g}" if factor < np.inf else f"{100.0 * share:.3g} %"
 
 
 def starts_agree_in_motion(evidence: Evidence) -> Verdict:
