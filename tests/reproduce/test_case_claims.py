@@ -96,8 +96,8 @@ def test_case_three_follows_the_noise_and_needs_its_torques() -> None:
     needed = judged(prediction_needs_torques, published("I", 1e-3), published("III", 0.1))
     assert needed == Verdict(
         True,
-        "prediction error 5.73° without torques, 0.0573° with the friction of Case I; fitted with the torques "
-        "alone, as published",
+        "prediction error 5.73° without torques, 0.0573° with the friction of Case I; fitted with the "
+        "torques alone, as published",
         fits=2,
     )
     default = prediction_needs_torques(evidence(moved("I", 1e-3), moved("III", 0.1)))
@@ -155,7 +155,8 @@ def test_unknowns_are_compared_with_the_printed_ones() -> None:
     assert by_formula.held is False
     assert by_formula.numbers.endswith(
         "; with seven terms 2 s1 + 2 s2 + 2 coefficients and 4 sizes are 34, the paper's own formula, "
-        "which 36 alone contradicts: 6 and 2k + 4 hold; 36 with the two dampings, a period for each joint, omega and a phase, a and b for j = 0 to 7, or two "
+        "which 36 alone contradicts: 6 and 2k + 4 hold; 36 "
+        "with the two dampings, a period for each joint, omega and a phase, a and b for j = 0 to 7, or two "
         "values of the start state"
     )
     default = unknowns_as_printed(evidence(moved("I", 0.0)))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments import evidence, moved, repetition
+from experiments import DESIGN, evidence, moved, repetition
 from monodyn.reproduce.cases import Case
 from monodyn.reproduce.page_tables import (
     PageTable,
@@ -18,7 +18,7 @@ from monodyn.reproduce.page_tables import (
     remarks,
     starts_table,
 )
-from monodyn.reproduce.plans import FitPlan
+from monodyn.reproduce.plans import FitPlan, start_scale
 from monodyn.reproduce.vision import FrameworkFound
 
 BOTH_WAYS = (
@@ -27,13 +27,13 @@ BOTH_WAYS = (
     "same friction and poses of the same frames."
 )
 OWN_WAY = (
-    "By the published method Cases II and III are fitted in its own form alone, without friction in addition to "
-    "the torque over time, to save time; by the default method both ways. Ratios compare fits that follow the "
-    "poses, with the same friction and poses of the same frames."
+    "By the published method Cases II and III are fitted in its own form alone, without friction in addition "
+    "to the torque over time, to save time; by the default method both ways. Ratios compare fits that follow "
+    "the poses, with the same friction and poses of the same frames."
 )
 REFUSES = (
-    "The default method refuses {} where no period shows that explains the motion better than friction alone: a "
-    "freely swinging pendulum has no periodic torque."
+    "The default method refuses {} where no period shows that explains the motion better than friction alone: "
+    "a freely swinging pendulum has no periodic torque."
 )
 
 
@@ -111,8 +111,10 @@ def test_lengths_and_starts_have_a_row_each() -> None:
     fits = [moved("I", 1e-3), moved("I", 0.3, start=1), moved("I", 1e-3, start=2)]
     table = starts_table(repetition(*fits))
     assert [cells[:2] for _, cells in table.rows] == [
-        ["default", "as seen"], ["default", "2, place 1"], ["default", "1, place 2"],
+        ["default", "as seen, matched"], ["default", "2, place 1"], ["default", "1, place 2"],
     ]  # fmt: skip
+    shown = [cells[2] for _, cells in table.rows]
+    assert shown == ["–", *(f"{start_scale(number, DESIGN.seed):.3g}" for number in (2, 1))]
 
 
 def test_assumptions_are_marked() -> None:

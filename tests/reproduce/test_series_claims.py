@@ -112,8 +112,8 @@ def test_poses_are_judged_by_their_errors_in_every_frame() -> None:
     few = poses_are_close(replace(evidence(), seen=replace(seen(), errors=errors)))
     assert few == Verdict(
         False,
-        "1.1° (near the limit of 1°) rms over 1 of 90 frames, at most 1.1°; 90 have a pose, of the others the "
-        "truth is not known",
+        "1.1° (near the limit of 1°) rms over 1 of 90 frames, at most 1.1°; 90 have a pose, of the others "
+        "the truth is not known",
         frames=1,
     )
     assert poses_are_close(lost()) == Verdict(None, "no poses: failed: x")
@@ -124,6 +124,8 @@ def test_time_is_compared_with_that_between_frames() -> None:
     found = fast_enough_in_time(evidence(replace(moved("I", 1e-3), seconds=0.2)))
     told = "20 ms a frame where frames are 33.3 ms apart; first pose 1 s, Case I 0.2 s"
     assert found == Verdict(True, told, frames=90)
+    shared = fast_enough_in_time(replace(evidence(), processes=2))
+    assert shared.numbers.endswith("first pose 1 s; 2 processes, each with a pendulum, share the processor")
     slow = replace(evidence(), seen=replace(seen(), seconds_a_frame=0.05))
     assert fast_enough_in_time(slow).held is False
     assert fast_enough_in_time(lost()).held is None

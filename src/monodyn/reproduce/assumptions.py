@@ -99,9 +99,7 @@ def _shapes(found: Evidence) -> list[str]:
 
 def _listed(kinds: Sequence[str]) -> str:
     """Write kinds of geoms with their articles."""
-    words = {kind: "another shape" for kind in kinds} | {
-        k: f"a {k}" for k in ("sphere", "capsule", "cylinder")
-    }
+    words = dict.fromkeys(kinds, "another shape") | {k: f"a {k}" for k in ("sphere", "capsule", "cylinder")}
     return " and ".join(dict.fromkeys(words[kind] for kind in kinds))
 
 

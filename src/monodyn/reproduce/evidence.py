@@ -42,6 +42,7 @@ class Evidence:
         design: What was fitted.
         interval: Time between two frames [s].
         pose_starts: Searches for the first pose from starts all around it, or None.
+        processes: Processes that worked side by side, so that times are longer than those of one alone.
     """
 
     seen: Seen
@@ -49,6 +50,7 @@ class Evidence:
     design: Design
     interval: float = 0.0
     pose_starts: PoseStarts | None = None
+    processes: int = 1
 
     def case(
         self, name: str = "I", frames: int = 0, compared: str = "measured", start: int = 0

@@ -10,6 +10,7 @@ import numpy as np
 
 from monodyn.reproduce.cases import Case
 from monodyn.reproduce.endings import endings
+from monodyn.reproduce.plans import start_scale
 from monodyn.reproduce.repetition import Repetition
 from monodyn.reproduce.series_claims import drawn_fits
 from monodyn.reproduce.tables import (
@@ -221,13 +222,15 @@ def starts_table(repetition: Repetition) -> PageTable:
     )
     for method in BOTH_METHODS:
         first = usual[method]
-        placed = [("as seen", first)] if first is not None else []
+        placed = [("as seen, matched", first)] if first is not None else []
+        seed = repetition.evidence[method].design.seed
         hinges = repetition.evidence[method].seen.hinges
         for place, ending in enumerate(endings(fits[method], hinges) if hinges else ()):
             placed += [(f"{case.plan.start}, place {place + 1}", case) for case in ending.cases]
         for start, case in placed:
             row, found = case_row(case, units), parameter_values(case)
-            cells = [TITLES[method], start, *(_number(found.get(n), 4) for n in names)]
+            scale = start_scale(case.plan.start, seed) if case.plan.start else None
+            cells = [TITLES[method], start, _number(scale), *(_number(found.get(n), 4) for n in names)]
             cells += [_number(row["evaluations"]), *(_joints(row, k, units) for k in ("residual", "ahead"))]
             rows.append(("", cells))
         if rows:
@@ -235,6 +238,7 @@ def starts_table(repetition: Repetition) -> PageTable:
     head = [
         "method",
         "start",
+        "sizes ×",
         *names,
         "evaluations",
         _titled("residual", units),

@@ -93,6 +93,7 @@ class Trying:
         model: The mechanism file that the method is given.
         truth: The true motion, or None.
         design: What is fitted.
+        processes: Processes that work side by side.
     """
 
     method: str
@@ -100,6 +101,7 @@ class Trying:
     model: str | Path
     truth: Truth | None
     design: Design
+    processes: int = 1
 
 
 def tried(trying: Trying, progress: Progress | None = None) -> Evidence:

@@ -240,4 +240,6 @@ def fast_enough_in_time(evidence: Evidence) -> Verdict:
     )
     if usual is not None:
         told += f", Case I {usual.seconds:.2g} s"
+    if evidence.processes > 1:
+        told += f"; {evidence.processes} processes, each with a pendulum, share the processor"
     return Verdict(0.0 < seen.seconds_a_frame < evidence.interval, told, frames=len(seen.poses))
