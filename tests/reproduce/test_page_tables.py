@@ -32,8 +32,8 @@ OWN_WAY = (
     "the poses, with the same friction and poses of the same frames."
 )
 REFUSES = (
-    "The default method refuses {} where no period shows that explains the motion better than friction alone: "
-    "a freely swinging pendulum has no periodic torque."
+    "The default method refuses {} where no period shows that explains the motion better than friction "
+    "alone: a freely swinging pendulum has no periodic torque."
 )
 
 

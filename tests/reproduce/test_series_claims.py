@@ -34,6 +34,10 @@ def test_the_number_of_frames_is_judged_on_the_same_late_frames(errors: tuple, h
     shown = [f"{n} frames {np.degrees(error):.3g}°" for n, error in zip(DESIGN.lengths, errors, strict=True)]
     assert verdict.numbers == f"error on frames 40 to 79: {', '.join(shown)}"
     assert more_frames_are_better(lost()) == FIT_MISSING
+    off: Any = SimpleNamespace(**{**vars(cases[1].fit), "ok": False})
+    cases[1] = replace(cases[1], fit=off, status="It does not follow.")
+    told = "the fit of Case I cannot be used: It does not follow"
+    assert more_frames_are_better(evidence(*cases)) == Verdict(None, told)
 
 
 def periodic(frames: int, error: float) -> Case:
@@ -54,6 +58,11 @@ def test_periods_are_counted_in_the_fitted_frames() -> None:
         fits=2,
     )
     assert several_periods_are_needed(evidence(periodic(40, 0.02), method="paper")).held is None
+    off: Any = SimpleNamespace(**{**vars(periodic(20, 0.1).fit), "ok": False})
+    lost_one = replace(periodic(20, 0.1), fit=off, status="It does not follow.")
+    told = "the fit of Case II cannot be used: It does not follow"
+    unusable = several_periods_are_needed(evidence(lost_one, periodic(40, 0.02), method="paper"))
+    assert unusable == Verdict(None, told)
     refused = Case(replace(periodic(20, 0.1).plan), "No period.")
     assert several_periods_are_needed(evidence(refused, method="paper")) == Verdict(
         None, "Case II: No period"

@@ -12,7 +12,7 @@ from monodyn.reproduce.series_claims import SEVERAL
 from monodyn.reproduce.vision import TITLES
 
 POSES_OWN = 5.0
-"""A published residual above so many times the default method's is of its poses, not of the dynamics."""
+"""A published residual above so many times the default method's is not noise."""
 
 
 def assumptions(evidence: Mapping[str, Evidence], *, given: bool) -> list[Assumption]:
@@ -74,9 +74,9 @@ def _known_dynamics(evidence: Mapping[str, Evidence]) -> Assumption:
         if method == "paper":
             held, published = bool(residual < TRACKING and case.ok), residual
         elif published is not None and case.ok and published > POSES_OWN * residual:
-            # the same motion explained so much better: what is left is not noise about the true dynamics
-            remark = " The published residual is not that of the dynamics: its poses, or sizes in fixed "
-            remark += "proportions, are off."
+            # the same motion is explained so much better that what is left is no noise
+            remark = " The default method leaves so much less that the published residual is not noise: its "
+            remark += "poses, sizes or masses are off."
         if not residual < TRACKING and case.fit.advice and not advice:
             advice = f" {case.fit.advice[0]}"
     if not told:

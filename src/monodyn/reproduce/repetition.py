@@ -121,7 +121,8 @@ def _found(trying: Trying, progress: Progress | None) -> Evidence:
     seen = see(trying.method, segment(video, progress=progress), mechanism, truth, progress)
     cases = run_cases(seen, truth, design, progress)
     starts = pose_starts(seen, truth, design.seed)
-    return Evidence(seen, cases, design, float(np.median(np.diff(video.times))), starts)
+    interval = float(np.median(np.diff(video.times)))
+    return Evidence(seen, cases, design, interval, starts, trying.processes)
 
 
 @cache

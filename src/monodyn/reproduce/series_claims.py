@@ -45,8 +45,8 @@ def more_frames_are_better(evidence: Evidence) -> Verdict:
     numbers, errors = [], []
     for frames in evidence.design.lengths:
         case = evidence.case(frames=frames)
-        if refused(case):
-            continue
+        if unusable := refused(case):
+            return unusable
         error = None if case is None else evidence.overall(case.late)
         if error is not None:
             numbers.append(frames)
@@ -77,9 +77,8 @@ def several_periods_are_needed(evidence: Evidence) -> Verdict:
         held = None if case is None else case.periods
         if case is None or held is None or error is None:
             continue
-        if refused(case):
-            told.append(f"{frames} frames no usable fit")
-            continue
+        if unusable := refused(case):
+            return unusable
         (several if held >= SEVERAL else few).append(error)
         told.append(f"{degrees(error)} from {frames} frames, {held:.2g} periods of {case.period:.3g} s")
     if not told:

@@ -63,10 +63,12 @@ def history_figure(forms: Sequence[FrameworkFound]) -> Figure | None:
     return Figure(
         "Figure 2: objectives of the sequential framework",
         "Least value so far of each sub-problem, each time it is solved, over the silhouettes drawn. "
-        "Strict: (1) and (2) alternate with (3), then (4), as published. Interleaved, ours: each trial of "
-        "(3) and (4) has its own camera. The alternation may lead away from the least mismatch: the best "
-        "turn counts, whose value is the level line. Most silhouettes are not shown: those of the choice of "
-        "the start. Values below a billionth are left out.",
+        "Strict: (1) and (2) alternate with (3) until they have converged, then (4), the whole again until "
+        "nothing gains, as published. Interleaved, ours: each trial of (3) and (4) has its own camera. The "
+        "alternation may lead away from the least mismatch: the best turn counts, whose value is the level "
+        "line. Most silhouettes are not shown: those of the choice of the start, for which poses and "
+        "proportions are spread over their ranges and the framework runs in a reduced picture. Values below "
+        "a billionth are left out.",
         2,
         panels,
         [("line", colour, name) for _, colour, name in PROBLEMS.values() if colour in drawn]
