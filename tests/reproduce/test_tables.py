@@ -116,8 +116,10 @@ def test_the_terminal_says_what_its_marks_mean() -> None:
         replace(off, fit=refused), Case(FitPlan("fast", "II", 40, series="alone"), "no period")
     )
     assert [row[2] for row in plain_rows(found)[1]] == ["default *", "default"]
-    told = "Errors are rms by joint: joint1 · joint2. "
-    told += "Published / default: above one the default method is better."
+    told = (
+        "Errors are rms by joint: joint1 · joint2. Published / default: above one the default method is "
+        "better."
+    )
     assert legend([found]) == [
         told,
         "–: no fit; its reason is on the page.",

@@ -101,7 +101,7 @@ def settled(image: SilhouetteImage, view: ModelView) -> ModelView:
 
 
 def directions(rng: np.random.Generator, hinges: int) -> list[np.ndarray]:
-    """Return distinct directions whose largest turn is one: random ones, both of a single hinge; (hinge,).
+    """Return distinct directions whose largest turn is one: random ones, both of a single hinge; (dof,).
 
     Args:
         rng: Where random ones come from.
