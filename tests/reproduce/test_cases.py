@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from experiments import DESIGN, NOISE, evidence, mechanism, moved, seen, truth
-from monodyn.mechanism import load
+from monodyn.mechanism import Measured, load
 from monodyn.reproduce.cases import parameter_errors, run_case, slides_scaled
 from monodyn.reproduce.plans import FitPlan, start_scale, started
 from monodyn.reproduce.truth import Truth, identifiable
@@ -85,6 +85,10 @@ def test_a_drawn_start_of_a_slide_is_the_same_problem(start: int) -> None:
     # a picture gives the slide in the scale of the file, whose sizes are a third too small
     shown = swung / np.array([1.5 if joint.kind == "slide" else 1.0 for joint in cart.joints])
     poses = white(tuple(joint.name for joint in cart.joints), time, shown, 1e-4, metric=False)
+    # and the proportions of the sizes, so that none of them is free to take the scale of the slide
+    sizes = tuple(p.name for p in cart.parameters if p.kind in SIZES and p.value)
+    known = 1e8 * (np.eye(len(sizes)) - 1.0 / len(sizes))
+    cart = cart.with_measured(Measured(sizes, known))
     scene: Any = SimpleNamespace(mechanism=cart, camera=None)
     found = Seen("fast", "done", cart.joints, scene, poses, 1.0, 0.02, 0.0 * shown)
     told = Truth(time, swung, 0.0 * swung, identifiable(true))
