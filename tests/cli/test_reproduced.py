@@ -40,6 +40,7 @@ def test_the_tables_stand_in_columns_and_each_claim_has_its_verdicts(
 
     rows = (["case", "method", "torque", "rms"], [["1", "paper", "none", "0.5"], ["2", "fast", "none", "12"]])
     monkeypatch.setattr(tables, "plain_rows", lambda repetition: rows)
+    monkeypatch.setattr(tables, "legend", lambda repetitions: ["Errors are rms."])
     judged = {"paper": SimpleNamespace(words="held in 2 of 3"), "fast": SimpleNamespace(words="no verdict")}
     assumed = SimpleNamespace(name="It swings.", held=False, numbers="It stands.")
     clip = SimpleNamespace(name="clip.mp4", settings=None, assumptions=[assumed])
@@ -55,6 +56,8 @@ def test_the_tables_stand_in_columns_and_each_claim_has_its_verdicts(
         "case  method  torque  rms",
         "1     paper   none    0.5",
         "2     fast    none     12",
+        "",
+        "Errors are rms.",
         "",
         "Assumptions of the paper",
         "  does not hold   It swings. It stands.",

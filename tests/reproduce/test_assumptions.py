@@ -6,6 +6,8 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
 from experiments import DESIGN, evidence, lost, mechanism, moved, seen
 from monodyn.mechanism import load
 from monodyn.reproduce.assumptions import assumptions
@@ -83,3 +85,26 @@ def test_without_poses_the_reason_stands_first() -> None:
     told = {each.name: each.numbers for each in found}
     assert "There is no fit of Case I to measured angles." in told.values()
     assert "There is no fit of Case II." in told.values()
+
+
+def test_a_ball_on_a_rod_is_no_bar() -> None:
+    published = evidence(moved("I", 1e-2, method="paper"), method="paper")
+    name = "Uniform bars move under gravity and viscous friction alone (Case I)."
+    scene: Any = SimpleNamespace(mechanism=load("bob"))
+    ball = replace(published, seen=replace(published.seen, scene=scene))
+    held, told = judged(ball, evidence(moved("I", 0.0)))[name]
+    assert held is False
+    assert told.endswith("Not every body is a bar: the mechanism has a capsule and a sphere.")
+
+
+def test_a_residual_of_the_poses_is_not_that_of_the_dynamics() -> None:
+    off = replace(moved("I", 1e-2, method="paper"), residual=np.radians([0.7, 0.7]))
+    near = replace(moved("I", 1e-2), residual=np.radians([0.03, 0.03]))
+    held, told = judged(evidence(off, method="paper"), evidence(near))[
+        "Uniform bars move under gravity and viscous friction alone (Case I)."
+    ]
+    assert held is True
+    assert told.endswith(
+        "The default method leaves so much less that the published residual is not noise: its poses, sizes "
+        "or masses are off."
+    )

@@ -95,8 +95,31 @@ def test_case_three_follows_the_noise_and_needs_its_torques() -> None:
     assert judged(free_torque_follows_noise, published("III", 0.0)).held is False
     needed = judged(prediction_needs_torques, published("I", 1e-3), published("III", 0.1))
     assert needed == Verdict(
-        True, "prediction error 5.73° without torques, 0.0573° with the friction of Case I", fits=2
+        True,
+        "prediction error 5.73° without torques, 0.0573° with the friction of Case I; fitted with the "
+        "torques alone, as published",
+        fits=2,
     )
+    default = prediction_needs_torques(evidence(moved("I", 1e-3), moved("III", 0.1)))
+    assert default.numbers.endswith(
+        "; fitted with friction in addition to the torques, where the published form has the torques alone"
+    )
+
+
+def test_a_fit_that_cannot_be_used_decides_nothing() -> None:
+    def unusable(case: Case) -> Case:
+        fit: Any = SimpleNamespace(**{**vars(case.fit), "ok": False})
+        return replace(case, fit=fit, status="It does not follow.")
+
+    one, two, three = (published(name, 1e-3) for name in ("I", "II", "III"))
+    told = Verdict(None, "the fit of Case II cannot be used: It does not follow")
+    assert judged(fourier_deviates, one, unusable(two)) == told
+    assert judged(sizes_are_comparable, unusable(two), three) == told
+    told = Verdict(None, "the fit of Case I cannot be used: It does not follow")
+    for judge in (noise_is_filtered_out, fourier_deviates, prediction_needs_torques, filtered_is_worse):
+        assert judged(judge, unusable(one), two, three) == told
+    told = Verdict(None, "the fit of Case III cannot be used: It does not follow")
+    assert judged(free_torque_follows_noise, unusable(three)) == told
 
 
 def test_sizes_are_comparable_within_a_fifth() -> None:
@@ -105,7 +128,10 @@ def test_sizes_are_comparable_within_a_fifth() -> None:
 
     near = judged(sizes_are_comparable, sized("I", 0.5), sized("II", 0.1), sized("III", -0.19))
     assert near == Verdict(
-        True, "Case I l1 +50 %, l2 +0 %; Case II l1 +10 %, l2 +0 %; Case III l1 −19 %, l2 +0 %", fits=3
+        True,
+        "Case I l1 +50 %, l2 +0 %; Case II l1 +10 %, l2 +0 %; Case III l1 −19 %, l2 +0 %; −19 % is near the "
+        "limit of 20 %",
+        fits=3,
     )
     assert judged(sizes_are_comparable, sized("II", 0.1), sized("III", 0.21)).held is False
     assert judged(sizes_are_comparable, published("I", 1e-3)) == FIT_MISSING
@@ -128,7 +154,8 @@ def test_unknowns_are_compared_with_the_printed_ones() -> None:
     by_formula = judged(unknowns_as_printed, counted("I", 6), counted("II", 34), counted("III", 84))
     assert by_formula.held is False
     assert by_formula.numbers.endswith(
-        "; with seven terms 2 s1 + 2 s2 + 2 coefficients and 4 sizes are 34, the paper's own formula; 36 "
+        "; with seven terms 2 s1 + 2 s2 + 2 coefficients and 4 sizes are 34, the paper's own formula, "
+        "which 36 alone contradicts: 6 and 2k + 4 hold; 36 "
         "with the two dampings, a period for each joint, omega and a phase, a and b for j = 0 to 7, or two "
         "values of the start state"
     )

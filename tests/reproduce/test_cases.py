@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 
 from experiments import DESIGN, NOISE, evidence, mechanism, moved, seen, truth
-from monodyn.reproduce.cases import parameter_errors, run_case
-from monodyn.reproduce.plans import FitPlan
+from monodyn.mechanism import Measured, load
+from monodyn.reproduce.cases import parameter_errors, run_case, slides_scaled
+from monodyn.reproduce.plans import FitPlan, start_scale, started
+from monodyn.reproduce.truth import Truth, identifiable
 from monodyn.reproduce.vision import Seen
+from swings import SIZES, motion, white
 
 
 def test_a_fit_is_measured_against_the_truth() -> None:
@@ -55,3 +58,44 @@ def test_a_fit_without_poses_has_a_status() -> None:
     nothing = Seen("paper", "failed: lost", mechanism().joints)
     case = run_case(FitPlan("paper", "I", 40), nothing, None, DESIGN)
     assert (case.status, case.fit, case.ok, case.unknowns) == ("no poses: failed: lost", None, False, None)
+
+
+def test_slides_are_in_the_scale_of_the_start_values() -> None:
+    cart = load("cartpole")
+    poses = white(tuple(joint.name for joint in cart.joints), np.arange(9) / 30.0, np.ones((9, 2)), 0.01)
+    seen_poses = replace(poses, metric=False)
+    factor = start_scale(3, 7)
+    begun = started(cart, 3, 7)
+    length = next(p.name for p in cart.parameters if p.kind == "length")
+    assert begun.values[length] / cart.values[length] == pytest.approx(factor)
+    scaled = slides_scaled(seen_poses, cart, factor)
+    assert not scaled.metric
+    kinds = [joint.kind for joint in cart.joints]
+    np.testing.assert_allclose(scaled.position[0], [factor if kind == "slide" else 1.0 for kind in kinds])
+    assert slides_scaled(poses, cart, factor) is poses
+    assert start_scale(0, 7) == 1.0
+
+
+@pytest.mark.parametrize("start", [1, 2])
+def test_a_drawn_start_of_a_slide_is_the_same_problem(start: int) -> None:
+    cart = load("cartpole")
+    true = cart.with_values({p.name: 1.5 * p.value for p in cart.parameters if p.kind in SIZES})
+    time = np.arange(60) / 30.0
+    swung = motion(true, time, [0.1, 0.8], [0.2, 0.0])
+    # a picture gives the slide in the scale of the file, whose sizes are a third too small
+    shown = swung / np.array([1.5 if joint.kind == "slide" else 1.0 for joint in cart.joints])
+    poses = white(tuple(joint.name for joint in cart.joints), time, shown, 1e-4, metric=False)
+    # and the proportions of the sizes, so that none of them is free to take the scale of the slide
+    sizes = tuple(p.name for p in cart.parameters if p.kind in SIZES and p.value)
+    known = 1e8 * (np.eye(len(sizes)) - 1.0 / len(sizes))
+    cart = cart.with_measured(Measured(sizes, known))
+    scene: Any = SimpleNamespace(mechanism=cart, camera=None)
+    found = Seen("fast", "done", cart.joints, scene, poses, 1.0, 0.02, 0.0 * shown)
+    told = Truth(time, swung, 0.0 * swung, identifiable(true))
+    case = run_case(FitPlan("fast", "I", 40, start=start), found, told, replace(DESIGN, ahead=10, starts=2))
+    assert case.ok
+    assert case.parameters is not None
+    assert abs(case.parameters["l1"]) < 0.01
+    assert case.poses is not None
+    # in metres whatever the start
+    np.testing.assert_allclose(case.poses[:, 0], swung[: len(case.poses), 0], rtol=0.01, atol=1e-3)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments import evidence, moved, repetition
+from experiments import DESIGN, evidence, moved, repetition
 from monodyn.reproduce.cases import Case
 from monodyn.reproduce.page_tables import (
     PageTable,
@@ -18,13 +18,22 @@ from monodyn.reproduce.page_tables import (
     remarks,
     starts_table,
 )
-from monodyn.reproduce.plans import FitPlan
+from monodyn.reproduce.plans import FitPlan, start_scale
 from monodyn.reproduce.vision import FrameworkFound
 
 BOTH_WAYS = (
     "Cases II and III are fitted both ways: with the torque over time alone, the published form, and with "
     "friction in addition to it, the default method's. Ratios compare fits that follow the poses, with the "
     "same friction and poses of the same frames."
+)
+OWN_WAY = (
+    "By the published method Cases II and III are fitted in its own form alone, without friction in addition "
+    "to the torque over time, to save time; by the default method both ways. Ratios compare fits that follow "
+    "the poses, with the same friction and poses of the same frames."
+)
+REFUSES = (
+    "The default method refuses {} where no period shows that explains the motion better than friction "
+    "alone: a freely swinging pendulum has no periodic torque."
 )
 
 
@@ -45,8 +54,9 @@ def test_a_larger_residual_of_the_default_method_in_case_three_is_explained() ->
     )
     default = moved("III", 5e-3, series="alone")
     published = evidence(moved("III", 0.0, noise=1.0, method="paper"), method="paper")
-    assert remarks(repetition(default, published=published)) == [remark, BOTH_WAYS]
-    assert remarks(repetition(default)) == [BOTH_WAYS]
+    assert remarks(repetition(default, published=published)) == [remark, OWN_WAY]
+    both = evidence(moved("III", 0.0, series="with-friction", method="paper"), method="paper")
+    assert remarks(repetition(default, published=both)) == [BOTH_WAYS]
 
 
 def test_a_refused_case_two_is_explained_and_has_no_ratio() -> None:
@@ -54,10 +64,14 @@ def test_a_refused_case_two_is_explained_and_has_no_ratio() -> None:
     published = evidence(moved("II", 0.0, method="paper"), method="paper")
     found = repetition(moved("I", 1e-3), refused, published=published)
     assert remarks(found) == [
-        "The default method refuses Case II where no periodic torque shows in addition to friction: a freely "
-        "swinging pendulum has none. So there is no ratio; the published series stands for the friction "
-        "as well.",
-        BOTH_WAYS,
+        REFUSES.format("Case II") + " So there is no ratio for it.",
+        OWN_WAY,
+    ]
+    alone = moved("II", 1e-3, series="alone")
+    other = Case(FitPlan("fast", "II", 40, series="with-friction"), "no period")
+    assert remarks(repetition(alone, other, published=published)) == [
+        REFUSES.format("Case II, with friction"),
+        OWN_WAY,
     ]
     table = fits_table(found)
     assert [cells[:2] for _, cells in table.rows] == [
@@ -97,8 +111,10 @@ def test_lengths_and_starts_have_a_row_each() -> None:
     fits = [moved("I", 1e-3), moved("I", 0.3, start=1), moved("I", 1e-3, start=2)]
     table = starts_table(repetition(*fits))
     assert [cells[:2] for _, cells in table.rows] == [
-        ["default", "as seen"], ["default", "2, place 1"], ["default", "1, place 2"],
+        ["default", "as seen, matched"], ["default", "2, place 1"], ["default", "1, place 2"],
     ]  # fmt: skip
+    shown = [cells[2] for _, cells in table.rows]
+    assert shown == ["–", *(f"{start_scale(number, DESIGN.seed):.3g}" for number in (2, 1))]
 
 
 def test_assumptions_are_marked() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from experiments import lost, mechanism, seen
 from monodyn.paper.view import CAMERA_HELD, model_view, silhouette_image
-from monodyn.reproduce.pose_starts import pose_starts, settled
+from monodyn.reproduce.pose_starts import directions, pose_starts, settled
 from monodyn.types import FULL, Camera
 from monodyn.vision.drawing.outline import covered_pixels
 
@@ -25,6 +25,14 @@ def test_repeated_searches_end_in_the_drawn_pose() -> None:
     found = settled(image, view).position
     # 1 px at the ends of the links, 200 px long, whose silhouette is drawn in whole pixels
     assert found == pytest.approx(pose, abs=1.0 / 200.0)
+
+
+def test_starts_are_counted_once() -> None:
+    rng = np.random.default_rng(0)
+    np.testing.assert_array_equal(directions(rng, 1), [[1.0], [-1.0]])
+    turns = np.array(directions(rng, 2))
+    assert turns.shape == (24, 2)
+    np.testing.assert_array_equal(np.abs(turns).max(axis=1), 1.0)
 
 
 def test_only_a_scene_of_the_published_method_is_searched() -> None:

@@ -34,6 +34,10 @@ def test_the_number_of_frames_is_judged_on_the_same_late_frames(errors: tuple, h
     shown = [f"{n} frames {np.degrees(error):.3g}°" for n, error in zip(DESIGN.lengths, errors, strict=True)]
     assert verdict.numbers == f"error on frames 40 to 79: {', '.join(shown)}"
     assert more_frames_are_better(lost()) == FIT_MISSING
+    off: Any = SimpleNamespace(**{**vars(cases[1].fit), "ok": False})
+    cases[1] = replace(cases[1], fit=off, status="It does not follow.")
+    told = "the fit of Case I cannot be used: It does not follow"
+    assert more_frames_are_better(evidence(*cases)) == Verdict(None, told)
 
 
 def periodic(frames: int, error: float) -> Case:
@@ -54,6 +58,11 @@ def test_periods_are_counted_in_the_fitted_frames() -> None:
         fits=2,
     )
     assert several_periods_are_needed(evidence(periodic(40, 0.02), method="paper")).held is None
+    off: Any = SimpleNamespace(**{**vars(periodic(20, 0.1).fit), "ok": False})
+    lost_one = replace(periodic(20, 0.1), fit=off, status="It does not follow.")
+    told = "the fit of Case II cannot be used: It does not follow"
+    unusable = several_periods_are_needed(evidence(lost_one, periodic(40, 0.02), method="paper"))
+    assert unusable == Verdict(None, told)
     refused = Case(replace(periodic(20, 0.1).plan), "No period.")
     assert several_periods_are_needed(evidence(refused, method="paper")) == Verdict(
         None, "Case II: No period"
@@ -72,6 +81,10 @@ def test_starts_that_end_in_one_place_are_not_sensitive() -> None:
     apart = starts_end_apart(evidence(one, replace(other, fit=fit)))
     assert apart.held is True
     assert apart.numbers.endswith("b1/m1 differs most, by 67 %")
+    values = {"joint1.damping": 3.5 * mechanism().values["joint1.damping"]}
+    fit = SimpleNamespace(**{**vars(other.fit), "mechanism": mechanism().with_values(values)})
+    apart = starts_end_apart(evidence(one, replace(other, fit=fit)))
+    assert apart.numbers.endswith("b1/m1 differs most, by a factor of 3.5")
 
 
 def test_starts_that_end_elsewhere_are_counted() -> None:
@@ -103,6 +116,15 @@ def test_poses_are_judged_by_their_errors_in_every_frame() -> None:
     assert close.held is True
     assert close.numbers.startswith("0.19° rms")
     assert "over 90 of 90 frames" in close.numbers
+    errors = np.full((90, 2), np.nan)
+    errors[3] = np.radians(1.1)
+    few = poses_are_close(replace(evidence(), seen=replace(seen(), errors=errors)))
+    assert few == Verdict(
+        False,
+        "1.1° (near the limit of 1°) rms over 1 of 90 frames, at most 1.1°; 90 have a pose, of the others "
+        "the truth is not known",
+        frames=1,
+    )
     assert poses_are_close(lost()) == Verdict(None, "no poses: failed: x")
     assert poses_are_close(replace(evidence(), seen=replace(seen(), errors=None))) == TRUTH_UNKNOWN
 
@@ -111,6 +133,8 @@ def test_time_is_compared_with_that_between_frames() -> None:
     found = fast_enough_in_time(evidence(replace(moved("I", 1e-3), seconds=0.2)))
     told = "20 ms a frame where frames are 33.3 ms apart; first pose 1 s, Case I 0.2 s"
     assert found == Verdict(True, told, frames=90)
+    shared = fast_enough_in_time(replace(evidence(), processes=2))
+    assert shared.numbers.endswith("first pose 1 s; 2 processes, each with a pendulum, share the processor")
     slow = replace(evidence(), seen=replace(seen(), seconds_a_frame=0.05))
     assert fast_enough_in_time(slow).held is False
     assert fast_enough_in_time(lost()).held is None

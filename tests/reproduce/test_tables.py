@@ -21,6 +21,7 @@ from monodyn.reproduce.tables import (
     document,
     gain_row,
     labels,
+    legend,
     main_cases,
     plain_rows,
     pose_gain,
@@ -106,6 +107,25 @@ def test_cases_stand_with_the_methods_side_by_side() -> None:
     assert rows[2][:3] == ["", "", "published / default"]
     assert rows[3][:3] == ["II", "torque alone", "published"]
     assert rows[4][:3] == ["III", "with friction", "default"]
+
+
+def test_the_terminal_says_what_its_marks_mean() -> None:
+    off = moved("I", 1e-3)
+    refused: Any = SimpleNamespace(**{**vars(off.fit), "ok": False})
+    found = repetition(
+        replace(off, fit=refused), Case(FitPlan("fast", "II", 40, series="alone"), "no period")
+    )
+    assert [row[2] for row in plain_rows(found)[1]] == ["default *", "default"]
+    told = (
+        "Errors are rms by joint: joint1 · joint2. Published / default: above one the default method is "
+        "better."
+    )
+    assert legend([found]) == [
+        told,
+        "–: no fit; its reason is on the page.",
+        "*: the simulated motion does not follow the poses; claims do not rest on such a fit.",
+    ]
+    assert legend([repetition(off)]) == [told]
 
 
 def test_labels_are_lengths_then_masses_then_dampings() -> None:

@@ -98,6 +98,17 @@ def test_bad_files_are_refused_in_one_line(tmp_path: Path) -> None:
         "truth.json: expected times that increase, got others; correct 'times'.",
     )
     refused(
+        {"q": [[None, None]] * 2},
+        "truth.json: expected true positions that are numbers, got none; give the truth of this clip.",
+    )
+    refused(
+        {"q": [[10**400, 1.0]]},
+        "truth.json: expected rows of 2 numbers, one a joint, as 'q', got something else; correct it.",
+    )
+    bad.write_text("[" * 100_000)
+    with refuses(VideoError, "truth.json: expected a JSON document, got something else; correct it."):
+        read_truth(bad, mechanism(), TIMES)
+    refused(
         {"q": [[0.0, 1.0]] * 2, "times": [7.0, 8.0]},
         "truth.json: expected true positions within the clip's 0.00 to 0.13 s, got 7.00 to 8.00 s; give the "
         "truth of this clip.",

@@ -89,10 +89,14 @@ class ReproduceOptions:
 def _print(made: Experiment) -> None:
     """Print the three cases of each pendulum, assumptions, verdicts and where the page is."""
     from monodyn.reproduce.page_tables import HELD
+    from monodyn.reproduce.tables import legend
     from monodyn.reproduce.vision import TITLES
 
     for repetition in made.repetitions:
         _print_cases(repetition)
+    for line in legend(made.repetitions):
+        print(line)
+    print()
     first = made.repetitions[0]
     if first.settings is None:
         print("Assumptions of the paper")

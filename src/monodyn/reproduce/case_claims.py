@@ -7,7 +7,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from monodyn.reproduce.cases import Case, rms
-from monodyn.reproduce.evidence import FIT_MISSING, TRUTH_UNKNOWN, Evidence, Verdict, correlation, degrees
+from monodyn.reproduce.evidence import (
+    FIT_MISSING,
+    TRUTH_UNKNOWN,
+    Evidence,
+    Verdict,
+    correlation,
+    degrees,
+    near,
+    refused,
+)
 from monodyn.reproduce.plans import FILTERED, FitPlan
 
 TRACKING = np.radians(1.0)
@@ -16,6 +25,11 @@ EXACT = 0.25
 """It tracks them exactly when it is nearer to them than this share of their own error."""
 FOLLOWS = 0.9
 """It follows their noise when its errors and theirs have a correlation above this."""
+FORMS = {
+    "paper": "with the torques alone, as published",
+    "fast": "with friction in addition to the torques, where the published form has the torques alone",
+}
+"""Form in which each method fits Case III."""
 COMPARABLE = 0.20
 """Lengths are comparable to the true ones when they differ by less than this share."""
 
@@ -29,6 +43,9 @@ def filtered_is_worse(evidence: Evidence) -> Verdict:
     if evidence.seen.method == "fast":
         return Verdict(None, "it does not filter: every pose is weighted with its covariance")
     usual = evidence.case()
+    # of the filtered fits this is what is asked: only the fit that they are compared with must be usable
+    if unusable := refused(usual):
+        return unusable
     plain = None if usual is None else evidence.overall(usual.ahead)
     if usual is None or plain is None:
         return FIT_MISSING
@@ -60,6 +77,8 @@ def noise_is_filtered_out(evidence: Evidence) -> Verdict:
     case = evidence.case()
     if case is None:
         return FIT_MISSING
+    if unusable := refused(case):
+        return unusable
     if evidence.seen.errors is None:
         return TRUTH_UNKNOWN
     # The poses of the fitted frames alone: later ones were not seen by the fit that they are compared with.
@@ -81,6 +100,8 @@ def rates_are_better(evidence: Evidence) -> Verdict:
     if evidence.seen.method == "fast":
         return Verdict(None, "it compares angles alone, weighted with their covariance")
     plain, both = evidence.case(), evidence.case(compared="rates")
+    if unusable := refused(plain, both):
+        return unusable
     one = None if plain is None else evidence.overall(plain.ahead)
     other = None if both is None else evidence.overall(both.ahead)
     if one is None or other is None:
@@ -99,13 +120,15 @@ def fourier_deviates(evidence: Evidence) -> Verdict:
     case, usual = evidence.case("II"), evidence.case()
     if case is None or usual is None:
         return _missing(evidence, "II")
+    if unusable := refused(case, usual):
+        return unusable
     # To track is a matter of the fitted frames, to deviate one of the frames after them. Both are needed: a
     # series that does not even follow the poses says nothing about its prediction.
     residual, ahead = evidence.overall(case.residual), evidence.overall(case.ahead)
     known, error = evidence.overall(usual.ahead), evidence.overall(case.error)
     if residual is None or ahead is None or known is None:
         return FIT_MISSING
-    told = f"residual {degrees(residual)}"
+    told = f"residual {degrees(residual)}{near(residual, TRACKING, '1°')}"
     if error is not None:
         told += f", error against the truth {degrees(error)}"
     told += f", prediction error {degrees(ahead)} where Case I has {degrees(known)}"
@@ -127,6 +150,8 @@ def free_torque_follows_noise(evidence: Evidence) -> Verdict:
     case, seen = evidence.case("III"), evidence.seen
     if case is None or case.motion is None or case.poses is None:
         return _missing(evidence, "III")
+    if unusable := refused(case):
+        return unusable
     if case.true is None or not seen.hinges:
         return TRUTH_UNKNOWN
     frames, hinges = evidence.design.frames, seen.hinges
@@ -157,12 +182,15 @@ def prediction_needs_torques(evidence: Evidence) -> Verdict:
     case, usual = evidence.case("III"), evidence.case()
     if case is None or usual is None:
         return _missing(evidence, "III")
+    if unusable := refused(case, usual):
+        return unusable
     without, known = evidence.overall(case.ahead), evidence.overall(usual.ahead)
     if without is None or known is None:
         return FIT_MISSING
     return Verdict(
         without > known,
-        f"prediction error {degrees(without)} without torques, {degrees(known)} with the friction of Case I",
+        f"prediction error {degrees(without)} without torques, {degrees(known)} with the friction of Case I; "
+        f"fitted {FORMS[evidence.seen.method]}",
         fits=2,
     )
 
@@ -174,12 +202,17 @@ def sizes_are_comparable(evidence: Evidence) -> Verdict:
         evidence: What one method found.
     """
     found = [(name, evidence.case(name)) for name in ("I", "II", "III")]
+    if unusable := refused(*(case for name, case in found if name != "I")):
+        return unusable
     shares = [(name, _lengths(case)) for name, case in found if case is not None]
     judged = [share for name, lengths in shares if name != "I" for share in lengths.values()]
     if not judged:
         return TRUTH_UNKNOWN if evidence.seen.errors is None else FIT_MISSING
     told = [f"Case {name} {_written(lengths)}" for name, lengths in shares if lengths]
     numbers = "; ".join(told).replace("-", "−")
+    nearest = min(judged, key=lambda share: abs(abs(share) - COMPARABLE))
+    if near(abs(nearest), COMPARABLE, "20 %"):
+        numbers += f"; {100.0 * nearest:+.0f} % is near the limit of 20 %".replace("-", "−")
     if evidence.seen.method == "fast" and any(name == "III" and lengths for name, lengths in shares):
         numbers += "; in Case III it holds the lengths of a fit made before, without the torques"
     return Verdict(all(abs(share) < COMPARABLE for share in judged), numbers, fits=len(told))
@@ -222,6 +255,8 @@ def unknowns_as_printed(evidence: Evidence) -> Verdict:
     told += f" with k = {stamps}"
     if counts.get("II") == 34:
         told += "; with seven terms 2 s1 + 2 s2 + 2 coefficients and 4 sizes are 34, the paper's own formula"
+        if all(counts.get(name) == expected[name] for name in ("I", "III")):
+            told += ", which 36 alone contradicts: 6 and 2k + 4 hold"
         told += (
             "; 36 with the two dampings, a period for each joint, omega and a phase, a and b for j = 0 to 7, "
             "or two values of the start state"

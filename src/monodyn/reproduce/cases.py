@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation.fit import Fit
-from monodyn.reproduce.plans import Design, FitPlan, identify_settings, plans, started
+from monodyn.mechanism import Mechanism
+from monodyn.reproduce.plans import Design, FitPlan, identify_settings, plans, start_scale, started
 from monodyn.reproduce.truth import Truth, errors_of, identifiable
 from monodyn.reproduce.vision import CASE_FAILURES, Seen
 from monodyn.results.fill import States, fill
 from monodyn.results.trace import metric
 from monodyn.stages import identify
-from monodyn.types import Progress
+from monodyn.types import Poses, Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,17 +119,32 @@ def run_case(plan: FitPlan, seen: Seen, truth: Truth | None, design: Design) -> 
     began = time.perf_counter()
     try:
         mechanism = started(seen.scene.mechanism, plan.start, design.seed)
+        # slides are seen in the scale of the sizes: left in the old one they would be another motion, not
+        # the same from another start
+        poses = slides_scaled(seen.poses, mechanism, start_scale(plan.start, design.seed))
+        seen = replace(seen, poses=poses)
         # the fitted frames alone, also for the period of Case II: what is predicted was not seen
-        fit = identify(seen.poses.part(0, plan.frames), mechanism, identify_settings(plan, design))
+        fit = identify(poses.part(0, plan.frames), mechanism, identify_settings(plan, design))
         seconds = time.perf_counter() - began
         if not fit.starts:
             return Case(plan, fit.status, fit, seconds=seconds)
         # beyond the fitted frames, to the end of the last ones that any fit is compared on
-        last = min(len(seen.poses), design.longest + design.ahead)
-        motion = fill(fit, seen.poses.time[:last])
+        last = min(len(poses), design.longest + design.ahead)
+        motion = fill(fit, poses.time[:last])
     except CASE_FAILURES as error:
         return Case(plan, f"failed: {error}", seconds=time.perf_counter() - began)
     return _measured(Case(plan, str(fit.status), fit, motion, seconds=seconds), seen, truth, design)
+
+
+def slides_scaled(poses: Poses, mechanism: Mechanism, factor: float) -> Poses:
+    """Return poses whose slides are in the scale of other start values; those in metres stay.
+
+    Args:
+        poses: Joint positions, slides in metres or in the scale of the mechanism file.
+        mechanism: Its joints.
+        factor: The other scale's sizes over the file's.
+    """
+    return poses if poses.metric else replace(metric(poses, mechanism, factor), metric=False)
 
 
 def _measured(case: Case, seen: Seen, truth: Truth | None, design: Design) -> Case:

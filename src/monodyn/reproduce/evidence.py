@@ -42,6 +42,7 @@ class Evidence:
         design: What was fitted.
         interval: Time between two frames [s].
         pose_starts: Searches for the first pose from starts all around it, or None.
+        processes: Processes that worked side by side, so that times are longer than those of one alone.
     """
 
     seen: Seen
@@ -49,6 +50,7 @@ class Evidence:
     design: Design
     interval: float = 0.0
     pose_starts: PoseStarts | None = None
+    processes: int = 1
 
     def case(
         self, name: str = "I", frames: int = 0, compared: str = "measured", start: int = 0
@@ -84,6 +86,34 @@ class Evidence:
 
 FIT_MISSING = Verdict(None, "a fit that it requires is missing")
 TRUTH_UNKNOWN = Verdict(None, "the truth of this clip is not known")
+
+
+NEAR_LIMIT = 0.25
+"""A value is near its limit when they differ by less than this share of the limit."""
+
+
+def refused(*cases: Case | None) -> Verdict | None:
+    """Return that a fit cannot be used, with its reason, or None where all can or are missing.
+
+    Args:
+        cases: The fits that a claim rests on.
+    """
+    for case in cases:
+        if case is not None and not case.ok:
+            status = case.status.rstrip(".")
+            return Verdict(None, f"the fit of Case {case.plan.case} cannot be used: {status}")
+    return None
+
+
+def near(value: float, limit: float, words: str) -> str:
+    """Return a remark where a value is so near to its limit that the verdict may turn, else nothing.
+
+    Args:
+        value: The value.
+        limit: What it is compared with.
+        words: The limit in words.
+    """
+    return f" (near the limit of {words})" if abs(value - limit) < NEAR_LIMIT * limit else ""
 
 
 def degrees(value: float) -> str:

@@ -194,13 +194,13 @@ def _repeated(
 ) -> list[Repetition]:
     """Try both methods on every clip, in several processes where there are several pendulums."""
     todo: list[Trying] = []
+    # a single pendulum stays in this process, where the progress of its steps can be shown
+    processes = settings.processes if len(made) > 1 else 1
     for number, (clip, model, _, truth) in enumerate(made):
         # published fits of torques over time take most of the time: both ways with the first pendulum alone
         fewer = replace(settings.design, starts=min(FEWER_STARTS, settings.design.starts), both_ways=False)
         design = fewer if number else settings.design
-        todo += [Trying(method, clip, model, truth, design) for method in BOTH_METHODS]
-    # a single pendulum stays in this process, where the progress of its steps can be shown
-    processes = settings.processes if len(made) > 1 else 1
+        todo += [Trying(method, clip, model, truth, design, processes) for method in BOTH_METHODS]
     # what takes longer comes first, so that no process is left with it at the end
     todo.sort(key=lambda trying: BOTH_METHODS.index(trying.method))
     found = list(each(tried, todo, processes, progress))

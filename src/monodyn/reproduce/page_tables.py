@@ -10,6 +10,7 @@ import numpy as np
 
 from monodyn.reproduce.cases import Case
 from monodyn.reproduce.endings import endings
+from monodyn.reproduce.plans import start_scale
 from monodyn.reproduce.repetition import Repetition
 from monodyn.reproduce.series_claims import drawn_fits
 from monodyn.reproduce.tables import (
@@ -146,7 +147,7 @@ def frameworks_table(repetitions: Sequence[Repetition]) -> PageTable:
             share = None if form.mismatch is None or not form.area else 100.0 * form.mismatch / form.area
             row = {
                 f"error_{unit.name}_{unit.unit}": None
-                if form.error is None
+                if form.error is None or not np.isfinite(form.error[dof])
                 else unit.factor * abs(form.error[dof])
                 for dof, unit in enumerate(units)
             }
@@ -221,13 +222,15 @@ def starts_table(repetition: Repetition) -> PageTable:
     )
     for method in BOTH_METHODS:
         first = usual[method]
-        placed = [("as seen", first)] if first is not None else []
+        placed = [("as seen, matched", first)] if first is not None else []
+        seed = repetition.evidence[method].design.seed
         hinges = repetition.evidence[method].seen.hinges
         for place, ending in enumerate(endings(fits[method], hinges) if hinges else ()):
             placed += [(f"{case.plan.start}, place {place + 1}", case) for case in ending.cases]
         for start, case in placed:
             row, found = case_row(case, units), parameter_values(case)
-            cells = [TITLES[method], start, *(_number(found.get(n), 4) for n in names)]
+            scale = start_scale(case.plan.start, seed) if case.plan.start else None
+            cells = [TITLES[method], start, _number(scale), *(_number(found.get(n), 4) for n in names)]
             cells += [_number(row["evaluations"]), *(_joints(row, k, units) for k in ("residual", "ahead"))]
             rows.append(("", cells))
         if rows:
@@ -235,6 +238,7 @@ def starts_table(repetition: Repetition) -> PageTable:
     head = [
         "method",
         "start",
+        "sizes ×",
         *names,
         "evaluations",
         _titled("residual", units),
@@ -329,7 +333,9 @@ def _joints(
     if shown is not None:
         return Markup(" · ").join(shown(value) for value in values)
     signs = ["" if shared_unit(units) else unit.sign for unit in units]
-    return " · ".join(_number(value, 2) + sign for value, sign in zip(values, signs, strict=True))
+    return " · ".join(
+        _number(value, 2) + ("" if value is None else sign) for value, sign in zip(values, signs, strict=True)
+    )
 
 
 def _shares(row: Mapping[str, Any], names: Sequence[str]) -> list[str]:
@@ -343,13 +349,16 @@ def remarks(repetition: Repetition) -> list[str]:
         repetition: The experiment with one pendulum.
     """
     main, found = main_cases(repetition), []
-    refused = [c for c in main if c.plan.case == "II" and c.plan.method == "fast" and c.motion is None]
+    tried = [c for c in main if c.plan.case == "II" and c.plan.method == "fast"]
+    refused = [c for c in tried if c.motion is None]
     if refused:
-        found.append(
-            "The default method refuses Case II where no periodic torque shows in addition to friction: a "
-            "freely swinging pendulum has none. So there is no ratio; the published series stands for the "
-            "friction as well."
+        made = [c for c in tried if c.motion is not None]
+        forms = "Case II" if not made else " and ".join(case_name(c) for c in refused)
+        told = (
+            f"The default method refuses {forms} where no period shows that explains the motion better than "
+            "friction alone: a freely swinging pendulum has no periodic torque."
         )
+        found.append(told if made else f"{told} So there is no ratio for it.")
     free = {
         case.plan.method: case.residual
         for case in main
@@ -362,9 +371,16 @@ def remarks(repetition: Repetition) -> list[str]:
             "the poses from frame to frame. The errors against the truth and of the prediction are the ones "
             "to compare."
         )
-    found.append(
+    both = any(c.plan.method == "paper" and c.plan.series == "with-friction" for c in main)
+    ways = (
         "Cases II and III are fitted both ways: with the torque over time alone, the published form, and "
-        "with friction in addition to it, the default method's. Ratios compare fits that follow "
-        "the poses, with the same friction and poses of the same frames."
+        "with friction in addition to it, the default method's."
+        if both
+        else "By the published method Cases II and III are fitted in its own form alone, without friction in "
+        "addition to the torque over time, to save time; by the default method both ways."
+    )
+    found.append(
+        f"{ways} Ratios compare fits that follow the poses, with the same friction and poses of the same "
+        "frames."
     )
     return found

@@ -169,7 +169,7 @@ def started(mechanism: Mechanism, number: int, seed: int) -> Mechanism:
         return mechanism
     rng = np.random.default_rng([seed, number])
     # sizes keep their proportions, which the pictures determine; their scale and a thickness are not seen
-    scale = _factor(rng)
+    scale = _factor(rng)  # the first draw: start_scale makes it again
     values = {}
     for parameter in mechanism.parameters:
         if parameter.kind in ("length", "width", "tail", "tip", "offset"):
@@ -177,6 +177,16 @@ def started(mechanism: Mechanism, number: int, seed: int) -> Mechanism:
         elif parameter.kind in ("thickness", "damping") and parameter.free:
             values[parameter.name] = parameter.value * _factor(rng)
     return mechanism.with_values(values)
+
+
+def start_scale(number: int, seed: int) -> float:
+    """Return the factor of all sizes in other start values, of ``started``.
+
+    Args:
+        number: Which start; 0 leaves the values as they are.
+        seed: Seed of the factors.
+    """
+    return _factor(np.random.default_rng([seed, number])) if number else 1.0
 
 
 def _factor(rng: np.random.Generator) -> float:

@@ -17,7 +17,7 @@ from monodyn.reproduce.vision import Seen, hinges_of
 DISTANCES = tuple(np.radians([10.0, 30.0, 60.0, 90.0, 180.0]).tolist())
 """Distances of the starts, the largest turn of any hinge [rad]."""
 STARTS_EACH = 24
-"""Starts at each distance."""
+"""Starts at each distance of several hinges; a single one has two, one to either side."""
 SAME_POSE = float(np.radians(2.0))
 """A search ends in the same pose when no hinge is off by more than this [rad]."""
 
@@ -73,15 +73,15 @@ def pose_starts(
     rng, same = np.random.default_rng([seed, 1]), []
     for distance in distances:
         ended = 0
-        for _ in range(STARTS_EACH):
+        for direction in directions(rng, len(hinges)):
             start = goal.copy()
-            start[hinges] += distance * _direction(rng, len(hinges))
+            start[hinges] += distance * direction
             found = settled(image, replace(view, position=start))
             turn = (found.position - goal)[hinges]
             # poses that differ by whole turns are the same picture
             ended += bool((np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi) < SAME_POSE).all())
         same.append(ended)
-    return PoseStarts(tuple(distances), tuple(same), STARTS_EACH)
+    return PoseStarts(tuple(distances), tuple(same), len(directions(rng, len(hinges))))
 
 
 def settled(image: SilhouetteImage, view: ModelView) -> ModelView:
@@ -100,7 +100,14 @@ def settled(image: SilhouetteImage, view: ModelView) -> ModelView:
         least, step_px = min(value, least), max(SHRINK * step_px, LEAST_STEP_PX)
 
 
-def _direction(rng: np.random.Generator, hinges: int) -> np.ndarray:
-    """Draw a direction whose largest turn is one."""
-    turn = rng.standard_normal(hinges)
-    return turn / np.abs(turn).max()
+def directions(rng: np.random.Generator, hinges: int) -> list[np.ndarray]:
+    """Return distinct directions whose largest turn is one: random ones, both of a single hinge; (dof,).
+
+    Args:
+        rng: Where random ones come from.
+        hinges: Number of hinges.
+    """
+    if hinges == 1:
+        return [np.array([1.0]), np.array([-1.0])]
+    turns = [rng.standard_normal(hinges) for _ in range(STARTS_EACH)]
+    return [turn / np.abs(turn).max() for turn in turns]

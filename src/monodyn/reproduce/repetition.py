@@ -93,6 +93,7 @@ class Trying:
         model: The mechanism file that the method is given.
         truth: The true motion, or None.
         design: What is fitted.
+        processes: Processes that work side by side.
     """
 
     method: str
@@ -100,6 +101,7 @@ class Trying:
     model: str | Path
     truth: Truth | None
     design: Design
+    processes: int = 1
 
 
 def tried(trying: Trying, progress: Progress | None = None) -> Evidence:
@@ -119,7 +121,8 @@ def _found(trying: Trying, progress: Progress | None) -> Evidence:
     seen = see(trying.method, segment(video, progress=progress), mechanism, truth, progress)
     cases = run_cases(seen, truth, design, progress)
     starts = pose_starts(seen, truth, design.seed)
-    return Evidence(seen, cases, design, float(np.median(np.diff(video.times))), starts)
+    interval = float(np.median(np.diff(video.times)))
+    return Evidence(seen, cases, design, interval, starts, trying.processes)
 
 
 @cache

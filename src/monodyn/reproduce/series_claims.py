@@ -8,7 +8,16 @@ import numpy as np
 
 from monodyn.reproduce.cases import Case, rms
 from monodyn.reproduce.endings import Ending, endings
-from monodyn.reproduce.evidence import FIT_MISSING, TRUTH_UNKNOWN, Evidence, Verdict, correlation, degrees
+from monodyn.reproduce.evidence import (
+    FIT_MISSING,
+    TRUTH_UNKNOWN,
+    Evidence,
+    Verdict,
+    correlation,
+    degrees,
+    near,
+    refused,
+)
 from monodyn.reproduce.truth import identifiable
 
 RISING = 0.5
@@ -36,6 +45,8 @@ def more_frames_are_better(evidence: Evidence) -> Verdict:
     numbers, errors = [], []
     for frames in evidence.design.lengths:
         case = evidence.case(frames=frames)
+        if unusable := refused(case):
+            return unusable
         error = None if case is None else evidence.overall(case.late)
         if error is not None:
             numbers.append(frames)
@@ -66,6 +77,8 @@ def several_periods_are_needed(evidence: Evidence) -> Verdict:
         held = None if case is None else case.periods
         if case is None or held is None or error is None:
             continue
+        if unusable := refused(case):
+            return unusable
         (several if held >= SEVERAL else few).append(error)
         told.append(f"{degrees(error)} from {frames} frames, {held:.2g} periods of {case.period:.3g} s")
     if not told:
@@ -99,10 +112,10 @@ def starts_end_apart(evidence: Evidence) -> Verdict:
     places = endings(fits, evidence.seen.hinges)
     # what a fit that does not follow the poses says of the parameters is no estimate
     values = [identifiable(case.fit.mechanism) for case in fits if case.fit is not None and case.ok]
-    name, share = _most_different(values)
+    name, share, factor = _most_different(values)
     told = ended(places, drawn)
     if name:
-        told += f"; where the fit follows the poses {name} differs most, by {_percent(share)}"
+        told += f"; where the fit follows the poses {name} differs most, by {_difference(share, factor)}"
     return Verdict(len(places) > 1 or share > OTHER, told, starts=drawn)
 
 
@@ -124,22 +137,25 @@ def ended(places: Sequence[Ending], drawn: int) -> str:
     return ", ".join(parts)
 
 
-def _most_different(values: Sequence[Mapping[str, float]]) -> tuple[str, float]:
-    """Return which of the numbers that the motion determines differs most, and by what share."""
+def _most_different(values: Sequence[Mapping[str, float]]) -> tuple[str, float, float]:
+    """Return which of the numbers that the motion determines differs most, by what share of its median, and
+    the greatest over the least."""
     shares: dict[str, float] = {}
     if len(values) < 2:
-        return "", 0.0
+        return "", 0.0, 1.0
     for name in values[0]:
         numbers = [found[name] for found in values]
         shares[name] = (max(numbers) - min(numbers)) / max(abs(float(np.median(numbers))), 1e-12)
     most = max(shares, key=lambda name: shares[name])
-    return most, shares[most]
+    numbers = [found[most] for found in values]
+    return most, shares[most], max(numbers) / min(numbers) if min(numbers) > 0.0 else np.inf
 
 
-def _percent(share: float) -> str:
-    return (
-        "under 0.01 %" if share < 1e-4 else f"{100.0 * share:.2g} %" if share < 1.0 else f"{share:.2g} times"
-    )
+def _difference(share: float, factor: float) -> str:
+    """Write a difference: in per cent of the median, from 100 % on as the greatest over the least."""
+    if share < 1.0:
+        return "under 0.01 %" if share < 1e-4 else f"{100.0 * share:.2g} %"
+    return f"a factor of {factor:.2g}" if factor < np.inf else f"{100.0 * share:.3g} %"
 
 
 def starts_agree_in_motion(evidence: Evidence) -> Verdict:
@@ -197,11 +213,15 @@ def poses_are_close(evidence: Evidence) -> Verdict:
     if seen.errors is None:
         return TRUTH_UNKNOWN
     error, frames = evidence.overall(rms(seen.errors)), int(seen.poses.seen.sum())
+    known = int(np.isfinite(seen.errors).all(axis=1).sum())
     if error is None:
         return TRUTH_UNKNOWN
     most = float(np.nanmax(np.abs(seen.errors[:, seen.hinges])))
-    told = f"{degrees(error)} rms over {frames} of {len(seen.poses)} frames, at most {degrees(most)}"
-    return Verdict(bool(error < CLOSE and frames == len(seen.poses)), told, frames=len(seen.poses))
+    told = f"{degrees(error)}{near(error, CLOSE, '1°')} rms over {known} of {len(seen.poses)} frames, "
+    told += f"at most {degrees(most)}"
+    if known < frames:
+        told += f"; {frames} have a pose, of the others the truth is not known"
+    return Verdict(bool(error < CLOSE and frames == len(seen.poses)), told, frames=known)
 
 
 def fast_enough_in_time(evidence: Evidence) -> Verdict:
@@ -219,4 +239,6 @@ def fast_enough_in_time(evidence: Evidence) -> Verdict:
     )
     if usual is not None:
         told += f", Case I {usual.seconds:.2g} s"
+    if evidence.processes > 1:
+        told += f"; {evidence.processes} processes, each with a pendulum, share the processor"
     return Verdict(0.0 < seen.seconds_a_frame < evidence.interval, told, frames=len(seen.poses))

@@ -34,6 +34,10 @@ WORDS = {
 """What is compared, and what acts beside a torque over time, in words."""
 
 
+REFUSED = " *"
+"""Marks a fit that has a motion but cannot be used."""
+
+
 def labels(cases: Sequence[Case]) -> list[str]:
     """Return the names of what the motion determines and the truth states, in order.
 
@@ -324,7 +328,9 @@ def plain_rows(repetition: Repetition) -> tuple[list[str], list[list[str]]]:
     for group in grouped(main_cases(repetition)):
         found = [case_row(case, units) for case in group]
         for case, row in zip(group, found, strict=True):
-            cells = [case.plan.case, WORDS[case.plan.series or case.plan.compared], TITLES[case.plan.method]]
+            star = REFUSED if case.motion is not None and not case.ok else ""
+            title = TITLES[case.plan.method] + star
+            cells = [case.plan.case, WORDS[case.plan.series or case.plan.compared], title]
             cells += [_cell(row[name]) for name in ("unknowns", "evaluations", "seconds")]
             rows.append([*cells, *(_joined(row, name, units) for name in SHOWN_ERRORS)])
         if comparable(group):
@@ -343,6 +349,24 @@ def plain_rows(repetition: Repetition) -> tuple[list[str], list[list[str]]]:
     return [columns[i] for i in kept], [[row[i] for i in kept] for row in rows]
 
 
+def legend(repetitions: Sequence[Repetition]) -> list[str]:
+    """Return the lines that explain the tables of the terminal.
+
+    Args:
+        repetitions: The experiment with each pendulum.
+    """
+    main = [case for repetition in repetitions for case in main_cases(repetition)]
+    names = " · ".join(joint.name for joint in repetitions[0].evidence["paper"].seen.joints)
+    found = [
+        f"Errors are rms by joint: {names}. Published / default: above one the default method is better.",
+    ]
+    if any(case.motion is None for case in main):
+        found.append("–: no fit; its reason is on the page.")
+    if any(case.motion is not None and not case.ok for case in main):
+        found.append("*: the simulated motion does not follow the poses; claims do not rest on such a fit.")
+    return found
+
+
 def _cell(value: float | None) -> str:
     return "–" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
 
@@ -353,4 +377,6 @@ def _joined(row: Mapping[str, Any], name: str, units: Sequence[JointUnit], *, si
     if all(value is None for value in values):
         return "–"
     signs = [unit.sign if signed and not shared_unit(units) else "" for unit in units]
-    return " · ".join(_cell(value) + sign for value, sign in zip(values, signs, strict=True))
+    return " · ".join(
+        _cell(value) + ("" if value is None else sign) for value, sign in zip(values, signs, strict=True)
+    )

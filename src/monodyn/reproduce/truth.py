@@ -4,6 +4,7 @@ it."""
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -86,6 +87,10 @@ def read_truth(path: str | Path, mechanism: Mechanism, times: np.ndarray) -> Tru
         seen = np.where(poses.seen[:, None], poses.position, np.nan)
         truth = Truth(poses.time, seen, np.full_like(seen, np.nan))
     found = truth.at(times)
+    if not np.isfinite(truth.position).any():
+        raise VideoError(
+            f"{path.name}: expected true positions that are numbers, got none; give the truth of this clip."
+        )
     if not np.isfinite(found.position).any():
         raise VideoError(
             f"{path.name}: expected true positions within the clip's {times[0]:.2f} to {times[-1]:.2f} s, "
@@ -100,7 +105,7 @@ def _document_truth(path: Path, mechanism: Mechanism, times: np.ndarray) -> Trut
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise VideoError(f"{path}: cannot be read ({error.strerror}); name the truth of the clip.") from None
-    except ValueError:
+    except (ValueError, RecursionError):  # a nesting deeper than the reader's stack
         raise VideoError(f"{path.name}: expected a JSON document, got something else; correct it.") from None
     if not isinstance(document, dict) or "q" not in document:
         raise VideoError(
@@ -126,7 +131,7 @@ def _table(path: Path, document: Mapping[str, Any], name: str, dofs: int) -> np.
     shape = f"rows of {dofs} numbers, one a joint," if dofs else "a list of numbers"
     try:
         table = np.array(document[name], dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):  # an integer beyond every float
         table = np.zeros(0)
     if not table.size or table.ndim != (2 if dofs else 1) or (dofs and table.shape[-1] != dofs):
         raise VideoError(f"{path.name}: expected {shape} as '{name}', got something else; correct it.")
@@ -194,7 +199,10 @@ def _numbers(values: object) -> list[float] | None:
     """Return a list of finite numbers, or None for anything else."""
     if not isinstance(values, list | tuple):
         return None
-    numbers = [float(v) for v in values if isinstance(v, int | float) and bool(np.isfinite(v))]
+    try:
+        numbers = [float(v) for v in values if isinstance(v, int | float) and math.isfinite(v)]
+    except OverflowError:  # an integer beyond every float
+        return None
     return numbers if len(numbers) == len(values) else None
 
 

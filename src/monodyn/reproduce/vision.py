@@ -44,7 +44,7 @@ class FrameworkFound:
         area: Area of the silhouette there [px^2], or None.
         drawings: Silhouettes drawn.
         seconds: Wall time [s].
-        error: Found less true pose in that frame [rad or m], (dof,), or None.
+        error: Found less true pose in that frame [rad], NaN for slides, (dof,), or None.
         history: The sub-problems in the order in which they were solved.
     """
 
@@ -210,6 +210,8 @@ def framework_found(name: str, scene: Scene, seconds: float, truth: Truth | None
     if truth is not None and scene.frame < len(truth.position):
         row = slice(scene.frame, scene.frame + 1)
         error = errors_of(scene.position[np.newaxis], truth.position[row], scene.mechanism.joints)[0]
+        # a picture shows a slide up to its origin: of a single frame nothing is left
+        error = np.where([joint.kind == "hinge" for joint in scene.mechanism.joints], error, np.nan)
     return FrameworkFound(
         name,
         "done",
