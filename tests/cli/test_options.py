@@ -89,7 +89,7 @@ def test_words_become_settings() -> None:
         *WORDS, "--fit-frames", "0:120", "--fix", "gravity=9.8", "link1.length=0.2", "--fix", "camera.x=0",
         "--free", "camera.focal", "--bounds", "link2.length=0.1:0.3", "--seed", "4", "--identify.starts", "2",
         "--identify.gains", "0.4", "0.1", "0.05", "--track.no-adaptive", "--locate.start", "evolution",
-        "--locate.method", "paper",
+        "--locate.method", "paper", "--track.method", "paper",
     ]  # fmt: skip
     found: Any = parsed("run", words).settings()
     assert found.fit_frames == (0, 120)
