@@ -53,9 +53,9 @@ def pose_series(
 ) -> PoseSeries:
     """Fit theta_i = p_i0 + sum_j (p_ij cos j omega t + q_ij sin j omega t) with one omega to all joints.
 
-    Period and M_i have the least sum over the joints of n log(mean square of what is left) + (1 + 2 M_i)
-    log n, with M_i up to three, one where the record does not hold the period twice; M_i is then chosen anew,
-    up to three, if the record holds the period once.
+    Period and M_i have the least n log(mean square of what is left) + k log n over the n positions of all
+    joints and the k coefficients, with M_i up to three, one where the record does not hold the period twice;
+    M_i is then chosen anew, up to three, if the record holds the period once.
 
     Args:
         time: Times [s], increasing, (frame,).
@@ -119,27 +119,41 @@ class _Fit:
         step = float(np.median(np.diff(self.time)))
         most = most or (MOST_HARMONICS if 2.0 * period <= self.span else 1)
         most = min(most, int(period / (PER_WAVE * step)))
-        columns, chosen, criterion = [], [], 0.0
-        for dof in range(self.position.shape[1]):
-            tried = [self._joint(dof, period, m) for m in range(1, max(most, 1) + 1)]
-            best = int(np.argmin([value for value, _ in tried]))
-            chosen.append(best + 1)
-            criterion += tried[best][0]
-            columns.append(tried[best][1])
-        table = np.zeros((max(len(column) for column in columns), len(columns)))
-        for dof, column in enumerate(columns):
-            table[: len(column), dof] = column
-        return PoseSeries(period, self.span / period, table, tuple(chosen), criterion)
+        columns, squares = self._columns(period, max(most, 1))
+        # joints count alike, as in (14); what the noise explains is not charged: a series need not go below
+        # it
+        known = np.isfinite(self.position)
+        count, floor = int(known.sum()), max(float(np.sum(known * self.noise**2)), 1e-300)
 
-    def _joint(self, dof: int, period: float, harmonics: int) -> tuple[float, np.ndarray]:
-        """Return criterion and coefficients of one joint's series."""
-        values = self.position[:, [dof]]
-        found = fourier_coefficients(self.time, values, period, harmonics)[:, 0]
-        left = values[:, 0] - fourier_basis(self.time, period, harmonics) @ found
-        left = left[np.isfinite(left)]
-        # what the noise explains is not charged: a series need not go below it
-        square = float(np.mean(left**2)) + max(float(self.noise[dof]) ** 2, 1e-300)
-        return len(left) * np.log(square) + len(found) * np.log(max(len(left), 2)), found
+        def criterion(chosen: tuple[int, ...]) -> float:
+            left = sum(own[m - 1] for own, m in zip(squares, chosen, strict=True))
+            unknowns = sum(1 + 2 * m for m in chosen)
+            return float(count * np.log((left + floor) / count) + unknowns * np.log(max(count, 2)))
+
+        # joint by joint, the others at their best so far; twice, because what one leaves weighs the others
+        best = (1,) * len(columns)
+        for dof in [*range(len(best)), *range(len(best))]:
+            others = [(*best[:dof], m, *best[dof + 1 :]) for m in range(1, len(squares[dof]) + 1)]
+            best = min(others, key=criterion)
+        table = np.zeros((1 + 2 * max(best), len(columns)))
+        for dof, m in enumerate(best):
+            table[: 1 + 2 * m, dof] = columns[dof][m - 1]
+        return PoseSeries(period, self.span / period, table, best, criterion(best))
+
+    def _columns(self, period: float, most: int) -> tuple[list[list[np.ndarray]], list[list[float]]]:
+        """Fit each joint with 1 to ``most`` harmonics: coefficients and sums of squares of what is left."""
+        columns: list[list[np.ndarray]] = []
+        squares: list[list[float]] = []
+        for values in self.position.T:
+            found = [
+                fourier_coefficients(self.time, values[:, None], period, m)[:, 0] for m in range(1, most + 1)
+            ]
+            left = [
+                values - fourier_basis(self.time, period, m) @ own for m, own in enumerate(found, start=1)
+            ]
+            columns.append(found)
+            squares.append([float(np.nansum(own**2)) for own in left])
+        return columns, squares
 
     def refined(self, best: PoseSeries, bounds: tuple[float, float]) -> float:
         """Move the period between its neighbours in the scan to where the criterion is least."""
