@@ -29,6 +29,12 @@ def wrong_view(folder: Path, depth: float = 0.8) -> ModelView:
     return replace(start, position=np.array([-0.7, 0.55])).before(camera)
 
 
+def left_by_truth(folder: Path) -> float:
+    """Return what the true chain leaves of its own silhouette [px^2]: the pixels that the outline cuts."""
+    true = view_of(chain(folder))
+    return mismatch(silhouette_of(), true.rig, POSE)
+
+
 def test_interleaved_finds_all_of_them(tmp_path: Path) -> None:
     """From wrong sizes, camera and pose: the scale of the file stays, so the depth takes it."""
     mechanism = chain(tmp_path, lengths=(0.1, 0.1), widths=(0.02, 0.02))
@@ -39,7 +45,7 @@ def test_interleaved_finds_all_of_them(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.position, POSE, atol=np.radians(0.3))
     assert sizes == pytest.approx(RATIOS, rel=0.03)
     np.testing.assert_allclose(found.base.camera[X : DEPTH + 1], [0.015, -0.06, 0.55], rtol=0.02)
-    assert mismatch(image, found.rig, found.position) < 0.06 * image.area
+    assert mismatch(image, found.rig, found.position) < left_by_truth(tmp_path) + 0.01 * image.area
     assert [h.problem for h in histories[:4]] == ["depth", "place", "pose", "ratios"]
     assert all(falls(h) for h in histories)
 
@@ -54,7 +60,7 @@ def test_strict_finds_all_of_them(tmp_path: Path, depth: float) -> None:
     # every size is searched before the camera that is held; the first length comes back to its value
     assert sizes == pytest.approx(RATIOS | {"link1.length": 0.1}, rel=0.03)
     np.testing.assert_allclose(found.base.camera[X : DEPTH + 1], [0.015, -0.06, 0.55], rtol=0.02)
-    assert mismatch(image, found.rig, found.position) < 0.06 * image.area
+    assert mismatch(image, found.rig, found.position) < left_by_truth(tmp_path) + 0.01 * image.area
     assert all(falls(h) for h in histories)
     # (1), (2) and (3) alternate, several turns of them before each (4)
     order = [h.problem for h in histories]
