@@ -149,7 +149,9 @@ def write_overlay(
     stills: list[tuple[bytes, str]] = []
     slower = max(1.0, 1.0 / (FASTEST * _step(video)))
     try:
-        with av.open(str(Path(path).absolute()), "w", format="mp4", options={"movflags": "faststart"}) as container:
+        with av.open(
+            str(Path(path).absolute()), "w", format="mp4", options={"movflags": "faststart"}
+        ) as container:
             stream = _film_stream(container, video)
             last = -1
             for done, frame in enumerate(video.frames(), start=1):
