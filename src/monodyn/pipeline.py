@@ -5,7 +5,8 @@ Everything that can be refused is refused before the first frame is decoded and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,14 +22,17 @@ from monodyn.checks import (
     prediction_times,
     untracked,
 )
+from monodyn.errors import FitError, MonodynError, VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.tables import read_poses, write_poses
-from monodyn.results.filmed import filmed_of
+from monodyn.results.diagnosis import write_diagnosis
+from monodyn.results.filmed import filmed_of, write_sight_film
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import RunLog, recorded
 from monodyn.results.predict import predict
 from monodyn.results.report import write_results
+from monodyn.results.sight import Sight
 from monodyn.results.trace import Trace, trace_of
 from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track
@@ -72,12 +76,14 @@ class Job:
         log: Takes the seconds of each stage and the notes.
         folder: Takes the files; None writes none.
         progress: Called with the frames done by each step.
+        sight: What has been seen of the clip so far; None where there is no clip.
     """
 
     settings: RunSettings
     log: RunLog
     folder: RunFolder | None
     progress: Progress | None
+    sight: Sight | None = None
 
     def write_poses(self, poses: Poses) -> None:
         """Write ``poses.csv`` as soon as there are poses, so that an interrupted run has them.
@@ -87,6 +93,20 @@ class Job:
         """
         if self.folder is not None:
             self.folder.write("poses.csv", lambda path: write_poses(poses, path))
+
+    def show_sight(self, status: str, *, ok: bool | None) -> None:
+        """Write ``diagnosis.png`` and ``overlay.mp4`` of a run that has no fit.
+
+        Args:
+            status: What came of it, a sentence.
+            ok: Whether that can be trusted; None where nothing was to be identified.
+        """
+        if self.folder is None or self.sight is None:
+            return
+        self.sight.status, self.sight.ok = status, ok
+        # a clip without pictures leaves nothing
+        if write_diagnosis(self.folder, self.sight) is not None:
+            write_sight_film(self.folder, self.sight, self.progress)
 
     def outcome(self, document: dict[str, Any], poses: Poses, findings: Findings | None = None) -> Outcome:
         """Return what the run found.
@@ -132,8 +152,8 @@ def run(
     times = prediction_times(video, frames[1], settings.until)
     log = RunLog("run", {"clip": clip, "model": model}, settings)
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
-    job = Job(settings, log, folder, progress)
-    with recorded(folder, log):
+    job = Job(settings, log, folder, progress, Sight(video, fit_frames=frames))
+    with recorded(folder, log), shown_if_refused(job):
         scene, poses = locate_and_track(job, video, mechanism)
         # the fit must not see the frames that it will be compared with
         part = poses.part(*np.searchsorted(poses.frame, frames))
@@ -162,7 +182,9 @@ def track_clip(
     force: bool = False,
     progress: Progress | None = None,
 ) -> Outcome:
-    """Track a clip and write ``poses.csv``; slides are in the start scale of the model.
+    """Track a clip; write ``poses.csv``, the overlay and the diagnosis.
+
+    Slides are in the start scale of the model.
 
     Args:
         clip: Video file or folder of pictures.
@@ -179,10 +201,13 @@ def track_clip(
     video, mechanism = clip_and_mechanism(clip, model, settings)
     log = RunLog("track", {"clip": clip, "model": model}, settings)
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
-    job = Job(settings, log, folder, progress)
-    with recorded(folder, log):
+    job = Job(settings, log, folder, progress, Sight(video))
+    with recorded(folder, log), shown_if_refused(job):
         # a table without a pose is written all the same: it shows in which frames the search ended
         _, poses = locate_and_track(job, video, mechanism)
+        share = f"{int(np.sum(poses.seen))} of {len(poses)} frames were tracked."
+        with log.stage("results"):
+            job.show_sight(" ".join([share, *log.notes]), ok=None if np.any(poses.seen) else False)
     check_tracked(poses, video, log.notes)
     return job.outcome(log.document("done", folder.written), poses)
 
@@ -230,6 +255,22 @@ def identify_tables(
     return job.outcome(document, records[0], findings)
 
 
+@contextmanager
+def shown_if_refused(job: Job) -> Iterator[None]:
+    """Leave the pictures of what was seen where the block refuses the clip.
+
+    Args:
+        job: The run.
+    """
+    try:
+        yield
+    except (VideoError, FitError) as error:
+        # what cannot be written must not hide why the run was refused
+        with job.log.stage("results"), suppress(MonodynError):
+            job.show_sight(str(error), ok=False)
+        raise
+
+
 def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scene, Poses]:
     """Go from the clip to tracked poses, and write them.
 
@@ -242,16 +283,20 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
         The scene, and the poses of the whole clip.
     """
     settings, log, progress = job.settings, job.log, job.progress
+    sight = job.sight or Sight(video)
     fix, free = camera_choices(settings)
     with log.stage("segment"):
         masks = segment(video, settings.segment, background=settings.background, progress=progress)
+    sight.masks = masks
     with log.stage("locate"):
         scene = locate(
             masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, progress=progress
         )
+    sight.scene = scene
     with log.stage("track"):
         # the scene's masks, not the first ones: their colours were measured on the located mechanism
         poses = track(scene.masks, scene, settings.track, progress=progress)
+    sight.poses = poses
     log.notes += [*scene.advice, *video.notes, *untracked(poses)]
     job.write_poses(poses)
     return scene, poses

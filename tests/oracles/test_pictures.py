@@ -10,7 +10,16 @@ from monodyn.mechanism import load
 from monodyn.mechanism.tree import SLIDE
 from monodyn.types import FULL, Frame
 from monodyn.vision.drawing.mismatch import blank_cuts, pose_mismatch, row_sums, silhouette_sums
-from monodyn.vision.drawing.normals import AT_X, AT_Y, AWAY, INNER, NORMAL_X, NORMAL_Y, edge_samples
+from monodyn.vision.drawing.normals import (
+    AT_X,
+    AT_Y,
+    AWAY,
+    INNER,
+    NORMAL_X,
+    NORMAL_Y,
+    SAMPLE_COLUMNS,
+    edge_samples,
+)
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.silhouette import (
@@ -233,7 +242,7 @@ def test_an_edge_sample_is_the_area_under_the_coverage_along_its_normal() -> Non
     mask = drawn_mask(mechanism, CAMERA, np.array([-0.5]))
     outlines = blank_outlines(rig, len(rig.radius))
     assert draw(rig, np.array([-0.505]), outlines)
-    ends, samples = np.empty((400, 2), np.int64), np.empty((400, 9))
+    ends, samples = np.empty((400, 2), np.int64), np.empty((400, SAMPLE_COLUMNS))
     count = edge_samples(mask, trusted(mechanism), outlines, (4.0, 5.0), ends, samples)
     assert count > 10
     for sample in samples[:count]:

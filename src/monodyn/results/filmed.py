@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monodyn.results.folder import RunFolder
-from monodyn.results.overlay import DrawnMotion, write_overlay
+from monodyn.results.overlay import DrawnMotion, DrawnSearch, write_overlay
+from monodyn.results.sight import Sight
 from monodyn.results.trace import metric
 from monodyn.types import Camera, Poses, Progress
 
@@ -29,10 +31,12 @@ class Filmed:
 
     Attributes:
         video: The clip.
-        mechanism: The identified mechanism, or the located one where nothing was identified.
+        mechanism: The identified mechanism as the pictures show it, see ``as_seen``; the located one where
+            nothing was identified.
         camera: Camera in the mechanism's scale.
         tracked: Measured joint positions in the mechanism's scale.
         camera_std: Standard deviations of the estimated camera parameters by name, e.g. ``camera.depth``.
+        sight: What was seen of the clip, for the diagnosis.
     """
 
     video: Video
@@ -40,6 +44,7 @@ class Filmed:
     camera: Camera
     tracked: Poses
     camera_std: Mapping[str, float] = field(default_factory=dict)
+    sight: Sight | None = None
 
 
 def filmed_of(fit: Fit, scene: Scene, poses: Poses) -> Filmed:
@@ -56,8 +61,28 @@ def filmed_of(fit: Fit, scene: Scene, poses: Poses) -> Filmed:
     unit = np.inf if fit.torque == "free" else scale
     std = {name: value * (unit if name in LENGTHS else 1.0) for name, value in scene.camera_std.items()}
     # without a fit the located mechanism is drawn, in the scale of its file
-    mechanism = fit.mechanism if fit.starts else scene.mechanism
-    return Filmed(scene.masks.video, mechanism, camera, metric(poses, mechanism, scale), std)
+    mechanism = as_seen(fit.mechanism, scene.mechanism, scale) if fit.starts else scene.mechanism
+    video = scene.masks.video
+    sight = Sight(video, scene.masks, scene, poses, status=fit.status, ok=fit.ok)
+    return Filmed(video, mechanism, camera, metric(poses, mechanism, scale), std, sight)
+
+
+def as_seen(identified: Mechanism, located: Mechanism, scale: float) -> Mechanism:
+    """Return an identified mechanism with the thicknesses that its outline was located with.
+
+    A thickness along the line of sight stands for a mass in the fit and may be metres, but in the picture it
+    moves the near edges of a body: drawn with another one, the outline is not where the camera sees it.
+
+    Args:
+        identified: The mechanism of the fit.
+        located: The mechanism of the scene, in the start scale.
+        scale: Metres per unit of length of the start.
+
+    Returns:
+        The mechanism to draw.
+    """
+    thick = [p for p in located.parameters if p.kind == "thickness" and not p.follows]
+    return identified.with_values({p.name: p.value * scale for p in thick})
 
 
 def write_film(
@@ -87,6 +112,28 @@ def write_film(
     pictures: list[tuple[bytes, str]] = []
     folder.write(
         "overlay.mp4",
-        lambda path: pictures.extend(write_overlay(path, filmed.video, motion, progress=progress)),
+        lambda path: pictures.extend(write_overlay(path, filmed.video, motion.drawing, progress=progress)),
     )
     return pictures
+
+
+def write_sight_film(folder: RunFolder, sight: Sight, progress: Progress | None = None) -> None:
+    """Write ``overlay.mp4`` of a run without a fit: what was tracked, or else the foreground and why.
+
+    Args:
+        folder: Where to.
+        sight: What the run saw.
+        progress: Called with the number of frames drawn.
+    """
+    drawing_of = DrawnSearch(sight).drawing
+    scene, poses = sight.scene, sight.poses
+    if scene is not None and poses is not None and sight.anything_tracked:
+        # NaN is not drawn
+        nothing = np.full((sight.video.count, len(poses.joints)), np.nan)
+        motion = DrawnMotion(scene.mechanism, scene.camera, nothing, (0, sight.video.count), poses)
+        drawing_of = motion.drawing
+
+    def film(path: Path) -> None:
+        write_overlay(path, sight.video, drawing_of, progress=progress)
+
+    folder.write("overlay.mp4", film)

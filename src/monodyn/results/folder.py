@@ -27,6 +27,7 @@ FILES = (
     "model.xml",
     "model.urdf",
     "overlay.mp4",
+    "diagnosis.png",
     "report.html",
     "run.json",
 )

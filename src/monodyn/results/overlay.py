@@ -6,7 +6,7 @@ encoder takes, so no picture is ever converted to RGB and back.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monodyn.types import Camera, Frame, Poses, Progress
+from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
+from monodyn.types import FULL, Camera, Frame, Poses, Progress
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
@@ -46,6 +47,12 @@ class Ink:
 FITTED = Ink(luma=173, blue=42, red=26, width=2.0)
 PREDICTED = Ink(luma=131, blue=165, red=212, width=2.0)
 TRACKED = Ink(luma=225, blue=128, red=128, width=1.0)
+LOCATED = Ink(luma=210, blue=16, red=146, width=1.0)
+TINT = Ink(luma=150, blue=190, red=70, width=0.0)
+TINTED = 0.6
+"""Share of the tint where the foreground covers a whole pixel."""
+LINES = 3
+"""Lines of a caption, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +62,14 @@ class Drawing:
     Attributes:
         outlines: Polygons [px], each (point, 2), with the ink of each.
         caption: One short line in the corner.
+        reason: A sentence above it, in as many lines as it takes.
+        tint: Coverage that is tinted, uint8 (height, width), ``FULL`` for a whole pixel; or None.
     """
 
     outlines: Sequence[tuple[np.ndarray, Ink]]
     caption: str = ""
+    reason: str = ""
+    tint: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +90,13 @@ class DrawnMotion:
     fit_frames: tuple[int, int]
     tracked: Poses | None = None
 
-    def drawing(self, index: int, time: float) -> Drawing:
+    def drawing(self, frame: Frame) -> Drawing:
         """Return what to draw over a frame.
 
         Args:
-            index: Frame number.
-            time: Its time stamp [s].
+            frame: The frame.
         """
-        first, stop = self.fit_frames
+        index, (first, stop) = frame.index, self.fit_frames
         kind = "predicted" if index >= stop else "fitted" if index >= first else "before the fit"
         model = self._outlines(self.position[index])
         inks: list[tuple[np.ndarray, Ink]] = []
@@ -95,23 +105,45 @@ class DrawnMotion:
         if tracked and (not model or _apart(model, tracked)):
             inks += [(polygon, TRACKED) for polygon in tracked]
         inks += [(polygon, PREDICTED if index >= stop else FITTED) for polygon in model]
-        return Drawing(inks, f"{time:.2f} s  {kind if model else 'tracked' if tracked else 'not seen'}")
+        return Drawing(inks, f"{frame.time:.2f} s  {kind if model else 'tracked' if tracked else 'not seen'}")
 
     def _tracked(self, index: int) -> list[np.ndarray]:
-        if self.tracked is None:
-            return []
-        # a record may lack frames: rows are found by frame number
-        row = int(np.searchsorted(self.tracked.frame, index))
-        if row >= len(self.tracked) or self.tracked.frame[row] != index or not self.tracked.seen[row]:
-            return []
-        return self._outlines(self.tracked.position[row])
+        row = pose_row(self.tracked, index)
+        return [] if self.tracked is None or row is None else self._outlines(self.tracked.position[row])
 
     def _outlines(self, position: np.ndarray) -> list[np.ndarray]:
-        if not np.all(np.isfinite(position)):
-            return []
-        from monodyn.vision.drawing.outline import outline
+        return outlines_of(self.mechanism, self.camera, position)
 
-        return [polygon for _, polygon in outline(self.mechanism, self.camera, position)]
+
+@dataclass(frozen=True, eq=False)
+class DrawnSearch:
+    """What was seen where nothing was tracked: the foreground, and the outline as it was located.
+
+    Attributes:
+        sight: What the run saw.
+    """
+
+    sight: Sight
+
+    def drawing(self, frame: Frame) -> Drawing:
+        """Return what to draw over a frame: the foreground, the outline of the nearest key frame, the reason.
+
+        Args:
+            frame: The frame.
+        """
+        sight, masks = self.sight, self.sight.shown_masks
+        tint = None if masks is None else masks.of(frame).coverage
+        caption = f"{frame.time:.2f} s  {sight.stage}"
+        if sight.scene is None:
+            return Drawing([], caption, sight.status, tint)
+        key, position = located_at(sight.scene, frame.index)
+        outlines = outlines_of(sight.scene.mechanism, sight.scene.camera, position)
+        return Drawing(
+            [(polygon, LOCATED) for polygon in outlines],
+            f"{caption}; outline as in frame {key}",
+            sight.status,
+            tint,
+        )
 
 
 def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float = 2.0) -> bool:
@@ -123,7 +155,11 @@ def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float =
 
 
 def write_overlay(
-    path: str | Path, video: Video, motion: DrawnMotion, *, progress: Progress | None = None
+    path: str | Path,
+    video: Video,
+    drawing_of: Callable[[Frame], Drawing],
+    *,
+    progress: Progress | None = None,
 ) -> list[tuple[bytes, str]]:
     """Write the clip with the mechanism drawn over it, H.264 with the clip's own time stamps.
 
@@ -132,7 +168,7 @@ def write_overlay(
     Args:
         path: The film to write (mp4).
         video: The clip.
-        motion: What to draw.
+        drawing_of: Returns what to draw over a frame.
         progress: Called with the number of frames written.
 
     Returns:
@@ -155,7 +191,7 @@ def write_overlay(
             stream = _film_stream(container, video)
             last = -1
             for done, frame in enumerate(video.frames(), start=1):
-                drawing = motion.drawing(frame.index, frame.time)
+                drawing = drawing_of(frame)
                 if frame.index in kept:
                     stills.append((still(frame, drawing), f"Frame {frame.index}, {drawing.caption}"))
                 picture = av.VideoFrame.from_ndarray(draw(frame, drawing), format="yuv420p")
@@ -230,6 +266,8 @@ def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
     if frame.chroma is None:
         planes[height:] = 128
     scale = height / 480.0
+    if drawing.tint is not None:
+        _tint((luma, blue, red), drawing.tint)
     # OpenCV takes fixed-point vertices: 4 fractional bits are sixteenths of a pixel; the chroma planes have
     # half the resolution, and their pixel centres lie half a luma pixel further
     for polygon, ink in drawing.outlines:
@@ -240,9 +278,22 @@ def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
         cv2.polylines(luma, fine, True, ink.luma, thick, cv2.LINE_AA, 4)
         cv2.polylines(blue, coarse, True, ink.blue, max(1, (thick + 1) // 2), cv2.LINE_8, 4)
         cv2.polylines(red, coarse, True, ink.red, max(1, (thick + 1) // 2), cv2.LINE_8, 4)
-    if drawing.caption:
-        _write_caption(luma, drawing.caption, scale)
+    if drawing.caption or drawing.reason:
+        _write_captions(luma, drawing, scale)
     return planes
+
+
+def _tint(planes: tuple[np.ndarray, np.ndarray, np.ndarray], coverage: np.ndarray) -> None:
+    """Mix the tint into luma and chroma planes where something covers them."""
+    import cv2
+
+    for plane, value in zip(planes, (TINT.luma, TINT.blue, TINT.red), strict=True):
+        height, width = plane.shape
+        size = (min(width, coverage.shape[1]), min(height, coverage.shape[0]))
+        share = coverage if plane is planes[0] else cv2.resize(coverage, size, interpolation=cv2.INTER_AREA)
+        share = np.minimum(share, FULL).astype(np.float32) * (TINTED / FULL)
+        part = plane[: share.shape[0], : share.shape[1]]
+        part[:] = (part + share * (np.float32(value) - part)).astype(np.uint8)
 
 
 def _copy_plane(target: np.ndarray, plane: np.ndarray) -> None:
@@ -253,11 +304,23 @@ def _copy_plane(target: np.ndarray, plane: np.ndarray) -> None:
     target[:, columns:] = target[:, columns - 1 : columns]
 
 
-def _write_caption(luma: np.ndarray, text: str, scale: float) -> None:
-    """Write a caption into the lower left corner, light on dark."""
+def _write_captions(luma: np.ndarray, drawing: Drawing, scale: float) -> None:
+    """Write caption and reason into the lower left corner, the caption last."""
+    import textwrap
+
+    # about the width of a letter of this size
+    columns = max(20, int((luma.shape[1] / scale - 24.0) / 9.5))
+    reason = textwrap.shorten(drawing.reason, columns * LINES, placeholder=" ...") if drawing.reason else ""
+    lines = [drawing.caption, *reversed(textwrap.wrap(reason, columns))]
+    for i, line in enumerate(lines):
+        _write_caption(luma, line, scale, round(22 * scale * i))
+
+
+def _write_caption(luma: np.ndarray, text: str, scale: float, above: int) -> None:
+    """Write a line at the left, so far above the lowest one [px], light on dark."""
     import cv2
 
-    x, y = round(12 * scale), luma.shape[0] - round(14 * scale)
+    x, y = round(12 * scale), luma.shape[0] - round(14 * scale) - above
     thick, edge = max(1, round(scale)), max(1, round(scale))
     for dx, dy, grey in [(-edge, 0, 20), (edge, 0, 20), (0, -edge, 20), (0, edge, 20), (0, 0, 232)]:
         cv2.putText(

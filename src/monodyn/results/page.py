@@ -26,12 +26,15 @@ if TYPE_CHECKING:
     from monodyn.results.log import RunLog
 
 
-def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) -> str:
+def page_text(
+    findings: Findings, pictures: Sequence[tuple[bytes, str]] = (), diagnosis: bytes | None = None
+) -> str:
     """Return the report as HTML text.
 
     Args:
         findings: The fit, its records and what else is reported about it.
         pictures: JPEG files with a caption each.
+        diagnosis: What was seen of the clip, a JPEG file; None leaves it out.
     """
     from markupsafe import Markup
 
@@ -57,6 +60,7 @@ def page_text(findings: Findings, pictures: Sequence[tuple[bytes, str]] = ()) ->
         pictures=[
             {"data": base64.b64encode(data).decode("ascii"), "caption": caption} for data, caption in pictures
         ],
+        diagnosis="" if diagnosis is None else base64.b64encode(diagnosis).decode("ascii"),
         parameters=[_parameter(row) for row in listed],
         others=[_parameter(row) for row in others],
         combinations=[

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism.write import NOT_IN_URDF
+from monodyn.results.diagnosis import jpeg, write_diagnosis
 from monodyn.results.export import json_text, prediction_table, states_table, torque_table
 from monodyn.results.filmed import filmed_of, write_film
 from monodyn.results.findings import Findings, fit_document
@@ -96,12 +97,23 @@ def write_results(
     folder.write_text("prediction.csv", prediction_table(joints, traces[0] if traces else None))
     if traces and traces[0].torques is not None:
         folder.write_text("torques.csv", torque_table(joints, traces[0]))
-    pictures = []
+    pictures, shown = [], None
     if findings.filmed is not None:
         # without a motion to draw no frame is a fitted one
         pictures = write_film(folder, fit, findings.filmed, findings.frames or (0, 0), progress)
-    folder.write_text("report.html", page_text(findings, pictures))
+        shown = _write_diagnosis(folder, findings)
+    folder.write_text("report.html", page_text(findings, pictures, shown))
     return document
+
+
+def _write_diagnosis(folder: RunFolder, findings: Findings) -> bytes | None:
+    """Write the diagnosis; return it as a JPEG file for the report of a fit that is not to be trusted."""
+    sight = None if findings.filmed is None else findings.filmed.sight
+    if sight is None:
+        return None
+    frames = findings.frames
+    page = write_diagnosis(folder, replace(sight, fit_frames=None if frames is None else (frames[0], frames[1])))
+    return None if page is None or findings.fit.ok else jpeg(page)
 
 
 def write_models(folder: RunFolder, mechanism: Mechanism) -> None:

@@ -37,11 +37,14 @@ COVERED_PX = 0.75
 
 FROM, TO = range(2)
 """Columns of a sample's edge: the outline points between which it lies."""
-SHARE, NORMAL_X, NORMAL_Y, AWAY, WEIGHT, INNER, AT_X, AT_Y, GEOM = range(9)
+SHARE, NORMAL_X, NORMAL_Y, AWAY, WEIGHT, INNER, AT_X, AT_Y, GEOM, REASON = range(10)
 """Columns of a sample: share of the second point of its edge; outward normal; displacement t* of the edge of
-the mask [px]; weight; length of the search inwards [px]; its place [px]; its geom."""
-SAMPLE_COLUMNS = GEOM + 1
+the mask [px]; weight; length of the search inwards [px]; its place [px]; its geom; why it is left out."""
+SAMPLE_COLUMNS = REASON + 1
 """Number of these columns."""
+USED, OUTSIDE, HIDDEN, FAINT = range(4)
+"""Why a sample is left out: it is not; its normal leaves the picture; another geom covers it; the background
+cannot be distinguished from the mechanism."""
 
 
 class _Normal(NamedTuple):
@@ -61,6 +64,7 @@ def edge_samples(
     search: tuple[float, float],
     ends: np.ndarray,
     samples: np.ndarray,
+    left_out: bool = False,
 ) -> int:
     """Find the edges of a mask along the visible outline.
 
@@ -74,6 +78,7 @@ def edge_samples(
         search: Length of the search to either side and distance between samples [px].
         ends: Filled with the two outline points of each sample's edge, (sample, 2).
         samples: Filled with what is found, (sample, column), in the columns named above.
+        left_out: Fill in the samples that are left out too, but for the corners; without displacement.
 
     Returns:
         Number of samples.
@@ -81,7 +86,7 @@ def edge_samples(
     count = 0
     for g in range(outlines.first.shape[0] - 1):
         if outlines.first[g + 1] - outlines.first[g] >= 3:
-            count = _geom_samples(planes, view, outlines, search, g, ends, samples, count)
+            count = _geom_samples(planes, view, outlines, search, g, ends, samples, count, left_out)
     return count
 
 
@@ -95,6 +100,7 @@ def _geom_samples(
     ends: np.ndarray,
     samples: np.ndarray,
     count: int,
+    left_out: bool,
 ) -> int:
     """Do the work of ``edge_samples`` for geom ``g``, from sample ``count`` on."""
     px, hull, first = outlines.px, outlines.hull, outlines.first
@@ -124,7 +130,9 @@ def _geom_samples(
                 return count
             # the hull turns so that (ey, -ex) points outwards
             at = _Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
-            if _find_edge(coverage, known, shaded, px, hull, first, g, at, reach, samples[count]):
+            reason = _find_edge(coverage, known, shaded, px, hull, first, g, at, reach, samples[count])
+            if reason == USED or left_out:
+                samples[count, REASON] = reason
                 ends[count, FROM], ends[count, TO] = p, q
                 samples[count, SHARE] = along / length
                 count += 1
@@ -152,25 +160,27 @@ def _find_edge(
     at: _Normal,
     reach: float,
     sample: np.ndarray,
-) -> bool:
-    """Search one normal of geom ``own`` in its plane and that plane's trust, and fill ``sample`` (9,) but for
-    its share; False where the edge cannot be judged.
+) -> int:
+    """Search one normal of geom ``own`` in its plane and that plane's trust, and fill ``sample`` (10,) but
+    for its share and reason; return the reason why the edge cannot be judged, ``USED`` where it can.
 
     It runs for every sample, and takes plain arrays: reading them out of tuples costs a tenth of the search.
     """
     height, width = coverage.shape
     x, y, nx, ny = at
+    sample[NORMAL_X], sample[NORMAL_Y] = nx, ny
+    sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
     # no farther inwards than the middle of the body: beyond it the other side's edge would be integrated
     inner = min(reach, 0.5 * _depth_inside(px, hull, first[own], first[own + 1], at))
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
-            return False
+            return OUTSIDE
     # where another geom covers the outer side the mask has no edge: it goes on in the other geom
     if _is_covered(px, hull, first, own, at, reach):
-        return False
+        return HIDDEN
     weight = _least_trust(known, at, inner, reach)
     if weight < TRUSTED:
-        return False
+        return FAINT
     steps = max(2, math.ceil((inner + reach) / STEP_PX))
     step = (inner + reach) / steps
     total, deep, level = 0.0, 0, 0.0
@@ -185,12 +195,10 @@ def _find_edge(
     # shade lower the level of a geom, and against full coverage its edge would seem to lie too far inside.
     flat = shaded and inner >= FLAT_PX and level > LEAST_LEVEL * FULL * deep
     level = level / deep if flat else FULL
-    sample[NORMAL_X], sample[NORMAL_Y] = nx, ny
     sample[AWAY] = total * step / level - inner
     sample[WEIGHT] = weight * weight
     sample[INNER] = inner
-    sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
-    return True
+    return USED
 
 
 @njit(cache=True, inline="always")

@@ -6,12 +6,28 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera
-from monodyn.vision.drawing.rig import rig_of
-from monodyn.vision.drawing.silhouette import blank_outlines, draw
+from monodyn.vision.drawing.camera import rotation
+from monodyn.vision.drawing.rig import Rig, rig_of
+from monodyn.vision.drawing.silhouette import (
+    LINK_ANGLE,
+    LINK_X,
+    LINK_Y,
+    blank_outlines,
+    draw,
+    link_frames,
+)
+
+
+NEAR = 0.02
+"""Least distance before the camera at which a body is drawn, as a share of the camera's distance."""
+BEYOND = 3.0
+"""Outlines are cut off so many picture sizes from the middle of the picture."""
+BALL = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
+"""Directions in which the surface of a ball is sampled where its tangent cone has no picture, (point, 3)."""
 
 
 def outline(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    """Return the outline of every geom of the mechanism.
+    """Return the outline of every geom of the mechanism, as far as the camera sees it.
 
     Args:
         mechanism: The mechanism.
@@ -19,14 +35,58 @@ def outline(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> list[
         position: Joint positions [rad or m], (dof,).
 
     Returns:
-        Name of the body and polygon [px], (point, 2), of each geom; empty when a body is behind the camera.
+        Name of the body and polygon [px], (point, 2), of each geom that is before the camera.
     """
     rig = rig_of(mechanism, camera)
     outlines = blank_outlines(rig, len(rig.radius))
-    if not draw(rig, np.array(position, dtype=np.float64), outlines):
-        return []
-    corners = np.split(outlines.px[outlines.hull[: outlines.first[-1]]], outlines.first[1:-1])
-    return list(zip(mechanism.shapes.body, corners, strict=True))
+    position = np.array(position, dtype=np.float64)
+    if draw(rig, position, outlines):
+        corners = np.split(outlines.px[outlines.hull[: outlines.first[-1]]], outlines.first[1:-1])
+    elif np.all(np.isfinite(position)):
+        corners = [_visible(points, camera) for points in _placed(rig, position)]
+    else:
+        corners = []
+    named = zip(mechanism.shapes.body, corners, strict=bool(corners))
+    return [(body, polygon) for body, polygon in named if len(polygon)]
+
+
+def _placed(rig: Rig, position: np.ndarray) -> list[np.ndarray]:
+    """Return points of the plane frame whose hull is each geom, grown by its radius, each (point, 3)."""
+    frames = link_frames(rig, position)
+    placed = []
+    for g, link in enumerate(rig.link):
+        c, s = np.cos(frames[link, LINK_ANGLE]), np.sin(frames[link, LINK_ANGLE])
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        points = rig.points[rig.first[g] : rig.first[g + 1]] @ turn.T
+        points = points + [frames[link, LINK_X], frames[link, LINK_Y], 0.0]
+        around = rig.radius[g] * BALL / np.linalg.norm(BALL, axis=1, keepdims=True)
+        if rig.radius[g] > 0.0:
+            points = (points[:, np.newaxis] + around).reshape(-1, 3)
+        placed.append(points)
+    return placed
+
+
+def _visible(points: np.ndarray, camera: Camera) -> np.ndarray:
+    """Return the outline of a convex body of which a part may be beside or behind the camera, (point, 2)."""
+    import cv2
+
+    seen = (points - [camera.x, camera.y, camera.depth]) @ rotation(camera).T
+    near = NEAR * camera.depth
+    before, behind = seen[seen[:, 2] >= near], seen[seen[:, 2] < near]
+    if not len(before):
+        return np.zeros((0, 2))
+    # The hull is cut by the plane at ``near``. Its corners there lie on edges of the hull, which are among the
+    # lines from each point before the plane to each behind it; the others of these lines end inside.
+    share = (near - before[:, np.newaxis, 2]) / (behind[:, 2] - before[:, np.newaxis, 2])
+    cut = before[:, np.newaxis] + share[..., np.newaxis] * (behind - before[:, np.newaxis])
+    seen = np.concatenate([before, cut.reshape(-1, 3)])
+    centre = np.array([(camera.width - 1) / 2.0, (camera.height - 1) / 2.0])
+    px = camera.focal * seen[:, :2] / seen[:, 2:]
+    far = BEYOND * max(camera.width, camera.height)
+    hull = cv2.convexHull(np.clip(px, -1e7, 1e7).astype(np.float32))
+    box = np.array([[-far, -far], [far, -far], [far, far], [-far, far]], np.float32)
+    _, corners = cv2.intersectConvexConvex(hull, box)
+    return np.zeros((0, 2)) if corners is None else corners.reshape(-1, 2).astype(np.float64) + centre
 
 
 def covered_pixels(

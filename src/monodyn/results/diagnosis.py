@@ -1,0 +1,118 @@
+"""``diagnosis.png``: what a run saw of its clip on one page, so that a refusal can be understood.
+
+Background, what moves, the outline over the edges, the foreground of some frames, and the clip along its
+time. What was not found is said where it would be.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from monodyn.results.folder import RunFolder
+from monodyn.results.panels import background_panel, foreground_panels, motion_panel, outline_panels
+from monodyn.results.sheet import (
+    BODY,
+    GREEN,
+    INK,
+    MARGIN,
+    RED,
+    SKY,
+    SOFT,
+    WIDTH,
+    blank,
+    row,
+    wrapped,
+    write,
+)
+from monodyn.results.sight import Sight
+from monodyn.results.strip import strip
+
+HEADING = 0.9
+"""Size of the heading's text."""
+PACKED = 3
+"""Compression of the picture, 0 to 9: more takes longer than it saves."""
+
+
+def diagnosis(sight: Sight) -> np.ndarray:
+    """Draw what a run saw of its clip.
+
+    Args:
+        sight: What the run saw; its clip is readable.
+
+    Returns:
+        The page, uint8 (height, width, 3), blue first.
+    """
+    rows = [
+        _heading(sight),
+        row([background_panel(sight), motion_panel(sight)]),
+        row(outline_panels(sight)),
+        row(foreground_panels(sight)),
+        strip(sight),
+    ]
+    gap = blank(18)
+    return np.concatenate([part for shown in rows for part in (shown, gap)])
+
+
+def write_diagnosis(folder: RunFolder, sight: Sight) -> np.ndarray | None:
+    """Write ``diagnosis.png``.
+
+    Args:
+        folder: Where to.
+        sight: What the run saw.
+
+    Returns:
+        The page; None where the clip has no picture that could be shown.
+    """
+    if not sight.readable:
+        return None
+    page = diagnosis(sight)
+
+    def file(path: Path) -> None:
+        path.write_bytes(png(page))
+
+    folder.write("diagnosis.png", file)
+    return page
+
+
+def png(page: np.ndarray) -> bytes:
+    """Return a page as a PNG file.
+
+    Args:
+        page: From ``diagnosis``.
+    """
+    import cv2
+
+    return cv2.imencode(".png", page, [cv2.IMWRITE_PNG_COMPRESSION, PACKED])[1].tobytes()
+
+
+def jpeg(page: np.ndarray, quality: int = 85) -> bytes:
+    """Return a page as a JPEG file, a quarter of the size, for a report.
+
+    Args:
+        page: From ``diagnosis``.
+        quality: 0 to 100.
+    """
+    import cv2
+
+    return cv2.imencode(".jpg", page, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+
+
+def _heading(sight: Sight) -> np.ndarray:
+    """Write clip and verdict."""
+    video = sight.video
+    lines = wrapped(sight.status, WIDTH - 2 * MARGIN - 30, BODY, 5)
+    page = blank(76 + 22 * len(lines))
+    x = write(page, video.path.name, (MARGIN, 42), HEADING, INK)
+    about = (
+        f"{video.count} frames of {video.width} x {video.height} px, "
+        f"{float(video.times[-1] - video.times[0]):.2f} s"
+    )
+    write(page, about, (x + 20, 42), BODY, SOFT)
+    colour = SKY if sight.ok is None else GREEN if sight.ok else RED
+    if sight.status:
+        page[58 : 64 + 22 * len(lines), MARGIN : MARGIN + 6] = colour
+    for i, line in enumerate(lines):
+        write(page, line, (MARGIN + 20, 74 + 22 * i), BODY, INK)
+    return page

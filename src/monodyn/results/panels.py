@@ -1,0 +1,247 @@
+"""The panels of the diagnosis: background, what moves, the outline over the edges, the foreground.
+
+Each takes what a run saw of its clip and returns a picture with title and legend; what was not found is said
+in its place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monodyn.results.overlay import Drawing, draw
+from monodyn.results.sheet import (
+    BLACK,
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PALE,
+    PURPLE,
+    RED,
+    SKY,
+    SOFT,
+    Colour,
+    Crop,
+    Key,
+    absent,
+    blended,
+    column_width,
+    fitted_crop,
+    hatch,
+    mark,
+    panel,
+    polygon,
+    washed,
+)
+from monodyn.results.sight import REACH_PX, Judged, Sight, outlines_of
+from monodyn.types import FULL, Frame
+from monodyn.vision.drawing.contour import (
+    COVERED,
+    ELSEWHERE,
+    NO_CONTRAST,
+    NO_EDGE,
+    OFF_PICTURE,
+    ON_EDGE,
+    contour,
+)
+from monodyn.vision.drawing.normals import TRUSTED
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.foreground.background import Background, Window
+
+TALLEST = 470
+"""Most height of a picture on the page [px]."""
+MOVES = 16.0
+"""Range of a pixel's grey level over the samples from which it is drawn as moving [grey levels]."""
+LOOKED_AT = 24
+"""Samples from which the range is taken."""
+SHOWN_FRAMES = 4
+"""Frames whose foreground is shown."""
+SPACING_PX = 9.0
+"""Distance of the outline samples that are drawn, on the page [px]."""
+PLANES: tuple[Colour, ...] = (BLUE, ORANGE, GREEN, PURPLE)
+"""Colours of a mask's planes."""
+FATES: dict[int, tuple[str, Colour, str]] = {
+    ON_EDGE: ("on an edge of the foreground", GREEN, "dot"),
+    ELSEWHERE: ("edge is elsewhere", ORANGE, "triangle"),
+    NO_EDGE: ("no edge there", RED, "cross"),
+    NO_CONTRAST: ("background unknown or alike", PURPLE, "square"),
+    COVERED: ("behind another part", SOFT, "ring"),
+    OFF_PICTURE: ("leaves the picture", BLACK, "diamond"),
+}
+"""What became of an outline sample: in words, and how it is drawn."""
+
+
+def picture_of(frame: Frame) -> np.ndarray:
+    """Return a frame in colour, uint8 (height, width, 3).
+
+    Args:
+        frame: The frame.
+    """
+    import cv2
+
+    height, width = frame.luma.shape
+    return cv2.cvtColor(draw(frame, Drawing([])), cv2.COLOR_YUV2BGR_I420)[:height, :width]
+
+
+def background_panel(sight: Sight) -> np.ndarray:
+    """Show what each pixel shows without the mechanism, and where that is not known.
+
+    Args:
+        sight: What the run saw.
+    """
+    width = column_width(2)
+    back = sight.background
+    crop = _whole(sight, width)
+    picture = crop.shown(picture_of(_as_frame(back)))
+    unknown = ~back.known
+    hatch(picture, crop.marked(unknown), RED)
+    source = "a picture that was given" if back.given else f"median of {len(sight.samples.frames)} frames"
+    keys = [Key(f"{source}; noise {back.noise:.1f} grey levels")]
+    if unknown.any():
+        keys.append(Key(f"never seen uncovered ({_percent(unknown.mean())})", RED, "hatch"))
+    return panel("Background", picture, keys, width)
+
+
+def motion_panel(sight: Sight) -> np.ndarray:
+    """Show where anything moves, which part is searched, and where the mechanism would not stand out.
+
+    Args:
+        sight: What the run saw.
+    """
+    import cv2
+
+    width = column_width(2)
+    crop, back = _whole(sight, width), sight.background
+    frames = sight.samples.frames
+    stack = [frame.luma for frame in frames[:: max(1, len(frames) // LOOKED_AT)]]
+    moves = np.max(stack, axis=0).astype(np.int16) - np.min(stack, axis=0) > max(MOVES, 8.0 * back.noise)
+    picture = washed(crop.shown(picture_of(_as_frame(back))), 0.6)
+    blended(picture, 0.55 * crop.marked(moves), SKY)
+    keys = [Key(f"changes during the clip ({_percent(moves.mean())})", SKY)]
+    outside = ~_within(back.window, moves.shape)
+    if outside.any():
+        hatch(picture, crop.marked(outside), PALE, rising=False)
+        keys.append(Key("left out", SOFT, "hatch"))
+        corners = np.array([[back.window.left, back.window.top], [back.window.right, back.window.bottom]])
+        (x0, y0), (x1, y1) = np.round(crop.points(corners - 0.5)).astype(int)
+        cv2.rectangle(picture, (x0, y0), (x1, y1), INK, 1)
+    if sight.shown_masks is not None:
+        view = sight.shown_masks.view(1 if sight.scene is None else len(sight.scene.mechanism.shapes.radius))
+        alike = (view.trust.max(axis=0) < TRUSTED) & back.known & ~outside
+        if alike.any():
+            hatch(picture, crop.marked(alike), PURPLE)
+            keys.append(Key(f"looks like the mechanism ({_percent(alike.mean())})", PURPLE, "hatch"))
+    return panel("What moves, and where it would show", picture, keys, width)
+
+
+def outline_panels(sight: Sight) -> list[np.ndarray]:
+    """Show the outline over two frames, a typical one and the worst, each sample with what became of it.
+
+    Args:
+        sight: What the run saw.
+    """
+    width = column_width(2)
+    if not sight.judged or sight.scene is None:
+        text = f"{sight.stage}: there is no outline to compare with the edges" if sight.masks is not None else (
+            "nothing moves: there is nothing that a mechanism could be located in"
+        )  # fmt: skip
+        return [panel(title, absent(text, width, 200), [], width) for title in ("Typical outline", "Worst outline")]
+    order = sorted(sight.judged, key=lambda judged: judged.score)
+    chosen = [("Typical outline", order[len(order) // 2]), ("Worst outline", order[0])]
+    return [_outline_panel(sight, name, judged, width) for name, judged in chosen]
+
+
+def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> np.ndarray:
+    scene = sight.scene
+    assert scene is not None
+    outlines = outlines_of(scene.mechanism, scene.camera, judged.position)
+    crop = fitted_crop(_around(sight, outlines), width, TALLEST)
+    picture = washed(crop.shown(picture_of(judged.frame)), 0.35)
+    for corners in outlines:
+        polygon(picture, crop.points(corners), INK)
+    rig = rig_of(scene.mechanism, scene.camera)
+    mask, view = scene.masks.of(judged.frame), scene.masks.view(len(rig.radius))
+    planes = mask.planes if len(mask.planes) == len(view.trust) else mask.coverage[np.newaxis]
+    found = contour(planes, view, rig, judged.position, REACH_PX, max(1.0, SPACING_PX / crop.scale))
+    places, edges = crop.points(found.place), crop.points(found.edge)
+    keys = []
+    for fate, (text, colour, shape) in FATES.items():
+        these = np.flatnonzero(found.fate == fate)
+        for i in these:
+            mark(picture, edges[i] if fate == ELSEWHERE else places[i], colour, shape, 4)
+        if len(these):
+            keys.append(Key(f"{text} ({_percent(len(these) / len(found.fate))})", colour, shape))
+    how = "tracked" if judged.tracked else "located, not tracked"
+    title = f"{name}: frame {judged.frame.index}, {how}"
+    return panel(title, picture, keys or [Key("the outline is not in the picture")], width)
+
+
+def foreground_panels(sight: Sight) -> list[np.ndarray]:
+    """Show the foreground of frames spread over the motion, each of the mechanism's colours in its own.
+
+    Args:
+        sight: What the run saw.
+    """
+    width = column_width(SHOWN_FRAMES)
+    frames = sight.samples.frames
+    picks = [round((k + 0.5) / SHOWN_FRAMES * (len(frames) - 1)) for k in range(SHOWN_FRAMES)]
+    return [_foreground_panel(sight, frames[i], width) for i in picks]
+
+
+def _foreground_panel(sight: Sight, frame: Frame, width: int) -> np.ndarray:
+    crop = _whole(sight, width)
+    title = f"Foreground of frame {frame.index}"
+    masks = sight.shown_masks
+    if masks is None:
+        picture = crop.shown(picture_of(frame))
+        return panel(f"Frame {frame.index}", picture, [Key("nothing stands out from the background")], width)
+    picture = washed(crop.shown(picture_of(frame)))
+    mask = masks.of(frame)
+    strongest = mask.planes.argmax(axis=0)
+    keys = []
+    for k, plane in enumerate(mask.planes):
+        own = np.where(strongest == k, np.minimum(plane, FULL), 0).astype(np.uint8)
+        blended(picture, 0.85 / FULL * crop.shown(own, (0, 0, 0)), PLANES[k % len(PLANES)])
+        if own.any():
+            other = masks.varied and k == len(mask.planes) - 1
+            share = float(own.sum()) / FULL / own.size
+            what = "any other difference" if other else f"colour {k + 1}"
+            keys.append(Key(f"{what}: {_percent(share)}", PLANES[k % len(PLANES)]))
+    return panel(title, picture, keys or [Key("nothing stands out in this frame")], width)
+
+
+def _whole(sight: Sight, width: int) -> Crop:
+    return fitted_crop((0, 0, sight.video.width, sight.video.height), width, TALLEST)
+
+
+def _around(sight: Sight, outlines: list[np.ndarray]) -> tuple[float, float, float, float]:
+    """Return the box of the part that moves and of the outlines, which may reach beyond the picture."""
+    window, video = sight.background.window, sight.video
+    box = np.array([window.left, window.top, window.right, window.bottom], dtype=np.float64)
+    # half a picture beyond its border shows where a pivot outside is meant to be
+    far_x, far_y = 0.5 * video.width, 0.5 * video.height
+    for corners in outlines:
+        low = np.clip(corners.min(axis=0) - 8.0, [-far_x, -far_y], [video.width, video.height])
+        high = np.clip(corners.max(axis=0) + 9.0, [0.0, 0.0], [video.width + far_x, video.height + far_y])
+        box[:2], box[2:] = np.minimum(box[:2], low), np.maximum(box[2:], high)
+    return (float(box[0]), float(box[1]), float(box[2]), float(box[3]))
+
+
+def _within(window: Window, shape: tuple[int, ...]) -> np.ndarray:
+    inside = np.zeros(shape, dtype=bool)
+    inside[window.top : window.bottom, window.left : window.right] = True
+    return inside
+
+
+def _as_frame(background: Background) -> Frame:
+    """Return the background as a frame."""
+
+    def whole(plane: np.ndarray) -> np.ndarray:
+        return np.clip(np.round(plane), 0, 255).astype(np.uint8)
+
+    chroma = None if background.chroma is None else (whole(background.chroma[0]), whole(background.chroma[1]))
+    return Frame(0, 0.0, whole(background.luma), chroma)
+
+
+def _percent(share: float) -> str:
+    return "under 0.1 %" if share < 0.001 else f"{100.0 * share:.2g} %"

@@ -1,0 +1,197 @@
+"""What a run saw of its clip as far as it came, and how well the outline lies on some of its frames.
+
+A run fills it stage by stage, so that one that is refused can still be shown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.types import Camera, Frame, Mask, Poses
+from monodyn.vision.clip.video import Video
+from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
+
+if TYPE_CHECKING:
+    from monodyn.mechanism import Mechanism
+    from monodyn.vision.foreground.masks import Masks
+    from monodyn.vision.locating.scene import Scene
+
+JUDGED_PIXELS = 14_000_000
+"""Pixels of the frames whose outline is judged, all together: bounds the time that it takes."""
+REACH_PX, SPACING_PX = 4.0, 3.0
+"""Length of the search along the normals, and distance of the outline samples [px]: those of the tracking."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """One frame of the clip and the outline over it.
+
+    Attributes:
+        frame: The frame.
+        position: Joint positions [rad; m in the start scale], (dof,).
+        tracked: True where the frame was tracked; False for a key frame that was located alone.
+        matched: Share of the outline samples on an edge.
+        inside: Coverage just inside of the outline.
+        mismatch: Mismatch of outline and mask as a share of the mask's area.
+    """
+
+    frame: Frame
+    position: np.ndarray
+    tracked: bool
+    matched: float
+    inside: float
+    mismatch: float
+
+    @property
+    def score(self) -> float:
+        """How well the outline lies on its mask, 2 at best."""
+        return self.matched + self.inside
+
+
+@dataclass(eq=False)
+class Sight:
+    """What a run saw of its clip, filled stage by stage.
+
+    Attributes:
+        video: The clip.
+        masks: Its foreground, or None where none was found.
+        scene: Mechanism and camera, or None where nothing was located.
+        poses: The tracked clip, slides in the start scale, or None where nothing was followed.
+        fit_frames: First frame of the fit and the one after its last, or None.
+        status: What came of it, a sentence.
+        ok: Whether the result can be trusted; None where nothing was to be identified.
+    """
+
+    video: Video
+    masks: Masks | None = None
+    scene: Scene | None = None
+    poses: Poses | None = None
+    fit_frames: tuple[int, int] | None = None
+    status: str = ""
+    ok: bool | None = field(default=None)
+
+    @property
+    def shown_masks(self) -> Masks | None:
+        """The best masks there are: those of the scene, whose colours were measured on the mechanism."""
+        return self.masks if self.scene is None else self.scene.masks
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Frames spread over the motion."""
+        return sample_frames(self.video) if self.masks is None else self.masks.samples
+
+    @cached_property
+    def background(self) -> Background:
+        """What the camera sees without the mechanism; the plain median where nothing moves."""
+        masks = self.shown_masks
+        return background_of(self.samples) if masks is None else masks.background
+
+    @property
+    def readable(self) -> bool:
+        """Whether the clip has pictures to show."""
+        try:
+            return len(self.samples.frames) > 0
+        except VideoError:
+            return False
+
+    @property
+    def anything_tracked(self) -> bool:
+        """Whether any frame was tracked."""
+        return self.poses is not None and bool(np.any(self.poses.seen))
+
+    @property
+    def stage(self) -> str:
+        """How far the run came where nothing was tracked, a few words."""
+        if self.masks is None:
+            return "nothing moves"
+        return "nothing was located" if self.scene is None else "nothing was tracked"
+
+    @cached_property
+    def judged(self) -> tuple[Judged, ...]:
+        """The sample frames whose pose is known, in the order of time."""
+        if self.scene is None:
+            return ()
+        scene, frames = self.scene, self.samples.frames
+        size = self.video.width * self.video.height
+        located = dict(zip(scene.key_frames, scene.key_positions, strict=True))
+        poses = {frame.index: _pose(self.poses, frame.index) for frame in frames}
+        known = [f for f in frames if poses[f.index] is not None or f.index in located]
+        step = max(1, round(len(known) * size / JUDGED_PIXELS))
+        found = []
+        for frame in known[::step]:
+            tracked = poses[frame.index]
+            position = located[frame.index] if tracked is None else tracked
+            found.append(_judge(scene, frame, np.array(position), tracked is not None))
+        return tuple(found)
+
+
+def located_at(scene: Scene, frame: int) -> tuple[int, np.ndarray]:
+    """Return the key frame nearest to a frame, and the pose that was located there.
+
+    Args:
+        scene: The scene.
+        frame: Frame number.
+
+    Returns:
+        Number of the key frame and joint positions, (dof,).
+    """
+    nearest = int(np.argmin(np.abs(np.asarray(scene.key_frames) - frame)))
+    return scene.key_frames[nearest], scene.key_positions[nearest]
+
+
+def pose_row(poses: Poses | None, frame: int) -> int | None:
+    """Return the row of a frame in a record if it was measured there; a record may lack frames.
+
+    Args:
+        poses: The record, or None.
+        frame: Frame number.
+    """
+    if poses is None:
+        return None
+    row = int(np.searchsorted(poses.frame, frame))
+    if row >= len(poses) or poses.frame[row] != frame or not poses.seen[row]:
+        return None
+    return row
+
+
+def _pose(poses: Poses | None, frame: int) -> np.ndarray | None:
+    row = pose_row(poses, frame)
+    return None if poses is None or row is None else poses.position[row]
+
+
+def outlines_of(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> list[np.ndarray]:
+    """Return the outlines of a pose [px], each (point, 2); none where it is not known.
+
+    Args:
+        mechanism: The mechanism.
+        camera: The camera.
+        position: Joint positions, (dof,); NaN where not known.
+    """
+    if not np.all(np.isfinite(position)):
+        return []
+    from monodyn.vision.drawing.outline import outline
+
+    return [polygon for _, polygon in outline(mechanism, camera, position)]
+
+
+def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool) -> Judged:
+    """Measure how well a pose lies on the mask of its frame, as tracking does."""
+    from monodyn.vision.drawing.edges import edge_terms, no_shifts
+    from monodyn.vision.drawing.mismatch import pose_mismatch
+    from monodyn.vision.drawing.rig import rig_of
+    from monodyn.vision.locating.keyframes import key_frame
+
+    rig = rig_of(scene.mechanism, scene.camera)
+    geoms = len(rig.radius)
+    mask: Mask = scene.masks.of(frame)
+    key, keys = key_frame(mask, scene.masks, geoms)
+    terms = edge_terms(key.planes, keys.view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX)
+    coarse = rig_of(scene.mechanism, scene.camera, shrink=keys.shrink)
+    cost = float(pose_mismatch(key.sums, coarse, position[np.newaxis], geoms)[0])
+    share = (key.area + cost) / max(key.area, 1.0)
+    return Judged(frame, position, tracked, terms.agreement.matched, terms.agreement.inside, share)

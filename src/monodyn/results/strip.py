@@ -1,0 +1,185 @@
+"""The clip along its time: in which frames each joint was seen, and how well the outline lay on its mask."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monodyn.results.sheet import (
+    BLUE,
+    GREEN,
+    GROUND,
+    INK,
+    LINE,
+    MARGIN,
+    ORANGE,
+    PURPLE,
+    RED,
+    SMALL,
+    SOFT,
+    TITLE,
+    WIDTH,
+    Colour,
+    Key,
+    absent,
+    blank,
+    dashed,
+    hatch,
+    legend,
+    length,
+    mark,
+    write,
+)
+from monodyn.results.sight import Judged, Sight
+from monodyn.types import Poses
+
+LABELS = 130
+"""Room for the names at the left [px]."""
+BAR, SCORES = 16, 110
+"""Height of a bar and of the part with the scores [px]."""
+UNEXPLAINED = 0.35
+"""Mismatch above which there is advice on the scene, as a share of the mask's area."""
+MEASURES: dict[str, tuple[str, Colour, str]] = {
+    "inside": ("covered inside of it", BLUE, "triangle"),
+    "matched": ("outline on an edge", ORANGE, "dot"),
+    "mismatch": ("mismatch with the mask", PURPLE, "square"),
+}
+"""What is shown of a judged frame: in words, and how it is drawn."""
+
+
+def strip(sight: Sight) -> np.ndarray:
+    """Return the strip along the clip: title, one bar a joint, scores, legend.
+
+    Args:
+        sight: What the run saw.
+
+    Returns:
+        uint8 (height, width of the page, 3).
+    """
+    head = blank(30)
+    write(head, "Along the clip", (MARGIN, 19), TITLE)
+    parts = [head, *_bars(sight), _scores(sight), _axis(sight)]
+    keys = _keys(sight)
+    drawn = legend(keys, WIDTH - LABELS - 2 * MARGIN)
+    foot = blank(drawn.shape[0])
+    foot[:, MARGIN + LABELS : WIDTH - MARGIN] = drawn
+    return np.concatenate([*parts, foot])
+
+
+def seen_by_joint(poses: Poses) -> np.ndarray:
+    """Return in which rows each joint was measured, bool (frame, dof).
+
+    Args:
+        poses: The tracked clip.
+    """
+    return np.broadcast_to(poses.seen.reshape(len(poses), -1), (len(poses), len(poses.joints)))
+
+
+def _column(sight: Sight, frame: float) -> int:
+    """Return where a frame begins on the page [px]."""
+    left, right = MARGIN + LABELS, WIDTH - MARGIN
+    return left + round((right - left) * frame / sight.video.count)
+
+
+def _bars(sight: Sight) -> list[np.ndarray]:
+    """Draw one bar a joint: filled where it was seen, hatched where not, and one for the fitted frames."""
+    bars = []
+    if sight.fit_frames is not None:
+        bars.append(_bar(sight, "fitted frames", [sight.fit_frames], ORANGE, hatched=False))
+    if sight.poses is None:
+        bar = blank(3 * BAR)
+        text = absent(f"{sight.stage}: no frame was tracked", WIDTH - LABELS - 2 * MARGIN, 3 * BAR - 6)
+        bar[: text.shape[0], MARGIN + LABELS : WIDTH - MARGIN] = text
+        return [*bars, bar]
+    seen, frames = seen_by_joint(sight.poses), sight.poses.frame
+    for joint, column in zip(sight.poses.joints, seen.T, strict=True):
+        bars.append(_bar(sight, joint, _runs(frames[column]), BLUE, hatched=True))
+    return bars
+
+
+def _bar(
+    sight: Sight, name: str, runs: list[tuple[int, int]], colour: Colour, *, hatched: bool
+) -> np.ndarray:
+    bar = blank(BAR + 6)
+    label = name if len(name) <= 16 else f"{name[:15]}."
+    write(bar, label, (MARGIN + LABELS - 10 - length(label, SMALL), 13), SMALL, INK)
+    ground = bar[:BAR, _column(sight, 0) : _column(sight, sight.video.count)]
+    ground[:] = GROUND
+    if hatched:
+        hatch(ground, np.ones(ground.shape[:2], dtype=bool), RED)
+    for first, stop in runs:
+        # a single frame of a long clip is less than a pixel wide, and must not vanish
+        bar[:BAR, _column(sight, first) : max(_column(sight, stop), _column(sight, first) + 1)] = colour
+    return bar
+
+
+def _runs(frames: np.ndarray) -> list[tuple[int, int]]:
+    """Return stretches of frame numbers without a gap, each with the number after its last."""
+    if not len(frames):
+        return []
+    cuts = np.flatnonzero(np.diff(frames) > 1) + 1
+    return [(int(part[0]), int(part[-1]) + 1) for part in np.split(frames, cuts)]
+
+
+def _scores(sight: Sight) -> np.ndarray:
+    """Draw the measures of the judged frames, from 0 at the bottom to 1 at the top."""
+    part = blank(SCORES + 22)
+    left, right, top = _column(sight, 0), _column(sight, sight.video.count), 12
+    for value in (0.0, 0.5, 1.0):
+        y = top + round((1.0 - value) * SCORES)
+        part[y, left:right] = LINE
+        label = f"{value:g}"
+        write(part, label, (left - 10 - length(label, SMALL), y + 4), SMALL, SOFT)
+    if not sight.judged:
+        text = absent(f"{sight.stage}: no outline to judge", right - left, SCORES - 2)
+        part[top + 1 : top + 1 + text.shape[0], left:right] = text
+        return part
+    dashed(part, top + round((1.0 - UNEXPLAINED) * SCORES), (left, right), PURPLE)
+    for judged in sight.judged:
+        x = _column(sight, judged.frame.index + 0.5)
+        for measure, (_, colour, shape) in MEASURES.items():
+            value = min(max(float(getattr(judged, measure)), 0.0), 1.05)
+            mark(part, np.array([x, top + (1.0 - value) * SCORES]), colour, _shape(judged, shape), 4)
+    return part
+
+
+def _shape(judged: Judged, shape: str) -> str:
+    """Return the marker of a judged frame: located ones that were not tracked are crosses."""
+    return shape if judged.tracked else "cross"
+
+
+def _axis(sight: Sight) -> np.ndarray:
+    """Write frame numbers, and the time in seconds below them."""
+    axis = blank(44)
+    count = sight.video.count
+    step = _round_step(count / 10)
+    for frame in range(0, count, step):
+        x = _column(sight, frame + 0.5)
+        axis[0:5, x] = SOFT
+        for text, y in ((str(frame), 18), (f"{sight.video.times[frame]:.2f} s", 34)):
+            write(axis, text, (x - length(text, SMALL) // 2, y), SMALL, SOFT)
+    write(axis, "frame", (MARGIN, 18), SMALL, SOFT)
+    write(axis, "time", (MARGIN, 34), SMALL, SOFT)
+    return axis
+
+
+def _round_step(least: float) -> int:
+    """Return 1, 2 or 5 times a power of ten, at least as large as wanted."""
+    power = 10 ** int(np.floor(np.log10(max(least, 1.0))))
+    return next(int(k * power) for k in (1, 2, 5, 10) if k * power >= least)
+
+
+def _keys(sight: Sight) -> list[Key]:
+    keys = []
+    if sight.poses is not None:
+        seen = seen_by_joint(sight.poses)
+        shares = ", ".join(
+            f"{joint} {int(column.sum())}" for joint, column in zip(sight.poses.joints, seen.T, strict=True)
+        )
+        keys += [Key(f"seen (frames of {len(seen)}: {shares})", BLUE), Key("not seen", RED, "hatch")]
+    if sight.judged:
+        keys += [Key(text, colour, shape) for text, colour, shape in MEASURES.values()]
+        keys.append(Key("mismatch that calls for advice", PURPLE, "line"))
+        if any(not judged.tracked for judged in sight.judged):
+            keys.append(Key("located, not tracked (in the colour of each)", SOFT, "cross"))
+    return keys or [Key("")]
+
