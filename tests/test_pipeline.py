@@ -14,11 +14,12 @@ import pytest
 import monodyn
 from fits import identified, made_fit
 from monodyn import pipeline
-from monodyn.errors import FitError, SettingsError
+from monodyn.errors import FitError, SettingsError, VideoError
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
 from monodyn.pipeline import identify_tables, run, track_clip
 from monodyn.settings import RunSettings, settings_classes
+from monodyn.stages import segment
 from monodyn.types import Camera, Poses
 from monodyn.vision.clip.video import read
 from support import ClipMaker, command, refuses
@@ -37,13 +38,15 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def seen(monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, *, last: int = 12, fit: Any = None) -> Path:
     """Stand in for the stages: a clip of 12 frames that is tracked up to ``last``, and its fit."""
     clip = make_clip()
-    video = read(clip)
+    masks = segment(read(clip))
+    video = masks.video
     position = np.where(np.arange(12)[:, None] < last, -1.0, np.nan)
     poses = Poses(
         ("joint1",), np.arange(12), video.times, position, np.zeros((12, 1, 1)), np.arange(12) < last
     )
     scene = SimpleNamespace(
-        camera=Camera(64, 48, 100.0), masks=SimpleNamespace(video=video), mechanism=load("single"),
+        camera=Camera(64, 48, 100.0), masks=masks, mechanism=load("single"),
+        key_frames=(0,), key_positions=np.array([[-1.0]]),
         camera_std={"camera.depth": 0.1, "camera.roll": 0.2}, advice=("The camera is a guess.",),
     )  # fmt: skip
     for stage, found in (("segment", scene.masks), ("locate", scene), ("track", poses), ("identify", fit)):
@@ -79,8 +82,9 @@ def test_a_tracked_clip_has_its_notes(
     outcome = track_clip(clip, "single", tmp_path / "run")
     assert outcome.notes[0] == "The camera is a guess."
     assert outcome.notes[-1].startswith("Only 9 of 12 frames were tracked; ")
-    assert outcome.document["files"] == ["poses.csv", "run.json"]
-    assert list(outcome.seconds) == ["segment", "locate", "track"]
+    assert outcome.document["files"] == ["poses.csv", "diagnosis.png", "overlay.mp4", "run.json"]
+    assert list(outcome.seconds) == ["segment", "locate", "track", "results"]
+    assert read(tmp_path / "run" / "overlay.mp4").count == 12
 
 
 def test_a_clip_without_the_mechanism_keeps_its_poses(
@@ -94,6 +98,28 @@ def test_a_clip_without_the_mechanism_keeps_its_poses(
         run(clip, "single", tmp_path / "run", force=True)
     left = json.loads((tmp_path / "run" / "unfinished" / "run.json").read_text())
     assert left["status"] == "failed"
+    assert left["files"] == ["poses.csv", "diagnosis.png", "overlay.mp4"]
+
+
+def test_a_still_clip_leaves_its_pictures(make_clip: ClipMaker, tmp_path: Path) -> None:
+    clip = make_clip(places=[5] * 12)
+    with pytest.raises(VideoError, match="got a still picture"):
+        run(clip, "single", tmp_path / "run")
+    left = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert (left["status"], left["files"]) == ("failed", ["diagnosis.png", "overlay.mp4"])
+    assert read(tmp_path / "run" / "overlay.mp4").count == 12
+
+
+def test_pictures_that_cannot_be_written_do_not_hide_the_reason(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    def full(*args: object) -> None:
+        raise SettingsError("disk full")
+
+    monkeypatch.setattr(pipeline, "write_diagnosis", full)
+    with pytest.raises(VideoError, match="got a still picture"):
+        run(make_clip(places=[5] * 12), "single", tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_fit_that_found_nothing_writes_headers_and_a_film_of_what_was_tracked(

@@ -248,7 +248,8 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
     clip = make_clip("still.mp4", count=40, step=0)
     message = refused("run", clip, "--model", MODEL, "--out", tmp_path / "run", "--quiet")
     assert "moves" in message
-    assert not (tmp_path / "run").exists()
+    left = {path.name for path in (tmp_path / "run").iterdir()}
+    assert left == {"diagnosis.png", "overlay.mp4", "run.json"}
 
 
 @pytest.mark.parametrize(

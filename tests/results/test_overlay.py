@@ -14,6 +14,8 @@ from monodyn.mechanism import load
 from monodyn.results.overlay import (
     FITTED,
     PREDICTED,
+    TINT,
+    TINTED,
     TRACKED,
     Drawing,
     DrawnMotion,
@@ -21,7 +23,7 @@ from monodyn.results.overlay import (
     still,
     write_overlay,
 )
-from monodyn.types import Camera, Frame, Poses
+from monodyn.types import FULL, Camera, Frame, Poses
 from monodyn.vision.clip.video import read
 from monodyn.vision.drawing.outline import outline
 from support import ClipMaker
@@ -31,6 +33,10 @@ BOX = np.array([[20.0, 20.0], [60.0, 20.0], [60.0, 50.0], [20.0, 50.0]])
 
 def grey(height: int = 96, width: int = 128) -> Frame:
     return Frame(0, 0.0, np.full((height, width), 100, np.uint8), None)
+
+
+def at(index: int, time: float = 0.0) -> Frame:
+    return Frame(index, time, np.full((96, 128), 100, np.uint8), None)
 
 
 def motion(count: int, size: tuple[int, int], stop: int, tracked: Poses | None = None) -> DrawnMotion:
@@ -72,7 +78,7 @@ def test_film_keeps_the_stamps_and_the_size(make_clip: ClipMaker, tmp_path: Path
     seen: list[int] = []
     film = tmp_path / "overlay.mp4"
     pictures = write_overlay(
-        film, video, motion(12, (63, 47), 9), progress=lambda step, done, total: seen.append(done)
+        film, video, motion(12, (63, 47), 9).drawing, progress=lambda step, done, total: seen.append(done)
     )
     drawn = read(film)
     assert (drawn.width, drawn.height, drawn.count) == (64, 48, 12)
@@ -86,7 +92,7 @@ def test_film_keeps_the_stamps_and_the_size(make_clip: ClipMaker, tmp_path: Path
 
 def test_ink_changes_after_the_fitted_frames() -> None:
     scene = motion(4, (128, 96), 2)
-    assert [scene.drawing(i, 0.0).outlines[0][1] for i in range(4)] == [FITTED, FITTED, PREDICTED, PREDICTED]
+    assert [scene.drawing(at(i)).outlines[0][1] for i in range(4)] == [FITTED, FITTED, PREDICTED, PREDICTED]
 
 
 def test_tracked_outline_is_drawn_where_it_differs_or_alone() -> None:
@@ -95,11 +101,11 @@ def test_tracked_outline_is_drawn_where_it_differs_or_alone() -> None:
         ("joint1",), np.arange(4), np.arange(4.0), position, np.zeros((4, 1, 1)), np.array([1, 0, 1, 1], bool)
     )
     scene = motion(4, (128, 96), 4, poses)
-    assert [len(scene.drawing(i, 0.0).outlines) for i in range(4)] == [1, 1, 2, 1]
-    assert scene.drawing(2, 0.0).outlines[0][1] is TRACKED
+    assert [len(scene.drawing(at(i)).outlines) for i in range(4)] == [1, 1, 2, 1]
+    assert scene.drawing(at(2)).outlines[0][1] is TRACKED
     alone = DrawnMotion(scene.mechanism, scene.camera, np.full((4, 1), np.nan), (0, 4), poses)
-    assert alone.drawing(0, 1.0).caption == "1.00 s  tracked"
-    assert alone.drawing(1, 1.0).caption == "1.00 s  not seen"
+    assert alone.drawing(at(0, 1.0)).caption == "1.00 s  tracked"
+    assert alone.drawing(at(1, 1.0)).caption == "1.00 s  not seen"
 
 
 def test_outline_stands_where_the_camera_sees_the_link() -> None:
@@ -114,5 +120,25 @@ def test_outline_stands_where_the_camera_sees_the_link() -> None:
 def test_a_film_that_cannot_be_written_is_an_oserror(make_clip: ClipMaker, tmp_path: Path) -> None:
     video = read(make_clip())
     with pytest.raises(OSError, match="No such file or directory"):
-        write_overlay(tmp_path / "nowhere" / "overlay.mp4", video, motion(12, (64, 48), 9))
+        write_overlay(tmp_path / "nowhere" / "overlay.mp4", video, motion(12, (64, 48), 9).drawing)
     assert not issubclass(MonodynError, OSError)
+
+
+def test_a_tint_is_mixed_in_by_coverage() -> None:
+    cover = np.zeros((96, 128), np.uint8)
+    cover[:, 64:] = FULL
+    planes = draw(grey(), Drawing([], tint=cover))
+    assert (planes[:96, :64] == 100).all()
+    assert (planes[:96, 64:] == 100 + int(TINTED * (TINT.luma - 100))).all()
+    blue = planes[96:].reshape(2, 48, 64)[0]
+    assert (blue[:, :32] == 128).all()
+    assert (abs(blue[:, 32:].astype(int) - (128 + TINTED * (TINT.blue - 128))) <= 1).all()
+
+
+def test_a_long_reason_takes_lines_above_the_caption() -> None:
+    short = draw(grey(480, 640), Drawing([], "0.00 s  nothing moves"))
+    both = draw(grey(480, 640), Drawing([], "0.00 s  nothing moves", "a long reason " * 30))
+    written = [np.flatnonzero((planes[:480] != 100).any(axis=1)) for planes in (short, both)]
+    assert written[0].min() > 440
+    assert 380 < written[1].min() < 440
+    assert np.array_equal(short[450:480], both[450:480])

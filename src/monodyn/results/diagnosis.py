@@ -21,6 +21,7 @@ from monodyn.results.sheet import (
     SKY,
     SOFT,
     WIDTH,
+    Picture,
     blank,
     row,
     wrapped,
@@ -35,14 +36,14 @@ PACKED = 3
 """Compression of the picture, 0 to 9: more takes longer than it saves."""
 
 
-def diagnosis(sight: Sight) -> np.ndarray:
+def diagnosis(sight: Sight) -> Picture:
     """Draw what a run saw of its clip.
 
     Args:
         sight: What the run saw; its clip is readable.
 
     Returns:
-        The page, uint8 (height, width, 3), blue first.
+        The page.
     """
     rows = [
         _heading(sight),
@@ -55,7 +56,7 @@ def diagnosis(sight: Sight) -> np.ndarray:
     return np.concatenate([part for shown in rows for part in (shown, gap)])
 
 
-def write_diagnosis(folder: RunFolder, sight: Sight) -> np.ndarray | None:
+def write_diagnosis(folder: RunFolder, sight: Sight) -> Picture | None:
     """Write ``diagnosis.png``.
 
     Args:
@@ -76,7 +77,7 @@ def write_diagnosis(folder: RunFolder, sight: Sight) -> np.ndarray | None:
     return page
 
 
-def png(page: np.ndarray) -> bytes:
+def png(page: Picture) -> bytes:
     """Return a page as a PNG file.
 
     Args:
@@ -87,7 +88,7 @@ def png(page: np.ndarray) -> bytes:
     return cv2.imencode(".png", page, [cv2.IMWRITE_PNG_COMPRESSION, PACKED])[1].tobytes()
 
 
-def jpeg(page: np.ndarray, quality: int = 85) -> bytes:
+def jpeg(page: Picture, quality: int = 85) -> bytes:
     """Return a page as a JPEG file, a quarter of the size, for a report.
 
     Args:
@@ -99,7 +100,7 @@ def jpeg(page: np.ndarray, quality: int = 85) -> bytes:
     return cv2.imencode(".jpg", page, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
 
 
-def _heading(sight: Sight) -> np.ndarray:
+def _heading(sight: Sight) -> Picture:
     """Write clip and verdict."""
     video = sight.video
     lines = wrapped(sight.status, WIDTH - 2 * MARGIN - 30, BODY, 5)

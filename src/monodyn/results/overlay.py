@@ -51,7 +51,7 @@ LOCATED = Ink(luma=210, blue=16, red=146, width=1.0)
 TINT = Ink(luma=150, blue=190, red=70, width=0.0)
 TINTED = 0.6
 """Share of the tint where the foreground covers a whole pixel."""
-LINES = 3
+LINES = 2
 """Lines of a caption, at most."""
 
 
@@ -135,13 +135,13 @@ class DrawnSearch:
         tint = None if masks is None else masks.of(frame).coverage
         caption = f"{frame.time:.2f} s  {sight.stage}"
         if sight.scene is None:
-            return Drawing([], caption, sight.status, tint)
+            return Drawing([], caption, sight.reason, tint)
         key, position = located_at(sight.scene, frame.index)
         outlines = outlines_of(sight.scene.mechanism, sight.scene.camera, position)
         return Drawing(
             [(polygon, LOCATED) for polygon in outlines],
             f"{caption}; outline as in frame {key}",
-            sight.status,
+            sight.reason,
             tint,
         )
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from monodyn.results.overlay import Drawing, draw
 from monodyn.results.sheet import (
-    BLACK,
     BLUE,
     GREEN,
     INK,
@@ -23,6 +22,7 @@ from monodyn.results.sheet import (
     Colour,
     Crop,
     Key,
+    Picture,
     absent,
     blended,
     column_width,
@@ -66,12 +66,12 @@ FATES: dict[int, tuple[str, Colour, str]] = {
     NO_EDGE: ("no edge there", RED, "cross"),
     NO_CONTRAST: ("background unknown or alike", PURPLE, "square"),
     COVERED: ("behind another part", SOFT, "ring"),
-    OFF_PICTURE: ("leaves the picture", BLACK, "diamond"),
+    OFF_PICTURE: ("leaves the picture", SOFT, "diamond"),
 }
 """What became of an outline sample: in words, and how it is drawn."""
 
 
-def picture_of(frame: Frame) -> np.ndarray:
+def picture_of(frame: Frame) -> Picture:
     """Return a frame in colour, uint8 (height, width, 3).
 
     Args:
@@ -83,8 +83,8 @@ def picture_of(frame: Frame) -> np.ndarray:
     return cv2.cvtColor(draw(frame, Drawing([])), cv2.COLOR_YUV2BGR_I420)[:height, :width]
 
 
-def background_panel(sight: Sight) -> np.ndarray:
-    """Show what each pixel shows without the mechanism, and where that is not known.
+def background_panel(sight: Sight) -> Picture:
+    """Return a picture of what each pixel shows without the mechanism, and where that is not known.
 
     Args:
         sight: What the run saw.
@@ -102,8 +102,8 @@ def background_panel(sight: Sight) -> np.ndarray:
     return panel("Background", picture, keys, width)
 
 
-def motion_panel(sight: Sight) -> np.ndarray:
-    """Show where anything moves, which part is searched, and where the mechanism would not stand out.
+def motion_panel(sight: Sight) -> Picture:
+    """Return a picture of where anything moves, what is left out, and where the mechanism would not show.
 
     Args:
         sight: What the run saw.
@@ -134,29 +134,27 @@ def motion_panel(sight: Sight) -> np.ndarray:
     return panel("What moves, and where it would show", picture, keys, width)
 
 
-def outline_panels(sight: Sight) -> list[np.ndarray]:
-    """Show the outline over two frames, a typical one and the worst, each sample with what became of it.
+def outline_panels(sight: Sight) -> list[Picture]:
+    """Return pictures of the outline over a typical frame and the worst, and what became of each sample.
 
     Args:
         sight: What the run saw.
     """
     width = column_width(2)
-    if not sight.judged or sight.scene is None:
-        text = f"{sight.stage}: there is no outline to compare with the edges" if sight.masks is not None else (
-            "nothing moves: there is nothing that a mechanism could be located in"
-        )  # fmt: skip
-        return [panel(title, absent(text, width, 200), [], width) for title in ("Typical outline", "Worst outline")]
+    if not sight.judged:
+        picture = absent(f"{sight.stage}: there is no outline to compare with the edges", width, 200)
+        return [panel(title, picture, [], width) for title in ("Typical outline", "Worst outline")]
     order = sorted(sight.judged, key=lambda judged: judged.score)
     chosen = [("Typical outline", order[len(order) // 2]), ("Worst outline", order[0])]
     return [_outline_panel(sight, name, judged, width) for name, judged in chosen]
 
 
-def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> np.ndarray:
+def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> Picture:
     scene = sight.scene
     assert scene is not None
     outlines = outlines_of(scene.mechanism, scene.camera, judged.position)
     crop = fitted_crop(_around(sight, outlines), width, TALLEST)
-    picture = washed(crop.shown(picture_of(judged.frame)), 0.35)
+    picture = washed(crop.shown(picture_of(judged.frame), PALE), 0.35)
     for corners in outlines:
         polygon(picture, crop.points(corners), INK)
     rig = rig_of(scene.mechanism, scene.camera)
@@ -168,7 +166,13 @@ def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> np.nd
     for fate, (text, colour, shape) in FATES.items():
         these = np.flatnonzero(found.fate == fate)
         for i in these:
-            mark(picture, edges[i] if fate == ELSEWHERE else places[i], colour, shape, 4)
+            mark(
+                picture,
+                edges[i] if fate == ELSEWHERE else places[i],
+                colour,
+                shape,
+                3 if fate == OFF_PICTURE else 4,
+            )
         if len(these):
             keys.append(Key(f"{text} ({_percent(len(these) / len(found.fate))})", colour, shape))
     how = "tracked" if judged.tracked else "located, not tracked"
@@ -176,8 +180,8 @@ def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> np.nd
     return panel(title, picture, keys or [Key("the outline is not in the picture")], width)
 
 
-def foreground_panels(sight: Sight) -> list[np.ndarray]:
-    """Show the foreground of frames spread over the motion, each of the mechanism's colours in its own.
+def foreground_panels(sight: Sight) -> list[Picture]:
+    """Return pictures of the foreground of frames spread over the motion, each plane in its colour.
 
     Args:
         sight: What the run saw.
@@ -188,7 +192,7 @@ def foreground_panels(sight: Sight) -> list[np.ndarray]:
     return [_foreground_panel(sight, frames[i], width) for i in picks]
 
 
-def _foreground_panel(sight: Sight, frame: Frame, width: int) -> np.ndarray:
+def _foreground_panel(sight: Sight, frame: Frame, width: int) -> Picture:
     crop = _whole(sight, width)
     title = f"Foreground of frame {frame.index}"
     masks = sight.shown_masks
@@ -244,4 +248,6 @@ def _as_frame(background: Background) -> Frame:
 
 
 def _percent(share: float) -> str:
-    return "under 0.1 %" if share < 0.001 else f"{100.0 * share:.2g} %"
+    if share < 0.001:
+        return "under 0.1 %"
+    return f"{100.0 * share:.0f} %" if share >= 0.095 else f"{100.0 * share:.2g} %"

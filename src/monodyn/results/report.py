@@ -112,7 +112,9 @@ def _write_diagnosis(folder: RunFolder, findings: Findings) -> bytes | None:
     if sight is None:
         return None
     frames = findings.frames
-    page = write_diagnosis(folder, replace(sight, fit_frames=None if frames is None else (frames[0], frames[1])))
+    page = write_diagnosis(
+        folder, replace(sight, fit_frames=None if frames is None else (frames[0], frames[1]))
+    )
     return None if page is None or findings.fit.ok else jpeg(page)
 
 

@@ -14,6 +14,9 @@ import numpy as np
 Colour = tuple[int, int, int]
 """Blue, green and red, 0 to 255, in OpenCV's order."""
 
+Picture = np.ndarray
+"""Blue, green and red of every pixel, uint8 (height, width, 3)."""
+
 INK, SOFT, PALE = (38, 33, 29), (115, 106, 98), (176, 171, 166)
 LINE, GROUND, PAPER = (214, 218, 222), (244, 243, 242), (255, 255, 255)
 """Greys, from text to paper."""
@@ -69,7 +72,7 @@ class Crop(NamedTuple):
         """Width and height as shown [px]."""
         return max(1, round(self.width * self.scale)), max(1, round(self.height * self.scale))
 
-    def shown(self, picture: np.ndarray, beyond: Colour = SOFT) -> np.ndarray:
+    def shown(self, picture: Picture, beyond: Colour = SOFT) -> Picture:
         """Return the part of a picture at its size on the page.
 
         Args:
@@ -87,6 +90,9 @@ class Crop(NamedTuple):
 
         Args:
             marks: bool (height, width).
+
+        Returns:
+            bool (height, width).
         """
         import cv2
 
@@ -98,6 +104,9 @@ class Crop(NamedTuple):
 
         Args:
             points: [px of the picture], (point, 2).
+
+        Returns:
+            Pixels of the page, (point, 2).
         """
         # pixel centres lie at whole numbers, in the picture as on the page
         return (np.asarray(points, dtype=np.float64) - [self.left, self.top] + 0.5) * self.scale - 0.5
@@ -130,7 +139,7 @@ def fitted_crop(box: tuple[float, float, float, float], width: int, height: int)
     return Crop(left, top, wide, high, min(width / wide, height / high, 4.0))
 
 
-def blank(height: int, width: int = WIDTH, colour: Colour = PAPER) -> np.ndarray:
+def blank(height: int, width: int = WIDTH, colour: Colour = PAPER) -> Picture:
     """Return an empty picture, uint8 (height, width, 3).
 
     Args:
@@ -138,13 +147,13 @@ def blank(height: int, width: int = WIDTH, colour: Colour = PAPER) -> np.ndarray
         width: Columns [px].
         colour: Its colour.
     """
-    return np.full((height, width, 3), colour, np.uint8)
+    # one value for all bytes is written much faster than a colour for each pixel
+    same = len(set(colour)) == 1
+    return np.full((height, width, 3), colour[0] if same else colour, np.uint8)
 
 
-def write(
-    picture: np.ndarray, text: str, at: tuple[int, int], size: float = BODY, colour: Colour = INK
-) -> int:
-    """Write a line of text and return where it ends [px].
+def write(picture: Picture, text: str, at: tuple[int, int], size: float = BODY, colour: Colour = INK) -> int:
+    """Write a line of text.
 
     Args:
         picture: Where to.
@@ -152,6 +161,9 @@ def write(
         at: Its left end on the base line [px].
         size: Size of the text.
         colour: Colour of the text.
+
+    Returns:
+        Where it ends [px].
     """
     import cv2
 
@@ -182,6 +194,9 @@ def wrapped(text: str, width: int, size: float = BODY, most: int = 4) -> list[st
         width: Width of a line [px].
         size: Size of the text.
         most: Lines at most.
+
+    Returns:
+        The lines, at least one.
     """
     lines = [""]
     for word in text.split():
@@ -193,7 +208,7 @@ def wrapped(text: str, width: int, size: float = BODY, most: int = 4) -> list[st
     return lines if len(lines) <= most else [*lines[: most - 1], f"{lines[most - 1]} ..."]
 
 
-def hatch(picture: np.ndarray, marks: np.ndarray, colour: Colour, *, rising: bool = True) -> None:
+def hatch(picture: Picture, marks: np.ndarray, colour: Colour, *, rising: bool = True) -> None:
     """Draw stripes over a part of a picture.
 
     Args:
@@ -207,7 +222,7 @@ def hatch(picture: np.ndarray, marks: np.ndarray, colour: Colour, *, rising: boo
     picture[marks & stripes] = colour
 
 
-def washed(picture: np.ndarray, share: float = 0.45) -> np.ndarray:
+def washed(picture: Picture, share: float = 0.45) -> Picture:
     """Return a picture in pale grey, over which colours stand out.
 
     Args:
@@ -221,7 +236,7 @@ def washed(picture: np.ndarray, share: float = 0.45) -> np.ndarray:
     return cv2.cvtColor(pale, cv2.COLOR_GRAY2BGR)
 
 
-def blended(picture: np.ndarray, coverage: np.ndarray, colour: Colour) -> None:
+def blended(picture: Picture, coverage: np.ndarray, colour: Colour) -> None:
     """Lay a colour over a picture.
 
     Args:
@@ -236,7 +251,7 @@ def blended(picture: np.ndarray, coverage: np.ndarray, colour: Colour) -> None:
     )
 
 
-def mark(picture: np.ndarray, at: np.ndarray, colour: Colour, shape: str, size: int = MARKER) -> None:
+def mark(picture: Picture, at: np.ndarray, colour: Colour, shape: str, size: int = MARKER) -> None:
     """Draw a marker; each shape is distinct without its colour.
 
     Args:
@@ -260,10 +275,10 @@ def mark(picture: np.ndarray, at: np.ndarray, colour: Colour, shape: str, size: 
         corners = [(0, -size), (size, size - 1), (-size, size - 1)]
         if shape == "diamond":
             corners = [(0, -size), (size, 0), (0, size), (-size, 0)]
-        cv2.fillPoly(picture, [np.array(corners, np.int32) + [x, y]], colour, cv2.LINE_AA)
+        cv2.fillPoly(picture, [np.add(corners, (x, y)).astype(np.int32)], colour, cv2.LINE_AA)
 
 
-def polygon(picture: np.ndarray, points: np.ndarray, colour: Colour, thick: int = 1) -> None:
+def polygon(picture: Picture, points: np.ndarray, colour: Colour, thick: int = 1) -> None:
     """Draw a closed outline with sub-pixel corners on a light edge, so that it shows on any ground.
 
     Args:
@@ -280,7 +295,7 @@ def polygon(picture: np.ndarray, points: np.ndarray, colour: Colour, thick: int 
     cv2.polylines(picture, corners, True, colour, thick, cv2.LINE_AA, 4)
 
 
-def dashed(picture: np.ndarray, row: int, columns: tuple[int, int], colour: Colour) -> None:
+def dashed(picture: Picture, row: int, columns: tuple[int, int], colour: Colour) -> None:
     """Draw a dashed level line.
 
     Args:
@@ -293,7 +308,7 @@ def dashed(picture: np.ndarray, row: int, columns: tuple[int, int], colour: Colo
         picture[row, x : min(x + DASH // 2, columns[1])] = colour
 
 
-def legend(keys: Sequence[Key], width: int) -> np.ndarray:
+def legend(keys: Sequence[Key], width: int) -> Picture:
     """Return a legend, in as many lines as it takes.
 
     Args:
@@ -319,7 +334,7 @@ def legend(keys: Sequence[Key], width: int) -> np.ndarray:
     return picture
 
 
-def _sample(picture: np.ndarray, key: Key, at: tuple[int, int]) -> None:
+def _sample(picture: Picture, key: Key, at: tuple[int, int]) -> None:
     """Draw what a legend's entry is about."""
     import cv2
 
@@ -337,12 +352,12 @@ def _sample(picture: np.ndarray, key: Key, at: tuple[int, int]) -> None:
         mark(picture, np.array([x + 8, y - 4]), key.colour, key.shape)
 
 
-def panel(title: str, picture: np.ndarray, keys: Sequence[Key], width: int) -> np.ndarray:
+def panel(title: str, picture: Picture, keys: Sequence[Key], width: int) -> Picture:
     """Return a picture with its title above and its legend below.
 
     Args:
         title: One line.
-        picture: At most as wide as the panel; uint8 (height, width, 3).
+        picture: At most as wide as the panel; see ``Picture``.
         keys: What the legend lists.
         width: Width of the panel [px].
     """
@@ -354,7 +369,7 @@ def panel(title: str, picture: np.ndarray, keys: Sequence[Key], width: int) -> n
     return np.concatenate([head, body, blank(5, width), legend(keys, width)])
 
 
-def absent(text: str, width: int, height: int) -> np.ndarray:
+def absent(text: str, width: int, height: int) -> Picture:
     """Return a picture that says what is not there.
 
     Args:
@@ -372,7 +387,7 @@ def absent(text: str, width: int, height: int) -> np.ndarray:
     return picture
 
 
-def row(pictures: Sequence[np.ndarray]) -> np.ndarray:
+def row(pictures: Sequence[Picture]) -> Picture:
     """Return pictures side by side over the width of the page.
 
     Args:

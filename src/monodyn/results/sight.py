@@ -5,6 +5,7 @@ A run fills it stage by stage, so that one that is refused can still be shown.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.types import Camera, Frame, Mask, Poses
+from monodyn.types import FULL, Camera, Frame, Mask, Poses
 from monodyn.vision.clip.video import Video
+from monodyn.vision.drawing.normals import TRUSTED
 from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
 
 if TYPE_CHECKING:
@@ -21,8 +23,10 @@ if TYPE_CHECKING:
     from monodyn.vision.foreground.masks import Masks
     from monodyn.vision.locating.scene import Scene
 
-JUDGED_PIXELS = 14_000_000
+JUDGED_PIXELS = 8_000_000
 """Pixels of the frames whose outline is judged, all together: bounds the time that it takes."""
+FINER = 2
+"""Rows and columns by pixel in which an outline is drawn to be compared with a mask."""
 REACH_PX, SPACING_PX = 4.0, 3.0
 """Length of the search along the normals, and distance of the outline samples [px]: those of the tracking."""
 
@@ -111,6 +115,11 @@ class Sight:
             return "nothing moves"
         return "nothing was located" if self.scene is None else "nothing was tracked"
 
+    @property
+    def reason(self) -> str:
+        """The status without the name of the clip, which whoever sees the pictures knows."""
+        return re.sub(r"^clip '[^']*': ", "", self.status)
+
     @cached_property
     def judged(self) -> tuple[Judged, ...]:
         """The sample frames whose pose is known, in the order of time."""
@@ -182,16 +191,34 @@ def outlines_of(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> l
 def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool) -> Judged:
     """Measure how well a pose lies on the mask of its frame, as tracking does."""
     from monodyn.vision.drawing.edges import edge_terms, no_shifts
-    from monodyn.vision.drawing.mismatch import pose_mismatch
     from monodyn.vision.drawing.rig import rig_of
-    from monodyn.vision.locating.keyframes import key_frame
 
     rig = rig_of(scene.mechanism, scene.camera)
-    geoms = len(rig.radius)
-    mask: Mask = scene.masks.of(frame)
-    key, keys = key_frame(mask, scene.masks, geoms)
-    terms = edge_terms(key.planes, keys.view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX)
-    coarse = rig_of(scene.mechanism, scene.camera, shrink=keys.shrink)
-    cost = float(pose_mismatch(key.sums, coarse, position[np.newaxis], geoms)[0])
-    share = (key.area + cost) / max(key.area, 1.0)
-    return Judged(frame, position, tracked, terms.agreement.matched, terms.agreement.inside, share)
+    view = scene.masks.view(len(rig.radius))
+    mask = scene.masks.of(frame)
+    # a view of one plane reads masks of any number of planes by the largest coverage
+    planes = mask.planes if len(mask.planes) == len(view.trust) else mask.coverage[np.newaxis]
+    found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
+    share = _mismatch(scene, mask, view.trust.max(axis=0) >= TRUSTED, position)
+    return Judged(frame, position, tracked, found.matched, found.inside, share)
+
+
+def _mismatch(scene: Scene, mask: Mask, known: np.ndarray, position: np.ndarray) -> float:
+    """Return the mismatch of outline and mask as a share of the mask's area, both within the picture.
+
+    Pixels that are not ``known``, bool (height, width), do not count.
+    """
+    import cv2
+
+    window = scene.masks.background.window
+    part = (slice(window.top, window.bottom), slice(window.left, window.right))
+    size = (window.right - window.left, window.bottom - window.top)
+    # drawn finer than the pixels and averaged: a hard edge would be the larger part of a thin rod
+    drawn = np.zeros((size[1] * FINER, size[0] * FINER), np.uint8)
+    for polygon in outlines_of(scene.mechanism, scene.camera, position):
+        corners = ((polygon - [window.left, window.top] + 0.5) * FINER - 0.5) * 16.0
+        cv2.fillPoly(drawn, [np.round(corners).astype(np.int32)], FULL, cv2.LINE_8, 4)
+    model = cv2.resize(drawn, size, interpolation=cv2.INTER_AREA).astype(np.int16)
+    covered = np.minimum(mask.coverage[part], FULL).astype(np.int16)
+    apart, area = np.abs(model - covered)[known[part]], covered[known[part]]
+    return float(apart.sum()) / max(float(area.sum()), float(FULL))

@@ -6,7 +6,6 @@ import numpy as np
 
 from monodyn.results.sheet import (
     BLUE,
-    GREEN,
     GROUND,
     INK,
     LINE,
@@ -20,6 +19,7 @@ from monodyn.results.sheet import (
     WIDTH,
     Colour,
     Key,
+    Picture,
     absent,
     blank,
     dashed,
@@ -46,14 +46,11 @@ MEASURES: dict[str, tuple[str, Colour, str]] = {
 """What is shown of a judged frame: in words, and how it is drawn."""
 
 
-def strip(sight: Sight) -> np.ndarray:
+def strip(sight: Sight) -> Picture:
     """Return the strip along the clip: title, one bar a joint, scores, legend.
 
     Args:
         sight: What the run saw.
-
-    Returns:
-        uint8 (height, width of the page, 3).
     """
     head = blank(30)
     write(head, "Along the clip", (MARGIN, 19), TITLE)
@@ -80,7 +77,7 @@ def _column(sight: Sight, frame: float) -> int:
     return left + round((right - left) * frame / sight.video.count)
 
 
-def _bars(sight: Sight) -> list[np.ndarray]:
+def _bars(sight: Sight) -> list[Picture]:
     """Draw one bar a joint: filled where it was seen, hatched where not, and one for the fitted frames."""
     bars = []
     if sight.fit_frames is not None:
@@ -96,9 +93,7 @@ def _bars(sight: Sight) -> list[np.ndarray]:
     return bars
 
 
-def _bar(
-    sight: Sight, name: str, runs: list[tuple[int, int]], colour: Colour, *, hatched: bool
-) -> np.ndarray:
+def _bar(sight: Sight, name: str, runs: list[tuple[int, int]], colour: Colour, *, hatched: bool) -> Picture:
     bar = blank(BAR + 6)
     label = name if len(name) <= 16 else f"{name[:15]}."
     write(bar, label, (MARGIN + LABELS - 10 - length(label, SMALL), 13), SMALL, INK)
@@ -120,7 +115,7 @@ def _runs(frames: np.ndarray) -> list[tuple[int, int]]:
     return [(int(part[0]), int(part[-1]) + 1) for part in np.split(frames, cuts)]
 
 
-def _scores(sight: Sight) -> np.ndarray:
+def _scores(sight: Sight) -> Picture:
     """Draw the measures of the judged frames, from 0 at the bottom to 1 at the top."""
     part = blank(SCORES + 22)
     left, right, top = _column(sight, 0), _column(sight, sight.video.count), 12
@@ -147,7 +142,7 @@ def _shape(judged: Judged, shape: str) -> str:
     return shape if judged.tracked else "cross"
 
 
-def _axis(sight: Sight) -> np.ndarray:
+def _axis(sight: Sight) -> Picture:
     """Write frame numbers, and the time in seconds below them."""
     axis = blank(44)
     count = sight.video.count
@@ -182,4 +177,3 @@ def _keys(sight: Sight) -> list[Key]:
         if any(not judged.tracked for judged in sight.judged):
             keys.append(Key("located, not tracked (in the colour of each)", SOFT, "cross"))
     return keys or [Key("")]
-

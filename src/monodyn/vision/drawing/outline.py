@@ -17,12 +17,12 @@ from monodyn.vision.drawing.silhouette import (
     link_frames,
 )
 
-
 NEAR = 0.02
 """Least distance before the camera at which a body is drawn, as a share of the camera's distance."""
 BEYOND = 3.0
 """Outlines are cut off so many picture sizes from the middle of the picture."""
-BALL = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
+_CUBE = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 3), axis=-1).reshape(-1, 3)
+BALL = _CUBE[np.abs(_CUBE).max(axis=1) == 1.0]
 """Directions in which the surface of a ball is sampled where its tangent cone has no picture, (point, 3)."""
 
 
@@ -58,7 +58,7 @@ def _placed(rig: Rig, position: np.ndarray) -> list[np.ndarray]:
         c, s = np.cos(frames[link, LINK_ANGLE]), np.sin(frames[link, LINK_ANGLE])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         points = rig.points[rig.first[g] : rig.first[g + 1]] @ turn.T
-        points = points + [frames[link, LINK_X], frames[link, LINK_Y], 0.0]
+        points = points + np.array([frames[link, LINK_X], frames[link, LINK_Y], 0.0])
         around = rig.radius[g] * BALL / np.linalg.norm(BALL, axis=1, keepdims=True)
         if rig.radius[g] > 0.0:
             points = (points[:, np.newaxis] + around).reshape(-1, 3)
@@ -75,8 +75,8 @@ def _visible(points: np.ndarray, camera: Camera) -> np.ndarray:
     before, behind = seen[seen[:, 2] >= near], seen[seen[:, 2] < near]
     if not len(before):
         return np.zeros((0, 2))
-    # The hull is cut by the plane at ``near``. Its corners there lie on edges of the hull, which are among the
-    # lines from each point before the plane to each behind it; the others of these lines end inside.
+    # The hull is cut by the plane at ``near``. Its corners there lie on edges of the hull, which are among
+    # the lines from each point before the plane to each behind it; the others of these lines end inside.
     share = (near - before[:, np.newaxis, 2]) / (behind[:, 2] - before[:, np.newaxis, 2])
     cut = before[:, np.newaxis] + share[..., np.newaxis] * (behind - before[:, np.newaxis])
     seen = np.concatenate([before, cut.reshape(-1, 3)])

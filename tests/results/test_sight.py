@@ -1,0 +1,78 @@
+"""What a run saw of its clip: how far it came, and outlines judged against a film of known poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
+from monodyn.types import Poses
+from monodyn.vision.clip.video import read
+from monodyn.vision.locating.scene import Scene
+from support import ClipMaker
+
+
+def test_the_stage_is_the_last_that_was_reached(filmed: tuple[Scene, Poses]) -> None:
+    scene, poses = filmed
+    video = scene.masks.video
+    lost = replace(poses, seen=np.zeros(len(poses), bool))
+    stages = [Sight(video), Sight(video, scene.masks), Sight(video, scene.masks, scene, lost)]
+    assert [sight.stage for sight in stages] == [
+        "nothing moves",
+        "nothing was located",
+        "nothing was tracked",
+    ]
+    assert [sight.anything_tracked for sight in stages] == [False, False, False]
+    assert Sight(video, scene.masks, scene, poses).anything_tracked
+
+
+def test_true_poses_lie_on_their_masks_and_turned_ones_do_not(filmed: tuple[Scene, Poses]) -> None:
+    scene, poses = filmed
+    good = Sight(scene.masks.video, scene.masks, scene, poses).judged
+    turned = replace(poses, position=poses.position + 0.6)
+    bad = Sight(scene.masks.video, scene.masks, scene, turned).judged
+    assert len(good) == len(bad) > 10
+    for true, false in zip(good, bad, strict=True):
+        assert true.tracked
+        assert (true.matched > 0.9, true.inside > 0.9, true.mismatch < 0.25) == (True, True, True)
+        assert true.score > false.score
+        assert false.mismatch > 0.5
+
+
+def test_frames_that_were_not_tracked_are_judged_where_they_were_located(filmed: tuple[Scene, Poses]) -> None:
+    scene, poses = filmed
+    few = replace(scene, key_frames=(0, 30), key_positions=poses.position[[0, 30]])
+    judged = Sight(scene.masks.video, scene.masks, few).judged
+    assert {one.frame.index for one in judged} <= {0, 30}
+    assert [one.tracked for one in judged] == [False] * len(judged)
+    assert located_at(few, 16)[0] == 30
+    assert located_at(few, 14)[1] == pytest.approx(poses.position[0])
+
+
+def test_a_clip_without_masks_has_a_background_of_its_own(make_clip: ClipMaker) -> None:
+    sight = Sight(read(make_clip()))
+    assert sight.readable
+    assert sight.background.luma.shape == (48, 64)
+    assert sight.judged == ()
+
+
+def test_the_reason_does_not_name_the_clip(make_clip: ClipMaker) -> None:
+    sight = Sight(read(make_clip()), status="clip 'a.mp4': expected the mechanism, tracked it in none.")
+    assert sight.reason == "expected the mechanism, tracked it in none."
+
+
+def test_rows_are_found_by_frame_number(filmed: tuple[Scene, Poses]) -> None:
+    _, poses = filmed
+    part = poses.part(10, 20)
+    assert [pose_row(part, frame) for frame in (9, 10, 19, 20)] == [None, 0, 9, None]
+    hidden = replace(part, seen=np.arange(10) > 0)
+    assert [pose_row(hidden, frame) for frame in (10, 11)] == [None, 1]
+    assert pose_row(None, 0) is None
+
+
+def test_an_unknown_pose_has_no_outline(filmed: tuple[Scene, Poses]) -> None:
+    scene, poses = filmed
+    assert outlines_of(scene.mechanism, scene.camera, np.array([np.nan, 0.0])) == []
+    assert len(outlines_of(scene.mechanism, scene.camera, poses.position[0])) == 2
