@@ -1,20 +1,25 @@
 """Dry friction, estimated where it shows."""
 
+import numpy as np
 import pytest
 
-from driven import DOUBLE, THICKNESS, simulated, started
+from driven import DOUBLE, GEOM, THICKNESS, simulated, started
+from monodyn.results.predict import predict
 from monodyn.stages import identify
+
+STIFF = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"'
+"""MuJoCo's friction gives way a little by default."""
+STOPPING = f"""<mujoco><option gravity="0 0 -9.81" integrator="RK4"/><worldbody>
+<body name="link1"><joint name="joint1" type="hinge" axis="0 -1 0" frictionloss="0.08" damping="0.0003"
+  {STIFF}/>
+<geom {GEOM} size="0.15 0.003 0.015" pos="0.15 0 0"/></body></worldbody></mujoco>"""
 
 
 def test_dry_friction_is_estimated_where_it_shows(passive, tmp_path):
     start = started(DOUBLE, tmp_path, 0.5, **THICKNESS)
     without = identify(passive[0], start)
     assert not without.parameter("joint1.friction").free
-    # MuJoCo's friction gives way a little by default
-    stiff = (
-        'damping="0.001" frictionloss="0.004" solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"'
-    )
-    dry = DOUBLE.replace('damping="0.001"', stiff)
+    dry = DOUBLE.replace('damping="0.001"', f'damping="0.001" frictionloss="0.004" {STIFF}')
     record, _ = simulated(dry, [-0.8, 0.4], 120)
     found = identify(record, start)
     assert found.ok, found.status
@@ -23,3 +28,14 @@ def test_dry_friction_is_estimated_where_it_shows(passive, tmp_path):
     held = identify(record, start.with_choices(fix={"joint1.friction": 0.0, "joint2.friction": 0.0}))
     assert held.parameter("joint1.friction").value == 0.0
     assert held.rms["joint1"] > 1.5 * found.rms["joint1"]
+
+
+def test_a_motion_that_dry_friction_brings_to_rest_is_explained(tmp_path):
+    """The pendulum swings for one second and rests for three, by MuJoCo's friction loss."""
+    record, _ = simulated(STOPPING, [0.1], 120)
+    found = identify(record, started(STOPPING, tmp_path, 1.0, **{"link1.thickness": 0.006}))
+    assert found.ok, found.status
+    assert found.parameter("joint1.friction").value == pytest.approx(0.08, rel=0.05)
+    assert found.parameter("link1.length").value == pytest.approx(0.3, rel=0.01)
+    resting = predict(found, times=record.time).position[60:, 0]
+    assert np.abs(resting - np.median(record.position[60:, 0])).max() < np.radians(0.5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from monodyn.estimation.record.samples import Data
-from monodyn.estimation.record.smooth import Smoothed
+from monodyn.estimation.record.smooth import NORMAL, Smoothed
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import Problem
@@ -49,6 +49,7 @@ class Search:
         self.problem = problem
         self.route = Route(settings.piece, settings.error_bound, fine)
         self.motion = smooth_motion(problem, smoothed)
+        self._speed = _speed(problem.data, smoothed)
         self._smoothed, self._settings = smoothed, settings
         self._progress, self._done = progress, 0
 
@@ -84,11 +85,22 @@ class Search:
     def explained(self, optimum: Optimum) -> bool:
         """Return whether the motion follows the record, within its noise or nearly.
 
+        A sample counts as much as its joint is fast: where most of a record is rest, anything that comes to
+        rest there would follow most of it.
+
         Args:
             optimum: The optimum.
         """
-        near = optimum.complete and optimum.sigma < FOLLOWED_NOISE
-        return near or (optimum.complete and self._relative_difference(optimum) < FOLLOWED_SHARE)
+        if not optimum.complete:
+            return False
+        near = _weighted_median(np.abs(optimum.residuals), self._speed) < FOLLOWED_NOISE * NORMAL
+        off = np.abs(self.problem.differences(optimum.trial)) / np.maximum(
+            self.problem.data.motion_size, 1e-12
+        )
+        return near or all(
+            _weighted_median(values, speed) < FOLLOWED_SHARE * NORMAL
+            for values, speed in zip(off.T, self._speed.T, strict=True)
+        )
 
     def report(self, stage: Optimum) -> None:
         """Count a stage for the progress display.
@@ -107,6 +119,28 @@ class Search:
         if not np.isfinite(optimum.cost):
             return True
         return optimum.sigma > HOPELESS_NOISE and self._relative_difference(optimum) > HOPELESS_SHARE
+
+
+def _speed(data: Data, smoothed: tuple[Smoothed, ...]) -> np.ndarray:
+    """Return the speed of each joint over its usual one, 0 where it was not measured, (row, dof)."""
+    parts = [
+        np.abs(found.velocity[data.source[a:b]])
+        for found, a, b in zip(smoothed, data.first[:-1], data.first[1:], strict=True)
+    ]
+    speed = np.where(data.measured, np.nan_to_num(np.concatenate(parts)), 0.0)
+    usual = np.sqrt(np.mean(speed**2, axis=0))
+    return speed / np.where(usual > 0.0, usual, 1.0)
+
+
+def _weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
+    """Return the value below which half of the weight lies; infinity without any weight."""
+    known = np.isfinite(values) & (weights > 0.0)
+    values, weights = values[known], weights[known]
+    if not len(values):
+        return float("inf")
+    order = np.argsort(values)
+    share = np.cumsum(weights[order])
+    return float(values[order][int(np.searchsorted(share, 0.5 * share[-1]))])
 
 
 def residual_size(optimum: Optimum) -> float:

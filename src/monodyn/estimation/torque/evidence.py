@@ -13,6 +13,9 @@ EVIDENCE = 15.0
 """Twice the log likelihood that an unknown must gain; pure chance gives one on average."""
 ONE_STEP = SearchSettings(evaluations=2)
 """One step: where it gains next to nothing, more of them will not gain much."""
+AT_NOISE = 1.5
+"""Typical residual, in units of the stated noise, up to which one step shows what there is to gain; a motion
+that is explained less well is fitted to the end."""
 
 
 def pays(before: Optimum, after: Optimum, added: int) -> bool:
@@ -56,7 +59,7 @@ def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
 def with_more_unknowns(
     problem: Problem, optimum: Optimum, mechanism: Mechanism, route: Route
 ) -> tuple[Problem, Optimum]:
-    """Go on from an optimum with more unknowns: one step, and to the end where that step pays.
+    """Go on from an optimum with more unknowns: one step, to the end where it pays or much is left.
 
     Args:
         problem: The problem.
@@ -69,8 +72,9 @@ def with_more_unknowns(
     """
     larger = posed(mechanism, problem.data)
     start = optimum.trial.at(larger.unknowns.carried(optimum.x, problem.unknowns), optimum.trial.states)
-    # the cost is nearly quadratic about an optimum: the first step gains most of what there is to gain
+    # The cost is nearly quadratic about an optimum: the first step gains most of what there is to gain. Not
+    # so far from the noise, where the other unknowns have taken on what the new ones should explain.
     found = fit_pieces(larger, start, route, ONE_STEP)
-    if pays(optimum, found, 1):
+    if pays(optimum, found, 1) or optimum.sigma > AT_NOISE:
         found = fit_pieces(larger, found.trial, route, route.fine)
     return larger, found
