@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from monodyn.estimation.shooting.problem import Problem, posed
-from monodyn.estimation.shooting.search import obstacle, residual_size
-from monodyn.estimation.shooting.shoot import Optimum
+from monodyn.estimation.shooting.search import obstacle
+from monodyn.estimation.shooting.shoot import Optimum, fit_pieces
 from monodyn.estimation.torque.evidence import pays, with_more_unknowns
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
-
-ANEW = 2
-"""Starts from which dry friction is looked for where going on from the damped motion explains nothing."""
 
 
 def fit_friction(mechanism: Mechanism, task: Task) -> TorqueSolution:
@@ -51,25 +48,44 @@ def with_dry_friction(problem: Problem, optimum: Optimum, task: Task) -> tuple[P
         for p in mechanism.parameters
         if p.kind == "friction" and p.name not in mechanism.chosen and not p.free
     ]
-    while names and optimum.complete:
-        freed = mechanism.with_choices(free=names)
-        larger, found = _freed(problem, optimum, freed, task)
-        # a friction that ends at zero explains nothing, but counts against the others: they are tried without
-        zero = [name for name in names if larger.unknowns.named(found.x)[name] <= 0.0]
-        if not zero:
+    if not names or not optimum.complete:
+        return problem, optimum
+    near, found = _from_there(problem, optimum, names, task)
+    if task.search(near).explained(found):
+        return near, found
+    # a motion that dry friction has brought to rest is so far from every damped one that no step leads there
+    far, other = _from_the_start(problem, names, task)
+    return (far, other) if pays(found, other, len(names)) else (near, found)
+
+
+def _from_there(problem: Problem, optimum: Optimum, names: list[str], task: Task) -> tuple[Problem, Optimum]:
+    """Go on from an optimum with some frictions free; those that explain nothing are held again."""
+    route = task.search(problem).route
+    while names:
+        freed = problem.mechanism.with_choices(free=names)
+        larger, found = with_more_unknowns(problem, optimum, freed, route)
+        kept = _not_zero(larger, found, names)
+        if kept == names:
             return (larger, found) if pays(optimum, found, len(names)) else (problem, optimum)
-        names = [name for name in names if name not in zero]
+        names = kept
     return problem, optimum
 
 
-def _freed(problem: Problem, optimum: Optimum, freed: Mechanism, task: Task) -> tuple[Problem, Optimum]:
-    """Go on from an optimum with more frictions free; where that explains nothing, search anew with them."""
-    search = task.search(problem)
-    larger, found = with_more_unknowns(problem, optimum, freed, search.route)
-    anew = task.search(larger)
-    if search.explained(optimum) or anew.explained(found):
+def _from_the_start(problem: Problem, names: list[str], task: Task) -> tuple[Problem, Optimum]:
+    """Search from accelerations on with some frictions free, and hold those that explain nothing."""
+    once = replace(task, settings=replace(task.settings, starts=1))
+    larger = posed(problem.mechanism.with_choices(free=names), problem.data)
+    search = once.search(larger)
+    found, _ = search.from_starts()
+    kept = _not_zero(larger, found, names)
+    if not found.complete or kept == names:
         return larger, found
-    # A motion that dry friction has brought to rest is so far from every damped one that no step leads there.
-    few = replace(task, settings=replace(task.settings, starts=min(ANEW, task.settings.starts)))
-    other, _ = few.search(larger).from_starts()
-    return larger, min(found, other, key=residual_size)
+    smaller = posed(problem.mechanism.with_choices(free=kept), problem.data)
+    start = found.trial.at(smaller.unknowns.carried(found.x, larger.unknowns), found.trial.states)
+    return smaller, fit_pieces(smaller, start, search.route, search.route.fine)
+
+
+def _not_zero(problem: Problem, optimum: Optimum, names: list[str]) -> list[str]:
+    """Return the frictions that do not end at zero; one that does explains nothing, but is an unknown."""
+    values = problem.unknowns.named(optimum.x)
+    return [name for name in names if values[name] > 0.0]
