@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -100,10 +101,13 @@ class Poses:
         frame: Frame numbers, int (frame,).
         time: Time stamps [s], (frame,).
         position: Joint positions [rad or m], unwrapped, (frame, dof); NaN where not seen.
-        covariance: Covariance of each frame's positions, (frame, dof, dof).
-        seen: True where the frame was measured, bool (frame,).
+        covariance: Covariance of each frame's positions, (frame, dof, dof); of a joint that was not seen, how
+            well the motion before determines it.
+        seen: True where the frame was measured (every joint of it, where ``joint_seen`` is known), (frame,).
         metric: True when slides are in metres; False when they are in the start scale of the mechanism
             file, as a picture gives them.
+        joint_seen: True where a joint was measured, bool (frame, dof): in a frame in which something hides
+            one body the others may be seen. None where frames were measured as a whole.
     """
 
     joints: tuple[str, ...]
@@ -113,6 +117,7 @@ class Poses:
     covariance: np.ndarray
     seen: np.ndarray
     metric: bool = field(default=True)
+    joint_seen: np.ndarray | None = field(default=None)
 
     def __post_init__(self) -> None:
         frames, dofs = len(self.time), len(self.joints)
@@ -126,10 +131,26 @@ class Poses:
             frozen("Poses.covariance", self.covariance, (frames, dofs, dofs), error=VideoError),
         )
         set_(self, "seen", frozen("Poses.seen", self.seen, (frames,), dtype=np.bool_, error=VideoError))
+        if self.joint_seen is not None:
+            joints = frozen(
+                "Poses.joint_seen", self.joint_seen, (frames, dofs), dtype=np.bool_, error=VideoError
+            )
+            set_(self, "joint_seen", joints)
+            if np.any(self.seen != joints.all(axis=1)):
+                raise VideoError(
+                    "Poses.seen: expected the frames in which every joint was seen, got others; change "
+                    "'joint_seen' too."
+                )
         increasing("Poses.time", self.time, error=VideoError)
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """True where there is a measured joint position, bool (frame, dof)."""
+        seen = self.seen[:, np.newaxis] if self.joint_seen is None else self.joint_seen
+        return np.asarray(np.isfinite(self.position) & seen)
 
     def part(self, first: int, stop: int) -> Poses:
         """Return a stretch of the rows.
@@ -141,5 +162,5 @@ class Poses:
         rows = slice(first, stop)
         return Poses(
             self.joints, self.frame[rows], self.time[rows], self.position[rows], self.covariance[rows],
-            self.seen[rows], self.metric,
+            self.seen[rows], self.metric, None if self.joint_seen is None else self.joint_seen[rows],
         )  # fmt: skip

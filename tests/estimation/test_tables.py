@@ -1,6 +1,7 @@
 """Tables of joint positions: round trip, encoder logs, whole messages."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,6 +33,33 @@ def test_round_trip(tmp_path):
     np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-15)  # square of a square root
     assert after.joints == before.joints
     assert after.metric
+
+
+def test_a_hidden_joint_comes_back_as_one(tmp_path):
+    whole = poses()
+    joint_seen = np.isfinite(whole.position)
+    joint_seen[[5, 6], 1] = False
+    position = np.where(joint_seen, whole.position, np.nan)
+    before = replace(whole, position=position, seen=joint_seen.all(axis=1), joint_seen=joint_seen)
+    write_poses(before, tmp_path / "poses.csv")
+    header = (tmp_path / "poses.csv").read_text().splitlines()[0]
+    assert header == "frame,time,seen,a,b,a_std,b_std,a_seen,b_seen"
+    after = read_poses(tmp_path / "poses.csv", ["a", "b"])
+    np.testing.assert_array_equal(after.seen, joint_seen.all(axis=1))
+    np.testing.assert_array_equal(after.measured, joint_seen)
+    np.testing.assert_allclose(after.covariance[5, 1, 1], before.covariance[5, 1, 1], rtol=1e-15)
+
+
+def test_a_row_taken_out_by_hand_stays_out(tmp_path):
+    write_poses(poses(), tmp_path / "poses.csv")
+    lines = (tmp_path / "poses.csv").read_text().splitlines()
+    cells = lines[3].split(",")
+    (tmp_path / "poses.csv").write_text(
+        "\n".join([*lines[:3], ",".join([*cells[:2], "0", *cells[3:]]), *lines[4:]])
+    )
+    after = read_poses(tmp_path / "poses.csv", ["a", "b"])
+    assert not after.measured[2].any()
+    assert after.measured[4].all()
 
 
 def test_encoder_log_in_the_order_of_the_mechanism(tmp_path):

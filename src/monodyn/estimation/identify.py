@@ -74,7 +74,7 @@ def _beginning(
         return ()
     poses, quick = records[0], replace(settings, starts=1)
     # a beginning is halved until it fits: a fault that grows with time leaves a short one untouched
-    measured = np.flatnonzero(poses.seen & np.isfinite(poses.position).any(axis=1))
+    measured = np.flatnonzero(poses.measured.any(axis=1))
     first, count = int(measured[0]), len(measured) // 2
     while count >= SHORTEST_BEGINNING:
         part = poses.part(first, int(measured[count]))

@@ -94,7 +94,7 @@ def identify_published(
 def _fixed_start(problem: Problem, records: tuple[Poses, ...], settings: PaperIdentifySettings) -> FixedStart:
     """Filter the records, and take from them the start states and what is compared."""
     gains, data = Gains.of(settings.gains, settings.filter), problem.data
-    seen = [np.where(record.seen[:, None], record.position, np.nan) for record in records]
+    seen = [np.where(record.measured, record.position, np.nan) for record in records]
     pairs = list(zip(records, seen, strict=True))
     motion = tuple(filtered(r.time, positions, gains, r.covariance) for r, positions in pairs)
     target, white = targets(data, motion, settings.states, settings.rates)

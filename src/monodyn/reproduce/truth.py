@@ -84,7 +84,7 @@ def read_truth(path: str | Path, mechanism: Mechanism, times: np.ndarray) -> Tru
         truth = _document_truth(path, mechanism, times)
     else:
         poses = read_poses(path, mechanism)
-        seen = np.where(poses.seen[:, None], poses.position, np.nan)
+        seen = np.where(poses.measured, poses.position, np.nan)
         truth = Truth(poses.time, seen, np.full_like(seen, np.nan))
     found = truth.at(times)
     if not np.isfinite(truth.position).any():

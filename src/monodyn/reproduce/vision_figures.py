@@ -86,7 +86,7 @@ def filtered_states(seen: Seen, design: Design, compared: str) -> Filtered:
     """
     assert seen.poses is not None
     poses = seen.poses.part(0, design.frames)
-    position = np.where(poses.seen[:, None], poses.position, np.nan)
+    position = np.where(poses.measured, poses.position, np.nan)
     return filtered(poses.time, position, Gains.of(design.gains, FILTERED[compared]))
 
 

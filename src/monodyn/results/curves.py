@@ -31,7 +31,7 @@ def motion_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
     for dof, joint in enumerate(fit.mechanism.joints):
         scale, unit = shown_in(joint)
         # null leaves a gap in the curve
-        observed = np.where(poses.seen, poses.position[:, dof], np.nan) * scale
+        observed = np.where(poses.measured[:, dof], poses.position[:, dof], np.nan) * scale
         error = states.position[:, dof] * scale - observed
         motion = (states.time, states.position[:, dof] * scale, states.std[:, dof] * scale)
         plots.append(

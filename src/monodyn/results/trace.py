@@ -53,9 +53,9 @@ class Trace:
         after = self.poses.part(self.rows[1], len(self.poses))
         # the prediction may have other time stamps: only rows that both have are compared
         row = np.minimum(np.searchsorted(self.future.time, after.time - 1e-9), len(self.future.time) - 1)
-        predicted = after.seen & (np.abs(self.future.time[row] - after.time) < 1e-9)
+        predicted = np.abs(self.future.time[row] - after.time) < 1e-9
         error = after.position - self.future.position[row]
-        return rms_of(self.poses.joints, np.where(predicted[:, None], error, np.nan))
+        return rms_of(self.poses.joints, np.where(after.measured & predicted[:, None], error, np.nan))
 
 
 def rms_of(joints: Sequence[str], error: np.ndarray) -> dict[str, float | None]:

@@ -134,7 +134,9 @@ def ordered(record: Poses, mechanism: Mechanism) -> Poses:
         return record
     order = [record.joints.index(name) for name in names]
     covariance = record.covariance[:, order][:, :, order]
-    return replace(record, joints=names, position=record.position[:, order], covariance=covariance)
+    joint_seen = None if record.joint_seen is None else record.joint_seen[:, order]
+    position = record.position[:, order]
+    return replace(record, joints=names, position=position, covariance=covariance, joint_seen=joint_seen)
 
 
 def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray, ...]:
@@ -152,7 +154,7 @@ def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray
         )
     poses = ordered(poses, mechanism)
     position, covariance = poses.position, poses.covariance
-    measured = np.isfinite(position) & poses.seen[:, None]
+    measured = poses.measured
     used = np.flatnonzero(measured.any(axis=1))
     if len(used) == 0:
         raise VideoError(

@@ -56,7 +56,7 @@ def smooth(poses: Poses) -> Smoothed:
     left-out samples best.
 
     Args:
-        poses: The record; NaN and unseen samples are gaps.
+        poses: The record; samples that were not measured are gaps.
 
     Returns:
         The motion at ``poses.time``.
@@ -68,7 +68,7 @@ def smooth(poses: Poses) -> Smoothed:
     motion = np.full((CURVE_ROWS, frames, dofs), np.nan)
     noise, outlier = np.full(dofs, np.nan), np.zeros((frames, dofs), dtype=bool)
     for dof in range(dofs):
-        use = np.flatnonzero(poses.seen & np.isfinite(poses.position[:, dof]))
+        use = np.flatnonzero(poses.measured[:, dof])
         if len(use) < FEWEST_SAMPLES:
             continue
         times, values = poses.time[use], poses.position[use, dof]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,8 +26,10 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     """Read a table of joint positions.
 
     The header names the columns: ``time`` [s] and one per joint [rad or m] are needed; ``frame``, ``seen`` (1
-    or 0) and ``<joint>_std`` [rad or m] are used when they are there, other columns are left alone. An empty
-    or ``nan`` position is a gap. Without a ``_std`` column the noise is estimated from the record itself.
+    or 0), ``<joint>_std`` [rad or m] and ``<joint>_seen`` (1 or 0) are used when they are there, others are
+    left alone. An empty or ``nan`` position is a gap. In a row whose ``seen`` is 0 the joints count whose
+    own ``_seen`` is 1, unless that is said of all of them. Without a ``_std`` column the noise is estimated
+    from the record itself.
 
     Args:
         path: File of comma-separated values.
@@ -48,12 +51,9 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     _check_values(path, columns, names, rows, table)
     time = increasing(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
     position = table[:, [columns[name] for name in names]]
-    # encoder logs have no column ``seen``: a row counts when any joint was measured
-    seen = np.asarray(np.isfinite(position).any(axis=1))
-    if "seen" in columns:
-        seen &= table[:, columns["seen"]] > 0
+    seen, joint_seen = _seen(position, table, columns, names)
     frame = table[:, columns["frame"]].astype(int) if "frame" in columns else np.arange(len(time))
-    if not seen.any():
+    if not (seen if joint_seen is None else joint_seen).any():
         raise VideoError(f"{path.name}: expected measured joint positions, got none in {len(time)} rows.")
     std = np.full(position.shape, np.nan)
     for dof, name in enumerate(names):
@@ -61,8 +61,8 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
             std[:, dof] = table[:, columns[f"{name}_std"]]
     covariance = np.zeros((len(time), len(names), len(names)))
     covariance[:, range(len(names)), range(len(names))] = std**2
-    poses = Poses(names, frame, time, position, covariance, seen)
-    return poses if np.isfinite(std[np.isfinite(position) & seen[:, None]]).all() else _with_noise(poses, std)
+    poses = Poses(names, frame, time, position, covariance, seen, joint_seen=joint_seen)
+    return poses if np.isfinite(std[poses.measured]).all() else _with_noise(poses, std)
 
 
 def write_poses(poses: Poses, path: str | Path) -> None:
@@ -77,11 +77,13 @@ def write_poses(poses: Poses, path: str | Path) -> None:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["frame", "time", "seen", *poses.joints, *(f"{name}_std" for name in poses.joints)])
+    further = [f"{name}_{what}" for what in ("std", "seen") for name in poses.joints]
+    writer.writerow(["frame", "time", "seen", *poses.joints, *further])
     std = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
     for i in range(len(poses)):
         numbers = [repr(float(x)) for x in (*poses.position[i], *std[i])]
-        writer.writerow([int(poses.frame[i]), repr(float(poses.time[i])), int(poses.seen[i]), *numbers])
+        row = [int(poses.frame[i]), repr(float(poses.time[i])), int(poses.seen[i])]
+        writer.writerow([*row, *numbers, *poses.measured[i].astype(int).tolist()])
     Path(path).write_text(text.getvalue(), encoding="utf-8")
 
 
@@ -139,6 +141,23 @@ def _numbers(path: Path, header: list[str], row: list[str], line: int) -> list[f
     return numbers
 
 
+def _seen(
+    position: np.ndarray, table: np.ndarray, columns: dict[str, int], names: tuple[str, ...]
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Rows that count (frame,), and joints that do (frame, dof) where each has a column on it."""
+    # encoder logs have no column ``seen``: a row counts when any joint was measured
+    seen = np.asarray(np.isfinite(position).any(axis=1))
+    if "seen" in columns:
+        seen &= table[:, columns["seen"]] > 0
+    own = [f"{name}_seen" for name in names]
+    if not all(name in columns for name in own):
+        return seen, None
+    joint_seen = np.isfinite(position) & (table[:, [columns[name] for name in own]] > 0)
+    # a row that is 0 although none of its joints is was taken out by hand
+    joint_seen &= (seen | ~joint_seen.all(axis=1))[:, None]
+    return np.asarray(joint_seen.all(axis=1)), joint_seen
+
+
 def _check_values(
     path: Path,
     columns: dict[str, int],
@@ -172,11 +191,10 @@ def _with_noise(poses: Poses, std: np.ndarray) -> Poses:
 
     smoothed = smooth(poses)
     scatter = np.nan_to_num(smoothed.noise, nan=0.0)
-    used = np.isfinite(poses.position) & poses.seen[:, None]
-    columns = zip(poses.position.T, used.T, strict=True)
+    columns = zip(poses.position.T, poses.measured.T, strict=True)
     # a record without any scatter would have infinite weight; a ten-thousandth of its motion is exact enough
     floor = np.array([1e-4 * np.std(values[use]) if use.any() else 0.0 for values, use in columns])
     filled = np.where(np.isfinite(std), std, np.maximum(np.maximum(scatter, floor), 1e-9))
     covariance = np.zeros_like(poses.covariance)
     covariance[:, range(len(poses.joints)), range(len(poses.joints))] = filled**2
-    return Poses(poses.joints, poses.frame, poses.time, poses.position, covariance, poses.seen, poses.metric)
+    return replace(poses, covariance=covariance)
