@@ -1,8 +1,9 @@
 """From masks and scene to joint positions with covariance in every frame, streamed.
 
 Each frame starts from the motion's prediction and moves the outline onto the mask's edges within the move
-limits. A pose that does not fit is looked for anew in the whole picture; one that still does not fit was
-not seen.
+limits. Each link answers for itself: what does not lie on the mask is hidden or elsewhere, and a joint counts
+as seen where the links that do lie on it determine it. A mechanism that is lost is looked for anew in the
+whole picture.
 """
 
 from __future__ import annotations
@@ -13,44 +14,61 @@ import numpy as np
 
 from monodyn.mechanism.tree import HINGE
 from monodyn.types import Mask, Poses, Progress
+from monodyn.vision.drawing.edges import COVERED, NEAR, SAMPLES, TRUST
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
+from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of
-from monodyn.vision.foreground.masks import Masks
-from monodyn.vision.locating.keyframes import key_frame
+from monodyn.vision.foreground.masks import LEFT_OUT, Masks, View
+from monodyn.vision.locating.keyframes import KeyFrame, key_frame, no_frames
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import search_pose
 from monodyn.vision.settings import TrackSettings
+from monodyn.vision.tracking.motion import PREDICTED_FRAMES, Motion
 
 CORRELATION = 2.0
 """Neighbouring edge samples share the codec's blocks: their errors count as if there were half as many."""
 LEAST_NOISE_PX = 0.05
 """Least standard deviation of an edge sample [px]."""
-
-TURNS_KNOWN_FRAMES = 8
-"""Frames out of sight over which the last rates count for the number of turns."""
-PREDICTED_FRAMES = 30
-"""Frames out of sight after which the last poses predict nothing."""
 LEAST_SAMPLES = 8
-"""Outline samples below which a pose was not seen."""
+"""Outline samples below which a link was not seen."""
+OF_A_LINK = 0.8
+"""Share of ``matched`` and ``inside`` that a single link must reach: it varies more than the whole."""
 DETERMINED = 0.3
-"""A pose that the mask determines less well than this share of the move limit was not seen."""
+"""A joint that the mask determines less well than this share of the move limit was not seen."""
 USUAL_SCORE = 1.8
 """Score of a pose that fits as usual, before the first frames (of 2: all outline samples on edges, all
 covered inside)."""
 SCORE_SLACK = 0.15
 """A pose whose score is lower than usual by no more than this is accepted as it stands."""
-MOST_AMPLIFIED = 16.0
-"""Sum of the weights of an extrapolation above which it would mostly amplify noise."""
+LIKELY = 6.0
+"""Standard deviations from its prediction within which a pose from the whole picture goes on with the motion."""
+UNEXPLAINED = 0.1
+"""Share of the mechanism's area by which a pose from the whole picture may leave more foreground unexplained
+than the one that goes on with the motion."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
-    """A pose in one frame: positions (dof,), covariance (dof, dof), whether it lies on the mask, how well."""
+class Sighting:
+    """What was found in one frame.
+
+    Attributes:
+        position: Joint positions, (dof,); where a joint was not seen, as its motion goes on, NaN if unknown.
+        covariance: Their covariance, (dof, dof); NaN where nothing was seen.
+        joints: True for the joints that were seen, (dof,).
+        score: How well the outline lies on the mask, 0 to 2.
+        whole: True where every link lies on the mask.
+    """
 
     position: np.ndarray
     covariance: np.ndarray
-    fits: bool
+    joints: np.ndarray
     score: float
+    whole: bool
+
+    @property
+    def fits(self) -> bool:
+        """True where any joint was seen."""
+        return bool(self.joints.any())
 
 
 def follow_clip(
@@ -66,24 +84,27 @@ def follow_clip(
         progress: Called with the number of frames done.
 
     Returns:
-        Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not
-        lie on its mask, or that did not decode, are not seen and hold NaN.
+        Joint positions [rad; m in the start scale] with covariance; joints whose links do not lie on their
+        mask, and frames that did not decode, are not seen and hold NaN.
     """
     video = masks.video
     follower = Follower(scene, settings)
-    blank = np.full(len(scene.mechanism.joints), np.nan)
-    rows = []
+    count, dofs = video.count, len(scene.mechanism.joints)
+    position, covariance = np.full((count, dofs), np.nan), np.full((count, dofs, dofs), np.nan)
+    joints, rows = np.zeros((count, dofs), dtype=bool), 0
     for frame in video.frames():
-        mask = scene.masks.of(frame)
-        rows += [
-            (i, video.times[i], blank, np.outer(blank, blank), False) for i in range(len(rows), mask.index)
-        ]  # frames that did not decode
-        rows.append((mask.index, mask.time, *follower.step(mask)))
+        found = follower.step(scene.masks.of(frame))
+        position[frame.index] = np.where(found.joints, found.position, np.nan)
+        covariance[frame.index], joints[frame.index] = found.covariance, found.joints
+        rows = frame.index + 1
         if progress is not None:
-            progress("track", len(rows), video.count)
-    index, time, position, covariance, seen = (np.array(column) for column in zip(*rows, strict=True))
-    joints = tuple(joint.name for joint in scene.mechanism.joints)
-    return Poses(joints, index, time, position, covariance, seen, metric=False)
+            progress("track", rows, count)
+    names = tuple(joint.name for joint in scene.mechanism.joints)
+    # frames that did not decode at the end of the clip have no row
+    return Poses(
+        names, np.arange(rows), video.times[:rows], position[:rows], covariance[:rows],
+        joints[:rows].all(axis=1), metric=False, joint_seen=joints[:rows],
+    )  # fmt: skip
 
 
 class Follower:
@@ -98,77 +119,62 @@ class Follower:
         self._scene = scene
         self._settings = settings
         self._rig: Rig = rig_of(scene.mechanism, scene.camera)
-        self._view = scene.masks.view(len(self._rig.radius))
+        self._view: View = scene.masks.view(len(self._rig.radius))
         self._lower, self._upper = joint_limits(scene.mechanism)
         self._hinge = self._rig.kind == HINGE
         reach = float(np.ptp(scene.mechanism.shapes.points[:, :2], axis=0).max())
         self._move = np.where(self._hinge, settings.move, settings.move * reach)
         self._known = dict(zip(scene.key_frames, scene.key_positions, strict=True))
-        self._past: list[tuple[float, np.ndarray]] = []
-        self._lost = 0
+        step = float(np.median(np.diff(scene.masks.video.times)))
+        self._motion = Motion(np.where(self._hinge, np.pi, reach), step)
+        self._drawn = np.isin(np.arange(len(self._lower)), self._rig.link)
+        self._reduced = no_frames(scene.masks, self._view)
+        self._coarse = rig_of(scene.mechanism, scene.camera, shrink=self._reduced.shrink)
+        self._incomplete = 0
         self._usual = USUAL_SCORE
 
-    def step(self, mask: Mask) -> tuple[np.ndarray, np.ndarray, bool]:
+    def step(self, mask: Mask) -> Sighting:
         """Find the pose in the next frame.
 
         Args:
             mask: The next mask, in the order of time.
 
         Returns:
-            Joint positions (dof,), their covariance (dof, dof), and whether the mechanism was seen.
+            What was found.
         """
-        found = None
-        predictions = self._predictions(mask)
+        found = self._along(mask)
+        if found is None or not found.whole or found.score <= self._usual - SCORE_SLACK:
+            if self._incomplete % self._settings.patience == 0:
+                found = self._anywhere(mask, found)
+            self._incomplete += 1
+        if found is not None and found.whole:
+            self._incomplete = 0
+            self._usual += 0.1 * (found.score - self._usual)
+        if found is not None and found.fits:
+            found = self._with_hidden(found, mask.time)
+            self._motion.add(mask.time, found.position, found.joints)
+            return found
+        dofs = len(self._lower)
+        nothing = np.full((dofs, dofs), np.nan)
+        return Sighting(nothing[0], nothing, np.zeros(dofs, dtype=bool), 0.0, False)
+
+    def _along(self, mask: Mask) -> Sighting | None:
+        """Follow the mechanism from where its motion goes on; None where there is no such place."""
+        found, starts = None, [np.clip(q, self._lower, self._upper) for q in self._motion.predictions(mask.time)]
+        if not self._motion.begun and mask.index in self._known:
+            starts = [self._known[mask.index]]
         # Every start is tried with a short search, then with a long one, until a pose fits about as well as
         # those before it. A pose that fits much worse may have locked on a wrong edge: it is kept, but the
         # other starts and the search of the whole picture have their chance to do better.
         for first_reach in (self._settings.first_reach, 3.0 * self._settings.first_reach):
-            for start in predictions:
+            for start in starts:
                 found = _better(found, self._follow(mask, start, first_reach))
-                if found.fits and found.score > self._usual - SCORE_SLACK:
-                    break
-            else:
-                continue
-            break
-        else:
-            if self._lost % self._settings.patience == 0:
-                found = _better(found, self._search(mask))
-        if found is not None and found.fits:
-            # three poses are what the prediction by constant acceleration needs
-            self._past = [*self._past[-2:], (mask.time, found.position)]
-            self._lost = 0
-            self._usual += 0.1 * (found.score - self._usual)
-            return found.position, found.covariance, True
-        self._lost += 1
-        dofs = len(self._lower)
-        return np.full(dofs, np.nan), np.full((dofs, dofs), np.nan), False
+                if found.whole and found.score > self._usual - SCORE_SLACK:
+                    return found
+        return found
 
-    def _predictions(self, mask: Mask) -> list[np.ndarray]:
-        """Return where the mechanism may be: by constant acceleration, by constant rate, where it was."""
-        predictions = []
-        past = self._past
-        if mask.index in self._known and not past:
-            predictions.append(self._known[mask.index])
-        if past and self._lost < PREDICTED_FRAMES:
-            t = [time for time, _ in past]
-            q = [position for _, position in past]
-            if len(past) == 3:
-                # the parabola through three poses (Lagrange); the time stamps need not be equally spaced
-                weights = [
-                    (mask.time - t[1]) * (mask.time - t[2]) / ((t[0] - t[1]) * (t[0] - t[2])),
-                    (mask.time - t[0]) * (mask.time - t[2]) / ((t[1] - t[0]) * (t[1] - t[2])),
-                    (mask.time - t[0]) * (mask.time - t[1]) / ((t[2] - t[0]) * (t[2] - t[1])),
-                ]
-                if np.sum(np.abs(weights)) < MOST_AMPLIFIED:
-                    predictions.append(sum(w * p for w, p in zip(weights, q, strict=True)))
-            if len(past) >= 2:
-                rate = (q[-1] - q[-2]) / (t[-1] - t[-2])
-                predictions.append(q[-1] + rate * min(mask.time - t[-1], 3.0 * (t[-1] - t[-2])))
-            predictions.append(q[-1])
-        return [np.clip(p, self._lower, self._upper) for p in predictions]
-
-    def _follow(self, mask: Mask, start: np.ndarray, first_reach: float) -> _Found:
-        """Move a start pose onto the mask within the move limits."""
+    def _follow(self, mask: Mask, start: np.ndarray, first_reach: float) -> Sighting:
+        """Move a start pose onto the mask within the move limits, and judge each link."""
         s = self._settings
         if first_reach > s.first_reach:
             reaches = np.concatenate([np.geomspace(first_reach, s.reach, 6), [s.reach]])
@@ -176,43 +182,82 @@ class Follower:
             reaches = np.array([s.first_reach, 0.5 * (s.first_reach + s.reach), s.reach, s.reach])
         lower = np.maximum(self._lower, start - self._move)
         upper = np.minimum(self._upper, start + self._move)
-        q, information, agreement = follow(
-            mask.planes,
-            self._view,
-            self._rig,
-            start,
-            MoveLimits(lower, upper, self._move),
-            EdgeSearch(reaches, s.spacing),
-        )
+        limits, search = MoveLimits(lower, upper, self._move), EdgeSearch(reaches, s.spacing)
+        q, information, agreement = follow(mask.planes, self._view, self._rig, start, limits, search)
+        score = float(agreement.matched + agreement.inside)
+        shown = self._lying(agreement.links)
+        whole = bool(np.all(shown | ~self._drawn))
+        if not whole and shown.any():
+            # What a link that is hidden or elsewhere takes for its edges pulls at the others too: the pose is
+            # found again by the links that lie on the mask.
+            part = np.where(shown[self._rig.link], self._view.part, LEFT_OUT)
+            view = self._view._replace(part=part)
+            q, information, agreement = follow(mask.planes, view, self._rig, start, limits, search)
         noise = CORRELATION * max(agreement.rms_px, LEAST_NOISE_PX) ** 2
         # where the picture does not show a joint, the move limit is all that is known of it
         covariance = np.linalg.inv(information / noise + np.diag(1.0 / self._move**2))
-        std = np.sqrt(np.diag(covariance))
-        determined = np.all(std < DETERMINED * self._move) and agreement.samples >= LEAST_SAMPLES
-        fits = determined and agreement.matched >= s.matched and agreement.inside >= s.inside
-        return _Found(q, covariance, bool(fits), float(agreement.matched + agreement.inside))
+        fits = shown.any() and agreement.matched >= s.matched and agreement.inside >= s.inside
+        joints = fits & (np.sqrt(np.diag(covariance)) < DETERMINED * self._move)
+        return Sighting(q, covariance, joints, score, whole and bool(joints.all()))
 
-    def _expected(self, time: float) -> np.ndarray:
-        """Return where the joints would be by now at their last rate; after a long gap, where they were."""
-        last, position = self._past[-1]
-        if len(self._past) < 2 or self._lost > TURNS_KNOWN_FRAMES:
-            return position
-        before, earlier = self._past[-2]
-        return position + (position - earlier) * (time - last) / (last - before)
+    def _lying(self, links: np.ndarray) -> np.ndarray:
+        """Return which links lie on the mask, from what is found on each (link, column)."""
+        s, trust = self._settings, np.maximum(links[:, TRUST], 1e-9)
+        return (
+            (links[:, SAMPLES] >= LEAST_SAMPLES)
+            & (links[:, NEAR] >= OF_A_LINK * s.matched * trust)
+            & (links[:, COVERED] >= OF_A_LINK * s.inside * trust)
+        )
 
-    def _search(self, mask: Mask) -> _Found:
-        """Look for the mechanism in the whole picture."""
-        scene = self._scene
-        frame, frames = key_frame(mask, scene.masks, len(self._rig.radius))
-        coarse = rig_of(scene.mechanism, scene.camera, shrink=frames.shrink)
-        q, _ = search_pose(frame, frames, coarse, scene.mechanism)
+    def _with_hidden(self, found: Sighting, time: float) -> Sighting:
+        """Let the joints that were not seen go on with their motion, with the covariance of that."""
+        if found.joints.all():
+            return found
+        hidden = ~found.joints
+        if not self._motion.begun:
+            return found
+        position = np.where(hidden, self._motion.expected(time), found.position)
+        both = found.joints[:, None] & found.joints
+        spread = np.diag(np.where(hidden, self._motion.spread(time), 0.0) ** 2)
+        covariance = np.where(both, found.covariance, spread)
+        return Sighting(position, covariance, found.joints, found.score, found.whole)
+
+    def _anywhere(self, mask: Mask, along: Sighting | None) -> Sighting | None:
+        """Look for the mechanism in the whole picture, and choose between that and what the motion leads to."""
+        frame = key_frame(mask, self._reduced)
+        frames, motion = self._reduced.only([]), self._motion
+        q, _ = search_pose(frame, frames, self._coarse, self._scene.mechanism)
+        expected = motion.expected(mask.time) if motion.begun else q
         # a picture shows a hinge's angle but for whole turns; those come from the motion so far
-        if self._past:
-            turns = np.round((self._expected(mask.time) - q) / (2.0 * np.pi))
-            q = q + np.where(self._hinge & ~np.isfinite(self._lower), 2.0 * np.pi * turns, 0.0)
-        return self._follow(mask, q, self._settings.first_reach)
+        turns = np.round((expected - q) / (2.0 * np.pi))
+        q = q + np.where(self._hinge & ~np.isfinite(self._lower), 2.0 * np.pi * turns, 0.0)
+        found = self._follow(mask, q, self._settings.first_reach)
+        if not motion.begun:
+            return _better(along, found)
+        if not found.whole:
+            return along
+        # A folded mechanism lies well on a picture in which one of its links is hidden. Two things speak
+        # against it: the jump from where it was, and the foreground that it leaves unexplained.
+        jump = np.abs(found.position - expected)
+        likely = np.all(jump <= np.maximum(self._move, LIKELY * motion.spread(mask.time)))
+        lost = motion.frames_since(mask.time).min() > PREDICTED_FRAMES
+        if not (likely or lost) or found.score < self._usual - 2.0 * SCORE_SLACK:
+            return along
+        if along is not None and along.fits:
+            more = self._explained(frame, along.position) - self._explained(frame, found.position)
+            if more > UNEXPLAINED * frame.area or along.score >= found.score:
+                return along
+        return found
+
+    def _explained(self, frame: KeyFrame, position: np.ndarray) -> float:
+        """Return the foreground that a pose covers [reduced px^2]."""
+        return covered_area(frame.sums, self._coarse, position)
 
 
-def _better(found: _Found | None, candidate: _Found) -> _Found:
-    """Return whichever pose lies better on its mask."""
-    return candidate if found is None or candidate.score > found.score else found
+def _better(found: Sighting | None, candidate: Sighting) -> Sighting:
+    """Return whichever pose lies better on its mask; one of the whole mechanism before one of a part."""
+    if found is None or (candidate.whole, candidate.fits) > (found.whole, found.fits):
+        return candidate
+    if (candidate.whole, candidate.fits) < (found.whole, found.fits):
+        return found
+    return candidate if candidate.score > found.score else found

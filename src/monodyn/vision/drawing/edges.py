@@ -42,6 +42,9 @@ POSE_STEP = 1e-6
 """Shift of a joint for the derivative of the outline [rad or m]."""
 MOST_SAMPLES = 4096
 """Outline samples of a mechanism that are used."""
+SAMPLES, TRUST, NEAR, SQUARES, COVERED = range(5)
+"""Columns of what is found on each link: number of outline samples; their trust; that of those near an edge;
+their squared distances from it, by trust [px^2]; coverage just inside, by trust."""
 
 
 class Agreement(NamedTuple):
@@ -52,12 +55,28 @@ class Agreement(NamedTuple):
         matched: Share of them within ``MATCHED_PX`` of an edge.
         rms_px: Root mean square displacement of these [px].
         inside: Mean coverage just inside of the outline.
+        links: What these come from, in the columns named above, (link, column).
     """
 
     samples: int
     matched: float
     rms_px: float
     inside: float
+    links: np.ndarray
+
+
+def agreement_of(links: np.ndarray) -> Agreement:
+    """Return how well an outline lies on a mask, from what is found on each link.
+
+    Args:
+        links: In the columns named above, (link, column).
+
+    Returns:
+        The agreement over all links.
+    """
+    samples, trust, near, squares, covered = links.sum(axis=0).tolist()
+    total = max(trust, 1e-9)
+    return Agreement(int(samples), near / total, (squares / max(near, 1e-9)) ** 0.5, covered / total, links)
 
 
 class EdgeTerms(NamedTuple):
@@ -132,7 +151,7 @@ def edge_terms(
         The equations and how well the outline lies on the mask; all zero where the pose cannot be drawn.
     """
     normal, right, found = edge_kernel(planes, view, rig, shifts, position, reach, spacing)
-    return EdgeTerms(normal, right, Agreement(*found))
+    return EdgeTerms(normal, right, agreement_of(found))
 
 
 @njit(cache=True)
@@ -144,10 +163,8 @@ def edge_kernel(
     position: np.ndarray,
     reach: float,
     spacing: float,
-) -> tuple[np.ndarray, np.ndarray, tuple[int, float, float, float]]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Do the work of ``edge_terms`` for it and for other kernels.
-
-    A named tuple costs a tenth of a millisecond on its way back to Python, so the agreement is a plain one.
 
     Args:
         planes: Mask by colour, uint8 (colour, height, width).
@@ -159,20 +176,21 @@ def edge_kernel(
         spacing: Distance between samples [px].
 
     Returns:
-        Normal matrix (dof + param, dof + param), right side (dof + param,), and the fields of ``Agreement``.
+        Normal matrix (dof + param, dof + param), right side (dof + param,), and what is found on each link
+        (link, column), in the columns named above.
     """
     dofs, shared, geoms = position.shape[0], shifts.steps.shape[0], rig.radius.shape[0]
     size = dofs + shared
     normal, right, row = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    found = np.zeros((dofs, COVERED + 1))
     outlines = blank_outlines(rig, geoms)
     if not draw(rig, position, outlines):
-        return normal, right, (0, 0.0, 0.0, 0.0)
+        return normal, right, found
     ends = np.empty((MOST_SAMPLES, 2), dtype=np.int64)
     samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
     count = edge_samples(planes, view, outlines, (reach, spacing), ends, samples)
     px, moved = outlines.px, _moved_points(rig, shifts, position, outlines)
     scale = max(0.35 * reach, 1.0)
-    total, near, squares, covered = 0.0, 0.0, 0.0, 0.0
     for s in range(count):
         p, r = ends[s, FROM], ends[s, TO]
         share, nx, ny, away = samples[s, SHARE], samples[s, NORMAL_X], samples[s, NORMAL_Y], samples[s, AWAY]
@@ -186,18 +204,18 @@ def edge_kernel(
         # the robust weight changes as the outline comes near: it is for the step, and not for the agreement
         trusted = samples[s, WEIGHT]
         w = trusted * robust_weight(away, scale)
-        total += trusted
+        link = found[rig.link[int(samples[s, GEOM])]]
+        link[SAMPLES] += 1.0
+        link[TRUST] += trusted
         if abs(away) < MATCHED_PX:
-            near += trusted
-            squares += trusted * away * away
-        covered += trusted * _level_inside(planes, view, samples[s])
+            link[NEAR] += trusted
+            link[SQUARES] += trusted * away * away
+        link[COVERED] += trusted * _level_inside(planes, view, samples[s])
         for j in range(size):
             right[j] += w * row[j] * away
             for k in range(size):
                 normal[j, k] += w * row[j] * row[k]
-    rms = np.sqrt(squares / max(near, 1e-9))
-    total = max(total, 1e-9)
-    return normal, right, (count, near / total, rms, covered / total)
+    return normal, right, found
 
 
 @njit(cache=True, inline="always")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from monodyn.vision.drawing.edges import Agreement, edge_kernel, no_shifts
+from monodyn.vision.drawing.edges import Agreement, agreement_of, edge_kernel, no_shifts
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.foreground.masks import View
 
@@ -59,13 +59,13 @@ def follow(
         outline lies on the mask in the end.
     """
     position, information, found = _follow(planes, view, rig, start, limits, search)
-    return position, information, Agreement(*found)
+    return position, information, agreement_of(found)
 
 
 @njit(cache=True)
 def _follow(
     planes: np.ndarray, view: View, rig: Rig, start: np.ndarray, limits: MoveLimits, search: EdgeSearch
-) -> tuple[np.ndarray, np.ndarray, tuple[int, float, float, float]]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Do the work of ``follow``; a named tuple would be slow on its way back to Python."""
     shifts = no_shifts(rig)
     position = start.copy()
@@ -81,7 +81,7 @@ def _follow(
         step = np.linalg.solve(normal, right)
         position = np.minimum(np.maximum(position + step, limits.lower), limits.upper)
     # once more, without the spring: the information is what the picture alone knows of the pose
-    normal, _, agreement = edge_kernel(
+    normal, _, found = edge_kernel(
         planes, view, rig, shifts, position, search.reaches[-1], search.spacing
     )
-    return position, normal, agreement
+    return position, normal, found

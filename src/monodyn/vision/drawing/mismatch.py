@@ -263,3 +263,28 @@ def pose_mismatch(sums: np.ndarray, rig: Rig, positions: np.ndarray, geoms: int)
             area = silhouette_sums(pictures, outlines, cuts, inside)
             costs[i] = area - 2.0 * inside[0]
     return costs
+
+
+def covered_area(sums: np.ndarray, rig: Rig, position: np.ndarray) -> float:
+    """Return how much of a mask lies inside of a mechanism's silhouette.
+
+    Args:
+        sums: From ``row_sums``, (height, width + 1).
+        rig: The mechanism and its camera.
+        position: Joint positions, (dof,).
+
+    Returns:
+        The covered pixels inside [px^2]; 0 for a pose that cannot be drawn.
+    """
+    return _covered_area(sums, rig, position)
+
+
+@njit(cache=True)
+def _covered_area(sums: np.ndarray, rig: Rig, position: np.ndarray) -> float:
+    """Do the work of ``covered_area``."""
+    geoms = rig.radius.shape[0]
+    outlines, inside = blank_outlines(rig, geoms), np.zeros(1)
+    if draw(rig, position, outlines):
+        pictures = sums.reshape((1, sums.shape[0], sums.shape[1]))
+        silhouette_sums(pictures, outlines, blank_cuts(geoms), inside)
+    return inside[0]

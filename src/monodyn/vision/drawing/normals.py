@@ -85,7 +85,7 @@ def edge_samples(
     """
     count = 0
     for g in range(outlines.first.shape[0] - 1):
-        if outlines.first[g + 1] - outlines.first[g] >= 3:
+        if view.part[g] >= 0 and outlines.first[g + 1] - outlines.first[g] >= 3:
             count = _geom_samples(planes, view, outlines, search, g, ends, samples, count, left_out)
     return count
 

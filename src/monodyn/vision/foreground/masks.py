@@ -19,6 +19,8 @@ from monodyn.vision.foreground.background import Background, Samples
 
 VARIED = -1
 """Stands for the colour of a geom that has no single colour."""
+LEFT_OUT = -1
+"""Stands for the plane of a geom that is hidden."""
 
 
 class View(NamedTuple):
@@ -27,7 +29,7 @@ class View(NamedTuple):
     Attributes:
         trust: How reliably each pixel distinguishes the mechanism from the background in each plane, 0 to 1,
             float32 (plane, height, width).
-        part: Plane of each geom, int64 (geom,).
+        part: Plane of each geom, int64 (geom,); ``LEFT_OUT`` for one at which no edge is looked for.
         shaded: True for geoms whose edges are taken against their own level, bool (geom,).
     """
 

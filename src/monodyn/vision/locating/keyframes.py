@@ -119,31 +119,35 @@ def key_frames(masks: Masks, geoms: int) -> KeyFrames:
     Returns:
         One key frame per sample.
     """
-    empty = _empty(masks, geoms)
+    empty = no_frames(masks, masks.view(geoms))
     return replace(empty, frames=tuple(_reduced(masks.of(frame), empty) for frame in masks.samples.frames))
 
 
-def key_frame(mask: Mask, masks: Masks, geoms: int) -> tuple[KeyFrame, KeyFrames]:
+def key_frame(mask: Mask, frames: KeyFrames) -> KeyFrame:
     """Make a key frame of one mask.
 
     Args:
         mask: A mask of the clip.
-        masks: The soft foreground of the clip.
-        geoms: Number of geoms of the mechanism.
+        frames: How it is reduced, for example from ``no_frames``.
 
     Returns:
-        The key frame, alone and as a set of one.
+        The key frame.
     """
-    empty = _empty(masks, geoms)
-    frame = _reduced(mask, empty)
-    return frame, replace(empty, frames=(frame,))
+    return _reduced(mask, frames)
 
 
-def _empty(masks: Masks, geoms: int) -> KeyFrames:
-    """Return a set without frames: the reduction of the picture and its trust."""
+def no_frames(masks: Masks, view: View) -> KeyFrames:
+    """Return a set without frames: the reduction of the picture and its trust.
+
+    Args:
+        masks: The soft foreground of the clip.
+        view: How the planes of the masks are to be read.
+
+    Returns:
+        The empty set.
+    """
     import cv2
 
-    view = masks.view(geoms)
     # until the pose is known, a pixel is worth what it shows of the colour that it shows least
     least = view.trust[-1] if masks.varied else view.trust.min(axis=0)
     window = masks.background.window
