@@ -10,7 +10,7 @@ import numpy as np
 from monodyn.types import FULL, Mask
 from monodyn.vision.foreground.background import Window
 from monodyn.vision.foreground.masks import plain_view
-from monodyn.vision.locating.keyframes import LEAST_COVERAGE, key_frame, key_frames
+from monodyn.vision.locating.keyframes import LEAST_COVERAGE, key_frame, key_frames, no_frames
 
 HEIGHT, WIDTH, SHRINK = 90, 510, 3
 """A picture that is three times as wide as the reduced one may be [px]."""
@@ -66,7 +66,7 @@ def test_reduced_masks_are_means_and_their_sums_cumulative() -> None:
     np.testing.assert_array_equal(frame.sums[:, 0], 0.0)
     # a view of one plane reads several planes by the largest
     np.testing.assert_array_equal(frame.planes, planes.max(axis=0)[None])
-    alone, only = key_frame(Mask(7, 0.2, planes), masks, 1)
-    assert (alone.index, alone.time, only.frames) == (7, 0.2, (alone,))
+    alone = key_frame(Mask(7, 0.2, planes), no_frames(masks, masks.view(1)))
+    assert (alone.index, alone.time) == (7, 0.2)
     np.testing.assert_array_equal(alone.coarse, frame.coarse)
     assert alone.area == frame.area

@@ -8,7 +8,7 @@ whole picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import search_pose
 from monodyn.vision.settings import TrackSettings
 from monodyn.vision.tracking.motion import PREDICTED_FRAMES, Motion
+from monodyn.vision.tracking.occluders import Occluders, without
 
 CORRELATION = 2.0
 """Neighbouring edge samples share the codec's blocks: their errors count as if there were half as many."""
@@ -35,13 +36,22 @@ OF_A_LINK = 0.8
 """Share of ``matched`` and ``inside`` that a single link must reach: it varies more than the whole."""
 DETERMINED = 0.3
 """A joint that the mask determines less well than this share of the move limit was not seen."""
+UNSURE = 8.0
+"""A joint whose standard deviation is this many times the usual one is mostly hidden, and was not seen."""
+USUAL_GAIN = 0.1
+"""Share of a frame in what is usual."""
 USUAL_SCORE = 1.8
 """Score of a pose that fits as usual, before the first frames (of 2: all outline samples on edges, all
 covered inside)."""
 SCORE_SLACK = 0.15
 """A pose whose score is lower than usual by no more than this is accepted as it stands."""
+NOTED_FRAMES = 4
+"""Of frames in which all is as usual, one in so many shows where the mechanism is not hidden."""
+KNOWN = 0.1
+"""A hidden link whose joint is known this well, as a share of the move limit, shows where it is hidden."""
 LIKELY = 6.0
-"""Standard deviations from its prediction within which a pose from the whole picture goes on with the motion."""
+"""A pose from the whole picture within this many standard deviations of the prediction goes on with the
+motion."""
 UNEXPLAINED = 0.1
 """Share of the mechanism's area by which a pose from the whole picture may leave more foreground unexplained
 than the one that goes on with the motion."""
@@ -87,8 +97,19 @@ def follow_clip(
         Joint positions [rad; m in the start scale] with covariance; joints whose links do not lie on their
         mask, and frames that did not decode, are not seen and hold NaN.
     """
-    video = masks.video
-    follower = Follower(scene, settings)
+    first = Follower(scene, settings)
+    poses = _followed(masks, first, progress)
+    hidden = first.occluders.hidden()
+    # What hides the mechanism is known only in the end. Where it was missed, the clip is followed once more,
+    # with those places left out of the picture.
+    if first.unusual and hidden.any():
+        poses = _followed(masks, Follower(scene, settings, hidden), progress)
+    return poses
+
+
+def _followed(masks: Masks, follower: Follower, progress: Progress | None) -> Poses:
+    """Follow the mechanism through the clip once."""
+    video, scene = masks.video, follower.scene
     count, dofs = video.count, len(scene.mechanism.joints)
     position, covariance = np.full((count, dofs), np.nan), np.full((count, dofs, dofs), np.nan)
     joints, rows = np.zeros((count, dofs), dtype=bool), 0
@@ -103,7 +124,7 @@ def follow_clip(
     # frames that did not decode at the end of the clip have no row
     return Poses(
         names, np.arange(rows), video.times[:rows], position[:rows], covariance[:rows],
-        joints[:rows].all(axis=1), metric=False, joint_seen=joints[:rows],
+        np.asarray(joints[:rows].all(axis=1)), metric=False, joint_seen=joints[:rows],
     )  # fmt: skip
 
 
@@ -113,13 +134,21 @@ class Follower:
     Args:
         scene: Camera, sizes and first pose.
         settings: How the mechanism is followed.
+        hidden: Pixels behind something, bool (height, width), which say nothing about the pose.
+
+    Attributes:
+        scene: The scene.
+        occluders: Where the mechanism should have shown and did not.
+        unusual: Number of frames in which not every link lay on the mask as usual.
     """
 
-    def __init__(self, scene: Scene, settings: TrackSettings) -> None:
-        self._scene = scene
+    def __init__(self, scene: Scene, settings: TrackSettings, hidden: np.ndarray | None = None) -> None:
+        self.scene = scene
         self._settings = settings
         self._rig: Rig = rig_of(scene.mechanism, scene.camera)
-        self._view: View = scene.masks.view(len(self._rig.radius))
+        view = scene.masks.view(len(self._rig.radius))
+        self._view: View = view if hidden is None else without(view, hidden)
+        self.occluders, self.unusual = Occluders(self._rig, view), 0
         self._lower, self._upper = joint_limits(scene.mechanism)
         self._hinge = self._rig.kind == HINGE
         reach = float(np.ptp(scene.mechanism.shapes.points[:, :2], axis=0).max())
@@ -131,7 +160,7 @@ class Follower:
         self._reduced = no_frames(scene.masks, self._view)
         self._coarse = rig_of(scene.mechanism, scene.camera, shrink=self._reduced.shrink)
         self._incomplete = 0
-        self._usual = USUAL_SCORE
+        self._usual, self._usual_std = USUAL_SCORE, np.full(len(self._lower), np.nan)
 
     def step(self, mask: Mask) -> Sighting:
         """Find the pose in the next frame.
@@ -143,15 +172,17 @@ class Follower:
             What was found.
         """
         found = self._along(mask)
-        if found is None or not found.whole or found.score <= self._usual - SCORE_SLACK:
+        usual = found is not None and found.whole and found.score > self._usual - SCORE_SLACK
+        if not usual:
             if self._incomplete % self._settings.patience == 0:
                 found = self._anywhere(mask, found)
             self._incomplete += 1
-        if found is not None and found.whole:
-            self._incomplete = 0
-            self._usual += 0.1 * (found.score - self._usual)
+            self.unusual += self._motion.begun
         if found is not None and found.fits:
-            found = self._with_hidden(found, mask.time)
+            found = self._judged(found, mask.time)
+            if not usual or mask.index % NOTED_FRAMES == 0:
+                known = np.sqrt(np.diag(found.covariance)) < KNOWN * self._move
+                self.occluders.note(mask.planes, found.position, known)
             self._motion.add(mask.time, found.position, found.joints)
             return found
         dofs = len(self._lower)
@@ -160,7 +191,10 @@ class Follower:
 
     def _along(self, mask: Mask) -> Sighting | None:
         """Follow the mechanism from where its motion goes on; None where there is no such place."""
-        found, starts = None, [np.clip(q, self._lower, self._upper) for q in self._motion.predictions(mask.time)]
+        found, starts = (
+            None,
+            [np.clip(q, self._lower, self._upper) for q in self._motion.predictions(mask.time)],
+        )
         if not self._motion.begun and mask.index in self._known:
             starts = [self._known[mask.index]]
         # Every start is tried with a short search, then with a long one, until a pose fits about as well as
@@ -201,7 +235,7 @@ class Follower:
         return Sighting(q, covariance, joints, score, whole and bool(joints.all()))
 
     def _lying(self, links: np.ndarray) -> np.ndarray:
-        """Return which links lie on the mask, from what is found on each (link, column)."""
+        """Return which links lie on the mask, from what is found on each (dof, column)."""
         s, trust = self._settings, np.maximum(links[:, TRUST], 1e-9)
         return (
             (links[:, SAMPLES] >= LEAST_SAMPLES)
@@ -209,24 +243,27 @@ class Follower:
             & (links[:, COVERED] >= OF_A_LINK * s.inside * trust)
         )
 
-    def _with_hidden(self, found: Sighting, time: float) -> Sighting:
-        """Let the joints that were not seen go on with their motion, with the covariance of that."""
-        if found.joints.all():
-            return found
-        hidden = ~found.joints
-        if not self._motion.begun:
-            return found
-        position = np.where(hidden, self._motion.expected(time), found.position)
-        both = found.joints[:, None] & found.joints
-        spread = np.diag(np.where(hidden, self._motion.spread(time), 0.0) ** 2)
-        covariance = np.where(both, found.covariance, spread)
-        return Sighting(position, covariance, found.joints, found.score, found.whole)
+    def _judged(self, found: Sighting, time: float) -> Sighting:
+        """Compare a sighting with what is usual; let joints that were not seen go on with their motion."""
+        std = np.sqrt(np.diag(found.covariance))
+        seen = found.joints & ~(std > UNSURE * self._usual_std)
+        if found.whole and seen.all():
+            self._incomplete = 0
+            self._usual += USUAL_GAIN * (found.score - self._usual)
+            gain = np.where(np.isnan(self._usual_std), 1.0, USUAL_GAIN)
+            self._usual_std = np.where(gain == 1.0, std, self._usual_std + gain * (std - self._usual_std))
+        if seen.all() or not self._motion.begun:
+            return replace(found, joints=seen)
+        position = np.where(seen, found.position, self._motion.expected(time))
+        spread = np.diag(self._motion.spread(time) ** 2)
+        covariance = np.where(seen[:, None] & seen, found.covariance, np.where(seen[:, None], 0.0, spread))
+        return replace(found, position=position, covariance=covariance, joints=seen)
 
     def _anywhere(self, mask: Mask, along: Sighting | None) -> Sighting | None:
-        """Look for the mechanism in the whole picture, and choose between that and what the motion leads to."""
+        """Look for the mechanism in the whole picture; choose between that and what its motion leads to."""
         frame = key_frame(mask, self._reduced)
         frames, motion = self._reduced.only([]), self._motion
-        q, _ = search_pose(frame, frames, self._coarse, self._scene.mechanism)
+        q, _ = search_pose(frame, frames, self._coarse, self.scene.mechanism)
         expected = motion.expected(mask.time) if motion.begun else q
         # a picture shows a hinge's angle but for whole turns; those come from the motion so far
         turns = np.round((expected - q) / (2.0 * np.pi))

@@ -55,7 +55,7 @@ class Agreement(NamedTuple):
         matched: Share of them within ``MATCHED_PX`` of an edge.
         rms_px: Root mean square displacement of these [px].
         inside: Mean coverage just inside of the outline.
-        links: What these come from, in the columns named above, (link, column).
+        links: What these come from, in the columns named above, (dof, column).
     """
 
     samples: int
@@ -69,7 +69,7 @@ def agreement_of(links: np.ndarray) -> Agreement:
     """Return how well an outline lies on a mask, from what is found on each link.
 
     Args:
-        links: In the columns named above, (link, column).
+        links: In the columns named above, (dof, column).
 
     Returns:
         The agreement over all links.
@@ -177,7 +177,7 @@ def edge_kernel(
 
     Returns:
         Normal matrix (dof + param, dof + param), right side (dof + param,), and what is found on each link
-        (link, column), in the columns named above.
+        (dof, column), in the columns named above.
     """
     dofs, shared, geoms = position.shape[0], shifts.steps.shape[0], rig.radius.shape[0]
     size = dofs + shared

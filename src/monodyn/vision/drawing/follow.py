@@ -81,7 +81,5 @@ def _follow(
         step = np.linalg.solve(normal, right)
         position = np.minimum(np.maximum(position + step, limits.lower), limits.upper)
     # once more, without the spring: the information is what the picture alone knows of the pose
-    normal, _, found = edge_kernel(
-        planes, view, rig, shifts, position, search.reaches[-1], search.spacing
-    )
+    normal, _, found = edge_kernel(planes, view, rig, shifts, position, search.reaches[-1], search.spacing)
     return position, normal, found

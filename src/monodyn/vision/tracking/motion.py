@@ -115,7 +115,7 @@ class Motion:
 
 @njit(cache=True)
 def _extrapolated(times: np.ndarray, positions: np.ndarray, farthest: np.ndarray, time: float) -> np.ndarray:
-    """Return each joint by a parabola, by a straight line, and where it was, (3, dof); NaN before the first."""
+    """Return each joint by a parabola, by a line, and where it was, (3, dof); NaN before the first."""
     dofs = farthest.shape[0]
     ahead = np.empty((3, dofs))
     for j in range(dofs):
