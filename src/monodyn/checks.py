@@ -197,7 +197,7 @@ def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
     Raises:
         FitError: no frame was measured.
     """
-    if np.any(poses.seen):
+    if np.any(poses.measured):
         return
     first, last = (int(poses.frame[0]), int(poses.frame[-1])) if len(poses) else (0, 0)
     raise FitError(

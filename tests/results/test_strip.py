@@ -39,12 +39,6 @@ def test_steps_of_the_axis_are_round() -> None:
     assert [strips._round_step(x) for x in (0.3, 1.2, 24.0, 30.0, 80.0)] == [1, 2, 50, 50, 100]
 
 
-def test_joints_share_what_was_seen_of_the_frame(filmed: tuple[Scene, Poses]) -> None:
-    _, poses = filmed
-    half = replace(poses, seen=np.arange(len(poses)) < 10)
-    assert strips.seen_by_joint(half).sum(axis=0).tolist() == [10, 10]
-
-
 def test_without_poses_that_is_said(make_clip: ClipMaker) -> None:
     page = strips.strip(Sight(read(make_clip())))
     assert page.shape[1] == WIDTH

@@ -106,7 +106,7 @@ class Sight:
     @property
     def anything_tracked(self) -> bool:
         """Whether any frame was tracked."""
-        return self.poses is not None and bool(np.any(self.poses.seen))
+        return self.poses is not None and bool(np.any(self.poses.measured))
 
     @property
     def stage(self) -> str:

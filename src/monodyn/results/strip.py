@@ -30,7 +30,6 @@ from monodyn.results.sheet import (
     write,
 )
 from monodyn.results.sight import Judged, Sight
-from monodyn.types import Poses
 
 LABELS = 130
 """Room for the names at the left [px]."""
@@ -62,15 +61,6 @@ def strip(sight: Sight) -> Picture:
     return np.concatenate([*parts, foot])
 
 
-def seen_by_joint(poses: Poses) -> np.ndarray:
-    """Return in which rows each joint was measured, bool (frame, dof).
-
-    Args:
-        poses: The tracked clip.
-    """
-    return np.broadcast_to(poses.seen.reshape(len(poses), -1), (len(poses), len(poses.joints)))
-
-
 def _column(sight: Sight, frame: float) -> int:
     """Return where a frame begins on the page [px]."""
     left, right = MARGIN + LABELS, WIDTH - MARGIN
@@ -87,7 +77,7 @@ def _bars(sight: Sight) -> list[Picture]:
         text = absent(f"{sight.stage}: no frame was tracked", WIDTH - LABELS - 2 * MARGIN, 3 * BAR - 6)
         bar[: text.shape[0], MARGIN + LABELS : WIDTH - MARGIN] = text
         return [*bars, bar]
-    seen, frames = seen_by_joint(sight.poses), sight.poses.frame
+    seen, frames = sight.poses.measured, sight.poses.frame
     for joint, column in zip(sight.poses.joints, seen.T, strict=True):
         bars.append(_bar(sight, joint, _runs(frames[column]), BLUE, hatched=True))
     return bars
@@ -166,7 +156,7 @@ def _round_step(least: float) -> int:
 def _keys(sight: Sight) -> list[Key]:
     keys = []
     if sight.poses is not None:
-        seen = seen_by_joint(sight.poses)
+        seen = sight.poses.measured
         shares = ", ".join(
             f"{joint} {int(column.sum())}" for joint, column in zip(sight.poses.joints, seen.T, strict=True)
         )

@@ -121,10 +121,12 @@ def _followed(masks: Masks, follower: Follower, progress: Progress | None) -> Po
         if progress is not None:
             progress("track", rows, count)
     names = tuple(joint.name for joint in scene.mechanism.joints)
+    joints = joints[:rows]
+    whole = np.asarray(joints.all(axis=1))
     # frames that did not decode at the end of the clip have no row
     return Poses(
-        names, np.arange(rows), video.times[:rows], position[:rows], covariance[:rows],
-        np.asarray(joints[:rows].all(axis=1)), metric=False, joint_seen=joints[:rows],
+        names, np.arange(rows), video.times[:rows], position[:rows], covariance[:rows], whole,
+        metric=False, joint_seen=None if np.all(whole == joints.any(axis=1)) else joints,
     )  # fmt: skip
 
 
