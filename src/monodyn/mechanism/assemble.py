@@ -38,7 +38,7 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
     Returns:
         (dof, column), or (dof, column, step).
     """
-    rest = values.shape[1:]
+    rest, values = values.shape[1:], settled(plan, values, own)
     rows: Any = plan.forms[:, :-1] @ values + plan.forms[:, -1].reshape(-1, *(1,) * len(rest))
     numbers: Any = values
     # Plain floats are several times as fast as numpy scalars in the formulas below.
@@ -63,6 +63,41 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
             links[i, COM_Y] = numbers[cy] if own[cy] else y
             links[i, INERTIA] = numbers[j] if own[j] else inertia
     return links
+
+
+def settled(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Return the values with every size and place that follows by a form filled in.
+
+    Args:
+        plan: The mechanism's plan.
+        values: Parameter values, (param,), or (param, step) for many at once.
+        own: As in ``links_of``, (param,).
+
+    Returns:
+        The values, of the same shape.
+    """
+    following = [(row, form) for row, form in plan.ties if not own[row]]
+    if following:
+        values = values.copy()
+    # the rows come in an order in which each form needs only values that have been filled in
+    for row, form in following:
+        values[row] = form[:-1] @ values + form[-1]
+    return values
+
+
+def following_slopes(plan: Plan, own: np.ndarray) -> np.ndarray:
+    """Differentiate the settled values by the values.
+
+    Args:
+        plan: The mechanism's plan.
+        own: As in ``links_of``, (param,).
+
+    Returns:
+        The derivatives, (param, param): the identity but for the rows of what follows by a form.
+    """
+    count = len(plan.table.names)
+    nothing = settled(plan, np.zeros((count, 1)), own)
+    return settled(plan, np.eye(count), own) - nothing
 
 
 def _body(plan: Plan, i: int, rows: Any, numbers: Any) -> tuple[Any, Any, Any, Any]:
@@ -130,9 +165,15 @@ def shapes_of(plan: Plan, values: np.ndarray) -> Shapes:
 
     Args:
         plan: The mechanism's plan.
-        values: Parameter values, (param,).
+        values: Parameter values, those that follow by a form filled in, (param,).
     """
     points = (plan.outline[:, :-1] @ values + plan.outline[:, -1]).reshape(-1, 3)
+    # about its own middle a geom is turned as it is: its mass, its extents and its inertia stay
+    for shape, row, start, middle in plan.turns:
+        c, s = np.cos(values[row] - start), np.sin(values[row] - start)
+        own = slice(plan.first[shape], plan.first[shape + 1])
+        centre = middle[:, :-1] @ values + middle[:, -1]
+        points[own, :2] = centre + (points[own, :2] - centre) @ np.array([[c, s], [-s, c]])
     radius = plan.radius[:, :-1] @ values + plan.radius[:, -1]
     return Shapes(plan.shape_link, tuple(solid.body for solid in plan.drawn), plan.first, points, radius)
 

@@ -20,6 +20,12 @@ Form = dict[str, float]
 
 TINY = 1e-6
 """Relative size below which an offset in the file is rounding, not geometry."""
+TOUCHING = 1e-3
+"""Distance in lengths of a link within which the file means two parts to touch: it may have rounded."""
+UPRIGHT = 3e-4
+"""Sine of the angle from the line of sight below which a rod is seen along its axis: right angles are rounded."""
+RODS = ("capsule", "cylinder", "sphere")
+"""Kinds of geoms that are one or two points with a diameter."""
 
 
 def times(form: Form, factor: float) -> Form:
@@ -100,7 +106,7 @@ def profile(geom: Geom) -> Profile:
     # A rod seen along its axis is round; otherwise its shadow is a bar of its diameter.
     if geom.kind in ("capsule", "cylinder"):
         axis, flat = geom.axes[:, 2], float(np.hypot(*geom.axes[:2, 2]))
-        if flat < TINY:
+        if flat < UPRIGHT:
             return Profile(geom, centre, None, (geom.size[0], geom.size[0]), 2 * geom.size[1])
         return Profile(
             geom,
@@ -188,6 +194,8 @@ class Axis:
         tip: Start extent beyond the length [m].
         width: Start width of the main geom [m].
         names: Names of these parameters.
+        marks: Start places along the axis that belong to other parts: hinges and ends of the main geom [m].
+        marks_across: Start places across it: hinges, middle and sides of the main geom [m].
     """
 
     along: np.ndarray
@@ -196,11 +204,41 @@ class Axis:
     tip: float
     width: float
     names: AxisNames
+    marks: tuple[float, ...] = ()
+    marks_across: tuple[float, ...] = ()
 
     @property
     def across(self) -> np.ndarray:
         """Direction across the axis, a quarter turn counter-clockwise from it, (2,)."""
         return np.array([-self.along[1], self.along[0]])
+
+    @property
+    def against(self) -> str:
+        """Name of the size that the link grows with: its length, else its width, else none."""
+        return self.names.length or self.names.width
+
+    def mark_along(self, t: float) -> Form | None:
+        """Return where a place along the axis goes if another part is there, else None.
+
+        Args:
+            t: Start place [m].
+        """
+        mark = self._nearest(t, self.marks)
+        return None if mark is None else plus(self.at(mark), times(self.scale(), t - mark))
+
+    def mark_across(self, s: float) -> Form | None:
+        """Return where a place across the axis goes if another part is there, else None.
+
+        Args:
+            s: Start place [m].
+        """
+        mark = self._nearest(s, self.marks_across)
+        return None if mark is None else plus(self.beside(mark), times(self.scale(), s - mark))
+
+    def _nearest(self, place: float, marks: tuple[float, ...]) -> float | None:
+        """Return the mark that a place is at, but for rounding in the file."""
+        mark = min(marks, key=lambda mark: abs(place - mark), default=math.inf)
+        return mark if abs(place - mark) <= TOUCHING * max(self.length, self.width) else None
 
     def scale(self) -> Form:
         """Return the factor by which the link has grown: by its length, else its width, else not at all."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import MechanismError
-from monodyn.mechanism.assemble import derivatives, links_of, shapes_of, tree_of
+from monodyn.mechanism.assemble import derivatives, links_of, settled, shapes_of, tree_of
 from monodyn.mechanism.parts import Joint, Link, Parameter
 from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, Plan, make_plan
 from monodyn.mechanism.torques import TorqueParameters, common_names, make_torques
@@ -65,10 +65,10 @@ class Mechanism:
         """What the camera sees."""
         return shapes_of(self.plan, self.plan_numbers)
 
-    @property
+    @cached_property
     def plan_numbers(self) -> np.ndarray:
-        """Values by row of the plan, without those of the torques, (param,)."""
-        return self.numbers[: len(self.plan.table.names)]
+        """Values by row of the plan, without those of the torques, those that follow filled in, (param,)."""
+        return settled(self.plan, self.numbers[: len(self.plan.table.names)], self.own)
 
     @property
     def torque(self) -> str:
@@ -89,7 +89,8 @@ class Mechanism:
     def _current(self) -> np.ndarray:
         """Values with those that follow filled in, (param,)."""
         values = self.numbers.copy()
-        # What follows stands in the tree; a value that does not follow stands there unchanged.
+        values[: len(self.plan_numbers)] = self.plan_numbers
+        # What follows from all sizes stands in the tree; a value that does not follow stands there unchanged.
         for i, rows in enumerate(self.plan.owned):
             if rows is not None:
                 values[list(rows)] = self.tree.links[i, OWNED_COLUMNS]
@@ -359,7 +360,7 @@ class Mechanism:
         return Parameter(
             table.names[row], table.kind[row], table.owner[row], float(self._current[row]),
             float(self.lower[row]), float(self.upper[row]), table.unit[row], bool(self.free[row]),
-            bool(self._follows[row]),
+            bool(self._follows[row]), table.against[row],
         )  # fmt: skip
 
     def _check_bounds(self, name: str) -> None:

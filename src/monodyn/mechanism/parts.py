@@ -49,7 +49,9 @@ class Parameter:
         upper: Upper bound.
         unit: Unit of value and bounds.
         free: True if an identification may change it.
-        follows: True if the value follows from other parameters (the mass of a uniform body from its sizes).
+        follows: True if the value follows from other parameters (the mass of a uniform body from its sizes, the
+            place of a geom that the file puts onto another part).
+        against: Name of the size that a further size or a place is in proportion to, empty if there is none.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Parameter:
     unit: str
     free: bool
     follows: bool
+    against: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +143,8 @@ class Link:
     terms: Mapping[str, float]
 
 
+PLACE_KINDS = ("along", "across")
+"""Kinds of parameters that are places on a link: lengths with a sign."""
 POSITIVE, NOT_NEGATIVE, ANY = 0, 1, 2
 
 
@@ -157,6 +162,9 @@ class Entry:
         bounds: Lower and upper bound; None for start * [1e-3, 1e3], which suits a positive quantity.
         sign: ``POSITIVE``, ``NOT_NEGATIVE`` or ``ANY``.
         follows: True if the value follows from others by default.
+        tie: What a following size or place is by default: factors by parameter name, ``""`` for a constant;
+            the parameters must be in the table already. None for all others.
+        against: As in `Parameter`.
     """
 
     name: str
@@ -168,6 +176,8 @@ class Entry:
     bounds: tuple[float, float] | None = None
     sign: int = POSITIVE
     follows: bool = False
+    tie: Mapping[str, float] | None = None
+    against: str = ""
 
 
 @dataclass
@@ -176,7 +186,7 @@ class Table:
 
     Attributes:
         names: Their names.
-        kind, owner, start, unit, free, follows, sign: As in `Entry`, row by row.
+        kind, owner, start, unit, free, follows, sign, tie, against: As in `Entry`, row by row.
         lower: Lower bounds, in the parameter's unit.
         upper: Upper bounds.
     """
@@ -191,6 +201,8 @@ class Table:
     free: list[bool] = field(default_factory=list)
     follows: list[bool] = field(default_factory=list)
     sign: list[int] = field(default_factory=list)
+    tie: list[Mapping[str, float] | None] = field(default_factory=list)
+    against: list[str] = field(default_factory=list)
 
     def add(self, entry: Entry) -> str:
         """Return the name of a parameter after entering it.
@@ -217,6 +229,8 @@ class Table:
         self.free.append(entry.free)
         self.follows.append(entry.follows)
         self.sign.append(entry.sign)
+        self.tie.append(entry.tie)
+        self.against.append(entry.against)
         return entry.name
 
     def check(self, row: int, value: float) -> None:

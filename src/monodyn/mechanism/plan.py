@@ -20,15 +20,14 @@ from monodyn.mechanism.axis import (
     Axis,
     AxisNames,
     Form,
-    Profile,
-    extent,
     long_axis,
     main_geom,
     plus,
     profile,
 )
 from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Link, Table
-from monodyn.mechanism.solids import KINDS, Naming, Solid, geom_solid, given_solid
+from monodyn.mechanism.places import Naming, half_across, main_ends, main_sides
+from monodyn.mechanism.solids import Solid, geom_solid, given_solid
 from monodyn.mechanism.tree import (
     ANGLE,
     ARMATURE,
@@ -81,6 +80,22 @@ START_DAMPING = 1e-3
 """Damping at which a joint starts that has none in the file [N m s/rad or N s/m]."""
 
 
+class Turn(NamedTuple):
+    """A shape that a parameter turns about its middle.
+
+    Attributes:
+        shape: Row of the shape.
+        row: Row of the parameter.
+        start: Its value in the file [rad].
+        middle: Linear map to the middle's x and y, (2, param + 1).
+    """
+
+    shape: int
+    row: int
+    start: float
+    middle: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """What does not change when parameters change.
@@ -104,6 +119,9 @@ class Plan:
         outline: Linear map to the points, (3 * point, param + 1).
         radius: Linear map to the radii, (geom, param + 1).
         depths: Linear map to the z of each link's body, (dof, param + 1).
+        ties: Sizes and places that follow others by default: their rows, and their linear maps, (param + 1,), in
+            an order in which none depends on a later one.
+        turns: Shapes that a parameter turns about their middle, in order of the shapes.
     """
 
     links: tuple[Link, ...]
@@ -123,6 +141,8 @@ class Plan:
     outline: np.ndarray
     radius: np.ndarray
     depths: np.ndarray
+    ties: tuple[tuple[int, np.ndarray], ...]
+    turns: tuple[Turn, ...]
 
     @cached_property
     def follows(self) -> np.ndarray:
@@ -183,19 +203,25 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
     if length > 0:
         name = table.add(Entry(f"{body}.length", "length", body, length, "m", free=True))
     cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > TINY * length for a in anchors)
-    tail, tip = (0.0, 0.0) if cart or not name else _overhang(link, anchors, along, length)
+    ends = main_ends(main, along)
+    places = [float(a @ along) for a in anchors]
+    tail, tip = (0.0, 0.0) if cart or not name else _overhang([*places, *ends], length)
     names = {"tail": "", "tip": ""}
     for what, extra in (("tail", tail), ("tip", tip)):
         if extra > 0:
             limits = (0.0, 1e3 * max(extra, length))
             names[what] = table.add(
-                Entry(f"{body}.{what}", what, body, extra, "m", free=True, bounds=limits, sign=NOT_NEGATIVE)
-            )
+                Entry(
+                    f"{body}.{what}", what, body, extra, "m", free=True, bounds=limits, sign=NOT_NEGATIVE,
+                    against=name,
+                )
+            )  # fmt: skip
     width = 0.0
     if main is not None:
-        width = 2 * _half_across(main, along)
-        table.add(Entry(f"{body}.width", "width", body, width, "m", free=True))
+        width = 2 * half_across(main, along)
+        table.add(Entry(f"{body}.width", "width", body, width, "m", free=True, against=name))
     across = f"{body}.width" if width else ""
+    aside = [float(a @ np.array([-along[1], along[0]])) for a in anchors]
     return Axis(
         along=along,
         length=length,
@@ -203,37 +229,13 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
         tip=tip,
         width=width,
         names=AxisNames(length=name, tail=names["tail"], tip=names["tip"], width=across),
+        marks=(0.0, length, *places, *ends),
+        marks_across=(0.0, *aside, *main_sides(main, along)),
     )
 
 
-def _half_across(shape: Profile, along: np.ndarray) -> float:
-    """Return half the size of a geom that its width parameter stands for [m]."""
-    side = np.array([-along[1], along[0]])
-    if shape.geom.kind == "mesh":
-        return extent(shape.geom, side)[1] / 2
-    if (
-        shape.long is not None
-        and shape.geom.kind not in KINDS
-        and abs(float(shape.long @ side)) > 1 - TINY**2
-    ):
-        return shape.half[0]
-    return shape.half[1]
-
-
-def _overhang(link: Link, anchors: list[np.ndarray], along: np.ndarray, length: float) -> tuple[float, float]:
-    """Return how far geometry reaches behind the hinge and beyond the length [m]; 0 where it does not."""
-    places = [float(a @ along) for a in anchors]
-    for shape in [profile(g) for g in link.geoms]:
-        middle, half = float(shape.centre @ along), 0.0
-        if shape.geom.kind == "mesh":
-            half = extent(shape.geom, along)[1] / 2
-        elif shape.long is not None and abs(abs(float(shape.long @ along)) - 1) < TINY**2:
-            half = shape.half[0]
-        elif (
-            shape.long is not None and abs(float(shape.long @ along)) < TINY and shape.geom.kind not in KINDS
-        ):
-            half = shape.half[1]
-        places += [middle - half, middle + half]
+def _overhang(places: Sequence[float], length: float) -> tuple[float, float]:
+    """Return how far hinges and main geom reach behind the hinge and beyond the length [m], or 0."""
     tail, tip = -min(places, default=0.0), max(places, default=0.0) - length
     return (tail if tail > TINY * length else 0.0), (tip if tip > TINY * length else 0.0)
 
@@ -268,7 +270,7 @@ def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Sol
             prefix = f"{owner}." if shape is main else f"{label}."
             # <body>.mass is the mass of all its parts, so one of several parts has its mass by its own name.
             masses = f"{owner}." if alone or (shape is main and owner != body) else f"{label}."
-            naming = Naming(prefix, masses, shape is main and owner == body)
+            naming = Naming(prefix, f"{label}.", masses, shape is main and owner == body)
             solids.append(geom_solid(shape, axis, table, naming, depth))
     for given in link.givens:
         name = f"{given.body}.mass" if alone or given.body != body else f"{given.body}.inertial.mass"
@@ -359,7 +361,21 @@ def _stack(
         outline=matrix(points, index),
         radius=matrix([solid.radius for _, solid in drawn], index),
         depths=matrix(depths, index),
+        ties=_ties(table, index),
+        turns=tuple(
+            Turn(
+                shape, index[solid.turn], table.start[index[solid.turn]], matrix(solid.look.middle[:2], index)
+            )
+            for shape, (_, solid) in enumerate(drawn)
+            if solid.turn and solid.look is not None
+        ),
     )
+
+
+def _ties(table: Table, index: dict[str, int]) -> tuple[tuple[int, np.ndarray], ...]:
+    """Return the rows of what follows by a form, with the forms as rows of a matrix."""
+    tied = [(row, tie) for row, tie in enumerate(table.tie) if tie is not None]
+    return tuple((row, matrix([dict(tie)], index)[0]) for row, tie in tied)
 
 
 def matrix(forms: Sequence[Form], index: dict[str, int]) -> np.ndarray:

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.mechanism.axis import TINY, Axis, Form, Profile, corners, extent, plus, times
+from monodyn.mechanism.axis import RODS, Axis, Form, Profile, corners, extent, plus, times
 from monodyn.mechanism.parts import Entry, Geom, Given, Table
+from monodyn.mechanism.places import Naming, span_of
 
 BLOCK, CAPSULE, CYLINDER, SPHERE = range(4)
 KINDS = {"capsule": CAPSULE, "cylinder": CYLINDER, "sphere": SPHERE}
@@ -36,6 +37,7 @@ class Solid:
         points: Forms of x, y, z of its outline points.
         radius: Form of the growth of the points [m].
         look: Kind in the file, direction and middle for writing it again; None if it cannot be seen.
+        turn: Name of the parameter that turns the geom about its middle, or empty.
     """
 
     kind: int
@@ -51,6 +53,7 @@ class Solid:
     points: tuple[tuple[Form, Form, Form], ...]
     radius: Form
     look: Look | None
+    turn: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,28 +62,13 @@ class Look:
 
     Attributes:
         kind: Kind in the file.
-        direction: In-plane direction of ``along``, (2,).
+        direction: In-plane direction of ``along`` in the file, (2,).
         middle: Forms of the x, y, z of the middle of its extents [m].
     """
 
     kind: str
     direction: np.ndarray
     middle: tuple[Form, Form, Form]
-
-
-@dataclass(frozen=True)
-class Naming:
-    """How the parameters of a geom are named.
-
-    Attributes:
-        prefix: Start of the names of its sizes, with the dot.
-        masses: Start of the name of a given mass, with the dot.
-        main: True for the main geom of its link, whose width and length are those of the body.
-    """
-
-    prefix: str
-    masses: str
-    main: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +83,7 @@ class _Extents:
         across: Form of the extent across it [m].
         deep: Form of the extent along z [m].
         z: Form of the height of its middle [m].
+        turn: Name of the parameter that turns it, or empty.
     """
 
     axis: Axis
@@ -104,6 +93,7 @@ class _Extents:
     across: Form
     deep: Form
     z: Form
+    turn: str
 
     @property
     def side(self) -> np.ndarray:
@@ -161,25 +151,28 @@ def geom_solid(shape: Profile, axis: Axis, table: Table, naming: Naming, depth: 
         naming: How its parameters are named.
         depth: Form of the z of its link's body.
     """
-    geom, prefix = shape.geom, naming.prefix
-    direction, middle, along, across_half = _span(shape, axis, table, naming)
-    if not naming.main:
-        table.add(Entry(prefix + "width", "width", geom.body, 2 * across_half, "m", free=True))
-    across: Form = {prefix + "width": 1.0}
-    if shape.long is None:
-        along = {} if geom.kind != "sphere" else across
+    geom, span = shape.geom, span_of(shape, axis, table, naming)
+    along, across = span.along, span.across
+    if geom.kind == "sphere":
+        along = across
     z = plus(depth, times(axis.scale(), float(geom.centre[2])))
     free = geom.mass is None and bool(geom.density)
     # The picture shows no size along the line of sight, unless that of a round geom is its diameter or lies
     # along an axis that is seen: only then does it follow; else it is a separate parameter.
-    if geom.kind == "sphere" or (geom.kind in KINDS and shape.long is not None):
-        deep = times(axis.scale(), shape.deep) if geom.kind != "sphere" else across
+    if geom.kind == "sphere":
+        deep = across
+    elif geom.kind in RODS and shape.long is not None:
+        deep = times(
+            axis.scale() if naming.main else along, shape.deep / (1 if naming.main else 2 * shape.half[0])
+        )
     else:
-        thickness = Entry(prefix + "thickness", "thickness", geom.body, abs(shape.deep), "m", free=free)
+        thickness = Entry(
+            naming.prefix + "thickness", "thickness", geom.body, abs(shape.deep), "m", free=free
+        )
         deep = {table.add(thickness): 1.0}
-    extents = _Extents(axis, direction, middle, along, across, deep, z)
+    extents = _Extents(axis, span.direction, span.middle, along, across, deep, z, span.turn)
     weight = _weight(geom, table, naming)
-    return _rod(shape, extents, weight) if geom.kind in KINDS else _block(shape, extents, weight)
+    return _rod(shape, extents, weight) if geom.kind in RODS else _block(shape, extents, weight)
 
 
 def _weight(geom: Geom, table: Table, naming: Naming) -> _Weight:
@@ -192,31 +185,6 @@ def _weight(geom: Geom, table: Table, naming: Naming) -> _Weight:
         name = naming.prefix + "density"
         return _Weight(table.add(Entry(name, "density", geom.body, geom.density, "kg/m^3")), True)
     return _Weight("", False)
-
-
-def _span(
-    shape: Profile, axis: Axis, table: Table, naming: Naming
-) -> tuple[np.ndarray, tuple[Form, Form], Form, float]:
-    """Return direction, middle (forms along and across the axis), extent and half extent across."""
-    t, s = float(shape.centre @ axis.along), float(shape.centre @ axis.across)
-    if shape.long is None:
-        return axis.along, (axis.at(t), axis.beside(s)), {}, shape.half[1]
-    a, b = shape.half
-    turn = abs(float(shape.long @ axis.across))
-    block = shape.geom.kind not in KINDS
-    if shape.geom.kind == "mesh":
-        (x, a), (y, b) = extent(shape.geom, axis.along), extent(shape.geom, axis.across)
-        t, s = float(shape.geom.centre[:2] @ axis.along) + x, float(shape.geom.centre[:2] @ axis.across) + y
-        a, b, turn = a / 2, b / 2, 0.0
-    elif block and abs(turn - 1) < TINY**2:
-        a, b, turn = b, a, 0.0
-    if turn < TINY:
-        low, high = axis.at(t - a), axis.at(t + a)
-        return axis.along, (times(plus(low, high), 0.5), axis.beside(s)), plus(high, times(low, -1.0)), b
-    if naming.main:
-        return shape.long, (axis.at(t), axis.beside(s)), times(axis.scale(), 2 * a), b
-    own = table.add(Entry(naming.prefix + "length", "length", shape.geom.body, 2 * a, "m", free=True))
-    return shape.long, (axis.at(t), axis.beside(s)), {own: 1.0}, b
 
 
 def _rod(shape: Profile, extents: _Extents, weight: _Weight) -> Solid:
@@ -255,6 +223,7 @@ def _rod(shape: Profile, extents: _Extents, weight: _Weight) -> Solid:
         points=tuple(points),
         radius={} if kind == "cylinder" else times(across, 0.5),
         look=look,
+        turn=extents.turn,
     )
 
 
@@ -287,6 +256,7 @@ def _block(shape: Profile, extents: _Extents, weight: _Weight) -> Solid:
         points=tuple(outline),
         radius={},
         look=look,
+        turn=extents.turn,
     )
 
 

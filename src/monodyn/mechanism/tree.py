@@ -158,9 +158,10 @@ class Measured:
     """The picture's information about sizes, around the current values of the mechanism that carries it.
 
     Attributes:
-        names: Names of the size parameters.
-        information: Information matrix (inverse covariance) of the logarithms of those parameters, (param,
-            param); zero along their common scale, which no picture shows.
+        names: Names of sizes and of places.
+        information: Information matrix (inverse covariance) of the logarithms of the sizes and the ratios of the
+            places to the sizes that they stand against, (param, param); zero along the common scale of the
+            sizes, which no picture shows.
     """
 
     names: tuple[str, ...]

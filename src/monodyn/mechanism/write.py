@@ -198,14 +198,19 @@ def _look(mechanism: Mechanism, solid: Solid, points: np.ndarray, depth: np.ndar
     assert solid.look is not None
     middle = np.array([_value(mechanism, form) for form in solid.look.middle]) - depth
     along, across, deep = (_value(mechanism, form) for form in (solid.along, solid.across, solid.deep))
-    return _Look(solid.look.kind, middle, solid.look.direction, along, across, deep, points)
+    direction = solid.look.direction
+    if solid.turn:
+        row = mechanism.plan.index[solid.turn]
+        direction = _turned(direction, mechanism.plan_numbers[row] - mechanism.plan.table.start[row])
+    return _Look(solid.look.kind, middle, direction, along, across, deep, points)
 
 
 def _value(mechanism: Mechanism, form: Form) -> float:
     """Return a form at the current values."""
     index = mechanism.plan.index
     return sum(
-        factor * (float(mechanism.numbers[index[name]]) if name else 1.0) for name, factor in form.items()
+        factor * (float(mechanism.plan_numbers[index[name]]) if name else 1.0)
+        for name, factor in form.items()
     )
 
 

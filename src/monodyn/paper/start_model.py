@@ -42,7 +42,7 @@ class StartModel:
     @property
     def scale_free(self) -> bool:
         """True where nothing pins the common scale of the sizes."""
-        sizes = [p.free for p in self.mechanism.parameters if p.kind in SIZE_KINDS]
+        sizes = [p.free for p in self.mechanism.parameters if p.kind in SIZE_KINDS and not p.follows]
         return all(sizes) and "camera.depth" not in self.pinned
 
     def view(self, *, reference_held: bool = True) -> ModelView:

@@ -170,7 +170,7 @@ def model_view(mechanism: Mechanism, camera: Camera, position: np.ndarray, free:
         position: Joint positions [rad; m in the start scale], (dof,).
         free: Which of the camera's coordinates are estimated.
     """
-    sized = [p for p in mechanism.parameters if p.kind in SIZE_KINDS]
+    sized = [p for p in mechanism.parameters if p.kind in SIZE_KINDS and not p.follows]
     searched = [p for p in sized if p.free]
     reference = None
     # a size that is fixed sets the common scale; only where none is does the depth need a reference

@@ -172,8 +172,9 @@ def started(mechanism: Mechanism, number: int, seed: int) -> Mechanism:
     scale = _factor(rng)  # the first draw: start_scale makes it again
     values = {}
     for parameter in mechanism.parameters:
-        if parameter.kind in ("length", "width", "tail", "tip", "offset"):
-            values[parameter.name] = parameter.value * scale
+        if parameter.kind in ("length", "width", "tail", "tip", "extent", "along", "across", "offset"):
+            if not parameter.follows:
+                values[parameter.name] = parameter.value * scale
         elif parameter.kind in ("thickness", "damping") and parameter.free:
             values[parameter.name] = parameter.value * _factor(rng)
     return mechanism.with_values(values)

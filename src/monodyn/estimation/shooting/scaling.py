@@ -12,7 +12,7 @@ import numpy as np
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.mechanism.dimensions import MASS_KINDS, power
 
-SIZES = ("length", "width", "tail", "tip", "com_x", "com_y", "inertia")
+SIZES = ("length", "width", "tail", "tip", "extent", "along", "across", "com_x", "com_y", "inertia")
 """Kinds that make a mechanism larger at the same masses per length; frictions are left to the search."""
 
 
@@ -128,5 +128,7 @@ def _rescaled(problem: Problem, x: np.ndarray, k: float, **units: float) -> np.n
             for kind, owner in zip(unknowns.kinds, unknowns.owners, strict=True)
         ]
     )
+    # the coordinate of a place is a ratio, which no change of units changes
+    powers = np.where(unknowns.ratio, 0.0, powers)
     moved = np.where(unknowns.log, x + powers * np.log(k), x * k**powers)
     return np.clip(moved, unknowns.lower, unknowns.upper)

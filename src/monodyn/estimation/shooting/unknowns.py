@@ -1,7 +1,8 @@
 """A mechanism in, the unknowns of its identification and the picture's information about them out.
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
-and centres of mass are searched directly, because they may be zero or negative. Sizes that neither the
+and centres of mass are searched directly, because they may be zero or negative; places of geoms as their
+ratio to the size that they stand against, so that they grow with it. Sizes that neither the
 motion nor a picture determines keep their proportion to the length of their body: held at the values
 of the file, they would act as a known length.
 """
@@ -14,16 +15,18 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.mechanism import Mechanism, Parameter
+from monodyn.mechanism.parts import PLACE_KINDS
 
-SEEN_ONLY = ("width", "tail", "tip", "offset")
+SEEN_ONLY = ("width", "tail", "tip", "extent", *PLACE_KINDS, "offset", "turn")
 """Sizes that the motion hardly depends on, if at all: unknowns only where a picture has measured them."""
-PICTURE_ONLY = ("offset",)
+PICTURE_ONLY = ("offset", "turn")
 """Those of them on which the motion does not depend at all."""
 LOGARITHMIC = (
     "length",
     "width",
     "tail",
     "tip",
+    "extent",
     "thickness",
     "density",
     "mass",
@@ -53,6 +56,9 @@ class Unknowns:
         owners: Names of the bodies and joints that they belong to, empty for ``gravity`` and the like.
         start: Start values, (param,).
         log: True where the coordinate is the logarithm, (param,).
+        against: Unknown that a place is searched as a ratio to, -1 for none, int (param,).
+        unit: What else the coordinate is a ratio to: the value of the size where that is no unknown; 1 for
+            all but places, (param,).
         lower: Lower bounds of the coordinates, (param,).
         upper: Upper bounds of the coordinates, (param,).
         tied: Sizes that keep their proportion to a length.
@@ -65,6 +71,8 @@ class Unknowns:
     owners: tuple[str, ...]
     start: np.ndarray
     log: np.ndarray
+    against: np.ndarray
+    unit: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
     tied: tuple[str, ...]
@@ -100,6 +108,11 @@ class Unknowns:
         """
         return np.array([kind in kinds for kind in self.kinds], dtype=bool)
 
+    @cached_property
+    def ratio(self) -> np.ndarray:
+        """True for places, whose coordinate is a ratio, bool (param,)."""
+        return self.of_kind(*PLACE_KINDS)
+
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         """Return the coordinates of parameter values.
 
@@ -109,7 +122,7 @@ class Unknowns:
         Returns:
             Coordinates, (param,).
         """
-        return np.where(self.log, np.log(np.where(self.log, values, 1.0)), values)
+        return np.where(self.log, np.log(np.where(self.log, values, 1.0)), values / self._units(values))
 
     def values(self, x: np.ndarray) -> np.ndarray:
         """Return the parameter values at coordinates.
@@ -120,18 +133,27 @@ class Unknowns:
         Returns:
             Values, (param,).
         """
-        return np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
+        values = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
+        return values * self._units(values)
+
+    def _units(self, values: np.ndarray) -> np.ndarray:
+        """Return what the coordinates are ratios to at parameter values, 1 for all but places, (param,)."""
+        return np.where(self.against >= 0, values[self.against], self.unit) if len(values) else self.unit
 
     def slope(self, x: np.ndarray) -> np.ndarray:
-        """Differentiate each parameter by its coordinate.
+        """Differentiate the parameters by the coordinates.
 
         Args:
             x: Coordinates, (param,).
 
         Returns:
-            d value / d coordinate, (param,).
+            d value / d coordinate, (param, param): diagonal but for places, which grow with another size.
         """
-        return np.where(self.log, self.values(x), 1.0)
+        values = self.values(x)
+        slope = np.diag(np.where(self.log, values, self._units(values)))
+        at = np.flatnonzero(self.against >= 0)
+        slope[at, self.against[at]] = values[at]
+        return slope
 
     def named(self, x: np.ndarray) -> dict[str, float]:
         """Return the values at coordinates by name, tied sizes included.
@@ -157,7 +179,7 @@ class Unknowns:
         """
         count = len(self)
         chain = np.zeros((count + len(self.tied), count))
-        chain[range(count), range(count)] = self.slope(x)
+        chain[:count] = self.slope(x)
         # a tied size is s = (s0 / l0) l: its slope by the length's logarithm is s itself
         values = self.values(x)
         follow = self.tied_start / self.start[self.tied_to]
@@ -221,21 +243,28 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
     tied = [
         p
         for p in mechanism.parameters
-        if p.free and p.kind in SEEN_ONLY and p.name not in names and p.owner in lengths
+        if p.free and p.kind in SEEN_ONLY and p.kind != "turn" and p.name not in names and p.owner in lengths
     ]
+    values = mechanism.values
+    against = [names.index(p.against) if p.kind in PLACE_KINDS and p.against in names else -1 for p in chosen]
+    unit = [values.get(p.against, 1.0) if p.kind in PLACE_KINDS else 1.0 for p in chosen]
     blank = Unknowns(
         names=names,
         kinds=tuple(p.kind for p in chosen),
         owners=tuple(p.owner for p in chosen),
         start=start,
         log=log,
+        against=np.array(against, dtype=int),
+        unit=np.array(unit, dtype=float),
         lower=lower,
         upper=upper,
         tied=tuple(p.name for p in tied),
         tied_to=np.array([lengths[p.owner] for p in tied], dtype=int),
         tied_start=np.array([p.value for p in tied], dtype=float),
     )
-    return replace(blank, lower=blank.coordinates(lower), upper=blank.coordinates(upper))
+    # a place's bounds are ratios to the size at the start: the size's own bounds have no part in them
+    fixed = replace(blank, against=np.full(len(names), -1))
+    return replace(blank, lower=fixed.coordinates(lower), upper=fixed.coordinates(upper))
 
 
 def _measured_names(mechanism: Mechanism) -> set[str]:
@@ -249,7 +278,7 @@ def _measured_names(mechanism: Mechanism) -> set[str]:
 
 def _wanted(p: Parameter, measured: set[str]) -> bool:
     """True for what the motion determines, or a picture has measured on a scale that the motion shares."""
-    return p.kind not in SEEN_ONLY or (p.name in measured and p.kind in LOGARITHMIC)
+    return p.kind not in SEEN_ONLY or (p.name in measured and p.kind in (*LOGARITHMIC, *PLACE_KINDS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +305,7 @@ class Prior:
 
 
 def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
-    """Bring the picture's knowledge of log sizes to the unknowns, and define the common scale.
+    """Bring the picture's knowledge of log sizes and places to the unknowns, and define the common scale.
 
     The common scale s of the identified sizes against the start is the mean of log(size / start) over the
     measured sizes, weighted by the diagonal of their information; without measured sizes it is the mean over
@@ -299,7 +328,7 @@ def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
         return Prior(information, weights)
     where = unknowns.index(measured.names)
     known = np.flatnonzero(where >= 0)
-    known = known[unknowns.log[where[known]]]
+    known = known[(unknowns.log | unknowns.ratio)[where[known]]]
     given = np.asarray(measured.information)
     block, bad = given[np.ix_(known, known)], ~np.isfinite(given[np.ix_(known, known)])
     unusable = tuple(measured.names[i] for i in known[bad.all(axis=0) | np.diag(bad)])
@@ -315,6 +344,8 @@ def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
     diagonal = np.diag(given).copy()
     diagonal[known] = np.diag(information)[at]
     diagonal = np.where(np.isfinite(diagonal), np.maximum(diagonal, 0.0), 0.0)
+    # a place has no logarithm, and so no part in the mean of them
+    diagonal[[mechanism.parameter(name).kind in PLACE_KINDS for name in measured.names]] = 0.0
     total = float(diagonal.sum())
     if total > 0:
         weights[at] = diagonal[known] / total

@@ -14,7 +14,7 @@ from monodyn.estimation.wording import amount, amounts, listed
 from monodyn.mechanism import Mechanism, Parameter
 from monodyn.mechanism.dimensions import MASS_KINDS
 
-LENGTH_KINDS = ("length", "width", "tail", "tip", "gravity", "time_scale")
+LENGTH_KINDS = ("length", "width", "tail", "tip", "extent", "along", "across", "gravity", "time_scale")
 """Kinds that are known together or not at all: sizes, and what makes time out of them."""
 NOTED = 3.0
 """Residuals above this many times the stated noise are worth a sentence."""
@@ -288,7 +288,7 @@ def proportions(tied: Sequence[Parameter]) -> list[str]:
     Returns:
         Sentences.
     """
-    names = [p.name for p in tied if p.kind in ("width", "tail", "tip")]
+    names = [p.name for p in tied if p.kind in ("width", "tail", "tip", "extent", "along", "across")]
     if not names:
         return []
     if len(names) == 1:

@@ -17,6 +17,7 @@ from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.unknowns import PICTURE_ONLY
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Parameter
+from monodyn.mechanism.assemble import following_slopes
 from monodyn.mechanism.plan import OWNED_COLUMNS
 
 WEAK = 1.0
@@ -48,6 +49,12 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
         for i, rows in enumerate(mechanism.plan.owned)
         for row, column in zip(rows or (), OWNED_COLUMNS, strict=False)
     }
+    # what follows by a form moves with the sizes in it, the tied ones included
+    chain, slopes = unknowns.chain(x), following_slopes(mechanism.plan, mechanism.own)
+    moving = [mechanism.row(name) for name in (*unknowns.names, *unknowns.tied)]
+    inner = [k for k, row in enumerate(moving) if row < len(slopes)]
+    for row, _ in mechanism.plan.ties:
+        columns[mechanism.plan.table.names[row]] = slopes[row, [moving[k] for k in inner]] @ chain[inner]
     # sizes that are held under free torques could have any value: they are not known, though they are fixed
     held = mechanism.torque == "free"
     found = []
@@ -56,6 +63,9 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
             i = where[p.name]
             log = bool(unknowns.log[i])
             deviation = Deviation(float(known.std[i]) * (p.value if log else 1.0), log)
+            if unknowns.ratio[i]:  # its own ratio may be known better than the size that it is a ratio to
+                along = _along(chain[i], p.value, known)
+                deviation = Deviation(along.std, False)
             found.append(_estimate(p, deviation, quantile, free=True, at_bound=bool(optimum.at_bound[i])))
         elif p.name in tied or (p.free and (held or p.kind in PICTURE_ONLY)):
             found.append(_estimate(p, Deviation(np.inf, False), quantile))

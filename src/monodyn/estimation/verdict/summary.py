@@ -150,9 +150,10 @@ def fit_of(
 def _natural(problem: Problem, optimum: Optimum, known: Knowledge) -> np.ndarray:
     """Bring the covariance from coordinates to the parameters themselves, (unknown, unknown)."""
     # start states are their own coordinates
-    slope = np.ones(len(known.full))
-    slope[: len(problem.unknowns)] = problem.unknowns.slope(optimum.x)
-    return known.full * np.outer(slope, slope)
+    count = len(problem.unknowns)
+    slope = np.eye(len(known.full))
+    slope[:count, :count] = problem.unknowns.slope(optimum.x)
+    return slope @ known.full @ slope.T
 
 
 def _starts(problem: Problem, optimum: Optimum, covariance: np.ndarray) -> tuple[Start, ...]:

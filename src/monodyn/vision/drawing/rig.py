@@ -8,12 +8,15 @@ import numpy as np
 from numba import njit
 
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, AXIS_X, AXIS_Y, SLIDE
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import X, Y, camera_array, shrunk
 
-SIZE_KINDS = ("length", "width", "tail", "tip")
+SIZE_KINDS = ("length", "width", "tail", "tip", "extent")
 """Kinds of the parameters whose sizes a picture shows."""
+SHOWN_KINDS = (*SIZE_KINDS, *PLACE_KINDS, "turn", "offset")
+"""Kinds of all parameters that a picture shows."""
 
 
 class Rig(NamedTuple):

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.mechanism import Measured, Mechanism
+from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import PARAMETERS, value_of, with_values
 from monodyn.vision.drawing.edges import Agreement, Shifts, edge_terms
@@ -36,6 +37,10 @@ LOG_STD = 1.0
 """Standard deviation of the logarithm of a start size: the file's sizes are only a start."""
 MOST_STEP = 0.35
 """Largest change of a variable or a joint in one step."""
+PLACE_STD = 0.5
+"""Standard deviation of a start place, in lengths of its body: the file's places are only a start."""
+UNSEEN = 16.0
+"""Information of a logarithm, or of a ratio to a length, below which a size or place is not determined."""
 LOG_CAMERA = ("camera.depth", "camera.focal")
 """Parameters of the camera that are refined as logarithms, like the sizes."""
 CAMERA_TURNS = ("camera.roll", "camera.pitch", "camera.yaw")
@@ -85,17 +90,20 @@ class Bundle:
 
 @dataclass(frozen=True, eq=False)
 class SceneVariables:
-    """The refined parameters as one vector: sizes and depths as logarithms, the rest in their own units.
+    """The refined parameters as one vector: sizes and depths as logarithms, the rest in their own units, but
+    for places on a body, which are ratios to its length and so grow with it.
 
     Attributes:
-        names: Names of the parameters: sizes, offsets and ``camera.*``.
+        names: Names of the parameters: sizes, places, turns, offsets and ``camera.*``.
         kinds: Their kinds; the name itself for one of the camera's.
+        against: Name of the size that a place is a ratio to, empty for all others.
         start: Values of the mechanism file by name, to which weak springs hold what the masks do not show.
         length: Mean length of the bodies in the file [m]; 0 without any.
     """
 
     names: tuple[str, ...]
     kinds: tuple[str, ...]
+    against: tuple[str, ...]
     start: dict[str, float]
     length: float
 
@@ -109,6 +117,11 @@ class SceneVariables:
         """True for what is refined as a logarithm, bool (param,)."""
         return np.array([kind in SIZE_KINDS or kind in LOG_CAMERA for kind in self.kinds], dtype=bool)
 
+    @cached_property
+    def is_place(self) -> np.ndarray:
+        """True for places, bool (param,)."""
+        return np.array([kind in PLACE_KINDS for kind in self.kinds], dtype=bool)
+
     def read(self, mechanism: Mechanism, camera: Camera) -> np.ndarray:
         """Read the vector off a mechanism and a camera.
 
@@ -121,6 +134,7 @@ class SceneVariables:
         """
         values, log = mechanism.values, self.log
         x = np.array([value_of(camera, n) if n in PARAMETERS else values[n] for n in self.names])
+        x = x / np.array([values[size] if size else 1.0 for size in self.against])
         return np.where(log, np.log(np.where(log, np.maximum(x, 1e-12), 1.0)), x)
 
     def write(self, x: np.ndarray, mechanism: Mechanism, camera: Camera) -> tuple[Mechanism, Camera]:
@@ -138,6 +152,9 @@ class SceneVariables:
         pairs = dict(zip(self.names, values.tolist(), strict=True))
         of_camera = {n: v for n, v in pairs.items() if n in PARAMETERS}
         of_mechanism = {n: v for n, v in pairs.items() if n not in PARAMETERS}
+        for name, size in zip(self.names, self.against, strict=True):
+            if size:
+                of_mechanism[name] *= pairs[size] if size in pairs else mechanism.values[size]
         return mechanism.with_values(of_mechanism), with_values(camera, of_camera)
 
 
@@ -146,14 +163,19 @@ def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariable
 
     Args:
         mechanism: The mechanism as in its file.
-        names: Sizes, offsets and ``camera.*``.
+        names: Sizes, places, turns, offsets and ``camera.*``.
 
     Returns:
         The variables.
     """
-    kinds = tuple(name if name in PARAMETERS else mechanism.parameter(name).kind for name in names)
+    known = {p.name: p for p in mechanism.parameters}
+    kinds = tuple(name if name in PARAMETERS else known[name].kind for name in names)
+    against = tuple(
+        known[name].against if kind in PLACE_KINDS else "" for name, kind in zip(names, kinds, strict=True)
+    )
     lengths = [p.value for p in mechanism.parameters if p.kind == "length"]
-    return SceneVariables(tuple(names), kinds, mechanism.values, float(np.mean(lengths or [0.0])))
+    mean = float(np.mean(lengths or [0.0]))
+    return SceneVariables(tuple(names), kinds, against, mechanism.values, mean)
 
 
 def refine(
@@ -205,26 +227,55 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
             only from thicknesses and offsets held at their start, is taken out.
 
     Returns:
-        Information matrix on the logarithms of the sizes.
+        Information matrix on the logarithms of the sizes and the places' ratios, as far as they are seen.
     """
-    is_size = bundle.variables.is_size
-    sizes, others = np.flatnonzero(is_size), np.flatnonzero(~is_size)
+    variables, values = bundle.variables, bundle.mechanism.values
+    shown = variables.is_size | variables.is_place
+    sizes, others = np.flatnonzero(shown), np.flatnonzero(~shown)
     # The Schur complement of the others: what is known of the sizes when the others are free to follow.
     rest = bundle.information[np.ix_(others, others)] + 1e-9 * np.eye(len(others))
     cross = bundle.information[np.ix_(sizes, others)]
     known = bundle.information[np.ix_(sizes, sizes)] - cross @ np.linalg.solve(rest, cross.T)
-    # Adding the same number to all logarithms is the common scale. Eliminating that direction, instead of
-    # setting it to zero, keeps what is known of the ratios and makes the matrix exactly blind to it.
-    along = known.sum(axis=1)
-    if scale_free and along.sum() > 1e-9 * np.trace(known):
-        known = known - np.outer(along, along) / along.sum()
-    names = tuple(bundle.variables.names[i] for i in sizes)
-    values = bundle.mechanism.values
-    px = np.array([values[name] for name in names]) * bundle.camera.focal / bundle.camera.depth
+    # Adding the same number to all logarithms is the common scale; places are ratios and do not change by it.
+    # Eliminating that direction, instead of setting it to zero, keeps what is known of the ratios and makes
+    # the matrix exactly blind to it.
+    gauge = variables.is_size[sizes].astype(np.float64)
+    along = known @ gauge
+    if scale_free and gauge @ along > 1e-9 * np.trace(known):
+        known = known - np.outer(along, along) / (gauge @ along)
+    names = [variables.names[i] for i in sizes]
+    px = np.array([values[variables.against[i] or variables.names[i]] for i in sizes])
+    px = px * bundle.camera.focal / bundle.camera.depth
     # (K^-1 + D)^-1 for a K that may be singular, D the variance that no number of frames takes away
     floor = np.diag((px / SYSTEMATIC_PX) ** 2)
     known = known - known @ np.linalg.solve(known + floor, known)
-    return Measured(names, 0.5 * (known + known.T))
+    hidden = _hidden(known, gauge, [variables.kinds[i] in ("extent", *PLACE_KINDS) for i in sizes])
+    kept = [i for i in range(len(names)) if i not in hidden]
+    known = known[np.ix_(kept, kept)]
+    return Measured(tuple(names[i] for i in kept), 0.5 * (known + known.T))
+
+
+def _hidden(known: np.ndarray, gauge: np.ndarray, geoms: Sequence[bool]) -> set[int]:
+    """Return which places and extents of geoms no picture determines together with the other sizes.
+
+    An end of a geom that lies inside of another one moves its middle and its extent together, unseen: each
+    of them alone would seem to be known. One of them is taken as given, until the rest is determined.
+    """
+    hidden: set[int] = set()
+    while True:
+        open_ = [i for i in range(len(geoms)) if i not in hidden]
+        candidates = [k for k, i in enumerate(open_) if geoms[i]]
+        if not candidates:
+            return hidden
+        part, scale = known[np.ix_(open_, open_)], gauge[open_]
+        # a stiff spring on the common scale, so that it does not count as a direction that is not seen
+        part = part + UNSEEN / max(len(open_), 1) * 1e3 * np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(part)
+        loads = np.abs(vectors[:, 0])
+        worst = candidates[int(np.argmax(loads[candidates]))]
+        if values[0] >= UNSEEN or loads[worst] < 0.1:
+            return hidden
+        hidden.add(open_[worst])
 
 
 def camera_std(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
@@ -313,7 +364,7 @@ def _normal_equations(
 def _springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return where the weak springs pull the variables ``x`` and their stiffness (1 / variance).
 
-    A length is held to its start; another size to its start proportion to the lengths.
+    A length is held to its start; another size, and a place, to its start proportion to the lengths.
     """
     names, kinds, start = variables.names, variables.kinds, variables.start
     anchor, stiffness = np.zeros(len(names)), np.zeros(len(names))
@@ -326,8 +377,13 @@ def _springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.n
         if kinds[i] == "length":
             anchor[i], stiffness[i] = np.log(start[name]), 1.0 / LOG_STD**2
         elif kinds[i] in SIZE_KINDS:
-            std = LOG_STD if kinds[i] == "width" else 0.5 * LOG_STD
+            std = LOG_STD if kinds[i] in ("width", "extent") else 0.5 * LOG_STD
             anchor[i], stiffness[i] = np.log(start[name]) + common, 1.0 / std**2
+        elif kinds[i] in PLACE_KINDS:
+            size = variables.against[i]
+            anchor[i], stiffness[i] = start[name] / (start[size] if size else 1.0), 1.0 / PLACE_STD**2
+        elif kinds[i] == "turn":
+            anchor[i], stiffness[i] = start[name], 1.0
         elif kinds[i] == "offset":
             anchor[i], stiffness[i] = start[name], 1.0 / (abs(start[name]) + reach + 1e-12) ** 2
         elif name in CAMERA_TURNS:

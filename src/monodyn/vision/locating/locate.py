@@ -18,7 +18,7 @@ from monodyn.vision.drawing.camera import X, with_values
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import pose_mismatch
 from monodyn.vision.drawing.outline import covered_pixels
-from monodyn.vision.drawing.rig import SIZE_KINDS, joint_limits, rig_of, root_slides
+from monodyn.vision.drawing.rig import SHOWN_KINDS, SIZE_KINDS, joint_limits, rig_of, root_slides
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.bundle import (
     CAMERA_TURNS,
@@ -130,8 +130,7 @@ def find_scene(sought: Sought) -> Scene:
 def _refined_names(sought: Sought) -> list[str]:
     """List the parameters that the pictures determine."""
     mechanism = sought.mechanism
-    seen = (*SIZE_KINDS, "offset")
-    names = [p.name for p in mechanism.parameters if p.free and p.kind in seen]
+    names = [p.name for p in mechanism.parameters if p.free and p.kind in SHOWN_KINDS]
     # where a slide of the root is zero is a matter of choice: the camera's place is held and fixes it
     held = {"camera.x" if column == X else "camera.y" for _, column in root_slides(mechanism)}
     cameras = [name for name in ("camera.x", "camera.y", "camera.depth", *sought.free) if name not in held]
@@ -213,7 +212,7 @@ def _refined_whole(
 def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
     """Collect the result, and the picture's information about sizes, over the key frames of the bundle."""
     names = bundle.variables.names
-    sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS]
+    sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS and not p.follows]
     # a single size that is held, or the depth, pins the common scale
     scale_free = "camera.depth" in names and all(name in names for name in sizes)
     measured = size_information(bundle, scale_free=scale_free)
