@@ -8,9 +8,10 @@ import numpy as np
 
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import Pieces, prepare
+from monodyn.estimation.shooting.prior import size_prior
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.shooting.unknowns import choose_unknowns, size_prior
+from monodyn.estimation.shooting.unknowns import choose_unknowns
 from monodyn.estimation.verdict.uncertainty import knowledge_at
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses

@@ -146,16 +146,6 @@ def test_joint_limits_are_said(poses, double):
     ) in fit.advice
 
 
-def test_proportions_that_nothing_determines(double):
-    tied = [double.parameter(name) for name in ("link1.tail", "link2.width", "link2.offset")]
-    assert advice.proportions(tied) == [
-        "Nothing determines link1.tail and link2.width; they keep their proportion to the length of their "
-        "body, and the intervals take that for exact. Give measured values with --fix where their share of "
-        "the inertia counts."
-    ]
-    assert advice.proportions(tied[2:]) == []
-
-
 def test_lengths_rest_on_the_clock(double):
     real = (
         "Lengths follow from gravity and take the time stamps for real time: in a clip k times slower than "

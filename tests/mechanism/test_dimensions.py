@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -38,10 +40,15 @@ def test_dimensions_agree_with_the_units_of_every_parameter(name: str, torque: s
             assert (of.mass, of.length + of.thickness, of.time) == of_unit(p.unit), p.name
 
 
-def test_every_kind_is_one_of_some_mechanism() -> None:
+def test_every_kind_is_one_of_some_mechanism(tmp_path: Path) -> None:
+    hammer = tmp_path / "hammer.xml"
+    hammer.write_text(
+        '<mujoco><worldbody><body><joint axis="0 -1 0"/><geom type="box" size=".1 .01 .01" pos=".1 0 0"/>'
+        '<geom type="box" size=".02 .01 .05" pos=".2 0 0"/></body></worldbody></mujoco>'
+    )
     kinds = {
         p.kind
-        for name in ("cartpole", "double")
+        for name in ("cartpole", "double", hammer)
         for p in load(name).with_torque("fourier", terms=1, period=1.0).parameters
     }
     assert kinds == set(DIMENSIONS)
@@ -113,7 +120,8 @@ def test_longer_in_more_gravity() -> None:
     for masses, weighted in ((0, 2.0), (2, 4.0)):
         at = {kind: power(kind, length=1, mass=masses) for kind in DIMENSIONS}
         assert {kind for kind, p in at.items() if p == 1.0} == {
-            "length", "width", "tail", "tip", "offset", "com_x", "com_y", "gravity"
+            "length", "width", "tail", "tip", "extent", "along", "across", "offset", "com_x", "com_y",
+            "gravity",
         }  # fmt: skip
         kinds = ("damping", "friction", "stiffness", "armature", "drag", "torque", "inertia")
         assert all(at[kind] == weighted for kind in kinds)

@@ -203,8 +203,8 @@ def test_branches_tail_and_parts_of_a_body(tmp_path) -> None:
     sizes = [p.name for p in mechanism.parameters if p.name.startswith("a.") and not p.follows]
     assert sizes == [
         "a.length", "a.tail", "a.tip", "a.width", "a.thickness", "a.density", "a.bar.width",
-        "a.bar.thickness", "a.bar.density", "a.sphere.width", "a.sphere.mass", "a.sphere2.width",
-        "a.sphere2.density",
+        "a.bar.length", "a.bar.thickness", "a.bar.density", "a.sphere.width", "a.sphere.along",
+        "a.sphere.mass", "a.sphere2.width", "a.sphere2.along", "a.sphere2.density",
     ]  # fmt: skip
     changed = mechanism.with_values({"a.length": 0.2, "a.tail": 0.06})
     assert changed.tree.links[1, :2] == pytest.approx((0.2, 0.0), abs=1e-12)

@@ -8,7 +8,8 @@ import pytest
 from monodyn.mechanism import load
 from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.locating.bundle import KeyMasks, camera_std, refine, scene_variables, size_information
+from monodyn.vision.locating.bundle import KeyMasks, refine, scene_variables
+from monodyn.vision.locating.knowledge import size_information
 from monodyn.vision.locating.search import SceneGuess
 from pictures import CAMERA, drawn_mask, trusted
 
@@ -52,22 +53,6 @@ def test_refine_recovers_camera_and_size_ratios() -> None:
     ratio = np.zeros(len(names))
     ratio[[0, 4]] = 1.0, -1.0
     assert np.sqrt(ratio @ np.linalg.pinv(information) @ ratio) == pytest.approx(5e-3, rel=0.3)
-
-
-def test_camera_std_is_held_to_the_common_scale() -> None:
-    """Sizes and depth grow together unseen: with the scale held the depth is known better."""
-    mechanism = load("single")
-    camera = Camera(320, 240, 300.0, x=0.02, y=-0.03, depth=0.95)
-    poses = np.linspace(-2.0, 0.5, 6)[:, None]
-    masks = KeyMasks([drawn_mask(mechanism, camera, q) for q in poses], trusted(mechanism))
-    variables = scene_variables(mechanism, ["link1.length", "link1.width", "camera.x", "camera.depth"])
-    search = EdgeSearch(np.array([4.0, 4.0]), 2.0)
-    bundle = refine(masks, SceneGuess(mechanism, camera, poses, np.zeros(6)), variables, search)
-    held, free = (camera_std(bundle, scale_free=scale_free) for scale_free in (True, False))
-    assert set(held) == {"camera.x", "camera.depth"}
-    # 0.3 px of noise and a few hundred samples on links of 60 px
-    assert held["camera.depth"] < 0.01
-    assert free["camera.depth"] > 1.5 * held["camera.depth"]
 
 
 def test_nothing_to_refine_but_the_poses() -> None:

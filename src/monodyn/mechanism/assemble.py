@@ -74,7 +74,7 @@ def settled(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
         own: As in ``links_of``, (param,).
 
     Returns:
-        The values, of the same shape.
+        The values, (param,) or (param, step).
     """
     following = [(row, form) for row, form in plan.ties if not own[row]]
     if following:

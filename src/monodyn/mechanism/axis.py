@@ -23,7 +23,7 @@ TINY = 1e-6
 TOUCHING = 1e-3
 """Distance in lengths of a link within which the file means two parts to touch: it may have rounded."""
 UPRIGHT = 3e-4
-"""Sine of the angle from the line of sight below which a rod is seen along its axis: right angles are rounded."""
+"""Sine of the angle from the line of sight below which a rod is seen along its axis: files round angles."""
 RODS = ("capsule", "cylinder", "sphere")
 """Kinds of geoms that are one or two points with a diameter."""
 
@@ -135,6 +135,15 @@ def profile(geom: Geom) -> Profile:
     return Profile(geom, centre, first, (a / 2, b / 2), deep)
 
 
+def is_rod(shape: Profile) -> bool:
+    """Return whether a geom's diameter is seen: a sphere, or a capsule or cylinder across the line of sight.
+
+    Args:
+        shape: The geom.
+    """
+    return shape.geom.kind == "sphere" or (shape.geom.kind in RODS and shape.long is not None)
+
+
 def _reach(geom: Geom, direction: np.ndarray) -> float:
     """Return the half extent of an ellipsoid along a direction."""
     return float(np.linalg.norm(geom.size * (geom.axes.T @ direction)))
@@ -196,6 +205,7 @@ class Axis:
         names: Names of these parameters.
         marks: Start places along the axis that belong to other parts: hinges and ends of the main geom [m].
         marks_across: Start places across it: hinges, middle and sides of the main geom [m].
+        thick: Name of the size that the main geom has along the line of sight, or empty.
     """
 
     along: np.ndarray
@@ -206,6 +216,7 @@ class Axis:
     names: AxisNames
     marks: tuple[float, ...] = ()
     marks_across: tuple[float, ...] = ()
+    thick: str = ""
 
     @property
     def across(self) -> np.ndarray:

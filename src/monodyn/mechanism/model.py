@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import MechanismError
-from monodyn.mechanism.assemble import derivatives, links_of, settled, shapes_of, tree_of
-from monodyn.mechanism.parts import Joint, Link, Parameter
-from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, Plan, make_plan
+from monodyn.mechanism.assemble import derivatives, settled, shapes_of, tree_of
+from monodyn.mechanism.parts import Joint, Parameter
+from monodyn.mechanism.plan import OWNED_COLUMNS, Plan
 from monodyn.mechanism.torques import TorqueParameters, common_names, make_torques
 from monodyn.mechanism.tree import Directions, Measured, Shapes, Tree
 
@@ -211,6 +211,21 @@ class Mechanism:
             copy._check_bounds(name)
         return copy
 
+    def with_following(self, names: Sequence[str], *, follow: bool) -> Mechanism:
+        """Return a copy in which sizes and places follow others as in the file, or have their own values.
+
+        Args:
+            names: Names of sizes and places that follow by a form by default.
+            follow: True for those that follow; else they are free, and begin at what they are.
+
+        Raises:
+            MechanismError: From ``row``: a name is unknown.
+        """
+        rows = [self.row(name) for name in names]
+        own, free, numbers = self.own.copy(), self.free.copy(), self.numbers.copy()
+        own[rows], free[rows], numbers[rows] = not follow, not follow, self._current[rows]
+        return replace(self, own=own, free=free, numbers=numbers)
+
     def with_bodies(self, bodies: str) -> Mechanism:
         """Return a copy whose bodies are uniform or free.
 
@@ -229,7 +244,8 @@ class Mechanism:
         numbers, free, own = self.numbers.copy(), self.free.copy(), self.own.copy()
         owned = {row for rows in self.plan.owned if rows is not None for row in rows}
         for row, name in enumerate(table.names):
-            if name in self.chosen:
+            # what the user chose stays, and so does a place that a picture has shown to be another
+            if name in self.chosen or table.tie[row] is not None:
                 continue
             if bodies == "uniform":
                 free[row], own[row] = table.free[row], False
@@ -371,31 +387,3 @@ class Mechanism:
                 f"parameter '{name}': expected a value between {p.lower:g} and {p.upper:g} {p.unit}, "
                 f"got {p.value:g}; change the value or the bounds."
             )
-
-
-def assemble(name: str, links: Sequence[Link], gravity: float) -> Mechanism:
-    """Return a mechanism made of its parts.
-
-    Args:
-        name: Name of the model.
-        links: Its links, parents first.
-        gravity: Gravity in the plane, downward [m/s^2].
-    """
-    plan = make_plan(links, gravity)
-    table = plan.table
-    numbers, own = np.array(table.start), np.zeros(len(table.names), dtype=bool)
-    lower, upper = np.array(table.lower), np.array(table.upper)
-    columns = links_of(plan, numbers, own)
-    for i, rows in enumerate(plan.owned):
-        for row, column, what in zip(rows or (), OWNED_COLUMNS, OWNED_KINDS, strict=False):
-            if table.follows[row]:
-                numbers[row] = columns[i, column]
-                if what in ("mass", "inertia"):
-                    lower[row], upper[row] = 1e-6 * numbers[row], 1e6 * numbers[row]
-    bodies = tuple(dict.fromkeys(link.joint.body for link in links))
-    joints = tuple(link.joint for link in links)
-    free = np.array(table.free, dtype=bool)
-    return Mechanism(
-        name=name, joints=joints, bodies=bodies, plan=plan, torques=make_torques(plan, "friction"),
-        numbers=numbers, lower=lower, upper=upper, free=free, own=own,
-    )  # fmt: skip

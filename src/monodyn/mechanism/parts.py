@@ -49,9 +49,10 @@ class Parameter:
         upper: Upper bound.
         unit: Unit of value and bounds.
         free: True if an identification may change it.
-        follows: True if the value follows from other parameters (the mass of a uniform body from its sizes, the
-            place of a geom that the file puts onto another part).
-        against: Name of the size that a further size or a place is in proportion to, empty if there is none.
+        follows: True if the value follows from other parameters (the mass of a uniform body from its sizes,
+            the place of a geom that the file puts onto another part).
+        against: Name of the size to which another size or a place keeps its proportion where nothing
+            determines it, empty if there is none.
     """
 
     name: str

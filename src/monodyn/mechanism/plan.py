@@ -20,6 +20,7 @@ from monodyn.mechanism.axis import (
     Axis,
     AxisNames,
     Form,
+    is_rod,
     long_axis,
     main_geom,
     plus,
@@ -119,8 +120,8 @@ class Plan:
         outline: Linear map to the points, (3 * point, param + 1).
         radius: Linear map to the radii, (geom, param + 1).
         depths: Linear map to the z of each link's body, (dof, param + 1).
-        ties: Sizes and places that follow others by default: their rows, and their linear maps, (param + 1,), in
-            an order in which none depends on a later one.
+        ties: Sizes and places that follow others by default: their rows, and their linear maps,
+            (param + 1,), in an order in which none depends on a later one.
         turns: Shapes that a parameter turns about their middle, in order of the shapes.
     """
 
@@ -231,6 +232,7 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
         names=AxisNames(length=name, tail=names["tail"], tip=names["tip"], width=across),
         marks=(0.0, length, *places, *ends),
         marks_across=(0.0, *aside, *main_sides(main, along)),
+        thick="" if main is None else across if is_rod(main) else f"{body}.thickness",
     )
 
 

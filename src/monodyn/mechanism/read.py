@@ -9,12 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from monodyn.errors import MechanismError
+from monodyn.mechanism.assemble import links_of
 from monodyn.mechanism.bundled import BUNDLED, bundled
 from monodyn.mechanism.files import read_mechanism
-from monodyn.mechanism.model import Mechanism, assemble
+from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Geom, Given, Joint, Link
+from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, make_plan
 from monodyn.mechanism.plane import Plane, find_plane
 from monodyn.mechanism.supported import refuse_unsupported
+from monodyn.mechanism.torques import make_torques
 from monodyn.mechanism.tree import INERTIA, MASS
 
 GEOM_KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
@@ -74,7 +77,29 @@ def _mechanism(text: str, urdf: bool, meshes: dict[str, bytes], where: str) -> M
     file = _File(mujoco, spec, model, where, urdf)
     # "MuJoCo Model" is what MuJoCo calls a model without a name.
     name = Path(where).stem if spec.modelname in ("", "MuJoCo Model") else spec.modelname
-    return assemble(name.encode("utf-8", "replace").decode("utf-8"), *file.links())
+    return _assembled(name.encode("utf-8", "replace").decode("utf-8"), *file.links())
+
+
+def _assembled(name: str, links: list[Link], gravity: float) -> Mechanism:
+    """Return a mechanism made of its parts: its links, parents first, and gravity in the plane [m/s^2]."""
+    plan = make_plan(links, gravity)
+    table = plan.table
+    numbers, own = np.array(table.start), np.zeros(len(table.names), dtype=bool)
+    lower, upper = np.array(table.lower), np.array(table.upper)
+    columns = links_of(plan, numbers, own)
+    for i, rows in enumerate(plan.owned):
+        for row, column, what in zip(rows or (), OWNED_COLUMNS, OWNED_KINDS, strict=False):
+            if table.follows[row]:
+                numbers[row] = columns[i, column]
+                if what in ("mass", "inertia"):
+                    lower[row], upper[row] = 1e-6 * numbers[row], 1e6 * numbers[row]
+    bodies = tuple(dict.fromkeys(link.joint.body for link in links))
+    joints = tuple(link.joint for link in links)
+    free = np.array(table.free, dtype=bool)
+    return Mechanism(
+        name=name, joints=joints, bodies=bodies, plan=plan, torques=make_torques(plan, "friction"),
+        numbers=numbers, lower=lower, upper=upper, free=free, own=own,
+    )  # fmt: skip
 
 
 class _Frame(NamedTuple):
@@ -276,7 +301,7 @@ class _File:
         Options such as ``settotalmass`` and ``shellinertia`` change what the geoms weigh, and a mesh that is
         not convex weighs less than its hull; the formulas of this room do not take them into account.
         """
-        tree = assemble("", links, self.plane.gravity).tree
+        tree = _assembled("", links, self.plane.gravity).tree
         for j, link in enumerate(links):
             body = int(self.model.jnt_bodyid[j])
             if not link.carries or self.urdf:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.mechanism.axis import RODS, Axis, Form, Profile, corners, extent, plus, times
+from monodyn.mechanism.axis import RODS, Axis, Form, Profile, corners, extent, is_rod, plus, times
 from monodyn.mechanism.parts import Entry, Geom, Given, Table
 from monodyn.mechanism.places import Naming, span_of
 
@@ -161,14 +161,15 @@ def geom_solid(shape: Profile, axis: Axis, table: Table, naming: Naming, depth: 
     # along an axis that is seen: only then does it follow; else it is a separate parameter.
     if geom.kind == "sphere":
         deep = across
-    elif geom.kind in RODS and shape.long is not None:
-        deep = times(
-            axis.scale() if naming.main else along, shape.deep / (1 if naming.main else 2 * shape.half[0])
-        )
+    elif is_rod(shape) and naming.main:
+        deep = times(axis.scale(), shape.deep)
+    elif is_rod(shape):
+        deep = times(along, shape.deep / (2 * shape.half[0]))
     else:
         thickness = Entry(
-            naming.prefix + "thickness", "thickness", geom.body, abs(shape.deep), "m", free=free
-        )
+            naming.prefix + "thickness", "thickness", geom.body, abs(shape.deep), "m", free=free,
+            against="" if naming.main else axis.thick,
+        )  # fmt: skip
         deep = {table.add(thickness): 1.0}
     extents = _Extents(axis, span.direction, span.middle, along, across, deep, z, span.turn)
     weight = _weight(geom, table, naming)

@@ -159,9 +159,9 @@ class Measured:
 
     Attributes:
         names: Names of sizes and of places.
-        information: Information matrix (inverse covariance) of the logarithms of the sizes and the ratios of the
-            places to the sizes that they stand against, (param, param); zero along the common scale of the
-            sizes, which no picture shows.
+        information: Information matrix (inverse covariance) of the logarithms of the sizes and the ratios of
+            the places to the sizes that they stand against, (param, param); zero along the common scale of
+            the sizes, which no picture shows.
     """
 
     names: tuple[str, ...]

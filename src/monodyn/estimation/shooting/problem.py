@@ -16,8 +16,9 @@ import numpy as np
 from monodyn.arrays import plain
 from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.record.smooth import Smoothed
+from monodyn.estimation.shooting.prior import Prior, size_prior
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.shooting.unknowns import Prior, Unknowns, choose_unknowns, size_prior
+from monodyn.estimation.shooting.unknowns import Unknowns, choose_unknowns
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import power
 from monodyn.mechanism.drive import Drive

@@ -1,4 +1,4 @@
-"""A mechanism in, the unknowns of its identification and the picture's information about them out.
+"""A mechanism in, the unknowns of its identification out.
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
 and centres of mass are searched directly, because they may be zero or negative; places of geoms as their
@@ -279,77 +279,3 @@ def _measured_names(mechanism: Mechanism) -> set[str]:
 def _wanted(p: Parameter, measured: set[str]) -> bool:
     """True for what the motion determines, or a picture has measured on a scale that the motion shares."""
     return p.kind not in SEEN_ONLY or (p.name in measured and p.kind in (*LOGARITHMIC, *PLACE_KINDS))
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """The picture's information about sizes: the cost 1/2 d.information.d of a change d of the coordinates.
-
-    Attributes:
-        information: Information matrix over the unknowns, (param, param); zero for those not measured.
-        weights: Share of each unknown in the logarithm of the common scale, (param,).
-        unusable: Unknowns about which the picture's knowledge is not a finite number; it is left out.
-        negative: Size of the part of the information that was below zero, which no information is, against
-            the largest; it is left out.
-    """
-
-    information: np.ndarray
-    weights: np.ndarray
-    unusable: tuple[str, ...] = ()
-    negative: float = 0.0
-
-    @cached_property
-    def rank(self) -> int:
-        """Number of directions about which the picture, or what is assumed, gives information."""
-        return int(np.linalg.matrix_rank(self.information)) if self.information.size else 0
-
-
-def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
-    """Bring the picture's knowledge of log sizes and places to the unknowns, and define the common scale.
-
-    The common scale s of the identified sizes against the start is the mean of log(size / start) over the
-    measured sizes, weighted by the diagonal of their information; without measured sizes it is the mean over
-    the free lengths. Sizes that are fixed count with a ratio of one.
-
-    Args:
-        mechanism: The mechanism, with ``measured`` or without.
-        unknowns: Its unknowns.
-
-    Returns:
-        The information matrix, without what is negative or not finite in it, and the weights of the common
-        scale.
-    """
-    count = len(unknowns)
-    information, weights = np.zeros((count, count)), np.zeros(count)
-    measured = mechanism.measured
-    if measured is None:
-        lengths = np.flatnonzero(unknowns.of_kind("length") & unknowns.log)
-        weights[lengths] = 1.0 / max(len(lengths), 1)
-        return Prior(information, weights)
-    where = unknowns.index(measured.names)
-    known = np.flatnonzero(where >= 0)
-    known = known[(unknowns.log | unknowns.ratio)[where[known]]]
-    given = np.asarray(measured.information)
-    block, bad = given[np.ix_(known, known)], ~np.isfinite(given[np.ix_(known, known)])
-    unusable = tuple(measured.names[i] for i in known[bad.all(axis=0) | np.diag(bad)])
-    if bad.any():
-        unusable = unusable or tuple(measured.names[i] for i in known[bad.any(axis=0)])
-        return Prior(information, weights, unusable)
-    at = where[known]
-    # information is never negative; where rounding or two pictures that disagree made it so, the nearest
-    # matrix without negative eigenvalues takes its place, and the user learns how much was cut off
-    values, vectors = np.linalg.eigh(0.5 * (block + block.T))
-    information[np.ix_(at, at)] = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    # sizes that are fixed keep their weight in the total: they have not changed, and so hold the scale near 1
-    diagonal = np.diag(given).copy()
-    diagonal[known] = np.diag(information)[at]
-    diagonal = np.where(np.isfinite(diagonal), np.maximum(diagonal, 0.0), 0.0)
-    # a place has no logarithm, and so no part in the mean of them
-    diagonal[[mechanism.parameter(name).kind in PLACE_KINDS for name in measured.names]] = 0.0
-    total = float(diagonal.sum())
-    if total > 0:
-        weights[at] = diagonal[known] / total
-    largest = float(values.max(initial=0.0))
-    negative = max(-float(values.min(initial=0.0)), 0.0)
-    relative = negative / largest if largest > 0 else float(negative > 0)
-    return Prior(0.5 * (information + information.T), weights, (), relative)

@@ -13,11 +13,11 @@ import numpy as np
 
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.shooting.accelerations import model_accelerations, smooth_motion, torque_response
+from monodyn.estimation.shooting.prior import Prior
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, multiple_shooting
 from monodyn.estimation.shooting.starts import least_driven
-from monodyn.estimation.shooting.unknowns import Prior
 from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import SearchSettings

@@ -11,7 +11,7 @@ from monodyn.estimation.fit import Estimate
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.estimation.wording import amount, amounts, listed
-from monodyn.mechanism import Mechanism, Parameter
+from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import MASS_KINDS
 
 LENGTH_KINDS = ("length", "width", "tail", "tip", "extent", "along", "across", "gravity", "time_scale")
@@ -276,31 +276,6 @@ def contradictions(negative: float) -> list[str]:
     return [
         "The picture's information about the sizes contradicts itself (its matrix is negative in some "
         "direction); that part was left out, so that the motion alone determines the sizes there."
-    ]
-
-
-def proportions(tied: Sequence[Parameter]) -> list[str]:
-    """Name the sizes that count in the motion and were neither measured nor estimated.
-
-    Args:
-        tied: Parameters that keep their proportion to a length.
-
-    Returns:
-        Sentences.
-    """
-    names = [p.name for p in tied if p.kind in ("width", "tail", "tip", "extent", "along", "across")]
-    if not names:
-        return []
-    if len(names) == 1:
-        return [
-            f"Nothing determines {names[0]}; it keeps its proportion to the length of its body, and the "
-            "intervals take that for exact. Give a measured value with --fix where its share of the inertia "
-            "counts."
-        ]
-    return [
-        f"Nothing determines {listed(names, 12)}; they keep their proportion to the length of their body, "
-        "and the intervals take that for exact. Give measured values with --fix where their share of the "
-        "inertia counts."
     ]
 
 

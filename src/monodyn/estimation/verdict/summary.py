@@ -10,16 +10,17 @@ import numpy as np
 from monodyn.estimation.fit import Estimate, Fit, Start
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.prior import THICKNESS_STD, thickness_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
-from monodyn.estimation.verdict import advice
+from monodyn.estimation.verdict import advice, assumed
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined, refine
 from monodyn.estimation.verdict.trust import verdict
 from monodyn.estimation.verdict.uncertainty import Knowledge
-from monodyn.mechanism import Mechanism
+from monodyn.mechanism import Mechanism, Parameter
 from monodyn.types import Poses
 
 UNSTARTED = (
@@ -188,21 +189,23 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     left_out = [int(records[0].frame[row]) for row in problem.data.source[gone]] if len(records) == 1 else []
     # hardly any record states its noise well: what is small against the motion is no fault of the model
     large = relative_difference(problem, optimum.trial) > CLEAR_SHARE
-    assumed = advice.Assumed(
+    lacking = advice.Assumed(
         uniform=unknowns.uniform and large,
         frictionless=advice.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
         level=not all(record.metric for record in records),
     )
-    sentences = advice.misfit(mechanism, fit.rms, found.noise, assumed)
+    sentences = advice.misfit(mechanism, fit.rms, found.noise, lacking)
     sentences += advice.limits(mechanism, problem.simulated(optimum.trial))
     sentences += advice.contradictions(problem.prior.negative)
     if fit.ok:
         without_effect = found.known.without_effect(unknowns.names)
         sentences += advice.open_parameters(mechanism, fit.parameters, without_effect)
         sentences += advice.bounds(fit.parameters)
-        sentences += advice.proportions(
+        sentences += assumed.proportions(
             [mechanism.parameter(n) for n in unknowns.tied] if unknowns.uniform else ()
         )
+    if fit.ok:
+        sentences += assumed.thicknesses(_assumed_thicknesses(found))
     sentences += advice.without_use(_without_use(mechanism))
     if mechanism.torque == "free":
         sentences += advice.free_torques(mechanism)
@@ -210,6 +213,13 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     total = int(problem.data.measured.any(axis=1).sum()) + int(gone.sum())
     sentences += advice.outliers(total, int(gone.sum()), left_out)
     return sentences + advice.few(problem.data.samples, found.fitted)
+
+
+def _assumed_thicknesses(found: Refined) -> list[Parameter]:
+    """Further geoms' thicknesses whose ratio to the main one's is hardly known better than it was assumed."""
+    covariance = found.known.covariance
+    ratios = thickness_ratios(found.problem.mechanism, found.problem.unknowns)
+    return [p for p, change in ratios if change @ covariance @ change > 0.25 * THICKNESS_STD**2]
 
 
 def _without_use(mechanism: Mechanism) -> list[str]:

@@ -25,13 +25,13 @@ from monodyn.vision.locating.bundle import (
     Bundle,
     KeyMasks,
     SceneVariables,
-    camera_std,
     refine,
     scene_variables,
-    size_information,
 )
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
+from monodyn.vision.locating.knowledge import camera_std, size_information
+from monodyn.vision.locating.places import with_departed
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import (
     SceneGuess,
@@ -120,6 +120,8 @@ def find_scene(sought: Sought) -> Scene:
     # the outlines, then the background, taken where the outlines leave it free.
     masks, frames, guess = _with_colours(masks, frames, guess)
     bundle, rows = _refined_whole(frames, guess, variables, FINE, settings.refine_frames)
+    whole = KeyMasks([frames.frames[i].planes for i in rows], frames.view)
+    bundle, variables = with_departed(whole, bundle, variables, FINE)
     sought.progress("locate", 3, 4)
     masks, frames, guess = _with_background(masks, frames, bundle)
     bundle, rows = _refined_whole(frames, guess, variables, LAST, settings.refine_frames)

@@ -1,0 +1,115 @@
+"""Which geoms of a body stand elsewhere than where the file puts them: onto another part, exactly.
+
+A place, a turn or an extent that follows other sizes is freed if its edges ask for it: a few steps with all
+of them free show how far each departs, and how well it is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from monodyn.mechanism import Mechanism, Parameter
+from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.drawing.rig import SHOWN_KINDS
+from monodyn.vision.locating.bundle import (
+    Bundle,
+    KeyMasks,
+    SceneVariables,
+    refine,
+    scene_variables,
+    spring_stiffness,
+)
+from monodyn.vision.locating.knowledge import SYSTEMATIC_PX
+from monodyn.vision.locating.search import SceneGuess
+
+DEPARTED = 5.0
+"""Standard deviations, blur and light included, from which a geom stands elsewhere than in the file."""
+
+STRIDE = 3
+"""Of the search lengths of a refinement every third one is enough to see what departs."""
+
+
+def with_departed(
+    masks: KeyMasks, bundle: Bundle, variables: SceneVariables, search: EdgeSearch
+) -> tuple[Bundle, SceneVariables]:
+    """Free what departs from the place that the file gives it, and refine with it.
+
+    Args:
+        masks: Masks of the key frames of the bundle.
+        bundle: What was refined so far.
+        variables: What was refined.
+        search: How the edges are looked for.
+
+    Returns:
+        The bundle and the variables, as they are where nothing departs.
+    """
+    tied = _following(bundle.mechanism)
+    departed = _departed(masks, bundle, variables, tied, search) if tied else []
+    if not departed:
+        return bundle, variables
+    mechanism = bundle.mechanism.with_following(departed, follow=False)
+    more = with_names(variables, mechanism, departed)
+    guess = SceneGuess(mechanism, bundle.camera, bundle.positions, np.zeros(len(bundle.positions)))
+    return refine(masks, guess, more, search, settle=10), more
+
+
+def with_names(variables: SceneVariables, mechanism: Mechanism, names: list[str]) -> SceneVariables:
+    """Return the variables with further ones, whose springs hold them where they are.
+
+    Args:
+        variables: The variables.
+        mechanism: The mechanism with its values.
+        names: Further parameters of it.
+    """
+    more = scene_variables(mechanism, [*variables.names, *names])
+    start, now = dict(variables.start), mechanism.values
+    for name in names:
+        # a place is held as a ratio to its size, and that size's own start may be far from its value
+        size = mechanism.parameter(name).against
+        start[name] = now[name] * (start[size] / now[size] if size else 1.0)
+    return replace(more, start=start, length=variables.length)
+
+
+def _following(mechanism: Mechanism) -> list[str]:
+    """Names of the sizes, places and turns that follow others and that the user did not choose."""
+    return [
+        p.name
+        for p in mechanism.parameters
+        if p.follows and p.kind in SHOWN_KINDS and p.name not in mechanism.chosen
+    ]
+
+
+def _departed(
+    masks: KeyMasks, bundle: Bundle, variables: SceneVariables, tied: list[str], search: EdgeSearch
+) -> list[str]:
+    """Return those of the followers that leave their place when all of them are free."""
+    mechanism = bundle.mechanism.with_following(tied, follow=False)
+    every = with_names(variables, mechanism, tied)
+    guess = SceneGuess(mechanism, bundle.camera, bundle.positions, np.zeros(len(bundle.positions)))
+    # edges far from the outline count little by their robust weights: a few steps bring them near
+    stepped = refine(masks, guess, every, search._replace(reaches=search.reaches[::STRIDE]))
+    before = every.read(mechanism, bundle.camera)
+    after = every.read(stepped.mechanism, stepped.camera)
+    information = stepped.information + np.diag(spring_stiffness(every, before))
+    count, found = len(variables.names), []
+    for name in tied:
+        i = every.names.index(name)
+        px = _lever(mechanism.parameter(name), mechanism) * bundle.camera.focal / bundle.camera.depth
+        # how well it is known when the others stay where they are: a hidden end would make all of them vague
+        alone = [*range(count), i]
+        variance = np.linalg.inv(information[np.ix_(alone, alone)])[-1, -1]
+        variance += (SYSTEMATIC_PX / max(px, 1e-9)) ** 2
+        if abs(after[i] - before[i]) > DEPARTED * np.sqrt(variance):
+            found.append(name)
+    return found
+
+
+def _lever(p: Parameter, mechanism: Mechanism) -> float:
+    """Return the size that the coordinate of a follower is a change of [m]: of a turn half of its geom."""
+    values = mechanism.values
+    if p.kind == "turn":
+        stem = p.name.rsplit(".", 1)[0]
+        return 0.5 * values.get(f"{stem}.length", values.get(f"{p.owner}.length", 0.0))
+    return values.get(p.against, 1.0) if p.kind in ("along", "across") else p.value

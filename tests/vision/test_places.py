@@ -1,0 +1,66 @@
+"""A geom that the file puts onto another part, and that stands elsewhere in the pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monodyn.mechanism import Mechanism, load
+from monodyn.types import Camera
+from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.locating.bundle import Bundle, KeyMasks, SceneVariables, refine, scene_variables
+from monodyn.vision.locating.places import with_departed, with_names
+from monodyn.vision.locating.search import SceneGuess
+from pictures import drawn_mask, trusted
+
+CAMERA = Camera(320, 240, 300.0, x=0.02, y=-0.03, depth=0.95)
+SEARCH = EdgeSearch(np.array([8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 4.0, 4.0]), 2.0)
+
+
+def hammer(folder: Path, aside: float) -> Mechanism:
+    """Return a rod with a head across its end."""
+    (folder / "hammer.xml").write_text(
+        '<mujoco><worldbody><body name="a"><joint name="j" axis="0 -1 0"/>'
+        '<geom type="box" size=".12 .003 .015" pos=".12 0 0"/>'
+        f'<geom name="head" type="box" size=".02 .003 .05" pos=".24 0 {aside}"/></body></worldbody></mujoco>'
+    )
+    return load(folder / "hammer.xml")
+
+
+def refined(true: Mechanism, start: Mechanism) -> tuple[KeyMasks, Bundle, SceneVariables]:
+    rng = np.random.default_rng(4)
+    poses = rng.uniform(-2.5, -0.5, (10, 1))
+    masks = KeyMasks([drawn_mask(true, CAMERA, q) for q in poses], trusted(true))
+    names = [p.name for p in start.parameters if p.free and p.kind not in ("thickness", "damping")]
+    variables = scene_variables(start, [*names, "camera.x", "camera.y", "camera.depth"])
+    guess = SceneGuess(start, CAMERA, poses, np.zeros(10))
+    return masks, refine(masks, guess, variables, SEARCH), variables
+
+
+def test_a_head_that_is_not_centred_is_freed(tmp_path: Path) -> None:
+    true, start = hammer(tmp_path, 0.012), hammer(tmp_path, 0.0)
+    assert start.parameter("a.head.across").follows
+    masks, bundle, variables = refined(true, start)
+    freed, more = with_departed(masks, bundle, variables, SEARCH)
+    assert set(more.names) - set(variables.names) == {"a.head.across"}
+    values = freed.mechanism.values
+    # 0.1 px on a link of 75 px
+    assert values["a.head.across"] / values["a.length"] == pytest.approx(0.012 / 0.24, abs=2e-3)
+    assert not freed.mechanism.parameter("a.head.across").follows
+
+
+def test_a_head_where_the_file_has_it_stays_there(tmp_path: Path) -> None:
+    true = hammer(tmp_path, 0.0)
+    masks, bundle, variables = refined(true, true)
+    assert with_departed(masks, bundle, variables, SEARCH) == (bundle, variables)
+
+
+def test_springs_of_further_variables_hold_them_where_they_are(tmp_path: Path) -> None:
+    start = hammer(tmp_path, 0.0)
+    larger = start.with_values({"a.length": 0.48}).with_following(["a.head.along"], follow=False)
+    variables = with_names(scene_variables(start, ["a.length"]), larger, ["a.head.along"])
+    assert variables.names == ("a.length", "a.head.along")
+    assert variables.start["a.head.along"] == pytest.approx(0.24, rel=1e-12)
+    assert variables.read(larger, CAMERA)[1] == pytest.approx(1.0, rel=1e-12)
