@@ -46,9 +46,9 @@ def bounded(fit: Fit, poses: Poses, mechanism: Mechanism) -> Fit:
     trial = Trial(x, np.concatenate((start.position, start.velocity))[None], pieces, SUBSTEPS)
     _, jacobian = problem.rows(trial)
     covariance = knowledge_at(problem, x, jacobian, pieces).full
-    slope = np.ones(len(covariance))
-    slope[: len(unknowns)] = unknowns.slope(x)
-    return replace(fit, covariance=covariance * np.outer(slope, slope))
+    count, slope = len(unknowns), np.eye(len(covariance))
+    slope[:count, :count] = unknowns.slope(x)
+    return replace(fit, covariance=slope @ covariance @ slope.T)
 
 
 def spread_of(fit: Fit, name: str) -> float:
