@@ -18,6 +18,7 @@ import numpy as np
 from monodyn.errors import VideoError
 from monodyn.types import Frame
 from monodyn.vision.clip.orientation import Turn, square_size, turn_of, upright_planes
+from monodyn.vision.clip.stamps import clock_of
 
 _NOT_CLIPS = ("hls", "concat", "dash", "sdp", "image2", "image2pipe", "tty", "webm_dash_manifest")
 """Formats that name other files or are one picture or text, by the demuxer's name."""
@@ -49,12 +50,14 @@ class _Opening(NamedTuple):
     Attributes:
         pts: Their stamps, as the decoder gives them; None where it gives none.
         base: Length of a tick [s].
+        rates: Rates that the file states [Hz].
         stampless: True when the format stores no stamps, so that those of the decoder are made up.
         layout: How the pictures are stored.
     """
 
     pts: list[int | None]
     base: Fraction
+    rates: tuple[Fraction, ...]
     stampless: bool
     layout: _Layout
 
@@ -73,7 +76,7 @@ class _Stamps(NamedTuple):
     own: bool
 
 
-def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, Any, list[str]]:
+def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, Any, list[str], float]:
     """Read size and time stamps of a video file.
 
     Args:
@@ -81,7 +84,8 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
         rate: Frames a second [Hz] in place of the file's stamps, or None.
 
     Returns:
-        Width and height [px], times [s] (frame,), the decode function and the notes, as ``Video`` takes them.
+        Width and height [px], times [s] (frame,), the decode function, the notes and what the times are rounded
+        to [s], as ``Video`` takes them.
 
     Raises:
         VideoError: The file has no time stamps, or fewer than two frames.
@@ -103,15 +107,14 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
             "The file requires a rotation that is not a quarter turn; the nearest quarter turn is used."
         )
     if rate is None:
-        # in exact fractions: 1001/30000 s times a large number of ticks must not be rounded twice
-        times = np.array([float(tick * opening.base) for tick in ticks.tolist()])
+        times, tick = clock_of(ticks, opening.base, opening.rates)
         _note_missing(path, times, notes)
     else:
-        times = np.arange(len(ticks)) / rate
+        times, tick = np.arange(len(ticks)) / rate, 0.0
         notes.append(f"Time stamps replaced by {rate:g} frames a second.")
     clip = _Clip(path, layout, _Stamps(ticks, times, own), notes)
     width, height = layout.size[::-1] if layout.turn.transpose else layout.size
-    return width, height, times, clip.decode, notes
+    return width, height, times, clip.decode, notes, tick
 
 
 def open_stream(path: Path) -> tuple[Any, Any]:
@@ -181,12 +184,13 @@ def _first_pictures(path: Path) -> _Opening:
             if len(pts) == OPENING:
                 break
         base = stream.time_base
+        rates = tuple(rate for rate in (stream.base_rate, stream.average_rate) if rate)
         stampless = bool(int(getattr(container.format, "flags", 0)) & NO_TIMESTAMPS)
     if not pts:
         raise VideoError(
             f"clip '{path}': expected pictures, none of them decodes; the file is empty or damaged."
         )
-    return _Opening(pts, base, stampless, _Layout(shape, square_size(*shape, aspect), turn))
+    return _Opening(pts, base, rates, stampless, _Layout(shape, square_size(*shape, aspect), turn))
 
 
 def pictures(container: Any, stream: Any) -> Iterator[Any]:

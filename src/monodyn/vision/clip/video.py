@@ -34,6 +34,7 @@ class Video:
         times: Presentation time stamps of all frames [s], increasing, (frame,).
         decode: Streams the frames of a range of frame numbers.
         remarks: Where the notes are collected.
+        tick: Unit to which the stamps are rounded [s]; 0 where they are exact.
     """
 
     path: Path
@@ -42,6 +43,7 @@ class Video:
     times: np.ndarray
     decode: Decode = field(repr=False)
     remarks: list[str] = field(default_factory=list, repr=False)
+    tick: float = 0.0
 
     def __post_init__(self) -> None:
         times = frozen("Video.times", self.times, (None,), error=VideoError)
