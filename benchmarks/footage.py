@@ -116,7 +116,7 @@ def filmed(clip: Path, out: Path) -> list[Figure]:
     truth = json.loads(clip.with_suffix(".json").read_text(encoding="utf-8"))
     figures = tracked(clip.name, asked, outcome.poses, truth)
     figures += sizes(clip.name, asked, outcome.document, truth["truth"]["links"])
-    figures += predicted(clip.name, asked, out, np.array(truth["q"]))
+    figures += predicted(clip.name, asked, out, truth)
     if asked.pivot is not None:
         figures.append(Figure(clip.name, "pivot", pivot_error(outcome.document, truth), "%", asked.pivot))
     if asked.release is not None:
@@ -176,23 +176,24 @@ def sizes(name: str, asked: Asked, document: dict, links: list[list[float]]) -> 
     return figures
 
 
-def predicted(name: str, asked: Asked, out: Path, truth: np.ndarray) -> list[Figure]:
-    """Compare the prediction after the fitted frames with the truth.
+def predicted(name: str, asked: Asked, out: Path, truth: dict) -> list[Figure]:
+    """Compare the prediction after the fitted frames with the truth, where the picture shows it.
 
     Args:
         name: Name of the clip.
         asked: Its targets.
         out: The run folder.
-        truth: True angles [rad], (frame, dof).
+        truth: The clip's truth; a picture that repeats the one before shows where the mechanism was.
 
     Returns:
         The rms error of each joint over the predicted frames, and where asked for that of the last frame.
     """
     file = np.genfromtxt(out / "prediction.csv", delimiter=",", names=True)
-    rows = file["frame"].astype(int)
+    file = file[np.array(truth.get("fresh", np.ones(len(truth["q"]))), dtype=bool)[file["frame"].astype(int)]]
+    q = np.array(truth["q"])[file["frame"].astype(int)]
     figures = []
-    for dof in range(truth.shape[1]):
-        error = np.degrees(differences(file[f"joint{dof + 1}"], truth[rows, dof], turns=True))
+    for dof in range(q.shape[1]):
+        error = np.degrees(differences(file[f"joint{dof + 1}"], q[:, dof], turns=True))
         figures.append(Figure(name, f"joint{dof + 1} predicted", rms(error[:PREDICTED]), "deg", asked.ahead))
         if asked.resting:
             last = float(abs(error[-1]))

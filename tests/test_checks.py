@@ -154,6 +154,8 @@ def test_a_clip_without_the_mechanism_says_so(video: Video) -> None:
 
 def test_a_clip_that_is_tracked_in_parts_has_advice() -> None:
     assert untracked(poses(9, 10)) == []
+    # a picture that repeats the one before is not expected to be tracked
+    assert untracked(poses(8, 10), 2) == []
     assert untracked(poses(8, 10)) == [
         "Only 8 of 10 frames were tracked; a steadier background, another --segment.contrast or a better "
         "start (--fix) may help."

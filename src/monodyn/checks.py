@@ -206,13 +206,14 @@ def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
     )
 
 
-def untracked(poses: Poses) -> list[str]:
+def untracked(poses: Poses, repeats: int = 0) -> list[str]:
     """Return advice where a tenth of the frames or more was not measured; nothing otherwise.
 
     Args:
         poses: The tracked clip.
+        repeats: Number of its pictures that repeat the one before, which are not expected to be measured.
     """
-    seen, count = int(np.sum(poses.seen)), len(poses)
+    seen, count = int(np.sum(poses.seen)), len(poses) - repeats
     if seen >= 0.9 * count:
         return []
     return [

@@ -149,12 +149,14 @@ def run(
     settings = settings or RunSettings()
     video, mechanism = clip_and_mechanism(clip, model, settings)
     frames = fitted_range(settings.fit_frames, video.count)
-    times = prediction_times(video, frames[1], settings.until)
+    prediction_times(video, frames[1], settings.until)
     log = RunLog("run", {"clip": clip, "model": model}, settings)
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
     job = Job(settings, log, folder, progress, Sight(video, fit_frames=frames))
     with recorded(folder, log), shown_if_refused(job):
         scene, poses = locate_and_track(job, video, mechanism)
+        # the motion may have shown that the stamps are not the times
+        times = prediction_times(video.timed(poses.frame, poses.time), frames[1], settings.until)
         # the fit must not see the frames that it will be compared with
         part = poses.part(*np.searchsorted(poses.frame, frames))
         check_tracked(part, video, log.notes)
@@ -297,7 +299,8 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
         # the scene's masks, not the first ones: their colours were measured on the located mechanism
         poses = track(scene.masks, scene, settings.track, progress=progress)
     sight.poses = poses
-    log.notes += [*scene.advice, *video.notes, *untracked(poses)]
+    repeats = len(scene.masks.video.repeats.frames)
+    log.notes += [*scene.advice, *video.notes, *untracked(poses, repeats)]
     job.write_poses(poses)
     return scene, poses
 

@@ -20,6 +20,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.settings import published_method
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
+from monodyn.vision.clock import at_true_times
 from monodyn.vision.drawing.camera import PARAMETERS
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import soft_masks
@@ -197,7 +198,7 @@ def track(
 
     Returns:
         Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not
-        lie on its mask, or that did not decode, are not seen and hold NaN.
+        lie on its mask, that repeat the one before or that did not decode are not seen and hold NaN.
 
     Raises:
         VideoError: the pictures of ``masks`` have another size than those of the scene.
@@ -210,7 +211,8 @@ def track(
             f"got {video.width}x{video.height}; locate the mechanism in this clip."
         )
     settings = settings or TrackSettings()
-    return TRACK_METHODS[settings.method or "fast"](masks, scene, settings, progress)
+    poses = TRACK_METHODS[settings.method or "fast"](masks, scene, settings, progress)
+    return at_true_times(poses, video)
 
 
 def identify(

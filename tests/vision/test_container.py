@@ -36,6 +36,35 @@ def test_variable_frame_rate_keeps_its_stamps(make_clip: ClipMaker) -> None:
     assert np.allclose(video.times, np.array(stamps) / 600, atol=1e-9)
 
 
+@pytest.mark.parametrize("suffix", [".mkv", ".webm"])
+@pytest.mark.parametrize("rate", [Fraction(30000, 1001), Fraction(60000, 1001), Fraction(240)])
+def test_a_constant_rate_survives_a_container_of_milliseconds(
+    make_clip: ClipMaker, suffix: str, rate: Fraction
+) -> None:
+    video = read(make_clip("clip" + suffix, count=60, base=1 / rate))
+    stored = np.array([frame_time(video.path, k) for k in range(60)])
+    assert np.abs(video.times - stored).max() > 1e-4
+    assert np.allclose(np.diff(video.times), float(1 / rate), rtol=0, atol=1e-12)
+    assert video.tick == 0.0
+    assert not any("rounded" in note for note in video.notes)
+
+
+def frame_time(path: Path, number: int) -> float:
+    """Return the stamp of a frame as the file has it [s]."""
+    with av.open(str(path)) as stored:
+        return float(next(itertools.islice(stored.decode(video=0), number, None)).time)
+
+
+def test_a_variable_rate_in_milliseconds_says_so(make_clip: ClipMaker) -> None:
+    stamps = [0, 30, 75, 100, 131, 180, 201, 240, 266, 300, 340, 377]
+    video = read(make_clip("clip.mkv", stamps=stamps, base=Fraction(1, 1000)))
+    assert np.allclose(video.times, np.array(stamps) / 1000, atol=1e-12)
+    assert video.tick == 0.001
+    assert video.notes == (
+        "The time stamps are rounded to 1 ms and follow no constant rate; the rounding counts as noise.",
+    )
+
+
 def test_ntsc_rate_is_not_rounded(make_clip: ClipMaker) -> None:
     video = read(make_clip(stamps=[1001 * i for i in range(12)], base=Fraction(1, 30000)))
     assert np.allclose(video.times, np.arange(12) * 1001 / 30000, rtol=0, atol=1e-12)

@@ -56,6 +56,18 @@ def test_masks_stream_in_the_order_of_time(make_clip: ClipMaker) -> None:
     assert masks.of(frame).coverage[30:].max() == 0
 
 
+def test_repeated_pictures_are_no_samples_and_have_no_mask(make_clip: ClipMaker) -> None:
+    """A square that moves on by 2 px in four pictures of five."""
+    places = [2 * (k - k // 5) for k in range(60)]
+    masks = segment(read(make_clip(count=60, size=(160, 96), places=places)))
+    repeats = [k for k in range(60) if k % 5 == 0 and k > 0]
+    assert list(masks.video.repeats.frames) == repeats
+    assert masks.video.repeats.rate == 24.0
+    assert not set(repeats) & {frame.index for frame in masks.samples.frames}
+    assert [mask.index for mask in masks] == [k for k in range(60) if k not in repeats]
+    assert masks.video.notes == ("11 of 60 pictures repeat the one before; they count as not seen.",)
+
+
 def test_measured_colours_are_taken_over(make_clip: ClipMaker) -> None:
     masks = segment(read(make_clip(count=30, size=(128, 96))))
     assert masks.coloured(None) is masks

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from monodyn.errors import VideoError
+from monodyn.vision.clip.repeats import Repeats
 from monodyn.vision.clip.video import read
 from support import ClipMaker, left_edge, left_edges, refuses, square
 
@@ -59,3 +60,32 @@ def test_a_pipe_is_no_clip(tmp_path: Path) -> None:
         f"clip '{path}': expected a file or a folder, got a device or pipe; save the clip to a file.",
     ):
         read(path)
+
+
+@pytest.mark.parametrize(
+    ("frames", "note"),
+    [
+        ((3,), "1 of 12 pictures repeats the one before; it counts as not seen."),
+        ((3, 5), "2 of 12 pictures repeat the one before; they count as not seen."),
+    ],
+)
+def test_repeats_are_left_out_and_noted_once(
+    make_clip: ClipMaker, frames: tuple[int, ...], note: str
+) -> None:
+    video = read(make_clip())
+    repeats = Repeats(frames)
+    for _ in range(2):
+        fresh = video.without(repeats)
+        assert [frame.index for frame in fresh.frames()] == [k for k in range(12) if k not in frames]
+        assert [frame.index for frame in fresh.frames(2, 5)] == [k for k in (2, 3, 4) if k not in frames]
+    assert fresh.count == 12
+    assert video.notes == (note,)
+    assert len(list(video.frames())) == 12
+
+
+def test_a_clip_at_other_times_is_whole(make_clip: ClipMaker) -> None:
+    video = read(make_clip()).without(Repeats((3, 5)))
+    timed = video.timed(np.array([0, 1, 2]), np.array([0.01, 0.04, 0.07]))
+    assert len(list(timed.frames())) == 12
+    assert np.allclose(timed.times[:4], [0.01, 0.04, 0.07, 0.1])
+    assert np.allclose(video.times, np.arange(12) / 30)

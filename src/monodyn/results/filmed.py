@@ -104,15 +104,17 @@ def write_film(
     """
     from monodyn.results.fill import fill
 
+    # the whole clip is drawn, its repeats too, each picture with the motion of its own time
+    video = filmed.video.timed(filmed.tracked.frame, filmed.tracked.time)
     # NaN is not drawn
-    position = np.full((filmed.video.count, len(fit.mechanism.joints)), np.nan)
+    position = np.full((video.count, len(fit.mechanism.joints)), np.nan)
     if fit.starts and fit.ok:
-        position = fill(fit, filmed.video.times).position
+        position = fill(fit, video.times).position
     motion = DrawnMotion(filmed.mechanism, filmed.camera, position, (frames[0], frames[1]), filmed.tracked)
     pictures: list[tuple[bytes, str]] = []
     folder.write(
         "overlay.mp4",
-        lambda path: pictures.extend(write_overlay(path, filmed.video, motion.drawing, progress=progress)),
+        lambda path: pictures.extend(write_overlay(path, video, motion.drawing, progress=progress)),
     )
     return pictures
 

@@ -26,6 +26,8 @@ _NOT_CLIPS = ("hls", "concat", "dash", "sdp", "image2", "image2pipe", "tty", "we
 
 OPENING = 4
 """Pictures that are decoded to compare their stamps with those of the packets."""
+COARSE = 0.01
+"""Rounding of the time stamps that is worth a note, as a share of the time between two frames."""
 NO_TIMESTAMPS = 0x0080
 """libav's flag for formats without stamps (``AVFMT_NOTIMESTAMPS``)."""
 
@@ -84,8 +86,8 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
         rate: Frames a second [Hz] in place of the file's stamps, or None.
 
     Returns:
-        Width and height [px], times [s] (frame,), the decode function, the notes and what the times are rounded
-        to [s], as ``Video`` takes them.
+        Width and height [px], times [s] (frame,), the decode function, the notes and what the times are
+        rounded to [s], as ``Video`` takes them.
 
     Raises:
         VideoError: The file has no time stamps, or fewer than two frames.
@@ -108,6 +110,11 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
         )
     if rate is None:
         times, tick = clock_of(ticks, opening.base, opening.rates)
+        if tick > COARSE * float(np.median(np.diff(times))):
+            notes.append(
+                f"The time stamps are rounded to {1e3 * tick:.3g} ms and follow no constant rate; the "
+                "rounding counts as noise."
+            )
         _note_missing(path, times, notes)
     else:
         times, tick = np.arange(len(ticks)) / rate, 0.0

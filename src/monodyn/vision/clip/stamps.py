@@ -1,9 +1,9 @@
 """Rounded time stamps in, the times of the constant rate behind them out.
 
-A container keeps stamps in whole ticks: Matroska and WebM of 1 ms, GIF of 10 ms. At 29.97 frames a second that
-moves each of them by up to half a tick. The one idea: where one rate and one beginning explain *all* stamps
-within half a tick, missing frames included, they are the stamps before the rounding; where none does, the
-stamps stay as they are, and the tick counts as an error of the time.
+A container keeps stamps in whole ticks: Matroska and WebM of 1 ms, GIF of 10 ms. At 29.97 frames a second
+that moves each of them by up to half a tick. The one idea: where one rate and one beginning explain *all*
+stamps within half a tick, missing frames included, they are the stamps before the rounding; where none does,
+the stamps stay as they are, and the tick counts as an error of the time.
 """
 
 from __future__ import annotations
@@ -88,18 +88,18 @@ class Steps(NamedTuple):
         """
         return self.shortest <= step <= self.longest
 
-    def begin(self, step: float) -> float:
-        """Return the beginning that is nearest to the first number and explains all of them.
+    def begin(self, step: float) -> tuple[float, float]:
+        """Return the first and the last beginning with which a step explains all numbers.
 
         Args:
             step: A step that explains them.
         """
         rest = self.numbers - step * self.count
-        return float(np.clip(self.numbers[0], rest.max() - 0.5, rest.min() + 0.5))
+        return float(rest.max() - 0.5), float(rest.min() + 0.5)
 
 
 def constant_steps(numbers: np.ndarray) -> Steps | None:
-    """Find the constant steps whose multiples are the given numbers after rounding.
+    """Find the constant steps, well above one, whose multiples are the given numbers after rounding.
 
     Args:
         numbers: Increasing whole numbers, int64 (frame,); multiples may be missing.
@@ -108,21 +108,32 @@ def constant_steps(numbers: np.ndarray) -> Steps | None:
         The steps; None where no constant step explains all numbers.
     """
     gaps = np.diff(numbers)
-    middle = np.sort(gaps)[len(gaps) // 2]
     # rounding makes two neighbouring numbers of a constant step; what is farther off has frames missing
-    usual = gaps[np.abs(gaps - middle) <= 1]
-    start = float(np.mean(usual))
-    parts = np.round(gaps / start)
+    usual = np.abs(gaps - np.sort(gaps)[len(gaps) // 2]) <= 1
+    parts = np.round(gaps / np.mean(gaps[usual]))
     if np.any(parts < 1):
         return None
-    count = np.concatenate(([0], np.cumsum(parts))).astype(np.int64)
+    return explaining_steps(numbers, np.concatenate(([0], np.cumsum(parts))).astype(np.int64))
+
+
+def explaining_steps(numbers: np.ndarray, count: np.ndarray) -> Steps | None:
+    """Find the constant steps that explain numbers whose multiples are known.
+
+    Args:
+        numbers: Increasing whole numbers, int64 (frame,).
+        count: Which multiple each of them is, increasing, int64 (frame,).
+
+    Returns:
+        The steps; None where no constant step explains all numbers.
+    """
 
     def spread(step: float) -> float:
         return float(np.ptp(numbers - step * count))
 
     # The spread is convex in the step, so thirds close in on its minimum; a step explains the numbers where
     # the spread is at most one, whichever way they were rounded.
-    low, high = start - 1.0, start + 1.0
+    usual = float(numbers[-1] - numbers[0]) / float(count[-1] - count[0])
+    low, high = usual - 1.0, usual + 1.0
     for _ in range(HALVINGS):
         third = (high - low) / 3.0
         if spread(low + third) < spread(high - third):
@@ -132,11 +143,11 @@ def constant_steps(numbers: np.ndarray) -> Steps | None:
     best = 0.5 * (low + high)
     # A gap is its exact length rounded up or down. Alternating gaps of two and four numbers are within half a
     # number of constant ones of three, but no rounding makes them.
-    if spread(best) > 1.0 + ROUNDING or np.max(np.abs(gaps - parts * best)) > 1.0 - ROUNDING:
+    off = np.max(np.abs(np.diff(numbers) - np.diff(count) * best))
+    if spread(best) > 1.0 + ROUNDING or off > 1.0 - ROUNDING:
         return None
-    return Steps(
-        numbers, count, *(_last(spread, best, best + way / max(1, int(count[-1]))) for way in (-1.0, 1.0))
-    )
+    reach = 1.0 / float(count[-1] - count[0])
+    return Steps(numbers, count, _last(spread, best, best - reach), _last(spread, best, best + reach))
 
 
 def _last(spread: Callable[[float], float], inside: float, outside: float) -> float:
@@ -147,14 +158,23 @@ def _last(spread: Callable[[float], float], inside: float, outside: float) -> fl
     return inside
 
 
+def usual_rate(steps: Steps, unit: Fraction, stated: Sequence[Fraction] = ()) -> Fraction:
+    """Return the rate behind constant steps [Hz]: a usual one if such a one explains them, else the middle.
+
+    Args:
+        steps: The steps.
+        unit: Their unit [s].
+        stated: Rates that a file states [Hz]; of several that explain the steps they come first.
+    """
+    middle = 1 / (Fraction(0.5 * (steps.shortest + steps.longest)) * unit)
+    usual = [Fraction(round(middle)), round(middle / NTSC) * NTSC]
+    fits = [rate for rate in (*usual, *stated) if rate > 0 and steps.explained_by(float(1 / (rate * unit)))]
+    return next((rate for rate in fits if rate in stated), fits[0]) if fits else middle
+
+
 def _restored(steps: Steps, first: Fraction, unit: Fraction, stated: Sequence[Fraction]) -> np.ndarray:
     """Return the times [s] at the usual rate that explains the stamps, or at the middle of those that do."""
-    middle = Fraction(0.5 * (steps.shortest + steps.longest))
-    rate = 1 / (middle * unit)
-    usual = [Fraction(round(rate)), round(rate / NTSC) * NTSC]
-    fits = [r for r in (*usual, *stated) if r > 0 and steps.explained_by(float(1 / (r * unit)))]
-    # of several the one that the file states, else the first: a whole rate
-    chosen = next((r for r in fits if r in stated), fits[0]) if fits else rate
-    step = 1 / (chosen * unit)
-    begin = first + Fraction(steps.begin(float(step))) * unit
+    step = 1 / (usual_rate(steps, unit, stated) * unit)
+    # the first stamp stays, where it may, so that the clock of the file does
+    begin = first + Fraction(float(np.clip(steps.numbers[0], *steps.begin(float(step))))) * unit
     return np.array([float(begin + step * count * unit) for count in steps.count.tolist()])

@@ -8,7 +8,7 @@ the decoder drops, and a pass may start anywhere. Frames are handed over one at 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
 from monodyn.types import Frame
+from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
 from monodyn.vision.settings import RATES
 
 Decode = Callable[[int, int], Iterator[Frame]]
@@ -35,6 +36,7 @@ class Video:
         decode: Streams the frames of a range of frame numbers.
         remarks: Where the notes are collected.
         tick: Unit to which the stamps are rounded [s]; 0 where they are exact.
+        repeats: Pictures that repeat the one before; ``frames`` leaves them out.
     """
 
     path: Path
@@ -44,6 +46,7 @@ class Video:
     decode: Decode = field(repr=False)
     remarks: list[str] = field(default_factory=list, repr=False)
     tick: float = 0.0
+    repeats: Repeats = NO_REPEATS
 
     def __post_init__(self) -> None:
         times = frozen("Video.times", self.times, (None,), error=VideoError)
@@ -62,8 +65,8 @@ class Video:
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         """Decode frames ``start`` to ``stop - 1``, one at a time.
 
-        A frame that cannot be decoded is left out (its number is skipped) and counted in ``notes``. A frame's
-        arrays stay valid for as long as they are held; they are read-only.
+        A frame that cannot be decoded is left out (its number is skipped) and counted in ``notes``; so is one
+        of ``repeats``. A frame's arrays stay valid for as long as they are held; they are read-only.
 
         Args:
             start: First frame number.
@@ -81,7 +84,33 @@ class Video:
                 f"frames: expected a range within 0:{self.count}, got {start}:{end}; "
                 f"clip '{self.path}' has {self.count} frames."
             )
-        return self.decode(start, end)
+        left_out = frozenset(self.repeats.frames)
+        return (frame for frame in self.decode(start, end) if frame.index not in left_out)
+
+    def without(self, repeats: Repeats) -> Video:
+        """Return the clip without pictures that repeat the one before, and note them.
+
+        Args:
+            repeats: What was found among its pictures.
+        """
+        count = len(repeats.frames)
+        if count:
+            verbs = ("repeats", "it counts") if count == 1 else ("repeat", "they count")
+            note = f"{count} of {self.count} pictures {verbs[0]} the one before; {verbs[1]} as not seen."
+            if note not in self.remarks:
+                self.remarks.append(note)
+        return replace(self, repeats=repeats)
+
+    def timed(self, frames: np.ndarray, times: np.ndarray) -> Video:
+        """Return the whole clip, repeats and all, with other times.
+
+        Args:
+            frames: Frame numbers, int (frame,).
+            times: Their times [s], (frame,); frames that are not named keep their stamps.
+        """
+        clock = self.times.copy()
+        clock[frames] = times
+        return replace(self, times=clock, repeats=NO_REPEATS)
 
 
 def read(path: str | Path, *, rate: float | None = None, still: bool = False) -> Video:

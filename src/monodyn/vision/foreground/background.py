@@ -14,6 +14,7 @@ import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.types import Frame, Progress
+from monodyn.vision.clip.repeats import NO_REPEATS, Differences, Repeats
 from monodyn.vision.clip.video import Video
 
 SAMPLE_BYTES = 96_000_000
@@ -69,10 +70,12 @@ class Samples:
     Attributes:
         frames: The frames, in the order of time.
         window: Part of the picture in which anything moves over the whole clip.
+        repeats: Pictures of the clip that repeat the one before; none of them is among the frames.
     """
 
     frames: tuple[Frame, ...]
     window: Window
+    repeats: Repeats = NO_REPEATS
 
 
 def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
@@ -95,8 +98,10 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
     previous = lightest = darkest = np.zeros((0, 0, 0), dtype=np.float32)
     travelled = 0.0
     step = 0.0
+    differences = Differences()
     for done, frame in enumerate(video.frames(), start=1):
         small = _thumbnail(frame)
+        differences.add(frame.index, small)
         if previous.size:
             # noise does not travel; the tiny rest keeps the path increasing while the clip stands still
             moved = np.maximum(np.abs(small - previous) - STILL_GREY, 0.0)
@@ -120,11 +125,14 @@ def sample_frames(video: Video, *, progress: Progress | None = None) -> Samples:
         raise VideoError(
             f"{video.path}: expected at least 2 frames, got {len(kept)}; give a clip that shows motion."
         )
-    window = _moving_window(np.any(lightest - darkest > STILL_GREY, axis=0), video)
+    moves = _moving_cells(np.any(lightest - darkest > STILL_GREY, axis=0))
+    window, repeats = _window_of(moves, video), differences.repeats(moves, video.times)
+    fresh = [i for i, frame in enumerate(kept) if frame.index not in repeats.frames]
+    kept, places = [kept[i] for i in fresh], [places[i] for i in fresh]
     targets = np.linspace(places[0], places[-1], min(SAMPLES, len(kept)))
     picks = np.unique(np.searchsorted(places, targets))
     kept = [kept[i] for i in picks]
-    return Samples(tuple(kept), window)
+    return Samples(tuple(kept), window, repeats)
 
 
 def background_of(
@@ -183,15 +191,19 @@ def _thumbnail(frame: Frame) -> np.ndarray:
     )
 
 
-def _moving_window(moves: np.ndarray, video: Video) -> Window:
-    """Return the bounding box of the moving cells of the reduced picture, lone ones aside, with a margin."""
+def _moving_cells(moves: np.ndarray) -> np.ndarray:
+    """Leave out the lone ones among the moving cells of the reduced picture."""
     import cv2
 
     # a lone cell is a flicker of the codec; label 0 is what does not move
     _, labels, stats, _ = cv2.connectedComponentsWithStats(moves.astype(np.uint8), connectivity=8)
     large = stats[:, cv2.CC_STAT_AREA] >= 6
     large[0] = False
-    moves = large[np.asarray(labels, dtype=np.intp)]
+    return large[np.asarray(labels, dtype=np.intp)]
+
+
+def _window_of(moves: np.ndarray, video: Video) -> Window:
+    """Return the bounding box of the moving cells of the reduced picture, with a margin."""
     rows, columns = np.nonzero(moves.any(axis=1))[0], np.nonzero(moves.any(axis=0))[0]
     if not len(rows):
         return Window(0, video.height, 0, video.width)

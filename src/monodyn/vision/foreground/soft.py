@@ -123,6 +123,7 @@ def soft_masks(
         The masks, computed frame by frame as they are iterated over.
     """
     samples = sample_frames(video, progress=progress)
+    video = video.without(samples.repeats)
     scene = background_of(samples) if background is None else _given(background, video, samples)
     palette = choose_palette(samples.frames, scene, settings.colour, settings.contrast)
     masks = SoftMasks(video, scene, palette, samples, settings)
