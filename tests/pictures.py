@@ -9,9 +9,12 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.types import FULL, Camera, Frame
+from monodyn.vision.drawing.camera import pixels
+from monodyn.vision.drawing.mismatch import row_sums
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Samples, Window
 from monodyn.vision.foreground.masks import View, plain_view
+from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 
 CAMERA = Camera(320, 240, 300.0, x=0.05, y=-0.1, depth=0.9)
 """A camera before the bundled mechanisms."""
@@ -63,3 +66,19 @@ def wandering(
 def samples(made: Sequence[Frame]) -> Samples:
     """Take all frames as samples, with motion anywhere."""
     return Samples(tuple(made), WHOLE)
+
+
+def drawn_frames(mechanism: Mechanism, camera: Camera, poses: np.ndarray) -> KeyFrames:
+    """Draw key frames that are not reduced."""
+    frames = []
+    for i, q in enumerate(poses):
+        planes = drawn_mask(mechanism, camera, q)
+        area = float(planes.sum()) / FULL
+        frames.append(KeyFrame(i, i / 30, planes, planes[0], row_sums(planes[0]), area))
+    view = trusted(mechanism, camera)
+    return KeyFrames(tuple(frames), 1, view, view.trust[0])
+
+
+def root_in(camera: Camera) -> np.ndarray:
+    """Return where the origin of the plane is seen [px]."""
+    return pixels(camera, np.zeros((1, 3)))[0]

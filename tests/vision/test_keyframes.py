@@ -63,6 +63,9 @@ def test_reduced_masks_are_means_and_their_sums_cumulative() -> None:
     assert np.all(frame.coarse[:, ~known] == FULL // 2)
     expected = np.cumsum(frame.coarse.astype(float), axis=1) / FULL
     np.testing.assert_allclose(frame.sums[:, 1:], expected, rtol=1e-5)
+    # what covering the pixels to the left costs
+    costs = np.cumsum(1.0 - 2.0 * frame.coarse / FULL, axis=1)
+    np.testing.assert_allclose(frame.balance[:, 1:], costs, atol=1e-4)
     np.testing.assert_array_equal(frame.sums[:, 0], 0.0)
     # a view of one plane reads several planes by the largest
     np.testing.assert_array_equal(frame.planes, planes.max(axis=0)[None])
@@ -70,3 +73,19 @@ def test_reduced_masks_are_means_and_their_sums_cumulative() -> None:
     assert (alone.index, alone.time) == (7, 0.2)
     np.testing.assert_array_equal(alone.coarse, frame.coarse)
     assert alone.area == frame.area
+
+
+def test_frames_reduced_further_keep_their_area() -> None:
+    rng = np.random.default_rng(1)
+    planes = rng.integers(LEAST_COVERAGE + 1, FULL + 1, (1, HEIGHT, WIDTH), dtype=np.uint8)
+    frames = key_frames(masks_of([planes], np.ones((HEIGHT, WIDTH), np.float32)), 1)
+    half = frames.reduced(2)
+    assert frames.reduced(1) is frames
+    assert half.shrink == 2 * frames.shrink
+    assert half.coarse_trust.shape == tuple(side // 2 for side in frames.coarse_trust.shape)
+    (whole,), (part,) = frames.frames, half.frames
+    height, width = (2 * side for side in part.coarse.shape)
+    mean = whole.coarse[:height, :width].reshape(height // 2, 2, width // 2, 2).mean(axis=(1, 3))
+    assert np.abs(part.coarse - mean).max() <= 0.51
+    assert part.area == whole.area / 4
+    np.testing.assert_allclose(part.sums[:, -1], part.coarse.sum(axis=1) / FULL, rtol=1e-5)

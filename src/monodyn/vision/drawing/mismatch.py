@@ -49,6 +49,18 @@ def row_sums(coverage: np.ndarray) -> np.ndarray:
     return sums
 
 
+def row_balance(sums: np.ndarray) -> np.ndarray:
+    """Return prefix sums of 1 - 2 c along each row of a mask: what covering its pixels costs a pose.
+
+    Args:
+        sums: Row prefix sums of the mask from ``row_sums``, (height, width + 1).
+
+    Returns:
+        Sum to the left of each column, float32 (height, width + 1).
+    """
+    return np.arange(sums.shape[1], dtype=np.float32) - 2.0 * sums
+
+
 @njit(cache=True)
 def blank_cuts(geoms: int) -> np.ndarray:
     """Make the work space of ``silhouette_sums``.
@@ -288,3 +300,30 @@ def _covered_area(sums: np.ndarray, rig: Rig, position: np.ndarray) -> float:
         pictures = sums.reshape((1, sums.shape[0], sums.shape[1]))
         silhouette_sums(pictures, outlines, blank_cuts(geoms), inside)
     return inside[0]
+
+
+@njit(cache=True)
+def pose_balance(balance: np.ndarray, rig: Rig, positions: np.ndarray, geoms: int) -> np.ndarray:
+    """Evaluate the mismatch of many poses as ``pose_mismatch`` does, but inside of the picture alone.
+
+    Nobody knows whether the mechanism is outside of it: that counts neither for a pose nor against it.
+
+    Args:
+        balance: From ``row_balance``, (height, width + 1).
+        rig: The mechanism and its camera.
+        positions: Joint positions, (pose, dof).
+        geoms: Number of geoms that count.
+
+    Returns:
+        The sum of ``1 - 2 I_a`` over the silhouette inside of the picture for each pose [px^2],
+        ``UNDRAWABLE`` where it cannot be drawn, (pose,).
+    """
+    outlines, cuts, inside = blank_outlines(rig, geoms), blank_cuts(geoms), np.empty(1)
+    pictures = balance.reshape((1, balance.shape[0], balance.shape[1]))
+    costs = np.empty(positions.shape[0])
+    for i in range(positions.shape[0]):
+        costs[i] = UNDRAWABLE
+        if draw(rig, positions[i], outlines):
+            silhouette_sums(pictures, outlines, cuts, inside)
+            costs[i] = inside[0]
+    return costs

@@ -240,6 +240,7 @@ def _shifted_rigs(
         shifted = x.copy()
         shifted[i] += steps[i]
         others.append(rig_of(*variables.write(shifted, mechanism, camera), shrink=shrink))
+    # reshaped, so that there may be no variable at all
     links, points, radius, cameras = (
         np.array([getattr(other, field) for other in others]).reshape(len(x), *getattr(rig, field).shape)
         for field in ("links", "points", "radius", "camera")

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.types import FULL, Mask
-from monodyn.vision.drawing.mismatch import row_sums
+from monodyn.vision.drawing.mismatch import row_balance, row_sums
 from monodyn.vision.foreground.masks import Masks, View, plain_view
 
 UNKNOWN = 0.06
@@ -18,6 +18,8 @@ LEAST_COVERAGE = FULL * 0.16
 """Coverage of a reduced pixel below which it counts as none."""
 COARSE_PX = 170
 """Largest side of the reduced picture of the moving part [px]."""
+COMPARED_PX = 90
+"""Largest side of the masks that are compared to find those that differ most [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,11 @@ class KeyFrame:
     coarse: np.ndarray
     sums: np.ndarray
     area: float
+
+    @cached_property
+    def balance(self) -> np.ndarray:
+        """What covering the pixels of ``coarse`` costs a pose, from ``row_balance``, (height, width + 1)."""
+        return row_balance(self.sums)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +74,8 @@ class KeyFrames:
         Returns:
             Their rows in ``frames``, the fullest first.
         """
+        while len(self._order) < min(count, len(self.frames)):
+            self._order.append(self._farthest())
         return self._order[:count]
 
     def only(self, rows: Sequence[int]) -> KeyFrames:
@@ -80,6 +89,25 @@ class KeyFrames:
         """
         return replace(self, frames=tuple(self.frames[row] for row in rows))
 
+    def reduced(self, factor: int) -> KeyFrames:
+        """Return the frames reduced further.
+
+        Args:
+            factor: Reduced pixels per new pixel.
+
+        Returns:
+            The same frames with smaller reduced masks.
+        """
+        if factor == 1:
+            return self
+        frames = [
+            replace(frame, coarse=coarse, sums=row_sums(coarse), area=frame.area / factor**2)
+            for frame in self.frames
+            for coarse in (_averaged(frame.coarse, factor),)
+        ]
+        trust = _averaged(self.coarse_trust, factor)
+        return replace(self, frames=tuple(frames), shrink=self.shrink * factor, coarse_trust=trust)
+
     @property
     def coarse_view(self) -> View:
         """How the one plane of the reduced masks is to be read."""
@@ -92,21 +120,30 @@ class KeyFrames:
 
     @cached_property
     def _order(self) -> list[int]:
-        """Order the frames so that each is the farthest from those before it."""
+        """Rows chosen so far, each the farthest from those before it; the first one is the fullest."""
+        return [int(np.argmax([frame.area for frame in self.frames]))]
+
+    @cached_property
+    def _apart(self) -> np.ndarray:
+        """Each frame's distance from the nearest one chosen before the last, (key frame,)."""
+        return np.full(len(self.frames), np.inf)
+
+    @cached_property
+    def _small(self) -> np.ndarray:
+        """The masks, small enough to be compared one with another, float32 (key frame, pixel)."""
         import cv2
 
-        size = [max(1, side // 4) for side in self.coarse_trust.shape[::-1]]
-        small = np.stack(
-            [cv2.resize(frame.coarse, size, interpolation=cv2.INTER_AREA).ravel() for frame in self.frames]
-        ).astype(np.float32)
-        # farthest-point order: ``apart`` is each frame's distance from the nearest one chosen so far
-        chosen = [int(np.argmax([frame.area for frame in self.frames]))]
-        apart = np.full(len(small), np.inf)
-        while len(chosen) < len(small):
-            apart = np.minimum(apart, np.abs(small - small[chosen[-1]]).sum(axis=1))
-            apart[chosen[-1]] = -1.0
-            chosen.append(int(np.argmax(apart)))
-        return chosen
+        by = max(4.0, max(self.coarse_trust.shape) / COMPARED_PX)
+        size = [max(1, round(side / by)) for side in self.coarse_trust.shape[::-1]]
+        small = [cv2.resize(frame.coarse, size, interpolation=cv2.INTER_AREA) for frame in self.frames]
+        return np.stack(small).reshape(len(small), -1).astype(np.float32)
+
+    def _farthest(self) -> int:
+        """Return the row of the frame that is the farthest from those chosen so far."""
+        last = self._order[-1]
+        np.minimum(self._apart, np.abs(self._small - self._small[last]).sum(axis=1), out=self._apart)
+        self._apart[last] = -1.0
+        return int(np.argmax(self._apart))
 
 
 def key_frames(masks: Masks, geoms: int) -> KeyFrames:
@@ -146,31 +183,20 @@ def no_frames(masks: Masks, view: View) -> KeyFrames:
     Returns:
         The empty set.
     """
-    import cv2
 
     # until the pose is known, a pixel is worth what it shows of the colour that it shows least
     least = view.trust[-1] if masks.varied else view.trust.min(axis=0)
     window = masks.background.window
     size = max(window.bottom - window.top, window.right - window.left)
     shrink = max(1, round(size / COARSE_PX))
-    height, width = least.shape
-    reduced = (width // shrink, height // shrink)
-    coarse_trust = cv2.resize(
-        least[: reduced[1] * shrink, : reduced[0] * shrink], reduced, interpolation=cv2.INTER_AREA
-    )
-    return KeyFrames((), shrink, view, coarse_trust)
+    return KeyFrames((), shrink, view, _averaged(least, shrink))
 
 
 def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
     """Reduce a mask; what is not known of the background counts half."""
-    import cv2
 
-    height, width = frames.coarse_trust.shape
-    shrink = frames.shrink
     union = mask.coverage
-    coarse = cv2.resize(
-        union[: height * shrink, : width * shrink], (width, height), interpolation=cv2.INTER_AREA
-    )
+    coarse = _averaged(union, frames.shrink)
     np.minimum(coarse, FULL, out=coarse)
     coarse[coarse < LEAST_COVERAGE] = 0
     area = float(coarse.sum()) / FULL
@@ -179,3 +205,12 @@ def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
     # a view of one plane reads masks of any number of planes by the largest coverage
     planes = mask.planes if len(frames.view.trust) == len(mask.planes) else union[np.newaxis]
     return KeyFrame(mask.index, mask.time, planes, coarse, row_sums(coarse), area)
+
+
+def _averaged(picture: np.ndarray, factor: int) -> np.ndarray:
+    """Return a picture whose pixels are the means of squares of pixels."""
+    import cv2
+
+    height, width = (side // factor for side in picture.shape)
+    part = picture[: height * factor, : width * factor]
+    return cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA)

@@ -14,11 +14,18 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Progress
-from monodyn.vision.drawing.camera import X, with_values
+from monodyn.vision.drawing.camera import PARAMETERS, X, with_values
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
-from monodyn.vision.drawing.mismatch import pose_mismatch
+from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.outline import covered_pixels
-from monodyn.vision.drawing.rig import SHOWN_KINDS, SIZE_KINDS, joint_limits, rig_of, root_slides
+from monodyn.vision.drawing.rig import (
+    SHOWN_KINDS,
+    SIZE_KINDS,
+    joint_limits,
+    longest_reach,
+    rig_of,
+    root_slides,
+)
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.bundle import (
     CAMERA_TURNS,
@@ -29,16 +36,13 @@ from monodyn.vision.locating.bundle import (
     scene_variables,
 )
 from monodyn.vision.locating.colours import geom_colours
+from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
 from monodyn.vision.locating.knowledge import camera_std, size_information
 from monodyn.vision.locating.places import with_departed
 from monodyn.vision.locating.scene import Scene
-from monodyn.vision.locating.search import (
-    SceneGuess,
-    SceneStart,
-    search_poses,
-    search_scene,
-)
+from monodyn.vision.locating.search import SceneGuess, search_poses, search_scene
+from monodyn.vision.locating.unit import growth, in_metres, scaled, units_per_metre
 from monodyn.vision.settings import LocateSettings
 
 VAGUE_FOCAL, VAGUE_TURN = 0.2, 0.1
@@ -52,6 +56,8 @@ LEAST_MATCHED, LEAST_INSIDE = 0.55, 0.65
 mask."""
 LEAST_FITTING = 0.7
 """Share of the key frames in which the mechanism should lie on its mask."""
+REFINED = 3
+"""Guesses of the search that are refined on the reduced key frames."""
 MARGIN_PX = 3.0
 """Band around the located mechanism that does not count as background either [px]."""
 COARSE = EdgeSearch(np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0]), 1.5)
@@ -92,10 +98,25 @@ class Sought:
         return with_values(Camera(video.width, video.height, focal), dict(self.fix))
 
     @property
+    def pinned(self) -> frozenset[str]:
+        """Parameters that may not change."""
+        held = [p for p in self.mechanism.parameters if not p.free and not p.follows]
+        # thicknesses of bodies of given mass are held in an identification, but nobody measured them
+        told = [p.name for p in held if p.kind != "thickness" or p.name in self.mechanism.chosen]
+        return frozenset([*self.fix, *told])
+
+    @property
     def start(self) -> SceneStart:
-        """Mechanism and camera that the search starts from, and what it may not change."""
-        fixed = (p.name for p in self.mechanism.parameters if not p.free)
-        return SceneStart(self.mechanism, self.start_camera, frozenset([*self.fix, *fixed]))
+        """Mechanism and camera that the search starts from, in units of the distance from the camera."""
+        camera, mechanism = self.start_camera, self.mechanism
+        if "camera.depth" in self.fix:
+            factor = 1.0 / camera.depth
+        else:
+            factor = 1.0 / longest_reach(rig_of(mechanism, camera))
+        camera = replace(camera, x=camera.x * factor, y=camera.y * factor, depth=1.0)
+        # without a scale a place in metres says nothing of where things are in the picture
+        open_places = set() if "camera.depth" in self.fix else {"camera.x", "camera.y"}
+        return SceneStart(scaled(mechanism, factor), camera, self.pinned - open_places)
 
 
 def find_scene(sought: Sought) -> Scene:
@@ -107,14 +128,16 @@ def find_scene(sought: Sought) -> Scene:
     Returns:
         The scene.
     """
-    masks, mechanism, settings = sought.masks, sought.mechanism, sought.settings
-    variables = scene_variables(mechanism, _refined_names(sought))
+    masks, settings, start = sought.masks, sought.settings, sought.start
+    names = _refined_names(sought)
     sought.progress("locate", 0, 4)
-    frames = key_frames(masks, len(mechanism.shapes.radius))
-    guesses = search_scene(frames, sought.start, settings.search_frames)
+    frames = key_frames(masks, len(start.mechanism.shapes.radius))
+    guesses = [_placed(sought, g) for g in search_scene(frames, start, settings.search_frames)]
     sought.progress("locate", 1, 4)
     few = frames.only(frames.most_distinct(settings.search_frames))
-    guess = min((_refined_coarsely(few, g, variables) for g in guesses[:4]), key=lambda g: g.score)
+    refined = [_refined_coarsely(few, g, _variables(g, start, names)) for g in guesses[:REFINED]]
+    guess = min(refined, key=lambda g: g.score)
+    variables = _variables(guess, start, names)
     sought.progress("locate", 2, 4)
     # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
     # the outlines, then the background, taken where the outlines leave it free.
@@ -126,13 +149,29 @@ def find_scene(sought: Sought) -> Scene:
     masks, frames, guess = _with_background(masks, frames, bundle)
     bundle, rows = _refined_whole(frames, guess, variables, LAST, settings.refine_frames)
     sought.progress("locate", 4, 4)
-    return _scene(masks, frames.only(rows), bundle)
+    return _scene(sought, masks, frames.only(rows), bundle)
+
+
+def _placed(sought: Sought, guess: SceneGuess) -> SceneGuess:
+    """Move the camera of a guess to where it has to stay."""
+    metre = units_per_metre(guess.mechanism, guess.camera, sought.mechanism, sought.fix, sought.pinned)
+    held = {name: value * metre for name, value in sought.fix.items() if name in ("camera.x", "camera.y")}
+    return replace(guess, camera=with_values(guess.camera, held))
+
+
+def _variables(guess: SceneGuess, start: SceneStart, names: Sequence[str]) -> SceneVariables:
+    """Return what is refined of a guess, held by weak springs: lengths to those of the guess, other sizes to
+    their proportions in the file."""
+    file = scaled(start.mechanism, growth(guess.mechanism, start.mechanism))
+    lengths = {p.name: p.value for p in guess.mechanism.parameters if p.kind == "length"}
+    return scene_variables(file.with_values(lengths), names)
 
 
 def _refined_names(sought: Sought) -> list[str]:
     """List the parameters that the pictures determine."""
     mechanism = sought.mechanism
-    names = [p.name for p in mechanism.parameters if p.free and p.kind in SHOWN_KINDS]
+    shown = [p for p in mechanism.parameters if p.kind in SHOWN_KINDS and not p.follows]
+    names = [p.name for p in shown if p.name not in sought.pinned]
     # where a slide of the root is zero is a matter of choice: the camera's place is held and fixes it
     held = {"camera.x" if column == X else "camera.y" for _, column in root_slides(mechanism)}
     cameras = [name for name in ("camera.x", "camera.y", "camera.depth", *sought.free) if name not in held]
@@ -211,8 +250,8 @@ def _refined_whole(
     return refine(masks, again, variables, rest, settle=10), [rows[i] for i in kept]
 
 
-def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
-    """Collect the result, and the picture's information about sizes, over the key frames of the bundle."""
+def _scene(sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
+    """Collect the result in metres of the file, and what the key frames of the bundle know of the sizes."""
     names = bundle.variables.names
     sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS and not p.follows]
     # a single size that is held, or the depth, pins the common scale
@@ -223,15 +262,21 @@ def _scene(masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
     first = int(np.argmin(order))
     rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
     advice = scene_advice(bundle, std, _mismatch_share(frames, bundle), varied=masks.varied)
+    camera = bundle.camera
+    metre = units_per_metre(bundle.mechanism, camera, sought.mechanism, sought.fix, sought.pinned)
+    mechanism = in_metres(bundle.mechanism, sought.mechanism, metre, sought.pinned)
+    camera = replace(camera, x=camera.x / metre, y=camera.y / metre, depth=camera.depth / metre)
+    slides = np.array([joint.kind == "slide" for joint in mechanism.joints])
+    positions = np.where(slides, bundle.positions / metre, bundle.positions)
     return Scene(
-        mechanism=bundle.mechanism.with_measured(measured),
-        camera=bundle.camera,
+        mechanism=mechanism.with_measured(measured),
+        camera=with_values(camera, dict(sought.fix)),
         masks=masks,
         frame=order[first],
-        position=bundle.positions[first],
+        position=positions[first],
         key_frames=tuple(order),
-        key_positions=bundle.positions,
-        camera_std=std,
+        key_positions=positions,
+        camera_std={n: value / metre if PARAMETERS[n].unit == "m" else value for n, value in std.items()},
         rms_px=rms,
         advice=tuple(advice),
     )
@@ -242,7 +287,7 @@ def _mismatch_share(frames: KeyFrames, bundle: Bundle) -> float:
     rig = rig_of(bundle.mechanism, bundle.camera, shrink=frames.shrink)
     shares = []
     for frame, q in zip(frames.frames, bundle.positions, strict=True):
-        cost = pose_mismatch(frame.sums, rig, q[np.newaxis], len(rig.radius))[0]
+        cost = pose_balance(frame.balance, rig, q[np.newaxis], len(rig.radius))[0]
         shares.append((frame.area + float(cost)) / max(frame.area, 1.0))
     return float(np.median(shares))
 

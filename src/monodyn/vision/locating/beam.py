@@ -1,0 +1,135 @@
+"""The poses that best explain one mask: a beam search, link by link.
+
+Each round sets one more joint of every pose kept so far. Geoms come in the order of their links, so the geoms
+of the links that are set are the first ones, and a partial pose is scored by these alone (paper eq. 3).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
+from monodyn.types import FULL
+from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, X, Y
+from monodyn.vision.drawing.mismatch import pose_balance
+from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.locating.keyframes import KeyFrame
+
+BEYOND = 0.1
+"""How far a root may slide beyond the foreground, as a share of its extent."""
+
+
+class Beam(NamedTuple):
+    """How wide a beam search is.
+
+    Attributes:
+        kept: Partial poses kept per link.
+        angles: Positions tried per hinge.
+        places: Positions tried per slide.
+    """
+
+    kept: int
+    angles: int
+    places: int
+
+
+def extended(
+    frame: KeyFrame, rig: Rig, mechanism: Mechanism, link: int, poses: np.ndarray, beam: Beam
+) -> tuple[np.ndarray, np.ndarray]:
+    """Set one more joint of partial poses.
+
+    Args:
+        frame: The key frame.
+        rig: The mechanism before the reduced camera.
+        mechanism: For joint limits.
+        link: Row of the joint; those before it are set.
+        poses: The partial poses, (pose, dof).
+        beam: How wide the search is.
+
+    Returns:
+        The best poses with that joint set, (pose, dof), and their mismatch less the area of the mask [px^2],
+        (pose,); all of them where the link has no geom to judge by.
+    """
+    values = _joint_values(frame, rig, mechanism, link, beam)
+    grid = np.repeat(poses, len(values), axis=0)
+    grid[:, link] = np.tile(values, len(poses))
+    geoms = int(np.sum(rig.link <= link))
+    costs = pose_balance(frame.balance, rig, grid, geoms)
+    if geoms == int(np.sum(rig.link < link)):
+        # a link without geoms scores nothing: its positions all go on to the next joint
+        return grid, costs
+    circular = rig.kind[link] == HINGE and len(values) == beam.angles
+    kept = best_peaks(costs.reshape(len(poses), len(values)), circular, beam.kept)
+    return grid[kept], costs[kept]
+
+
+def slide_places(frame: KeyFrame, rig: Rig, row: int, count: int) -> np.ndarray:
+    """Return positions of a slide that span the foreground of a frame.
+
+    Args:
+        frame: The key frame.
+        rig: The mechanism before the reduced camera.
+        row: Row of the slide.
+        count: How many.
+
+    Returns:
+        The positions [m], (candidate,).
+    """
+    rows, columns = (np.nonzero((frame.coarse > 0.5 * FULL).any(axis=axis))[0] for axis in (1, 0))
+    if not len(rows):
+        rows, columns = (np.array([0, size]) for size in frame.coarse.shape)
+    camera, link = rig.camera, rig.links[row]
+    per_px = camera[DEPTH] / camera[FOCAL]
+    x = (columns[[0, -1]] - camera[CENTRE_X]) * per_px + camera[X]
+    y = (camera[CENTRE_Y] - rows[[0, -1]]) * per_px + camera[Y]
+    half = 0.5 * float(np.hypot(np.ptp(x), np.ptp(y)))
+    if rig.parent[row] >= 0:
+        return np.linspace(-2.0 * half, 2.0 * half, count)
+    turn = link[ANGLE]
+    along = (
+        np.cos(turn) * link[AXIS_X] - np.sin(turn) * link[AXIS_Y],
+        np.sin(turn) * link[AXIS_X] + np.cos(turn) * link[AXIS_Y],
+    )
+    places = [(px - link[ANCHOR_X]) * along[0] + (py - link[ANCHOR_Y]) * along[1] for px in x for py in y]
+    margin = BEYOND * half
+    return np.linspace(min(places) - margin, max(places) + margin, count)
+
+
+def best_peaks(costs: np.ndarray, circular: bool, count: int) -> np.ndarray:
+    """Return the flat indices of the best local minima along the rows of a table.
+
+    Neighbouring positions have nearly equal scores: without the choice of minima the beam would fill with
+    copies of one pose, and lose the others that a later link may need.
+
+    Args:
+        costs: The table, (pose, candidate).
+        circular: True where the last value is next to the first.
+        count: Most minima.
+
+    Returns:
+        Their indices, the least first, (entry,).
+    """
+    if circular:
+        left, right = np.roll(costs, 1, axis=1), np.roll(costs, -1, axis=1)
+    else:
+        left = np.pad(costs, ((0, 0), (1, 0)), constant_values=np.inf)[:, :-1]
+        right = np.pad(costs, ((0, 0), (0, 1)), constant_values=np.inf)[:, 1:]
+    # one of the two comparisons is strict: a plateau counts once
+    peaks = np.nonzero(((costs <= left) & (costs < right)).ravel())[0]
+    if not len(peaks):
+        peaks = np.array([int(np.argmin(costs))])
+    return peaks[np.argsort(costs.ravel()[peaks], kind="stable")[:count]]
+
+
+def _joint_values(frame: KeyFrame, rig: Rig, mechanism: Mechanism, row: int, beam: Beam) -> np.ndarray:
+    """Return the positions to try of one joint, within its limits [rad or m]."""
+    joint = mechanism.joints[row]
+    if rig.kind[row] == HINGE:
+        values = np.linspace(-np.pi, np.pi, beam.angles, endpoint=False)
+    else:
+        values = slide_places(frame, rig, row, beam.places)
+    values = values[(values >= joint.lower) & (values <= joint.upper)]
+    return values if len(values) else np.linspace(joint.lower, joint.upper, 5)

@@ -1,0 +1,368 @@
+"""Structures that grow link by link: places, proportions and poses at once, from the masks alone.
+
+A structure is a mechanism of which the first links have sizes and, in every key frame, a beam of poses. Each
+link is added with every length of a grid that spans the foreground's reach and with the widths that the
+foreground has; the structures that explain most of the frames go on. The file's own sizes enter only where
+they may not change.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.parts import PLACE_KINDS
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
+from monodyn.types import FULL, Camera
+from monodyn.vision.drawing.mismatch import pose_balance
+from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, longest_reach, rig_of
+from monodyn.vision.locating.beam import Beam, extended
+from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
+from monodyn.vision.locating.roots import Root
+from monodyn.vision.locating.unit import drawn, growth, scaled
+
+LONGEST, RATIO, LENGTHS = 0.97, 1.2, 13
+"""The longest length of a link that is tried, as a share of the reach; ratio of one length to the next; how
+many are tried."""
+NARROW = Beam(8, 60, 48)
+"""Poses kept per link and frame, positions tried per hinge and per slide, while structures grow."""
+KEPT, KEPT_A_ROOT = 12, 5
+"""Structures kept per link, and most of them with the same root."""
+THIN, THICK = 30.0, 1.6
+"""Percentile of the widths of the foreground that counts as thin; wider parts are tried besides where they
+are wider than that by this factor."""
+GROWN_PX = 45
+"""Reach of the mechanism in the picture in which structures grow [px]."""
+FIRST_FRAMES, LEFT, LEFT_SHARE = 2, 40, 0.25
+"""Frames after which most structures are given up; how many are left, or which share of them."""
+LEAST_SIZE = 0.7
+"""No size becomes smaller than this [reduced px]."""
+END = 0.5
+"""How far a body reaches beyond its hinges before it is known, in its widths."""
+WIDTH_STEPS = (0.6, 0.3, 0.12)
+"""Steps of the logarithms of widths, tails and tips, one round after the other."""
+LENGTH_STEPS = (0.1, 0.06, 0.03)
+"""Steps of the logarithms of lengths."""
+PLACE_STEPS = (3.0, 1.5, 0.7)
+"""Steps of the root's place and of places on bodies [reduced px]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneStart:
+    """What the search starts from, in units of the distance from the camera.
+
+    Attributes:
+        mechanism: With start sizes.
+        camera: Start camera: its focal length and turns are kept.
+        pinned: Parameters that may not change.
+    """
+
+    mechanism: Mechanism
+    camera: Camera
+    pinned: frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """A mechanism before a camera whose first links have been laid into the frames.
+
+    Attributes:
+        mechanism: Sizes of the first links as tried, of the others as they grow with these.
+        camera: The camera, with the root in its place.
+        root: Number of its root.
+        steps: Which length of the grid each link has.
+        scale: Factor on the sizes that are held; None until the first of them is met.
+        beams: The best poses in each frame, (pose, dof).
+        shares: Share of the foreground of each frame that is not explained.
+    """
+
+    mechanism: Mechanism
+    camera: Camera
+    root: int
+    steps: tuple[int, ...]
+    scale: float | None
+    beams: tuple[np.ndarray, ...]
+    shares: tuple[float, ...]
+
+    @property
+    def score(self) -> float:
+        """Mean share of the better frames that is not explained."""
+        return better_mean(np.array(self.shares))
+
+
+def grown(frames: KeyFrames, start: SceneStart, roots: list[Root]) -> list[Structure]:
+    """Grow structures from roots.
+
+    Args:
+        frames: The key frames, all of which count.
+        start: The mechanism, the camera, and what may not change.
+        roots: Where the first joint may be.
+
+    Returns:
+        The best structures of different proportions, the best first.
+    """
+    widths, structures = typical_widths(frames), []
+    quick = frames.reduced(max(1, int(max(root.reach for root in roots) / frames.shrink / GROWN_PX)))
+    for link in range(len(start.mechanism.joints)):
+        if link == 0:
+            tried = [seed for i in range(len(roots)) for seed in _seeds(start, i, roots[i])]
+        else:
+            tried = [
+                longer
+                for structure in structures
+                for longer in _lengthened(structure, start, link, roots[structure.root].reach)
+            ]
+        wide = [widened for one in tried for widened in _widened(one, start, link, widths)]
+        structures = _raced(wide, quick, link)
+    return structures
+
+
+def typical_widths(frames: KeyFrames) -> list[float]:
+    """Return the widths that the foreground has: that of its thin parts, that of its widest, and that of its
+    widest together with what is not known of the background, as far as they differ.
+
+    Args:
+        frames: The key frames.
+
+    Returns:
+        One to three widths [px].
+    """
+    thin, thick = _inscribed(frames, hidden=False)
+    widths = [thin, thick, _inscribed(frames, hidden=True)[1]]
+    told = [width for i, width in enumerate(widths) if not i or width > THICK * widths[i - 1]]
+    # where all is about as wide, the widest place of each frame is what a body without others shows
+    return [thick * frames.shrink] if len(told) == 1 else [width * frames.shrink for width in told]
+
+
+def _inscribed(frames: KeyFrames, *, hidden: bool) -> tuple[float, float]:
+    """Return the diameters of circles inside of the foreground that touch it on both sides: of those in thin
+    places, and of the largest [reduced px]; with ``hidden`` what is not known counts as foreground."""
+    import cv2
+
+    ridges, widest = [], []
+    for frame in frames.frames:
+        shown = (frame.coarse > 0.5 * FULL) & ~frames.unknown
+        inside = (shown | frames.unknown if hidden else shown).astype(np.uint8)
+        depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5)
+        top = depth >= cv2.dilate(depth, np.ones((3, 3), np.uint8))
+        if not (top & shown).any():
+            continue
+        ridges.append(depth[top & shown])
+        widest.append(float(depth[shown].max()))
+    if not ridges:
+        return 2.0, 2.0
+    # a distance is counted to the middle of the next pixel outside
+    thin, thick = float(np.percentile(np.concatenate(ridges), THIN)), float(np.median(widest))
+    return 2.0 * max(thin - 0.5, 0.5), 2.0 * max(thick - 0.5, 0.5)
+
+
+def settled(frames: KeyFrames, structure: Structure, start: SceneStart) -> Structure:
+    """Improve sizes and place one by one, the poses held.
+
+    Args:
+        frames: The frames of the structure.
+        structure: A whole structure; the first pose of each beam counts.
+        start: What may not change.
+
+    Returns:
+        The structure with the sizes at which its outlines explain most of the frames.
+    """
+    poses = [beam[0] for beam in structure.beams]
+    mechanism, camera = structure.mechanism, structure.camera
+    least = _cost(frames, mechanism, camera, poses)
+    unit = frames.shrink * camera.depth / camera.focal
+    for round_ in range(len(PLACE_STEPS)):
+        for (name, step), sign in itertools.product(_moves(mechanism, start, round_, unit), (1.0, -1.0)):
+            while True:
+                if name.startswith("camera"):
+                    axis = name[-1]
+                    tried = mechanism, replace(camera, **{axis: getattr(camera, axis) + sign * step})
+                else:
+                    p = mechanism.parameter(name)
+                    grew = max(p.value * float(np.exp(sign * step)), LEAST_SIZE * unit)
+                    value = p.value + sign * step if p.kind in PLACE_KINDS else grew
+                    tried = mechanism.with_values({name: value}), camera
+                cost = _cost(frames, *tried, poses)
+                if not cost < least - 1e-6:
+                    break
+                (mechanism, camera), least = tried, cost
+    return replace(structure, mechanism=mechanism, camera=camera)
+
+
+def _moves(mechanism: Mechanism, start: SceneStart, round_: int, unit: float) -> list[tuple[str, float]]:
+    """List what may be changed, and by how much in a round: sizes by logarithms, places by lengths; ``unit``
+    is a reduced pixel."""
+    moves: list[tuple[str, float]] = []
+    for p in drawn(mechanism):
+        if p.name in start.pinned or (p.kind in SIZE_KINDS and p.value <= 0.0):
+            continue
+        if p.kind in SIZE_KINDS:
+            moves.append((p.name, (LENGTH_STEPS if p.kind == "length" else WIDTH_STEPS)[round_]))
+        elif p.kind in PLACE_KINDS:
+            moves.append((p.name, PLACE_STEPS[round_] * unit))
+    cameras = [name for name in ("camera.x", "camera.y") if name not in start.pinned]
+    return moves + [(name, PLACE_STEPS[round_] * unit) for name in cameras]
+
+
+def whole(structure: Structure, start: SceneStart) -> Structure:
+    """Give a grown structure what its pictures do not show.
+
+    Args:
+        structure: With all its links.
+        start: What may not change, and the file's proportions.
+
+    Returns:
+        The structure with held sizes at one scale, thicknesses and offsets in proportion to the lengths.
+    """
+    grew = growth(structure.mechanism, start.mechanism)
+    scale = grew if structure.scale is None else structure.scale
+    values = structure.mechanism.values
+    sizes = {}
+    for p in drawn(start.mechanism):
+        if p.kind in (*SIZE_KINDS, *PLACE_KINDS) and p.name in start.pinned:
+            sizes[p.name] = p.value * scale
+        elif p.kind in ("offset", "thickness"):
+            sizes[p.name] = p.value * (scale if p.name in start.pinned else grew)
+            if p.kind == "thickness" and p.name not in start.pinned:
+                # what is thicker than wide would show its depth: a file that says so is not believed
+                width = values.get(p.name.removesuffix("thickness") + "width", np.inf)
+                sizes[p.name] = min(sizes[p.name], width)
+    return replace(structure, mechanism=structure.mechanism.with_values(sizes), scale=scale)
+
+
+def _seeds(start: SceneStart, number: int, root: Root) -> Iterator[Structure]:
+    """Return the mechanism at a root at each scale that is to be tried: the first link has a length of the
+    grid, or where it has none the whole mechanism."""
+    mechanism, camera = start.mechanism, start.camera
+    known, name = mechanism.values, f"{mechanism.joints[0].body}.length"
+    at_once = "camera.depth" in start.pinned
+    size = known.get(name) or longest_reach(rig_of(mechanism, camera))
+    for step in range(LENGTHS):
+        factor = LONGEST * root.reach * camera.depth / camera.focal / RATIO**step / size
+        held = name in start.pinned or name not in known
+        scale = 1.0 if at_once else factor if held else None
+        tried = scaled(mechanism, factor if scale is None else scale)
+        if not (at_once and held):
+            free = [p for p in drawn(mechanism) if p.name not in start.pinned]
+            tried = tried.with_values({p.name: p.value * factor for p in free})
+        yield Structure(tried, _before(start, tried, root), number, (step,), scale, (), ())
+        if at_once and held:
+            break
+
+
+def _before(start: SceneStart, mechanism: Mechanism, root: Root) -> Camera:
+    """Return the camera that sees the first joint of a mechanism at a root."""
+    camera, anchor = start.camera, mechanism.tree.links[0]
+    centre = (camera.width - 1) / 2.0, (camera.height - 1) / 2.0
+    per_px = camera.depth / camera.focal
+    if "camera.x" not in start.pinned and np.isfinite(root.x):
+        camera = replace(camera, x=float(anchor[ANCHOR_X] - (root.x - centre[0]) * per_px))
+    if "camera.y" not in start.pinned and np.isfinite(root.y):
+        camera = replace(camera, y=float(anchor[ANCHOR_Y] + (root.y - centre[1]) * per_px))
+    return camera
+
+
+def _lengthened(structure: Structure, start: SceneStart, link: int, reach: float) -> Iterator[Structure]:
+    """Return a structure with each length of a further link that is to be tried."""
+    body, known = start.mechanism.joints[link].body, start.mechanism.values
+    name, scale = f"{body}.length", structure.scale
+    is_first = all(joint.body != body for joint in start.mechanism.joints[:link])
+    if not is_first or name not in known or (name in start.pinned and scale is not None):
+        yield replace(structure, steps=(*structure.steps, 0))
+        return
+    for step in range(LENGTHS):
+        length = LONGEST * reach * structure.camera.depth / structure.camera.focal / RATIO**step
+        grew = length / known[name]
+        # what else the body has keeps its proportion to the length, until its own turn comes
+        sizes = {p.name: p.value * grew for p in drawn(start.mechanism) if p.owner == body}
+        sizes = {n: value for n, value in sizes.items() if n not in start.pinned}
+        if name in start.pinned:
+            scale = grew
+            sizes |= {p.name: p.value * scale for p in drawn(start.mechanism) if p.name in start.pinned}
+        mechanism = structure.mechanism.with_values(sizes)
+        yield replace(structure, mechanism=mechanism, scale=scale, steps=(*structure.steps, step))
+
+
+def _widened(structure: Structure, start: SceneStart, link: int, widths: list[float]) -> Iterator[Structure]:
+    """Return a structure with each of the widths for the geoms of a link, and ends to match."""
+    body, per_px = start.mechanism.joints[link].body, structure.camera.depth / structure.camera.focal
+    own = [p for p in drawn(structure.mechanism) if p.owner == body and p.name not in start.pinned]
+    names = [p.name for p in own if p.kind == "width"]
+    ends = [p.name for p in own if p.kind in ("tail", "tip")]
+    # further geoms of a body share the second width: all combinations of many would be too many
+    for chosen in itertools.product(widths, repeat=min(len(names), 2)):
+        sizes = {name: chosen[min(i, 1)] * per_px for i, name in enumerate(names)}
+        sizes |= dict.fromkeys(ends, END * (chosen[0] if chosen else widths[0]) * per_px)
+        yield replace(structure, mechanism=structure.mechanism.with_values(sizes))
+
+
+def _raced(tried: list[Structure], frames: KeyFrames, link: int) -> list[Structure]:
+    """Lay the next link into a few frames, and where that goes best into the others."""
+    every = range(len(frames.frames))
+    begun = [_laid(one, frames, link, every[:FIRST_FRAMES]) for one in tried]
+    begun.sort(key=lambda structure: structure.score)
+    most = max(LEFT, round(LEFT_SHARE * len(begun)))
+    return _best([_laid(one, frames, link, every[FIRST_FRAMES:]) for one in begun[:most]])
+
+
+def _laid(structure: Structure, frames: KeyFrames, link: int, rows: range) -> Structure:
+    """Lay the next link into some of the frames."""
+    rig = rig_of(structure.mechanism, structure.camera, shrink=frames.shrink)
+    beams = list(structure.beams) or [np.zeros((1, len(rig.parent)))] * len(frames.frames)
+    shares = list(structure.shares[: rows.start])
+    for row in rows:
+        poses, costs = extended(frames.frames[row], rig, structure.mechanism, link, beams[row], NARROW)
+        order = np.argsort(costs, kind="stable")
+        beams[row] = poses[order]
+        shares.append(_share(frames.frames[row], float(costs[order[0]])))
+    return replace(structure, beams=tuple(beams), shares=tuple(shares))
+
+
+def _best(tried: list[Structure]) -> list[Structure]:
+    """Choose the best structures; of neighbouring lengths at one root only the best one."""
+    chosen: list[Structure] = []
+    for one in sorted(tried, key=lambda structure: structure.score):
+        same = [other for other in chosen if other.root == one.root]
+        if len(same) >= KEPT_A_ROOT or any(_are_neighbours(one, other) for other in same):
+            continue
+        chosen.append(one)
+        if len(chosen) == KEPT:
+            break
+    return chosen
+
+
+def _are_neighbours(one: Structure, other: Structure) -> bool:
+    """Return whether all lengths of two structures are within a step of one another."""
+    return all(abs(a - b) <= 1 for a, b in zip(one.steps, other.steps, strict=True))
+
+
+def _cost(frames: KeyFrames, mechanism: Mechanism, camera: Camera, poses: list[np.ndarray]) -> float:
+    """Return the mean share of the better frames that is not explained."""
+    rig: Rig = rig_of(mechanism, camera, shrink=frames.shrink)
+    shares = [
+        _share(frame, float(pose_balance(frame.balance, rig, pose[np.newaxis], len(rig.radius))[0]))
+        for frame, pose in zip(frames.frames, poses, strict=True)
+    ]
+    return better_mean(np.array(shares))
+
+
+def _share(frame: KeyFrame, cost: float) -> float:
+    """Return the share of a frame's foreground that is not explained."""
+    return (frame.area + cost) / max(frame.area, 1.0)
+
+
+def better_mean(shares: np.ndarray) -> float:
+    """Return the mean of the better three quarters of some frames' mismatches.
+
+    Args:
+        shares: Mismatch of each frame, (key frame,).
+
+    Returns:
+        Their mean.
+    """
+    ordered = np.sort(shares)
+    return float(np.mean(ordered[: max(1, (3 * len(ordered) + 3) // 4)]))

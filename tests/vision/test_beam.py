@@ -1,0 +1,51 @@
+"""The beam search: which partial poses go on, and where a slide is tried."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monodyn.mechanism import load
+from monodyn.types import FULL, Camera
+from monodyn.vision.drawing.mismatch import row_sums
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.locating.beam import BEYOND, Beam, best_peaks, extended, slide_places
+from monodyn.vision.locating.keyframes import KeyFrame
+from pictures import drawn_mask
+
+CAMERA = Camera(160, 120, 150.0, x=0.05, y=-0.1, depth=0.9)
+
+
+def frame_of(planes: np.ndarray) -> KeyFrame:
+    return KeyFrame(0, 0.0, planes, planes[0], row_sums(planes[0]), float(planes.sum()) / FULL)
+
+
+def test_minima_of_a_table_are_kept_once_and_around_a_turn() -> None:
+    costs = np.array([[3.0, 1.0, 1.0, 2.0, 0.5]])
+    assert best_peaks(costs, circular=True, count=9).tolist() == [4, 2]
+    assert best_peaks(costs, circular=True, count=1).tolist() == [4]
+    rising = np.array([[0.0, 1.0, 2.0]])
+    assert best_peaks(rising, circular=False, count=9).tolist() == [0]
+    assert best_peaks(np.ones((1, 3)), circular=True, count=9).tolist() == [0]
+
+
+def test_the_best_partial_pose_is_the_drawn_one() -> None:
+    mechanism = load("double")
+    truth = np.array([-0.9, 1.3])
+    frame = frame_of(drawn_mask(mechanism, CAMERA, truth))
+    poses, costs = extended(frame, rig_of(mechanism, CAMERA), mechanism, 0, np.zeros((1, 2)), Beam(4, 72, 8))
+    assert len(poses) == len(costs) <= 4
+    # half of the 5 degrees between two tried positions
+    assert abs(poses[0, 0] - truth[0]) < 0.05
+    assert costs[0] == costs.min() < 0.0
+
+
+def test_a_slide_is_tried_where_the_foreground_is() -> None:
+    mechanism = load("cartpole")
+    frame = frame_of(drawn_mask(mechanism, CAMERA, np.array([0.04, -1.5])))
+    columns = np.nonzero((frame.coarse > 0.5 * FULL).any(axis=0))[0]
+    places = slide_places(frame, rig_of(mechanism, CAMERA), 0, 5)
+    seen = (columns[[0, -1]] - 79.5) * 0.9 / 150.0 + CAMERA.x
+    rows = np.nonzero((frame.coarse > 0.5 * FULL).any(axis=1))[0]
+    half = 0.5 * np.hypot(np.ptp(columns), np.ptp(rows)) * 0.9 / 150.0
+    np.testing.assert_allclose(places[[0, -1]], seen + BEYOND * half * np.array([-1.0, 1.0]), atol=1e-12)
+    assert places[0] < 0.04 < places[-1]

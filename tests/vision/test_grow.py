@@ -1,0 +1,79 @@
+"""Structures that grow link by link on drawn masks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monodyn.mechanism import load
+from monodyn.types import Camera
+from monodyn.vision.locating.grow import SceneStart, better_mean, grown, settled, typical_widths, whole
+from monodyn.vision.locating.roots import Root
+from monodyn.vision.locating.unit import scaled
+from pictures import drawn_frames, root_in
+
+CAMERA = Camera(160, 120, 150.0, x=0.05, y=-0.1, depth=0.9)
+POSES = np.array([[-2.2, 0.9], [-1.4, -1.7], [-0.6, 1.6], [0.1, -0.8], [-2.6, -2.2]])
+TRUE = load("double").with_values({"link1.length": 0.16, "link2.length": 0.24, "link2.width": 0.024})
+PX = CAMERA.focal / CAMERA.depth
+
+
+def start(pinned: frozenset[str] = frozenset()) -> SceneStart:
+    # in units of the distance, of any size and proportion
+    wrong = scaled(load("double"), 5.0).with_values({"link1.length": 0.3, "link1.width": 0.9})
+    return SceneStart(wrong, Camera(160, 120, 150.0, depth=1.0), pinned)
+
+
+def root() -> Root:
+    return Root(*root_in(CAMERA), 0.41 * PX)
+
+
+def test_proportions_come_from_the_masks() -> None:
+    frames = drawn_frames(TRUE, CAMERA, POSES)
+    best = grown(frames, start(), [root()])[0]
+    found = settled(frames, whole(best, start()), start()).mechanism.values
+    assert found["link1.length"] * 150.0 == pytest.approx(0.16 * PX, abs=3.0)
+    assert found["link2.length"] * 150.0 == pytest.approx(0.24 * PX, abs=3.0)
+    assert found["link1.width"] * 150.0 == pytest.approx(0.03 * PX, abs=1.0)
+    # blurred, and with angles and lengths of a grid
+    assert best.score < 0.45
+
+
+def test_what_is_held_keeps_its_proportions() -> None:
+    pinned = frozenset({"link1.length", "link2.length", "link2.width"})
+    frames = drawn_frames(TRUE, CAMERA, POSES)
+    begun = start()
+    told = begun.mechanism.with_values({"link1.length": 1.6, "link2.length": 2.4, "link2.width": 0.24})
+    begun = SceneStart(told, begun.camera, pinned)
+    best = whole(grown(frames, begun, [root()])[0], begun)
+    found = settled(frames, best, begun).mechanism.values
+    assert best.scale is not None
+    for name in pinned:
+        assert found[name] == pytest.approx(told.values[name] * best.scale)
+    assert found["link1.length"] * 150.0 == pytest.approx(0.16 * PX, rel=0.12)
+
+
+def test_widths_are_those_of_the_foreground() -> None:
+    frames = drawn_frames(load("double"), CAMERA, POSES)
+    (width,) = typical_widths(frames)
+    assert width == pytest.approx(0.03 * PX, abs=1.5)
+    ball = drawn_frames(load("bob"), CAMERA, POSES[:, :1])
+    thin, thick = typical_widths(ball)
+    values = load("bob").values
+    assert thin == pytest.approx(values["link1.width"] * PX, abs=1.5)
+    assert thick == pytest.approx(values["link1.sphere.width"] * PX, abs=1.5)
+
+
+def test_thickness_is_not_more_than_the_width() -> None:
+    begun = start()
+    thick = begun.mechanism.with_values({"link1.thickness": 50.0})
+    frames = drawn_frames(TRUE, CAMERA, POSES[:2])
+    best = grown(frames, SceneStart(thick, begun.camera, frozenset()), [root()])[0]
+    values = whole(best, SceneStart(thick, begun.camera, frozenset())).mechanism.values
+    assert values["link1.thickness"] == values["link1.width"]
+    assert values["link2.thickness"] <= values["link2.width"]
+
+
+def test_the_mean_of_the_better_frames() -> None:
+    assert better_mean(np.array([0.1, 0.9, 0.2, 0.3])) == pytest.approx(0.2)
+    assert better_mean(np.array([0.4])) == 0.4
