@@ -57,5 +57,23 @@ def test_a_geom_that_often_looks_like_the_background_has_no_colour() -> None:
     assert found.part[1] == VARIED
 
 
+def test_noise_does_not_choose_the_colour_of_a_thin_geom() -> None:
+    thin = MECHANISM.with_values({"link1.width": 0.02, "link2.width": 0.02})
+    rng = np.random.default_rng(3)
+    frames = []
+    for i, q in enumerate(POSES):
+        covered = np.zeros(SIZE, np.float32)
+        for _, polygon in outline(thin, CAMERA, q):
+            cv2.fillPoly(covered, [np.round(polygon).astype(np.int32)], 1.0)
+        covered = cv2.GaussianBlur(covered, (0, 0), 0.7)
+        luma = 160.0 - 80.0 * covered + rng.normal(scale=4.0, size=SIZE)
+        frames.append(Frame(i, i / 30, np.clip(np.round(luma), 0, 255).astype(np.uint8)))
+    guess = SceneGuess(thin, CAMERA, POSES, np.zeros(3))
+    found = geom_colours(frames, BACKGROUND, guess, np.ones(3, bool))
+    assert found is not None
+    # the quarter that stands out most would be at 75: 1.15 times the noise below
+    assert abs(found.colours[0, 0] - 80.0) <= 2.0
+
+
 def test_frames_in_which_the_mechanism_is_not_found_do_not_count() -> None:
     assert geom_colours(painted(60, 230), BACKGROUND, GUESS, np.zeros(3, bool)) is None

@@ -87,14 +87,14 @@ def _joined(pixels: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
 
 
 def _colour(pixels: np.ndarray) -> np.ndarray:
-    """Return the median colour of a geom's inner pixels; of a thin one's, which may be a little mixed with the
+    """Return the median colour of a geom's inner pixels; of a thin one's, some of which are mixed with the
     background, that of the half whose contrasts are most alike."""
     if len(pixels) < LEAST_GEOM_PIXELS:
         return np.full(3, np.nan)
     if float(np.median(pixels[:, HALF_WIDTH])) < THIN_PX:
-        # Mixing lowers the contrast of some pixels, noise moves that of all of them either way. Most alike are
-        # those that show the geom alone; to take those that stand out most would be to choose by their noise,
-        # and every width would come out too small.
+        # Mixing lowers the contrast of some pixels, noise moves that of all of them either way. Most alike
+        # are those that show the geom alone; to take those that stand out most would be to choose by their
+        # noise, and every width would come out too small.
         contrast = np.sqrt(np.nansum((pixels[:, SHOWN] - pixels[:, BEHIND]) ** 2, axis=1))
         order = np.argsort(contrast, kind="stable")
         half = (len(order) + 1) // 2
