@@ -36,6 +36,7 @@ from monodyn.results.sight import Sight
 from monodyn.results.trace import Trace, trace_of
 from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track
+from monodyn.turns import with_right_turns
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
 from monodyn.vision.locating.scene import Scene
@@ -158,10 +159,14 @@ def run(
         # the motion may have shown that the stamps are not the times
         times = prediction_times(video.timed(poses.frame, poses.time), frames[1], settings.until)
         # the fit must not see the frames that it will be compared with
-        part = poses.part(*np.searchsorted(poses.frame, frames))
-        check_tracked(part, video, log.notes)
+        first, stop = np.searchsorted(poses.frame, frames).tolist()
+        check_tracked(poses.part(first, stop), video, log.notes)
         with log.stage("identify"):
-            fit = identify(part, scene.mechanism, settings.identify, progress=progress)
+            poses, doubts = with_right_turns(
+                poses, (first, stop), scene.mechanism, settings.identify, progress
+            )
+            fit = identify(poses.part(first, stop), scene.mechanism, settings.identify, progress=progress)
+        log.notes += doubts
         with log.stage("predict"):
             traces = predicted(fit, poses, times, video.path.name)
         # only the fit has the metric scale: the poses are written again with their slides in metres

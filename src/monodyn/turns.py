@@ -1,0 +1,188 @@
+"""Whole turns of a hinge that were lost while it was out of sight, found by the dynamics.
+
+A picture shows a hinge's angle but for whole turns, and across a gap they come from the motion before it.
+Where more than one number of turns would do, the stretches of the record between such gaps are identified
+together, each with a start state of its own; the identified motion across the gap then decides.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.results.fill import fill
+from monodyn.stages import identify
+from monodyn.types import Poses, Progress
+
+if TYPE_CHECKING:
+    from monodyn.mechanism import Mechanism
+
+TURN = 2.0 * np.pi
+"""A whole turn [rad]."""
+NEAR_FRAMES = 5
+"""Measured frames on either side of a gap from which the rate there is taken."""
+HARDEST = 95.0
+"""Percentile of the accelerations of a joint that bounds what it does out of sight."""
+LEAST_ROWS = 12
+"""Rows of the shortest stretch that is identified."""
+MOST_STRETCHES = 4
+"""Longest stretches that are identified; more of them would say the same."""
+CERTAIN = 1.0
+"""A number of turns is certain where the motion ends this near to the measured angle, and is known as well
+[rad]."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Rows of a record in which a joint was not measured.
+
+    Attributes:
+        dof: The joint.
+        before: Last row in which it was measured before.
+        after: First row in which it was measured again.
+    """
+
+    dof: int
+    before: int
+    after: int
+
+
+def with_right_turns(
+    poses: Poses,
+    fitted: tuple[int, int],
+    mechanism: Mechanism,
+    settings: IdentifySettings,
+    progress: Progress | None = None,
+) -> tuple[Poses, list[str]]:
+    """Return a record with the whole turns after each gap as the dynamics have them.
+
+    Args:
+        poses: The record.
+        fitted: First row that may be identified, and the one after the last.
+        mechanism: The mechanism of the record.
+        settings: How it is identified.
+        progress: Called as the identification goes.
+
+    Returns:
+        The record, and what remains uncertain, as sentences; the record itself where no gap leaves a doubt.
+    """
+    if settings.method == "paper":
+        return poses, []  # the published method has its own rule
+    free = np.array(
+        [j.kind == "hinge" and not np.isfinite([j.lower, j.upper]).all() for j in mechanism.joints]
+    )
+    gaps = doubtful_gaps(poses, free)
+    if not gaps:
+        return poses, []
+    parts = _stretches(poses, gaps, fitted)
+    try:
+        fit = identify([poses.part(*part) for part in parts], mechanism, settings, progress=progress)
+    except VideoError:
+        fit = None  # no stretch is long enough
+    offset, unsure = np.zeros(poses.position.shape), []
+    for gap in gaps:
+        found = None if fit is None or not fit.ok else _turns_across(gap, poses, parts, fit)
+        if found is None:
+            unsure.append(gap)
+        # angles count in the turns of the stretch that the motion across the gap comes from
+        from_row, turns = found or (gap.before, 0.0)
+        offset[gap.after :, gap.dof] = offset[from_row, gap.dof] + TURN * turns
+    notes = [
+        f"The whole turns of {poses.joints[gap.dof]!r} from frame {int(poses.frame[gap.after])} on are not "
+        "certain: it was out of sight too long, and the motion before does not determine them."
+        for gap in unsure
+    ]
+    return (replace(poses, position=poses.position + offset) if offset.any() else poses), notes
+
+
+def _turns_across(
+    gap: Gap, poses: Poses, parts: Sequence[tuple[int, int]], fit: Fit
+) -> tuple[int, float] | None:
+    """Return a row of the stretch whose motion crosses the gap, and the turns after it by that motion; None
+    where it is not known well enough there."""
+    before = [i for i, part in enumerate(parts) if part[0] <= gap.before]
+    if not before:
+        return None
+    motion = fill(fit, poses.time[[gap.after]], record=before[-1])
+    off = float(motion.position[0, gap.dof] - poses.position[gap.after, gap.dof])
+    turns = float(np.round(off / TURN))
+    if abs(off - TURN * turns) > CERTAIN or not motion.std[0, gap.dof] < CERTAIN:
+        return None
+    return parts[before[-1]][0], turns
+
+
+def doubtful_gaps(poses: Poses, joints: np.ndarray) -> list[Gap]:
+    """Find gaps across which the rates on both sides leave more than one number of turns.
+
+    A joint whose acceleration is at most ``a`` crosses a gap of length T at a mean rate within ``a T / 4`` of
+    the mean of the rates at its ends; one turn more or less changes that rate by ``2 pi / T``.
+
+    Args:
+        poses: The record.
+        joints: True for hinges that turn freely, (dof,).
+
+    Returns:
+        The gaps, in the order of time.
+    """
+    found = []
+    for dof in np.flatnonzero(joints):
+        rows = np.flatnonzero(poses.measured[:, dof])
+        time, angle = poses.time[rows], poses.position[rows, dof]
+        breaks = np.flatnonzero(np.diff(rows) > 1)
+        hardest = _hardest(time, angle, rows)
+        for i in breaks:
+            apart = time[i + 1] - time[i]
+            one = _rate(time, angle, rows, int(i), -1)
+            other = _rate(time, angle, rows, int(i) + 1, 1)
+            off = abs((angle[i + 1] - angle[i]) / apart - 0.5 * (one + other))
+            slack = 0.25 * hardest * apart
+            # written so that a rate that is not known, NaN, leaves a doubt
+            if not (off <= slack and TURN / apart - off > slack):
+                found.append(Gap(int(dof), int(rows[i]), int(rows[i + 1])))
+    return sorted(found, key=lambda gap: (gap.after, gap.dof))
+
+
+def _hardest(time: np.ndarray, angle: np.ndarray, rows: np.ndarray) -> float:
+    """Return the acceleration of a joint that it rarely exceeds, from rows that follow each other."""
+    if len(rows) < 3:
+        return np.inf
+    rate = np.diff(angle) / np.diff(time)
+    acceleration = np.diff(rate) / (0.5 * (time[2:] - time[:-2]))
+    known = np.abs(acceleration[(rows[2:] - rows[:-2]) == 2])
+    return float(np.percentile(known, HARDEST)) if len(known) else np.inf
+
+
+def _rate(time: np.ndarray, angle: np.ndarray, rows: np.ndarray, at: int, side: int) -> float:
+    """Return the rate at one end of a gap by a parabola through the rows on its side; NaN if few."""
+    near = [at]
+    while len(near) < NEAR_FRAMES:
+        following = near[-1] + side
+        if not 0 <= following < len(rows) or abs(rows[following] - rows[near[-1]]) > 1:
+            break
+        near.append(following)
+    if len(near) < 3:
+        return np.nan
+    return float(np.polyfit(time[near] - time[at], angle[near], 2)[1])
+
+
+def _stretches(poses: Poses, gaps: Sequence[Gap], fitted: tuple[int, int]) -> list[tuple[int, int]]:
+    """Return the longest stretches of the fitted rows without such a gap, in the order of time."""
+    first, stop = fitted
+    cuts = [first, *(cut for gap in gaps for cut in (gap.before + 1, gap.after)), stop]
+    cuts = sorted({min(max(cut, first), stop) for cut in cuts})
+    inside = {(gap.before + 1, gap.after) for gap in gaps}
+    parts = [
+        (a, b)
+        for a, b in itertools.pairwise(cuts)
+        if not any(low <= a and b <= high for low, high in inside)
+        and poses.measured[a:b].sum(axis=0).min() >= LEAST_ROWS
+    ]
+    longest = sorted(parts, key=lambda part: part[0] - part[1])[:MOST_STRETCHES]
+    return sorted(longest)
