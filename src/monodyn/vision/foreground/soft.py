@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from monodyn.errors import VideoError
 from monodyn.types import Frame, Mask, Progress
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
+from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
 from monodyn.vision.foreground.palette import Palette, choose_palette, lingering
 from monodyn.vision.settings import SegmentSettings
@@ -45,6 +47,11 @@ class SoftMasks:
         """True where the colours leave much of the mechanism unexplained, so that any difference counts."""
         return self.palette.varied
 
+    @cached_property
+    def light(self) -> Light:
+        """The light of the background, into which every frame is brought."""
+        return light_of(self.background.luma)
+
     def __iter__(self) -> Iterator[Mask]:
         """Stream the masks in the order of time."""
         for frame in self.video.frames():
@@ -61,7 +68,8 @@ class SoftMasks:
         """
         from monodyn.vision.foreground.coverage import coverage_of
 
-        return Mask(frame.index, frame.time, coverage_of(frame, self.background, self.palette))
+        even = self.light.evened(frame)
+        return Mask(frame.index, frame.time, coverage_of(even, self.background, self.palette))
 
     def view(self, geoms: int) -> View:
         """Return how the planes of the masks are to be read.
@@ -124,7 +132,10 @@ def soft_masks(
     """
     samples = sample_frames(video, progress=progress)
     video = video.without(samples.repeats)
+    samples = replace(samples, frames=in_one_light(samples.frames))
     scene = background_of(samples) if background is None else _given(background, video, samples)
+    if scene.given:
+        samples = replace(samples, frames=in_one_light(samples.frames, scene.luma))
     palette = choose_palette(samples.frames, scene, settings.colour, settings.contrast)
     masks = SoftMasks(video, scene, palette, samples, settings)
     # a mechanism that rests most of the time is part of the first background: it is taken out of it once
