@@ -68,3 +68,11 @@ def test_what_stays_open_is_said():
         "The whole turns of 'joint2' from frame 30 on are not certain: it was out of sight too long, and the "
         "motion before does not determine them."
     ]
+
+
+def test_pictures_that_are_missing_at_every_other_time_are_no_gap():
+    poses, _ = spun(slice(50, 50), 0)
+    joint_seen = np.ones(poses.position.shape, dtype=bool)
+    joint_seen[1::2] = False
+    half = replace(poses, seen=joint_seen.all(axis=1), joint_seen=joint_seen)
+    assert doubtful_gaps(half, FREE) == []

@@ -28,6 +28,8 @@ TURN = 2.0 * np.pi
 """A whole turn [rad]."""
 NEAR_FRAMES = 5
 """Measured frames on either side of a gap from which the rate there is taken."""
+LONGER = 1.5
+"""Times the usual time between two measurements from which there is a gap."""
 HARDEST = 95.0
 """Percentile of the accelerations of a joint that bounds what it does out of sight."""
 LEAST_ROWS = 12
@@ -94,10 +96,12 @@ def with_right_turns(
         # angles count in the turns of the stretch that the motion across the gap comes from
         from_row, turns = found or (gap.before, 0.0)
         offset[gap.after :, gap.dof] = offset[from_row, gap.dof] + TURN * turns
+    # from the first such gap of a joint on its turns are open, whatever comes after
+    first_unsure = [gap for i, gap in enumerate(unsure) if gap.dof not in [g.dof for g in unsure[:i]]]
     notes = [
         f"The whole turns of {poses.joints[gap.dof]!r} from frame {int(poses.frame[gap.after])} on are not "
         "certain: it was out of sight too long, and the motion before does not determine them."
-        for gap in unsure
+        for gap in first_unsure
     ]
     return (replace(poses, position=poses.position + offset) if offset.any() else poses), notes
 
@@ -135,12 +139,14 @@ def doubtful_gaps(poses: Poses, joints: np.ndarray) -> list[Gap]:
     for dof in np.flatnonzero(joints):
         rows = np.flatnonzero(poses.measured[:, dof])
         time, angle = poses.time[rows], poses.position[rows, dof]
-        breaks = np.flatnonzero(np.diff(rows) > 1)
-        hardest = _hardest(time, angle, rows)
+        # repeated pictures, too, leave rows without a measurement: a gap is longer than usual
+        breaks = np.flatnonzero(np.diff(time) > LONGER * np.median(np.diff(time))) if len(rows) > 1 else []
+        together = np.cumsum(np.isin(np.arange(len(rows)), np.add(breaks, 1)))
+        hardest = _hardest(time, angle, together)
         for i in breaks:
             apart = time[i + 1] - time[i]
-            one = _rate(time, angle, rows, int(i), -1)
-            other = _rate(time, angle, rows, int(i) + 1, 1)
+            one = _rate(time, angle, together, int(i), -1)
+            other = _rate(time, angle, together, int(i) + 1, 1)
             off = abs((angle[i + 1] - angle[i]) / apart - 0.5 * (one + other))
             slack = 0.25 * hardest * apart
             # written so that a rate that is not known, NaN, leaves a doubt
@@ -149,24 +155,21 @@ def doubtful_gaps(poses: Poses, joints: np.ndarray) -> list[Gap]:
     return sorted(found, key=lambda gap: (gap.after, gap.dof))
 
 
-def _hardest(time: np.ndarray, angle: np.ndarray, rows: np.ndarray) -> float:
-    """Return the acceleration of a joint that it rarely exceeds, from rows that follow each other."""
-    if len(rows) < 3:
+def _hardest(time: np.ndarray, angle: np.ndarray, together: np.ndarray) -> float:
+    """Return the acceleration of a joint that it rarely exceeds; samples of one number in ``together``
+    (sample,) have no gap between them."""
+    if len(time) < 3:
         return np.inf
     rate = np.diff(angle) / np.diff(time)
     acceleration = np.diff(rate) / (0.5 * (time[2:] - time[:-2]))
-    known = np.abs(acceleration[(rows[2:] - rows[:-2]) == 2])
+    known = np.abs(acceleration[together[2:] == together[:-2]])
     return float(np.percentile(known, HARDEST)) if len(known) else np.inf
 
 
-def _rate(time: np.ndarray, angle: np.ndarray, rows: np.ndarray, at: int, side: int) -> float:
-    """Return the rate at one end of a gap by a parabola through the rows on its side; NaN if few."""
-    near = [at]
-    while len(near) < NEAR_FRAMES:
-        following = near[-1] + side
-        if not 0 <= following < len(rows) or abs(rows[following] - rows[near[-1]]) > 1:
-            break
-        near.append(following)
+def _rate(time: np.ndarray, angle: np.ndarray, together: np.ndarray, at: int, side: int) -> float:
+    """Return the rate at one end of a gap by a parabola through the samples on its side; NaN if few."""
+    near = np.flatnonzero(together == together[at])
+    near = near[:NEAR_FRAMES] if side > 0 else near[-NEAR_FRAMES:]
     if len(near) < 3:
         return np.nan
     return float(np.polyfit(time[near] - time[at], angle[near], 2)[1])
