@@ -107,6 +107,22 @@ def test_residuals_above_the_noise_and_what_may_be_the_reason():
     assert advice.misfit(cart, rms, fine, advice.Assumed(True, ["a.friction"], True)) == []
 
 
+def test_stamps_that_are_off():
+    assert advice.stamps(0.0) == []
+    assert advice.stamps(0.00213) == [
+        "The time stamps are off by about 2.1 ms from picture to picture: the residuals grow with the rate "
+        "of the motion. The intervals take that into account."
+    ]
+
+
+def test_a_rate_that_fits_gravity_and_length():
+    assert advice.other_rate(0.25, 120.0, ["link1.length", "link2.length"]) == (
+        "Gravity and link1.length and link2.length, as given, contradict the time stamps; the motion fits at "
+        "120 samples a second (time_scale 0.25). Give the true rate (--rate for a clip, --free time_scale "
+        "for a table), or correct the length."
+    )
+
+
 def test_a_beginning_that_fits(double):
     rms = {"joint1": np.radians(0.1), "joint2": np.radians(0.25)}
     assert advice.beginning(double, [10, 11, 12], rms) == (

@@ -157,3 +157,19 @@ def test_one_length_fixes_the_time_scale(poses, double, truth):
     assert sigmas(fit.parameter("time_scale"), 1.0 / 3.0) < 4.0
     assert sigmas(fit.parameter("link2.length"), truth.values["link2.length"]) < 4.0
     assert not any("k^2" in line or "one by one" in line for line in fit.advice)
+
+
+def test_a_rate_that_contradicts_gravity_and_a_length_is_named():
+    single = load("single")
+    times = np.arange(60) / 120.0
+    slow = record(single, 4.0 * times, motion(single, times, [0.5], [0.0]), noise=1e-3)
+    given = single.with_choices(fix={"link1.length": single.values["link1.length"]})
+    fit = identify(slow, given)
+    assert not fit.ok
+    assert fit.advice[0] == (
+        "Gravity and link1.length, as given, contradict the time stamps; the motion fits at 120 samples a "
+        "second (time_scale 0.25). Give the true rate (--rate for a clip, --free time_scale for a table), or "
+        "correct the length."
+    )
+    # with the clock open the length is found to be right
+    assert identify(slow, given.with_choices(free=["time_scale"])).ok

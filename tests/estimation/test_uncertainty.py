@@ -22,7 +22,7 @@ def test_correlated_noise_is_judged_by_joint(truth, double):
     noisy = replace(clean, position=clean.position + noise, covariance=np.tile(covariance, (200, 1, 1)))
     data = prepare([noisy], double)
     np.testing.assert_allclose(data.std, np.tile(stated, (200, 1)), rtol=1e-9)
-    size, _ = noise_factors(data, noise, 0)
+    size = noise_factors(data, noise, 0).size
     np.testing.assert_allclose(size, [2.0, 3.0], rtol=0.2)  # 200 samples: 1/sqrt(400) = 5 %, four times that
     fit = identify(noisy, double)
     assert fit.ok

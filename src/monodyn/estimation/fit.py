@@ -99,6 +99,8 @@ class Fit:
         time: Time stamps of each record [s], each (frame,).
         evaluations: Evaluations of the model.
         seconds: Wall time [s].
+        stamp_error: Standard deviation of the time stamps, as the residuals show it [s]; 0 where they show
+            none.
     """
 
     status: str
@@ -117,6 +119,7 @@ class Fit:
     time: tuple[np.ndarray, ...]
     evaluations: int
     seconds: float
+    stamp_error: float = 0.0
 
     @cached_property
     def shared(self) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.task import Task
-from monodyn.estimation.verdict.advice import beginning
+from monodyn.estimation.verdict.advice import beginning, other_rate
 from monodyn.estimation.verdict.summary import summarize
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
@@ -51,8 +51,26 @@ def identify_jointly(
     """
     fit = _identified(records, mechanism, settings, progress)
     if not fit.ok and fit.starts and settings.torque == "friction":
-        fit = replace(fit, advice=(*_beginning(records, mechanism, settings), *fit.advice))
+        reason = _other_rate(records, mechanism, settings) or _beginning(records, mechanism, settings)
+        fit = replace(fit, advice=(*reason, *fit.advice))
     return fit
+
+
+def _other_rate(
+    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings
+) -> tuple[str, ...]:
+    """Name the rate at which the record fits gravity and a given length; nothing where none does."""
+    free = {p.name for p in mechanism.parameters if p.free}
+    given = [p.name for p in mechanism.parameters if p.kind == "length" and not p.free]
+    # with either of them open it would have taken up what the clock lacks
+    if not given or "gravity" in free or "time_scale" in free:
+        return ()
+    fit = _identified(records, mechanism.with_choices(free=["time_scale"]), replace(settings, starts=2), None)
+    clock = fit.parameter("time_scale")
+    if not fit.ok or not clock.identifiable or clock.lower <= 1.0 <= clock.upper:
+        return ()
+    step = float(np.median(np.diff(records[0].time)))
+    return (other_rate(clock.value, 1.0 / (step * clock.value), given),)
 
 
 def _identified(

@@ -79,6 +79,7 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "rms": dict(fit.rms),
         "heldout_rms": findings.traces[0].heldout() if findings.traces else dict.fromkeys(joints),
         "scale": fit.scale,
+        "stamp_error": fit.stamp_error,
         "camera": None if filmed is None else {**asdict(filmed.camera), "std": dict(filmed.camera_std)},
         "fit_frames": findings.frames,
     }

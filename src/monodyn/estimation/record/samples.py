@@ -78,13 +78,24 @@ class Data:
         """
         return np.repeat(of_record, np.diff(self.first), axis=0)
 
-    def scaled(self, noise: np.ndarray) -> Data:
+    def scaled(self, noise: np.ndarray, shift: np.ndarray | None = None) -> Data:
         """Return the data with every standard deviation multiplied by a factor of its joint.
 
         Args:
             noise: The factors, (dof,).
+            shift: One standard deviation of an error that all joints of a row share, added to their
+                covariance [rad or m], (row, dof); none without rows.
         """
-        return replace(self, white=self.white / noise)
+        white = self.white / noise
+        if shift is None or not len(shift):
+            return replace(self, white=white)
+        # (C + d d^T)^-1 = W^T (1 - u u^T / (1 + u^T u)) W with u = W d, and the bracket is the square of
+        # 1 - g u u^T with g = (1 - 1 / sqrt(1 + u^T u)) / u^T u
+        u = np.einsum("fij,fj->fi", white, shift)
+        squared = np.einsum("fi,fi->f", u, u)
+        gain = 1.0 / (1.0 + squared + np.sqrt(1.0 + squared))
+        along = np.einsum("fi,fij->fj", u, white)
+        return replace(self, white=white - gain[:, None, None] * u[:, :, None] * along[:, None, :])
 
     def without(self, rows: np.ndarray) -> Data:
         """Return the data with the measurements of some rows left out.

@@ -204,6 +204,24 @@ class Problem:
         difference = self.data.position - np.where(rows, simulated / self.size(trial.x), simulated)
         return np.where(self.data.measured, difference, np.nan)
 
+    def rates(self, trial: Trial) -> np.ndarray:
+        """Differentiate the simulated positions by the time stamps.
+
+        Args:
+            trial: Unknowns and start states.
+
+        Returns:
+            Rates in the record's units by stamped second, (row, dof).
+        """
+        rows = trial.pieces.by_row(self.data.slide)
+        simulated = self.simulated(trial)
+        simulated = np.where(rows, simulated / self.size(trial.x), simulated)
+        rates = np.zeros_like(simulated)
+        for first, stop in zip(self.data.first[:-1], self.data.first[1:], strict=True):
+            if stop - first > 1:
+                rates[first:stop] = np.gradient(simulated[first:stop], self.data.times[first:stop], axis=0)
+        return rates
+
     def rollouts(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
         """Simulate runs of rows.
 

@@ -300,6 +300,38 @@ def clock(mechanism: Mechanism, parameters: Sequence[Estimate]) -> list[str]:
     ]
 
 
+def stamps(error: float) -> list[str]:
+    """Report that the time stamps scatter.
+
+    Args:
+        error: Standard deviation of the stamps as the residuals show it [s].
+
+    Returns:
+        Sentences; none where the stamps are exact.
+    """
+    if error == 0:
+        return []
+    return [
+        f"The time stamps are off by about {1e3 * error:.2g} ms from picture to picture: the residuals grow "
+        "with the rate of the motion. The intervals take that into account."
+    ]
+
+
+def other_rate(scale: float, rate: float, given: Sequence[str]) -> str:
+    """Return the sentence on gravity and given lengths that contradict the time stamps.
+
+    Args:
+        scale: Seconds per stamped second with which the motion fits.
+        rate: Samples a second that this makes [Hz].
+        given: Names of the lengths that are given.
+    """
+    return (
+        f"Gravity and {listed(given)}, as given, contradict the time stamps; the motion fits at {rate:.3g} "
+        f"samples a second (time_scale {scale:.3g}). Give the true rate (--rate for a clip, --free "
+        "time_scale for a table), or correct the length."
+    )
+
+
 def outliers(samples: int, count: int, frames: Sequence[int]) -> list[str]:
     """Report how many samples were left out as gross errors.
 

@@ -97,12 +97,13 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
 
 
 def _noise(problem: Problem, optimum: Optimum) -> NoiseFactors:
-    return noise_factors(problem.data, problem.differences(optimum.trial), _fitted(problem, optimum))
+    difference, rates = problem.differences(optimum.trial), problem.rates(optimum.trial)
+    return noise_factors(problem.data, difference, _fitted(problem, optimum), rates)
 
 
 def _weighted(problem: Problem, noise: NoiseFactors) -> Problem:
     """Return the problem weighted with the noise as found."""
-    return problem.with_data(problem.data.scaled(noise.both))
+    return problem.with_data(noise.weighted(problem.data))
 
 
 def _fitted(problem: Problem, optimum: Optimum) -> int:

@@ -54,7 +54,7 @@ def summarize(
     found = refine(problem, optimum, settings)
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
     status, ok = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
-    fit = replace(fit, status=status, ok=ok)
+    fit = replace(fit, status=status, ok=ok, stamp_error=found.noise.stamps)
     accuracy = advice.integration(found.substeps, found.error, settings.error_bound)
     sentences = (*solution.advice, *accuracy, *_advice(found, fit, records))
     return replace(fit, advice=(*sentences, *advice.search_end(found.optimum.converged, solution.tried)))
@@ -195,6 +195,7 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
         level=not all(record.metric for record in records),
     )
     sentences = advice.misfit(mechanism, fit.rms, found.noise, lacking)
+    sentences += advice.stamps(found.noise.stamps)
     sentences += advice.limits(mechanism, problem.simulated(optimum.trial))
     sentences += advice.contradictions(problem.prior.negative)
     if fit.ok:

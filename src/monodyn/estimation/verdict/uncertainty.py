@@ -15,9 +15,12 @@ import numpy as np
 from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
+from monodyn.estimation.verdict.stamps import stamp_error
 
 BLIND = 1e-6
 """Singular values below this share of the largest count as zero; derivatives are exact to about 1e-8."""
+HALVINGS = 40
+"""Steps of the bisection for a factor of the noise."""
 LOADED = 1e-3
 """A parameter that moves by less than this share along an unfixed direction is not touched by it."""
 
@@ -167,18 +170,28 @@ class NoiseFactors(NamedTuple):
         size: Size of the residuals against the stated noise, (dof,).
         correlation: Root of the factor by which autocorrelation reduces the number of samples, at least 1,
             (dof,).
+        stamps: Standard deviation of the time stamps [s].
+        shift: What an error of the stamps of that size moves, ``stamps`` times the rates, (row, dof); empty
+            where the stamps are exact.
     """
 
     size: np.ndarray
     correlation: np.ndarray
+    stamps: float = 0.0
+    shift: np.ndarray = np.zeros((0, 0))
 
-    @property
-    def both(self) -> np.ndarray:
-        """What the stated standard deviations are multiplied by for honest intervals, (dof,)."""
-        return self.size * self.correlation
+    def weighted(self, data: Data) -> Data:
+        """Return data with the noise as found, for honest intervals.
+
+        Args:
+            data: The data, with its stated noise.
+        """
+        return data.scaled(self.size, self.shift).scaled(self.correlation)
 
 
-def noise_factors(data: Data, difference: np.ndarray, unknowns: int) -> NoiseFactors:
+def noise_factors(
+    data: Data, difference: np.ndarray, unknowns: int, rates: np.ndarray | None = None
+) -> NoiseFactors:
     """Compare the residuals with the stated noise, joint by joint.
 
     Each residual is compared with its own stated deviation, sqrt(C_jj), because the factor scales that; a
@@ -191,9 +204,11 @@ def noise_factors(data: Data, difference: np.ndarray, unknowns: int) -> NoiseFac
         data: The data, with its stated noise.
         difference: Measured less simulated positions in the record's units, NaN in gaps, (row, dof).
         unknowns: Number of unknowns that were fitted, start states included.
+        rates: Simulated rates in the record's units by stamped second, (row, dof), from which an error of the
+            time stamps is told apart; None takes the stamps to be exact.
 
     Returns:
-        Both factors.
+        Both factors, and the error of the stamps.
 
     Source:
         Bayley and Hammersley, The effective number of independent observations in an autocorrelated time
@@ -201,15 +216,39 @@ def noise_factors(data: Data, difference: np.ndarray, unknowns: int) -> NoiseFac
     """
     dofs = data.position.shape[1]
     size, correlation = np.ones(dofs), np.ones(dofs)
-    residuals = np.where(data.measured, difference / data.std, 0.0)
+    stamps = 0.0 if rates is None else stamp_error(data, difference, rates)
+    shift = stamps * rates if rates is not None and stamps > 0 else np.zeros((0, 0))
+    moved = shift**2 if len(shift) else np.zeros_like(difference)
     # a fit of as many unknowns as samples leaves nothing over; a tenth of them is left at least
     share = 1.0 - min(unknowns / max(data.samples, 1), 0.9)
     for dof in range(dofs):
         use = data.measured[:, dof]
         if use.any():
-            size[dof] = np.sqrt(np.mean(residuals[use, dof] ** 2) / share)
-            correlation[dof] = np.sqrt(_autocorrelation(data, residuals[:, dof], use))
-    return NoiseFactors(np.maximum(size, 1e-6), correlation)
+            stated, squares = data.std[use, dof] ** 2, difference[use, dof] ** 2
+            size[dof] = max(_size(squares, stated, moved[use, dof], share), 1e-6)
+            whole = size[dof] ** 2 * np.where(use, data.std[:, dof], 1.0) ** 2 + moved[:, dof]
+            residuals = np.where(use, difference[:, dof] / np.sqrt(whole), 0.0)
+            correlation[dof] = np.sqrt(_autocorrelation(data, residuals, use))
+    return NoiseFactors(size, correlation, stamps, shift)
+
+
+def _size(squares: np.ndarray, stated: np.ndarray, moved: np.ndarray, share: float) -> float:
+    """Return the factor of the stated noise that is most likely where the stamps move the joints too.
+
+    Seen from the likelihood a row counts by its share of the stated noise, so that rows which the stamps move
+    far hardly do.
+    """
+    size = float(np.sqrt(np.mean(squares / stated) / share))
+    if not np.any(moved > 0):
+        return size
+    low, high = 1e-6, max(size, 1e-6)
+    # the likelihood falls beyond the factor, which would be largest if the stamps moved nothing
+    for _ in range(HALVINGS):
+        middle = float(np.sqrt(low * high))
+        whole = middle**2 * stated + moved
+        above = np.mean((squares / share - whole) * stated / whole**2) > 0
+        low, high = (middle, high) if above else (low, middle)
+    return high
 
 
 def _autocorrelation(data: Data, values: np.ndarray, use: np.ndarray) -> float:
