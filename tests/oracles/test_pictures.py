@@ -30,7 +30,7 @@ from monodyn.vision.drawing.silhouette import (
 )
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.coverage import coverage_of
-from monodyn.vision.foreground.median import NEAR, masked_median
+from monodyn.vision.foreground.median import FARTHEST, NEAR, NEAREST, QUARTILE, masked_median
 from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette
 from pictures import CAMERA, drawn_mask, trusted
 
@@ -186,10 +186,16 @@ def test_pose_mismatch_of_all_geoms_and_of_the_first_alone(name: str) -> None:
 def slow_median(samples: np.ndarray) -> tuple[float, float]:
     """Median within the middle level by its share of the counts, and noise of the samples near it."""
     ordered = np.sort(samples.astype(float))
-    middle = next(v for v in ordered if np.sum(ordered <= v) >= 0.5 * len(ordered))
-    below, at = np.sum(ordered < middle), np.sum(ordered == middle)
-    centre = middle - 0.5 + (0.5 * len(ordered) - below) / at
-    near = ordered[np.abs(ordered - centre) <= NEAR]
+
+    def level(share: float) -> float:
+        wanted = share * len(ordered)
+        middle = next(v for v in ordered if np.sum(ordered <= v) >= wanted)
+        below, at = np.sum(ordered < middle), np.sum(ordered == middle)
+        return float(middle - 0.5 + (wanted - below) / at)
+
+    centre = level(0.5)
+    reach = NEAR / QUARTILE * min(level(0.75) - centre, centre - level(0.25))
+    near = ordered[np.abs(ordered - centre) <= np.clip(reach, NEAREST, FARTHEST)]
     return centre, float(np.sqrt(np.mean((near - centre) ** 2))) if len(near) else 0.0
 
 
@@ -220,7 +226,7 @@ def test_coverage_is_the_projection_of_each_pixel_on_each_colour(grey_only: bool
     colours = np.array([[30.0, 100.0, 160.0], [220.0, 128.0, 90.0]])
     scale = rng.uniform(0.001, 0.01, (2, *size)).astype(np.float32)
     trust = np.ones((2, *size), np.float32)
-    palette = Palette(colours, scale, grey_only, trust, False, None, None)
+    palette = Palette(colours, scale, grey_only, trust)
     background = Background(back, behind, 1.0, np.ones(size, bool), window)
     found = coverage_of(Frame(0, 0.0, luma, chroma), background, palette)
     for k, (grey, blue, red) in enumerate(colours):

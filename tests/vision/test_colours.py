@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
@@ -77,3 +79,15 @@ def test_noise_does_not_choose_the_colour_of_a_thin_geom() -> None:
 
 def test_frames_in_which_the_mechanism_is_not_found_do_not_count() -> None:
     assert geom_colours(painted(60, 230), BACKGROUND, GUESS, np.zeros(3, bool)) is None
+
+
+def test_a_geom_before_its_own_colour_is_camouflaged() -> None:
+    found = geom_colours(painted(60, 230), BACKGROUND, GUESS, np.ones(3, bool))
+    assert found is not None
+    assert not found.camouflaged
+    behind = BACKGROUND.luma.copy()
+    behind[:, : SIZE[1] // 2] = 60.0
+    half = replace(BACKGROUND, luma=behind)
+    found = geom_colours(painted(60, 230), half, GUESS, np.ones(3, bool))
+    assert found is not None
+    assert found.camouflaged

@@ -99,3 +99,24 @@ def test_a_pose_that_cannot_be_drawn_has_no_samples() -> None:
 def test_the_robust_weight_falls_to_a_quarter() -> None:
     assert robust_weight(0.0, 2.0) == 1.0
     assert robust_weight(2.0, 2.0) == pytest.approx(0.25)
+
+
+def test_where_a_geom_looks_like_the_background_its_border_is_an_edge() -> None:
+    """The geom's own plane is not trusted; a thin line along one of its long edges is all that differs."""
+    mechanism = load("single")
+    q = np.array([-0.5])
+    whole = drawn_mask(mechanism, CAMERA, q, 0.01)[0]
+    # what is left of the mask where it does not overlap with itself, moved by two pixels
+    line = np.where(np.roll(whole, -2, axis=0) > 0, 0, whole)
+    planes = np.stack([np.zeros_like(line), line])
+    plain = trusted(mechanism)
+    trust = np.concatenate([0.0 * plain.trust, plain.trust])
+    rig = rig_of(mechanism, CAMERA)
+    shown = plain._replace(trust=trust, border=1)
+    normal, right, found = edge_terms(planes, shown, rig, no_shifts(rig), q, 4.0, 2.0)
+    assert found.samples > 10
+    assert found.matched > 0.9
+    assert abs(float(np.linalg.solve(normal, right)[0])) < 0.01
+    hidden = plain._replace(trust=trust)
+    assert edge_terms(planes, hidden, rig, no_shifts(rig), q, 4.0, 2.0).agreement.samples == 0
+    assert shown.least.max() == 0.0

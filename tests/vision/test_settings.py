@@ -31,10 +31,8 @@ def test_methods(kind: type, name: str, known: str) -> None:
 def test_segment_settings() -> None:
     with refuses(SettingsError, "segment.colour: expected one of 'auto', 'grey', 'colour', got 'sepia'."):
         SegmentSettings(colour="sepia")
-    with refuses(
-        SettingsError, "segment.contrast: expected more than 0 and at most 255 grey levels, got 0.0."
-    ):
-        SegmentSettings(contrast=0.0)
+    with refuses(SettingsError, "segment.contrast: expected 0 to 255 grey levels, got -1.0."):
+        SegmentSettings(contrast=-1.0)
 
 
 def test_locate_settings() -> None:

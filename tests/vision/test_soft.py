@@ -20,7 +20,7 @@ def test_a_still_clip_is_refused(make_clip: ClipMaker) -> None:
     with refuses(
         VideoError,
         "the clip: expected a mechanism that moves, got a still picture; nothing differs from the background "
-        "by more than 14 grey levels (--segment.contrast lowers that).",
+        "by more than 2.5 grey levels.",
     ):
         segment(video)
 

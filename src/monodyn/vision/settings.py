@@ -25,20 +25,20 @@ class SegmentSettings:
         method: ``fast``: each pixel's coverage from its background and the mechanism's colours.
         colour: ``auto`` uses the colour channels only where grey alone does not distinguish the mechanism
             from the background (colour has half the resolution); ``grey`` and ``colour`` force it.
-        contrast: Least difference between mechanism and background that counts as seen [grey levels].
+        contrast: Least difference from the background by which a pixel counts as changed when the
+            mechanism's colours are looked for [grey levels]; 0 takes it from the clip: a third of what stands
+            out most, above the noise.
     """
 
     method: SegmentMethod | None = None
     colour: Colour = "auto"
-    contrast: float = 14.0
+    contrast: float = 0.0
 
     def __post_init__(self) -> None:
         check_choice("segment.method", self.method, (*SEGMENT_METHOD_NAMES, None))
         check_choice("segment.colour", self.colour, get_args(Colour))
-        if not 0 < self.contrast <= 255:
-            raise SettingsError(
-                f"segment.contrast: expected more than 0 and at most 255 grey levels, got {self.contrast}."
-            )
+        if not 0 <= self.contrast <= 255:
+            raise SettingsError(f"segment.contrast: expected 0 to 255 grey levels, got {self.contrast}.")
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from monodyn.vision.drawing.normals import (
     AT_X,
     AT_Y,
     AWAY,
+    BORDER,
     FROM,
     GEOM,
     INNER,
@@ -221,6 +222,8 @@ def edge_kernel(
 @njit(cache=True, inline="always")
 def _level_inside(planes: np.ndarray, view: View, sample: np.ndarray) -> float:
     """Return the coverage just inside of a sample (column,), as a share of what counts as whole there."""
+    if sample[BORDER] > 0.0:  # that the rest of the geom does not show is why it was looked for
+        return 1.0
     deep = min(INSIDE_PX, sample[INNER])
     ix = int(sample[AT_X] - deep * sample[NORMAL_X] + 0.5)
     iy = int(sample[AT_Y] - deep * sample[NORMAL_Y] + 0.5)

@@ -21,30 +21,40 @@ from monodyn.vision.foreground.masks import View
 
 CORNER_PX = 2.5
 """Outline within this distance of a sharp corner is left out: blur rounds corners."""
+LEAST_EDGE_PX = 3.0
+"""Length of an edge between two sharp corners from which blur leaves its middle in place [px]."""
 SHARP = math.cos(math.radians(35.0))
 """Edges that turn by more than 35 degrees meet in a corner."""
 STEP_PX = 0.5
 """Distance of the picture samples along a normal [px]."""
 FLAT_PX = 3.0
-"""Search length inwards from which the coverage levels off; an edge is taken against its own level there."""
+"""Search length inwards from which the coverage levels off; an edge is taken against its own level
+there."""
 LEAST_LEVEL = 0.35
-"""Coverage inside of an edge below which the edge is looked for against full coverage: it is not where it was
-expected."""
+"""Coverage inside of an edge below which the edge is looked for against full coverage: it is not where it
+was expected."""
 TRUSTED = 0.09
 """Least trust of the picture along a normal."""
+OVERFULL = 1.3
+"""Coverage of a border (a side that is darker than the front), over that of the rest, from which the edge
+is taken against the border's own level."""
+BLURRED_PX2 = 0.5
+"""Squared distance from the middle of a thin line at which blur halves it: sqrt(2 ln 2) standard deviations
+of 0.6 px [px^2]."""
 COVERED_PX = 0.75
 """A place this close to another outline, or inside of it, is taken as covered by it [px]."""
 
 FROM, TO = range(2)
 """Columns of a sample's edge: the outline points between which it lies."""
-SHARE, NORMAL_X, NORMAL_Y, AWAY, WEIGHT, INNER, AT_X, AT_Y, GEOM, REASON = range(10)
-"""Columns of a sample: share of the second point of its edge; outward normal; displacement t* of the edge of
-the mask [px]; weight; length of the search inwards [px]; its place [px]; its geom; why it is left out."""
-SAMPLE_COLUMNS = REASON + 1
+SHARE, NORMAL_X, NORMAL_Y, AWAY, WEIGHT, INNER, AT_X, AT_Y, GEOM, REASON, BORDER = range(11)
+"""Columns of a sample: share of the second point of its edge; outward normal; displacement t* of the edge
+of the mask [px]; weight; length of the search inwards [px]; its place [px]; its geom; why it is left out; 1
+where only a border of the geom shows, else 0."""
+SAMPLE_COLUMNS = BORDER + 1
 """Number of these columns."""
 USED, OUTSIDE, HIDDEN, FAINT = range(4)
-"""Why a sample is left out: it is not; its normal leaves the picture; another geom covers it; the background
-cannot be distinguished from the mechanism."""
+"""Why a sample is left out: it is not; its normal leaves the picture; another geom covers it; the
+background cannot be distinguished from the mechanism."""
 
 
 class _Normal(NamedTuple):
@@ -107,6 +117,9 @@ def _geom_samples(
     reach, spacing = search
     a, size = first[g], first[g + 1] - first[g]
     coverage, known, shaded = planes[view.part[g]], view.trust[view.part[g]], view.shaded[g]
+    # without a plane of any difference the geom's own stands in for it, and shows nothing that it did not
+    border = view.part[g] if view.border < 0 else view.border
+    borders, borders_known = planes[border], view.trust[border]
     # ``rest`` carries the spacing over the soft corners of a ring, whose edges are shorter than it
     rest = 0.5 * spacing
     for i in range(size):
@@ -117,20 +130,24 @@ def _geom_samples(
         if length < 1e-9:
             continue
         ex, ey = ex / length, ey / length
+        # an edge too short for two such margins, the end of a thin rod, keeps its middle
+        margin = min(CORNER_PX, 0.5 * length - 1e-6) if length > LEAST_EDGE_PX else CORNER_PX
         start, stop = rest, length
         # Blur rounds a sharp corner, so that the mask's edge lies inside of the outline there: the
         # samples keep away from it, and between two such corners they are centred on the edge.
         if _turn(px, before, p, ex, ey) < SHARP:
-            start = max(CORNER_PX, 0.5 * (length - spacing * math.floor((length - 2 * CORNER_PX) / spacing)))
+            start = max(margin, 0.5 * (length - spacing * math.floor((length - 2 * margin) / spacing)))
         if _turn(px, q, after, ex, ey) < SHARP:
-            stop = length - CORNER_PX
+            stop = length - margin
         along = start
         while along <= stop:
             if count >= samples.shape[0]:
                 return count
             # the hull turns so that (ey, -ex) points outwards
             at = _Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
-            reason = _find_edge(coverage, known, shaded, px, hull, first, g, at, reach, samples[count])
+            reason = _find_edge(
+                coverage, known, borders, borders_known, shaded, px, hull, first, g, at, reach, samples[count]
+            )
             if reason == USED or left_out:
                 samples[count, REASON] = reason
                 ends[count, FROM], ends[count, TO] = p, q
@@ -152,6 +169,8 @@ def _turn(px: np.ndarray, p: int, q: int, ex: float, ey: float) -> float:
 def _find_edge(
     coverage: np.ndarray,
     known: np.ndarray,
+    borders: np.ndarray,
+    borders_known: np.ndarray,
     shaded: bool,
     px: np.ndarray,
     hull: np.ndarray,
@@ -161,8 +180,9 @@ def _find_edge(
     reach: float,
     sample: np.ndarray,
 ) -> int:
-    """Search one normal of geom ``own`` in its plane and that plane's trust, and fill ``sample`` (10,) but
-    for its share and reason; return the reason why the edge cannot be judged, ``USED`` where it can.
+    """Search one normal of geom ``own`` in its plane and that plane's trust, or, where that is not trusted,
+    in the plane of any difference, and fill ``sample`` (11,) but for its share and reason; return the
+    reason why the edge cannot be judged, ``USED`` where it can.
 
     It runs for every sample, and takes plain arrays: reading them out of tuples costs a tenth of the search.
     """
@@ -179,14 +199,23 @@ def _find_edge(
     if _is_covered(px, hull, first, own, at, reach):
         return HIDDEN
     weight = _least_trust(known, at, inner, reach)
+    border = weight < TRUSTED
+    if border:
+        coverage, weight = borders, _least_trust(borders_known, at, inner, reach)
     if weight < TRUSTED:
         return FAINT
     steps = max(2, math.ceil((inner + reach) / STEP_PX))
     step = (inner + reach) / steps
     total, deep, level = 0.0, 0, 0.0
-    for k in range(steps + 1):
+    most, envelope, peak, within = 0.0, 0.0, reach, 0.0
+    for k in range(steps, -1, -1):
         t = -inner + k * step
-        c = min(_bilinear(coverage, x + t * nx, y + t * ny), FULL)
+        c = _bilinear(coverage, x + t * nx, y + t * ny)
+        if c > most:
+            most, peak = c, t
+        envelope += 0.5 * most if k == 0 or k == steps else most
+        within = c if k == 0 else within
+        c = min(c, FULL)
         if t < -0.6 * inner:
             deep += 1
             level += c
@@ -195,7 +224,18 @@ def _find_edge(
     # shade lower the level of a geom, and against full coverage its edge would seem to lie too far inside.
     flat = shaded and inner >= FLAT_PX and level > LEAST_LEVEL * FULL * deep
     level = level / deep if flat else FULL
-    sample[AWAY] = total * step / level - inner
+    away = total * step / level - inner
+    # Where the geom looks like the background, that nothing shows says nothing; a border that shows is an
+    # edge.
+    if border and most < 0.5 * FULL:
+        return FAINT
+    if border or most > OVERFULL * max(within, FULL):
+        # A side that stands out more than the front is narrow, and blur widens it. Half of its own level is
+        # reached at ``half`` from its peak, and the edge lies nearer by what the blur has added.
+        half = envelope * step / most - inner - peak
+        away = peak + math.sqrt(max(half * half - BLURRED_PX2, 0.0))
+    sample[BORDER] = border
+    sample[AWAY] = away
     sample[WEIGHT] = weight * weight
     sample[INNER] = inner
     return USED

@@ -19,6 +19,12 @@ from monodyn.vision.clip.video import Video
 
 SAMPLE_BYTES = 96_000_000
 """Most memory that the samples of a clip may take."""
+CHANGED_NOISE = 5.0
+"""A pixel has changed only if it differs by more than this many standard deviations of its own noise."""
+SHOWN_NOISE = 4.0
+"""Contrast over the noise of a pixel from which it shows whether it is covered."""
+LEAST_NOISE = 0.5
+"""Least standard deviation of a pixel: what rounding makes of no noise at all [grey levels]."""
 SAMPLES = 72
 """Frames from which the background is taken."""
 STILL_GREY = 8.0
@@ -49,10 +55,12 @@ class Background:
         luma: Grey level of each pixel, float32 (height, width).
         chroma: Blue and red difference, each float32 (row, column) at the size of the clip's chroma planes,
             or None for a grey clip.
-        noise: Standard deviation of a pixel's grey level over time [grey levels].
+        noise: Standard deviation of a typical pixel's grey level over time [grey levels].
         known: False where too few samples show the pixel uncovered, bool (height, width).
         window: Part of the picture in which anything moves.
         given: True when it is a picture that the user gave, and not taken from the clip.
+        deviation: Standard deviation of each pixel's grey level over time [grey levels], float32 (height,
+            width); None where only the typical one is known.
     """
 
     luma: np.ndarray
@@ -61,6 +69,12 @@ class Background:
     known: np.ndarray
     window: Window
     given: bool = False
+    deviation: np.ndarray | None = None
+
+    @property
+    def pixel_noise(self) -> np.ndarray:
+        """Standard deviation of each pixel over time, (height, width) or (1, 1) [grey levels]."""
+        return np.full((1, 1), self.noise, np.float32) if self.deviation is None else self.deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +170,8 @@ def background_of(
     hidden = np.zeros((0, 0, 0), dtype=np.bool_) if covered is None else np.stack(covered)
     grey, deviation, count = masked_median(luma, hidden)
     known = count >= max(2, len(frames) // 24)
-    # the typical pixel's; half a grey level at least, which rounding makes of no noise at all
-    noise = max(0.5, float(np.median(deviation)))
+    deviation = _smooth_deviation(deviation)
+    noise = float(np.median(deviation))
     chroma = None
     if all(frame.chroma is not None for frame in frames):
         planes = []
@@ -177,7 +191,18 @@ def background_of(
                 np.where(known_small, new, old) for new, old in zip(chroma, fallback.chroma, strict=True)
             )
             chroma = (blue, red)
-    return Background(grey, chroma, noise, known, samples.window)
+    return Background(grey, chroma, noise, known, samples.window, deviation=deviation)
+
+
+def _smooth_deviation(deviation: np.ndarray) -> np.ndarray:
+    """Return the deviation of each pixel, averaged with its neighbours' [grey levels], (height, width).
+
+    A few samples determine a single pixel's noise within a tenth only, and where the background has an edge
+    that shakes, the pixels next to it will change too.
+    """
+    import cv2
+
+    return np.sqrt(np.maximum(cv2.blur(deviation**2, (5, 5)), LEAST_NOISE**2))
 
 
 def _thumbnail(frame: Frame) -> np.ndarray:

@@ -10,10 +10,14 @@ from numba import njit
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette
+from monodyn.vision.foreground.shadow import unshadowed
 
-ANY_CONTRAST = 30.0
-"""Difference from the background, beyond the noise, that counts in full where the colours vary [grey
-levels]."""
+ANY_CONTRAST = 2.0
+"""Difference from the background, beyond the noise, that counts in full where the colours vary [least
+contrasts]."""
+ANY_NOISE = 4.0
+"""Standard deviations of a pixel that do not count there: this plane has no colour by which noise would
+average out."""
 
 CLOSING = 0.004
 """Gaps up to twice this share of the picture's longer side are closed where the colours vary."""
@@ -59,9 +63,13 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
         chroma = _chroma_part(frame.chroma, background.chroma, colours, frame.luma.shape, background.window)
     projection = _Projection(background.luma, colours, palette.scale, background.window)
     _project(frame.luma, chroma, projection, planes)
-    if palette.varied:
-        other = _closed(np.maximum(planes.max(axis=0), _any_difference(frame, background, palette)))
+    if palette.any_difference:
+        other = _any_difference(frame, background, palette)
+        if palette.varied:
+            other = _closed(np.maximum(planes.max(axis=0), other))
         planes = np.concatenate([planes, other[np.newaxis]])
+    if palette.shadow is not None:
+        unshadowed(frame, background, palette.shadow, palette.colours, planes)
     return planes
 
 
@@ -84,9 +92,9 @@ def _any_difference(frame: Frame, background: Background, palette: Palette) -> n
         blue, red = (plane - back for plane, back in zip(frame.chroma, background.chroma, strict=True))
         small = blue**2 + red**2
         squares = squares + CHROMA_WEIGHT * cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
-    # noise makes a difference everywhere, and this plane has no colour by which it would average out
-    beyond = np.sqrt(squares) - max(6.0, 4.0 * background.noise)
-    share = np.clip(beyond * (FULL / ANY_CONTRAST), 0.0, FULL).astype(np.uint8)
+    beyond = np.sqrt(squares) - np.maximum(0.4 * palette.contrast, ANY_NOISE * background.pixel_noise)
+    full, most = (ANY_CONTRAST, FULL) if palette.varied else (2 * ANY_CONTRAST, 255)
+    share = np.clip(beyond * (FULL / (full * palette.contrast)), 0.0, most).astype(np.uint8)
     top, bottom, left, right = background.window
     out = np.zeros_like(share)
     out[top:bottom, left:right] = share[top:bottom, left:right]

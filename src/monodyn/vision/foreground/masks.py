@@ -31,11 +31,23 @@ class View(NamedTuple):
             float32 (plane, height, width).
         part: Plane of each geom, int64 (geom,); ``LEFT_OUT`` for one at which no edge is looked for.
         shaded: True for geoms whose edges are taken against their own level, bool (geom,).
+        border: Plane of any difference, in which edges are looked for where a geom's own plane is not
+            trusted; -1 for none.
     """
 
     trust: np.ndarray
     part: np.ndarray
     shaded: np.ndarray
+    border: int = -1
+
+    @property
+    def least(self) -> np.ndarray:
+        """Trust in the least distinct plane of a colour, float32 (height, width)."""
+        return (
+            np.delete(self.trust, self.border, axis=0).min(axis=0)
+            if self.border >= 0
+            else self.trust.min(axis=0)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +58,14 @@ class GeomColours:
         colours: Grey level, blue and red difference of each colour, (colour, 3).
         part: Colour of each geom, int64 (geom,); ``VARIED`` for one without a single colour.
         shaded: True for geoms that show it at many levels, bool (geom,).
+        camouflaged: True where a geom often has the colour of what is behind it, so that at most its
+            borders show.
     """
 
     colours: np.ndarray
     part: np.ndarray
     shaded: np.ndarray
+    camouflaged: bool = False
 
 
 class Masks(Protocol):

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-NEAR = 12.0
-"""Samples within this many grey levels of the median count as noise; others show something else."""
+NEAR = 4.0
+"""Samples within this many standard deviations of the median count as noise; others show something else."""
+QUARTILE = 0.6745
+"""Distance of a quartile of a normal distribution from its median over its standard deviation."""
+NEAREST, FARTHEST = 2.0, 12.0
+"""Grey levels within which a sample always counts as noise (a codec repeats pictures and then corrects them),
+and beyond which it never does."""
 
 
 @njit(cache=True)
@@ -15,7 +20,8 @@ def masked_median(stack: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np
 
     Within the middle grey level the median is interpolated by its share of the counts, which takes the
     steps of 8-bit values out of slow shading. The noise is the root mean square of the samples within
-    ``NEAR`` of the median.
+    ``NEAR`` deviations of the median, as the nearer quartile states them: what passes before a pixel lies on
+    one side of it, and does not count, however little it differs.
 
     Args:
         stack: Grey levels, uint8 (frame, height, width).
@@ -52,31 +58,35 @@ def masked_median(stack: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np
                     value = row[x, k]
                     levels[value] += 1
                     low, high = min(low, value), max(high, value)
-            centre = _middle(levels, low, n if n > 0 else frames)
+            total = n if n > 0 else frames
+            centre = _level_below(levels, low, 0.5 * total)
+            above = _level_below(levels, low, 0.75 * total) - centre
+            below = centre - _level_below(levels, low, 0.25 * total)
+            near = min(max(NEAR / QUARTILE * min(above, below), NEAREST), FARTHEST)
             median[y, x] = centre
-            noise[y, x] = _noise_about(centre, levels, low, high)
+            noise[y, x] = _noise_about(centre, near, levels, low, high)
             count[y, x] = n
     return median, noise, count
 
 
 @njit(cache=True, inline="always")
-def _middle(levels: np.ndarray, low: int, total: int) -> float:
-    """Return the level at which half of the counted samples are reached, interpolated."""
-    below, middle = 0, low
-    while below + levels[middle] < 0.5 * total:
-        below += levels[middle]
-        middle += 1
-    return middle - 0.5 + (0.5 * total - below) / levels[middle]
+def _level_below(levels: np.ndarray, low: int, wanted: float) -> float:
+    """Return the level below which the wanted number of samples lie, interpolated."""
+    below, level = 0, low
+    while below + levels[level] < wanted:
+        below += levels[level]
+        level += 1
+    return level - 0.5 + (wanted - below) / levels[level]
 
 
 @njit(cache=True, inline="always")
-def _noise_about(centre: float, levels: np.ndarray, low: int, high: int) -> float:
+def _noise_about(centre: float, near: float, levels: np.ndarray, low: int, high: int) -> float:
     """Return the root mean square of the counted samples near the centre, and clear the counts (256,)."""
-    squares, near = 0.0, 0
+    squares, count = 0.0, 0
     # only the levels between the least and the largest are in use
     for value in range(low, high + 1):
-        if abs(value - centre) <= NEAR:
+        if abs(value - centre) <= near:
             squares += levels[value] * (value - centre) ** 2
-            near += levels[value]
+            count += levels[value]
         levels[value] = 0
-    return np.sqrt(squares / max(near, 1))
+    return np.sqrt(squares / max(count, 1))

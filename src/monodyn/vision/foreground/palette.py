@@ -13,32 +13,40 @@ import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.types import FULL, Frame
-from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.background import SHOWN_NOISE, Background
+from monodyn.vision.foreground.changes import (
+    BEHIND,
+    FRAME,
+    MOST_CONTRAST,
+    SHOWN,
+    apart,
+    full_size,
+    least_contrast,
+    moving_pixels,
+    surroundings,
+)
 from monodyn.vision.foreground.masks import VARIED, GeomColours, View, plain_view
+from monodyn.vision.foreground.shadow import Shadow, find_shadow
 
 CHROMA_WEIGHT = 0.25
 """Weight of a colour difference against a grey difference: a chroma sample covers four pixels."""
-NEAR_COLOUR = 30.0
-"""Pixels within this distance of one of the mechanism's colours look like it [grey levels]."""
-TRUSTED_CONTRAST = 60.0
-"""Contrast from which a pixel has full weight [grey levels]."""
+TRUSTED_NOISE = 60.0
+"""Contrast over the noise of a pixel from which it has full weight: then noise moves an edge less than
+shading does."""
+NEAR_COLOUR = 2.0
+"""Pixels within this distance of one of the mechanism's colours look like it [least contrasts]."""
 VARIED_SHARE = 0.1
 """Share of moving pixels unlike every colour from which the mechanism counts as varied."""
 VARIED_TRUST = 0.1
 """Trust of a pixel that differs from the background but has none of the mechanism's colours."""
 COLOURS = 3
 """Most colours a mechanism may have."""
-MERGED = 45.0
-"""Clusters of moving pixels closer than this are one colour [grey levels]."""
+MERGED = 3.2
+"""Clusters of moving pixels closer than this are one colour [least contrasts]."""
 RARE = 0.12
 """Share of the moving pixels below which a cluster is no colour of the mechanism."""
 LEAST_PIXELS = 50
 """Moving pixels below which nothing moves."""
-
-SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
-"""Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
-PIXEL_COLUMNS = FRAME + 1
-"""Number of these columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,15 +65,19 @@ class Palette:
             plane of the mask counts any difference from the background as foreground too.
         part: Plane of the mask for each geom once its colour has been measured, int64 (geom,), or None.
         shaded: True for geoms that show their colour at many levels, bool (geom,), or None before.
+        contrast: Least difference of a pixel that has changed [grey levels].
+        shadow: The mechanism's shadow, which does not count; None without one.
     """
 
     colours: np.ndarray
     scale: np.ndarray
     grey_only: bool
     trust: np.ndarray
-    varied: bool
-    part: np.ndarray | None
-    shaded: np.ndarray | None
+    varied: bool = False
+    part: np.ndarray | None = None
+    shaded: np.ndarray | None = None
+    contrast: float = MOST_CONTRAST
+    shadow: Shadow | None = None
 
     def view(self, geoms: int) -> View:
         """Return how the planes are to be read; before the colours are measured, one plane for all geoms.
@@ -78,29 +90,28 @@ class Palette:
         """
         if self.part is None or self.shaded is None:
             return plain_view(self.least_trust, geoms)
-        return View(self.trust, self.part, self.shaded)
+        border = len(self.colours) if self.any_difference and not self.varied else -1
+        return View(self.trust, self.part, self.shaded, border)
 
     @property
     def least_trust(self) -> np.ndarray:
         """Trust in the least distinct colour, float32 (height, width)."""
-        return self.trust[-1] if self.varied else self.trust.min(axis=0)
+        return self.trust[-1] if self.varied else self.trust[: len(self.colours)].min(axis=0)
+
+    @property
+    def any_difference(self) -> bool:
+        """True where the mask has a last plane that counts any difference from the background."""
+        return len(self.trust) > len(self.colours)
 
 
-def choose_palette(
-    samples: Sequence[Frame],
-    background: Background,
-    colour: str,
-    contrast: float,
-    measured: GeomColours | None = None,
-) -> Palette:
+def choose_palette(samples: Sequence[Frame], background: Background, colour: str, contrast: float) -> Palette:
     """Find the mechanism's colours among the pixels that differ from the background.
 
     Args:
         samples: Frames of the clip.
         background: Its background.
         colour: ``auto``, ``grey`` or ``colour``.
-        contrast: Least difference that counts as seen [grey levels].
-        measured: Colours measured on the mechanism; else the main colours of the moving pixels are taken.
+        contrast: Least difference of a pixel that has changed [grey levels]; 0 takes it from what moves.
 
     Returns:
         The palette.
@@ -109,23 +120,48 @@ def choose_palette(
         VideoError: No pixel differs from the background: nothing moves.
     """
     grey_only = colour == "grey" or background.chroma is None or any(f.chroma is None for f in samples)
-    pixels = _moving_pixels(samples, background, grey_only, contrast)
+    contrast = contrast or least_contrast(samples, background, grey_only)
+    shadow = find_shadow(samples, background, contrast)
+    pixels = moving_pixels(samples, background, grey_only, contrast, shadow)
     if len(pixels) < LEAST_PIXELS:
         raise VideoError(
             "the clip: expected a mechanism that moves, got a still picture; nothing differs from the "
-            f"background by more than {contrast:g} grey levels (--segment.contrast lowers that)."
+            f"background by more than {contrast:.2g} grey levels."
         )
-    colours = _clusters(pixels, grey_only) if measured is None else measured.colours
+    colours = _clusters(pixels, grey_only, contrast)
     if colour == "auto" and not grey_only:
         grey_only = _grey_suffices(pixels, colours, contrast)
-    if grey_only and measured is None:
-        colours = _clusters(pixels, True)
-    if measured is None:
-        return _palette(colours, background, grey_only, contrast, _is_varied(pixels, colours, grey_only))
-    palette = _palette(colours, background, grey_only, contrast, bool(np.any(measured.part == VARIED)))
+        if grey_only:
+            colours = _clusters(pixels, True, contrast)
+    varied = _is_varied(pixels, colours, grey_only)
+    palette = _palette(colours, background, grey_only, varied)
+    return replace(palette, varied=varied, contrast=contrast, shadow=shadow)
+
+
+def measured_palette(palette: Palette, background: Background, measured: GeomColours) -> Palette:
+    """Return the palette by colours that were measured on the located mechanism.
+
+    Args:
+        palette: The palette without them. The choice between grey and colour has been made from the moving
+            pixels, and stays, as do the least contrast and the shadow.
+        background: The clip's background.
+        measured: The colours.
+
+    Returns:
+        A palette with a plane for each geom.
+    """
+    varied = bool(np.any(measured.part == VARIED))
+    found = _palette(measured.colours, background, palette.grey_only, varied or measured.camouflaged)
     # the plane of any difference comes after those of the colours
-    part = np.where(measured.part == VARIED, len(colours), measured.part)
-    return replace(palette, part=part, shaded=measured.shaded)
+    part = np.where(measured.part == VARIED, len(measured.colours), measured.part)
+    return replace(
+        found,
+        varied=varied,
+        part=part,
+        shaded=measured.shaded,
+        contrast=palette.contrast,
+        shadow=palette.shadow,
+    )
 
 
 def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool:
@@ -154,7 +190,7 @@ def lingering(samples: Sequence[Frame], background: Background, palette: Palette
     Returns:
         For each sample the pixels of such places that look like the mechanism, bool (height, width).
     """
-    around = _surroundings(samples, background)
+    around = surroundings(samples, background, palette.contrast)
     suspect = _looks_like(background.luma, background.chroma, palette, around)
     return [suspect & _looks_like(frame.luma, frame.chroma, palette, around) for frame in samples]
 
@@ -163,87 +199,13 @@ def _looks_like(
     luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None, palette: Palette, around: list[np.ndarray]
 ) -> np.ndarray:
     """Return where a picture is near a colour of the mechanism and nearer to it than to the surroundings."""
-    planes = _full_size(luma, None if palette.grey_only else chroma)
+    planes = full_size(luma, None if palette.grey_only else chroma)
     colours = palette.colours.astype(np.float32)
-    near = np.min([_apart(planes, list(colour)) for colour in colours], axis=0)
-    return (near < NEAR_COLOUR**2) & (near < 0.25 * _apart(planes, around))
+    near = np.min([apart(planes, list(colour)) for colour in colours], axis=0)
+    return (near < (NEAR_COLOUR * palette.contrast) ** 2) & (near < 0.25 * apart(planes, around))
 
 
-def _apart(planes: list[np.ndarray], other: list) -> np.ndarray:
-    """Return the squared distance of colours [grey levels squared]."""
-    return sum((plane - value) ** 2 for plane, value in zip(planes, other, strict=False))  # type: ignore[return-value]
-
-
-def _full_size(luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None) -> list[np.ndarray]:
-    """Return the planes of a picture at full size, float32 (height, width) each."""
-    import cv2
-
-    size = (luma.shape[1], luma.shape[0])
-    small = () if chroma is None else chroma
-    return [luma.astype(np.float32)] + [
-        cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_LINEAR) for plane in small
-    ]
-
-
-def _moving_pixels(
-    samples: Sequence[Frame],
-    background: Background,
-    grey_only: bool,
-    contrast: float,
-) -> np.ndarray:
-    """Gather the colours of inner foreground pixels, those of their backgrounds and the frames' numbers, in
-    the columns named above, (pixel, column)."""
-    import cv2
-
-    rows = []
-    behind = _full_size(background.luma, None if grey_only else background.chroma)
-    inner = np.ones((3, 3), np.uint8)
-    around = _surroundings(samples, background)
-    picks = range(0, len(samples), max(1, len(samples) // 24))
-    for i in picks:
-        frame = samples[i]
-        planes = _full_size(frame.luma, None if grey_only else frame.chroma)
-        moving = _apart(planes, behind) > max(contrast, 5.0 * background.noise) ** 2
-        # Where the first background shows the mechanism itself, what moves is its absence: such a pixel is
-        # more like its surroundings than the background is, and does not count.
-        moving &= _apart(planes, around) > _apart(behind, around)
-        # pixels at an edge are mixed with the background; only a thin mechanism has no others
-        core = cv2.erode(moving.astype(np.uint8), inner) > 0
-        if core.sum() < 20:
-            core = moving
-        y, x = np.nonzero(core)
-        step = max(1, len(y) // 1500)
-        y, x = y[::step], x[::step]
-        columns = [plane[y, x] for plane in planes + behind]
-        if grey_only:
-            blank = np.zeros(len(y))
-            columns = [columns[0], blank, blank, columns[1], blank, blank]
-        rows.append(np.column_stack([*columns, np.full(len(y), i)]))
-    return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, PIXEL_COLUMNS))
-
-
-def _surroundings(samples: Sequence[Frame], background: Background) -> list[np.ndarray]:
-    """Return the background's planes, where anything moves filled from around it, each (height, width)."""
-    import cv2
-
-    stack = np.stack([frame.luma for frame in samples[:: max(1, len(samples) // 24)]])
-    moves = (stack.max(axis=0).astype(np.int16) - stack.min(axis=0)) > max(16.0, 8.0 * background.noise)
-    # A blur in which moving pixels have no weight, normalized by the blurred weights: it fills the places
-    # where anything moves from the still ones around them.
-    still = 1.0 - cv2.dilate(moves.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.float32)
-    size = (still.shape[1] // 8, still.shape[0] // 8)
-    blur = 0.06 * max(size)
-
-    def blurred(plane: np.ndarray) -> np.ndarray:
-        return cv2.GaussianBlur(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), (0, 0), blur)
-
-    weight = np.maximum(blurred(still), 1e-6)
-    full = (still.shape[1], still.shape[0])
-    planes = _full_size(background.luma, background.chroma)
-    return [cv2.resize(blurred(still * p) / weight, full, interpolation=cv2.INTER_LINEAR) for p in planes]
-
-
-def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:
+def _clusters(pixels: np.ndarray, grey_only: bool, contrast: float) -> np.ndarray:
     """Return the main colours (colour, 3) by k-means, near ones merged, rare ones dropped."""
     import cv2
 
@@ -263,7 +225,7 @@ def _clusters(pixels: np.ndarray, grey_only: bool) -> np.ndarray:
     sizes: list[int] = []
     for group in groups:
         centre = np.median(group, axis=0)
-        near = [i for i, other in enumerate(centres) if np.linalg.norm(other - centre) < MERGED]
+        near = [i for i, other in enumerate(centres) if np.linalg.norm(other - centre) < MERGED * contrast]
         if near:
             i = near[0]
             centres[i] = (centres[i] * sizes[i] + centre * len(group)) / (sizes[i] + len(group))
@@ -282,11 +244,9 @@ def _grey_suffices(pixels: np.ndarray, colours: np.ndarray, contrast: float) -> 
     return float(np.mean(grey > 2.5 * contrast)) > 0.9
 
 
-def _palette(
-    colours: np.ndarray, background: Background, grey_only: bool, contrast: float, varied: bool
-) -> Palette:
-    """Compute each pixel's contrast with every colour, zero below the least contrast."""
-    planes = _full_size(background.luma, None if grey_only else background.chroma)
+def _palette(colours: np.ndarray, background: Background, grey_only: bool, any_difference: bool) -> Palette:
+    """Compute each pixel's contrast with every colour, zero where the noise hides it."""
+    planes = full_size(background.luma, None if grey_only else background.chroma)
     weights = [1.0, CHROMA_WEIGHT, CHROMA_WEIGHT]
     strength = np.stack(
         [
@@ -294,13 +254,16 @@ def _palette(
             for colour in colours.astype(np.float32)
         ]
     )
+    noise = background.pixel_noise
     # too little contrast would blow the noise up to full coverage: such a pixel shows nothing
-    seen = strength > contrast**2
+    seen = strength > (SHOWN_NOISE * noise) ** 2
     scale = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
-    trust = np.clip(np.sqrt(np.where(seen, strength, 0.0)) / TRUSTED_CONTRAST, 0.0, 1.0) * background.known
-    if varied:
+    trust = np.clip(np.sqrt(np.where(seen, strength, 0.0)) / (TRUSTED_NOISE * noise), 0.0, 1.0)
+    trust *= background.known
+    if any_difference:
         trust = np.concatenate([trust, VARIED_TRUST * background.known[np.newaxis]])
     shown = colours.copy()
     if grey_only:
         shown[:, 1:] = np.nan
-    return Palette(shown, scale.astype(np.float32), grey_only, trust.astype(np.float32), varied, None, None)
+    trust = trust.astype(np.float32)
+    return Palette(shown, scale.astype(np.float32), grey_only, trust)

@@ -20,7 +20,7 @@ from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
 from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
-from monodyn.vision.foreground.palette import Palette, choose_palette, lingering
+from monodyn.vision.foreground.palette import Palette, choose_palette, lingering, measured_palette
 from monodyn.vision.settings import SegmentSettings
 
 
@@ -93,10 +93,7 @@ class SoftMasks:
         """
         if colours is None:
             return self
-        # the choice between grey and colour has been made from the moving pixels, and stays
-        channels = "grey" if self.palette.grey_only else "colour"
-        frames, contrast = self.samples.frames, self.settings.contrast
-        return replace(self, palette=choose_palette(frames, self.background, channels, contrast, colours))
+        return replace(self, palette=measured_palette(self.palette, self.background, colours))
 
     def refined(self, covered: Sequence[np.ndarray]) -> SoftMasks:
         """Return the masks over a background from which the mechanism is taken out.
@@ -156,6 +153,5 @@ def _given(picture: str | Path, video: Video, samples: Samples) -> Background:
     if frame.chroma is not None and measured.chroma is not None:
         chroma = (frame.chroma[0].astype(np.float32), frame.chroma[1].astype(np.float32))
     known = np.ones(frame.luma.shape, dtype=np.bool_)
-    return Background(
-        frame.luma.astype(np.float32), chroma, measured.noise, known, measured.window, given=True
-    )
+    luma = frame.luma.astype(np.float32)
+    return replace(measured, luma=luma, chroma=chroma, known=known, given=True)

@@ -8,13 +8,14 @@ import numpy as np
 
 from monodyn.types import Frame
 from monodyn.vision.drawing.outline import outline
-from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.background import SHOWN_NOISE, Background
+from monodyn.vision.foreground.changes import BEHIND, SHOWN
 from monodyn.vision.foreground.masks import VARIED, GeomColours
-from monodyn.vision.foreground.palette import BEHIND, SHOWN
 from monodyn.vision.locating.search import SceneGuess
 
-SHARED_COLOUR = 10.0
-"""Geoms whose colours differ by less share one [grey levels]."""
+SHARED_COLOUR, SHARED_SHARE = 10.0, 0.15
+"""Geoms whose colours differ by less share one: grey levels, and share of their contrast with the
+background."""
 MOST_FRAMES = 16
 """Frames in which the colours are measured."""
 INNER_PX = 3.0
@@ -28,10 +29,19 @@ SHADED_PERCENT, SHADED_LEVEL = 15.0, 0.75
 """A geom is shaded if this share of its pixels shows less than this level of its colour."""
 UNLIKE_SHARE = 0.25
 """Share of pixels unlike the median colour from which a geom has no single colour (a shiny rod)."""
+SHOWS_NOISE = 10.0
+"""Contrast over the noise from which a pixel shows whether it has its geom's colour."""
+FAINT_NOISE = 40.0
+"""Contrast over the noise below which a geom is faint."""
+HIDDEN_NOISE = 6.0
+"""Contrast over the noise below which a geom does not stand out from the background."""
+CAMOUFLAGED_SHARE = 0.1
+"""Share of the pixels of a geom that do not stand out from which its borders are looked for too."""
 UNSEEN = -2
 """Stands for the colour of a geom that shows too few pixels to measure it."""
 HALF_WIDTH = 6
-"""Column of a table of pixels, after ``SHOWN`` and ``BEHIND``: the geom's half width in the picture [px]."""
+"""Column of a table of pixels, after ``SHOWN`` and ``BEHIND``: the geom's half width in the picture
+[px]."""
 PIXEL_COLUMNS = HALF_WIDTH + 1
 """Number of columns of that table."""
 
@@ -60,42 +70,56 @@ def geom_colours(
         for g, found in enumerate(_inner_pixels(samples[i], background, outlines)):
             rows[g].append(found)
     pixels = [np.concatenate(own) if own else np.zeros((0, PIXEL_COLUMNS)) for own in rows]
-    part, colours = _joined(pixels)
+    part, colours = _joined(pixels, background.noise)
     if not colours:
         return None
     part[part == UNSEEN] = 0
     shaded = np.array([part[g] != VARIED and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
-    return GeomColours(np.array(colours), part, shaded)
+    hidden = any(
+        part[g] != VARIED and _hidden_share(pixels[g], colours[part[g]], background.noise) > CAMOUFLAGED_SHARE
+        for g in range(geoms)
+    )
+    return GeomColours(np.array(colours), part, shaded, hidden)
 
 
-def _joined(pixels: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+def _hidden_share(pixels: np.ndarray, colour: np.ndarray, noise: float) -> float:
+    """Return the share of a geom's inner pixels behind which the background nearly has its colour."""
+    return float(np.mean(_contrast(pixels, colour) < HIDDEN_NOISE * noise)) if len(pixels) else 0.0
+
+
+def _joined(pixels: list[np.ndarray], noise: float) -> tuple[np.ndarray, list[np.ndarray]]:
     """Return the colour of each geom, (geom,), and the colours, from the inner pixels of the geoms."""
-    medians = [_colour(own) for own in pixels]
+    medians = [_colour(own, noise) for own in pixels]
     colours: list[np.ndarray] = []
     part = np.full(len(pixels), UNSEEN, dtype=np.int64)
     depth = [float(np.median(own[:, HALF_WIDTH])) if len(own) else 0.0 for own in pixels]
     # the widest geom first: its colour is the purest, and a thinner one of nearly that colour takes it over
     for g in np.argsort(depth)[::-1]:
-        if len(pixels[g]) >= LEAST_GEOM_PIXELS and _is_varied(pixels[g]):
+        if len(pixels[g]) >= LEAST_GEOM_PIXELS and _is_varied(pixels[g], noise):
             part[g] = VARIED
         elif np.isfinite(medians[g][0]):
-            near = [k for k, other in enumerate(colours) if _apart(other, medians[g]) < SHARED_COLOUR]
+            alike = min(SHARED_COLOUR, SHARED_SHARE * float(np.median(_contrast(pixels[g], medians[g]))))
+            near = [k for k, other in enumerate(colours) if _apart(other, medians[g]) < alike]
             if not near:
                 colours.append(medians[g])
             part[g] = near[0] if near else len(colours) - 1
     return part, colours
 
 
-def _colour(pixels: np.ndarray) -> np.ndarray:
+def _colour(pixels: np.ndarray, noise: float) -> np.ndarray:
     """Return the median colour of a geom's inner pixels; of a thin one's, some of which are mixed with the
     background, that of the half whose contrasts are most alike."""
     if len(pixels) < LEAST_GEOM_PIXELS:
         return np.full(3, np.nan)
     if float(np.median(pixels[:, HALF_WIDTH])) < THIN_PX:
+        contrast = _contrast(pixels, pixels[:, SHOWN])
+        changed = contrast > SHOWN_NOISE * noise
+        if changed.sum() >= LEAST_GEOM_PIXELS and np.median(contrast[changed]) < FAINT_NOISE * noise:
+            # a faint one's contrasts differ by what is behind it: what shows at all counts alike
+            return np.median(pixels[changed][:, SHOWN], axis=0)
         # Mixing lowers the contrast of some pixels, noise moves that of all of them either way. Most alike
         # are those that show the geom alone; to take those that stand out most would be to choose by their
         # noise, and every width would come out too small.
-        contrast = np.sqrt(np.nansum((pixels[:, SHOWN] - pixels[:, BEHIND]) ** 2, axis=1))
         order = np.argsort(contrast, kind="stable")
         half = (len(order) + 1) // 2
         spread = contrast[order[half - 1 :]] - contrast[order[: len(order) - half + 1]]
@@ -104,17 +128,28 @@ def _colour(pixels: np.ndarray) -> np.ndarray:
     return np.median(pixels[:, SHOWN], axis=0)
 
 
+def _contrast(pixels: np.ndarray, colours: np.ndarray) -> np.ndarray:
+    """Return the distance of colours, (3,) or (pixel, 3), from the background of each pixel [grey levels]."""
+    return np.sqrt(np.nansum((colours - pixels[:, BEHIND]) ** 2, axis=1))
+
+
 def _apart(one: np.ndarray, other: np.ndarray) -> float:
     """Return the distance of two colours [grey levels]; channels that are missing do not count."""
     return float(np.sqrt(np.nansum((one - other) ** 2)))
 
 
-def _is_varied(pixels: np.ndarray) -> bool:
-    """Return whether many pixels of a geom are nearer to the background than to the geom's median colour."""
+def _is_varied(pixels: np.ndarray, noise: float) -> bool:
+    """Return whether many pixels of a geom are nearer to the background than to the geom's median colour.
+
+    Where the background nearly has that colour, noise and shading would decide: such pixels do not count.
+    """
     median = np.median(pixels[:, SHOWN], axis=0)
+    contrast = _contrast(pixels, median)
+    shows = contrast > SHOWS_NOISE * noise
+    if shows.sum() < LEAST_GEOM_PIXELS:
+        return False
     off = np.sqrt(np.nansum((pixels[:, SHOWN] - median) ** 2, axis=1))
-    contrast = np.sqrt(np.nansum((median - pixels[:, BEHIND]) ** 2, axis=1))
-    return float(np.mean(off > 0.5 * contrast)) > UNLIKE_SHARE
+    return float(np.mean(off[shows] > 0.5 * contrast[shows])) > UNLIKE_SHARE
 
 
 def _is_shaded(pixels: np.ndarray, colour: np.ndarray) -> bool:

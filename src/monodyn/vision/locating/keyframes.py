@@ -185,7 +185,7 @@ def no_frames(masks: Masks, view: View) -> KeyFrames:
     """
 
     # until the pose is known, a pixel is worth what it shows of the colour that it shows least
-    least = view.trust[-1] if masks.varied else view.trust.min(axis=0)
+    least = view.trust[-1] if masks.varied else view.least
     window = masks.background.window
     size = max(window.bottom - window.top, window.right - window.left)
     shrink = max(1, round(size / COARSE_PX))

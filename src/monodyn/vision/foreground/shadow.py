@@ -1,0 +1,284 @@
+"""The shadow that a mechanism casts on what is behind it: found in the samples, taken out of the coverage.
+
+A shadow darkens the background and leaves its tint: ``I = r B`` in every channel (of chroma, the distance
+from grey), with a ratio r that does not depend on what is behind. A link of its own colour shows that
+colour over any background. Before a plain wall the two look alike; but a shadow moves along with the
+mechanism at a distance that hardly changes, and is hidden where the mechanism stands before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monodyn.types import FULL, Frame
+from monodyn.vision.foreground.background import CHANGED_NOISE, SHOWN_NOISE, Background
+
+LIT = 0.95
+"""Ratio to the background above which a pixel is no shadow."""
+DEEPEST = 0.15
+"""Ratio to the background below which a pixel is no shadow: some light comes from all around."""
+TINT = 5.0
+"""Distance of a shadow's tint from that of the darkened background, at most [grey levels]."""
+BINS = 50
+"""Bins of the histogram of ratios from 0 to 1."""
+LEAST_SHARE = 0.1
+"""Share of what moves that a shadow has at least, and that is left without it."""
+SPREAD = 0.04
+"""Ratios this far below the mode of a shadow still belong to it."""
+COPY, PLAIN_COPY = 0.6, 0.85
+"""Correlation of what moves with its shadow at a constant offset over all frames, at least: before a wall
+that shows whether the shadow follows it, and before a plain one."""
+TURNED = 0.1
+"""That correlation is better by this, at least, than the one of what moves with itself in other frames."""
+APART = 0.02
+"""Least offset of a shadow, as a share of the picture's longer side."""
+FOLLOWS = 0.6
+"""A shadow's grey levels lie this much nearer to the darkened background, at most, than to one colour."""
+VARIES = 3.0
+"""Typical deviation of the background behind a shadow from which it shows whether the shadow follows it
+[grey levels]."""
+FRAMES = 12
+"""Samples in which a shadow is looked for."""
+WIDE_PX = 360
+"""Longer side of the reduced pictures in which it is looked for [px]; its offset at half of that."""
+GREY = 128.0
+"""Blue and red difference of a pixel without colour."""
+BAND_PX = 3
+"""Width of the border of a shadow in which pixels are judged by the ratio next to them [px]."""
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """What the shadow of a clip looks like.
+
+    Attributes:
+        low: Least ratio to the background.
+        high: Largest ratio to the background that counts.
+    """
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """A reduced sample: ratio to the background, whether it moves, and whether it may be shadow."""
+
+    ratio: np.ndarray
+    behind: np.ndarray
+    moves: np.ndarray
+    darkened: np.ndarray
+
+
+def find_shadow(samples: Sequence[Frame], background: Background, contrast: float) -> Shadow | None:
+    """Look for the shadow of what moves.
+
+    Args:
+        samples: Frames of the clip.
+        background: Its background.
+        contrast: Least difference of a pixel that has changed [grey levels].
+
+    Returns:
+        The shadow, or None where nothing moves like one.
+    """
+    picks = samples[:: max(1, len(samples) // FRAMES)]
+    step = max(2, round(max(background.luma.shape) / WIDE_PX))
+    reduced = [_reduced(frame, background, contrast, step) for frame in picks]
+    total = sum(int(sample.moves.sum()) for sample in reduced)
+    ratios = np.concatenate([sample.ratio[sample.darkened] for sample in reduced])
+    found = []
+    for low, high in _modes(ratios, LEAST_SHARE * total):
+        shadows = [s.darkened & (s.ratio >= low) & (s.ratio < high) for s in reduced]
+        others = [s.moves & ~shadow for s, shadow in zip(reduced, shadows, strict=True)]
+        if sum(int(other.sum()) for other in others) >= LEAST_SHARE * total:
+            unlike = _unlikeness(reduced, others, shadows)
+            if unlike < FOLLOWS:
+                found.append((unlike, low, high))
+    return Shadow(*min(found)[1:]) if found else None
+
+
+def unshadowed(
+    frame: Frame, background: Background, shadow: Shadow, colours: np.ndarray, planes: np.ndarray
+) -> None:
+    """Take a shadow out of the coverage: where there is one, the background is as dark as it is around.
+
+    Args:
+        frame: The picture.
+        background: What it shows without the mechanism.
+        shadow: The shadow of the clip.
+        colours: Colours of the mechanism; NaN for channels that do not count, (colour, 3).
+        planes: Coverage by colour and, as a further plane, by any difference, uint8 (plane, height, width);
+            changed in place.
+    """
+    import cv2
+
+    inside, box = _dark_part(frame, background, shadow)
+    # The edge of a link before a lit wall passes through the ratios of the shadow too, within a pixel or two.
+    core = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    rows, columns = np.flatnonzero(core.any(axis=1)), np.flatnonzero(core.any(axis=0))
+    if not len(rows):
+        return
+    top, left = max(0, rows[0] - BAND_PX), max(0, columns[0] - BAND_PX)
+    cut = (slice(top, rows[-1] + BAND_PX + 1), slice(left, columns[-1] + BAND_PX + 1))
+    core = core[cut].astype(np.float32)
+    luma, behind = frame.luma[box][cut].astype(np.float32), background.luma[box][cut]
+    size = (2 * BAND_PX + 1, 2 * BAND_PX + 1)
+    weight = cv2.blur(core, size)
+    near = np.nonzero(weight > 1e-6)
+    dark = cv2.blur(core * luma / np.maximum(behind, 1.0), size)[near] / weight[near]
+    # within the shadow nothing is covered; next to it the background is as dark as there
+    wall = np.where(core[near] > 0, luma[near], behind[near] * dark)
+    noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[box][cut][near]
+    apart = luma[near] - wall
+    for plane, colour in zip(planes, colours[:, 0], strict=False):
+        step = colour - wall
+        share = np.where(np.abs(step) > SHOWN_NOISE * noise, apart * step / np.maximum(step**2, 1.0), 0.0)
+        plane[box][cut][near] = np.clip(FULL * share + 0.5, 0.0, 255.0).astype(np.uint8)
+    for plane in planes[len(colours) :]:
+        share = np.abs(apart) / np.maximum(np.abs(luma[near] - behind[near]), 1.0)
+        plane[box][cut][near] = (plane[box][cut][near] * np.minimum(share, 1.0)).astype(np.uint8)
+
+
+def in_shadow(frame: Frame, background: Background, shadow: Shadow) -> np.ndarray:
+    """Return where a picture is as dark as in the shadow, bool (height, width).
+
+    Args:
+        frame: The picture.
+        background: What it shows without the mechanism.
+        shadow: The shadow of the clip.
+    """
+    out = np.zeros(frame.luma.shape, dtype=np.bool_)
+    inside, box = _dark_part(frame, background, shadow)
+    out[box] = inside
+    return out
+
+
+def _dark_part(
+    frame: Frame, background: Background, shadow: Shadow
+) -> tuple[np.ndarray, tuple[slice, slice]]:
+    """Return where the moving part of a picture is as dark as in the shadow, and that part."""
+    top, bottom, left, right = background.window
+    small = (slice(0, 0), slice(0, 0))
+    if frame.chroma is not None:
+        # whole chroma samples
+        down, across = (round(a / b) for a, b in zip(frame.luma.shape, frame.chroma[0].shape, strict=True))
+        top, left = top - top % down, left - left % across
+        small = (slice(top // down, -(-bottom // down)), slice(left // across, -(-right // across)))
+        bottom, right = (
+            min(small[0].stop * down, frame.luma.shape[0]),
+            min(small[1].stop * across, frame.luma.shape[1]),
+        )
+    box = (slice(top, bottom), slice(left, right))
+    luma, behind = frame.luma[box], background.luma[box]
+    inside = (luma > shadow.low * behind) & (luma < shadow.high * behind)
+    if frame.chroma is not None and background.chroma is not None:
+        ratio = luma / np.maximum(behind, 1.0)
+        inside &= _keeps_tint([c[small] for c in frame.chroma], [c[small] for c in background.chroma], ratio)
+    return inside, box
+
+
+def _reduced(frame: Frame, background: Background, contrast: float, step: int) -> _Sample:
+    """Return every ``step``-th pixel of a sample, to both sides."""
+    luma, behind = frame.luma[::step, ::step].astype(np.float32), background.luma[::step, ::step]
+    ratio = luma / np.maximum(behind, 1.0)
+    noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[::step, ::step]
+    moves = np.abs(luma - behind) > np.maximum(contrast, CHANGED_NOISE * noise)
+    darkened = moves & (ratio > DEEPEST) & (ratio < LIT)
+    if frame.chroma is not None and background.chroma is not None:
+        darkened &= _keeps_tint(frame.chroma, background.chroma, ratio)
+    return _Sample(ratio, behind, moves, darkened)
+
+
+def _keeps_tint(chroma: Sequence[np.ndarray], behind: Sequence[np.ndarray], ratio: np.ndarray) -> np.ndarray:
+    """Return where the tint is that of the darkened background, bool (row, column) as the ratio."""
+    import cv2
+
+    kept = np.ones(ratio.shape, dtype=np.bool_)
+    for shown, back in zip(chroma, behind, strict=True):
+        small = cv2.resize(ratio, shown.shape[::-1], interpolation=cv2.INTER_AREA)
+        off = np.abs(shown - GREY - small * (back - GREY))
+        kept &= cv2.resize(off, ratio.shape[::-1], interpolation=cv2.INTER_LINEAR) < TINT
+    return kept
+
+
+def _modes(ratios: np.ndarray, least: float) -> list[tuple[float, float]]:
+    """Return the least and the largest ratio around each mode of their histogram that holds enough pixels."""
+    import cv2
+
+    counts, edges = np.histogram(ratios, BINS, (0.0, 1.0))
+    smooth = cv2.GaussianBlur(counts.astype(np.float32)[None], (7, 1), 1.2).ravel()
+    modes = []
+    for k in range(1, BINS - 1):
+        if not smooth[k - 1] <= smooth[k] > smooth[k + 1]:
+            continue
+        low, high = k, k
+        # downhill to either side, as long as it matters
+        while low > 0 and smooth[low - 1] < smooth[low] and smooth[low] > 0.02 * smooth[k]:
+            low -= 1
+        while high < BINS - 1 and smooth[high + 1] < smooth[high] and smooth[high] > 0.02 * smooth[k]:
+            high += 1
+        if counts[low : high + 1].sum() >= least:
+            modes.append((float(edges[low]), float(edges[high + 1])))
+    return modes
+
+
+def _correlation(others: list[np.ndarray], shadows: list[np.ndarray], near: int) -> float:
+    """Return the correlation of shadows and the rest at the best constant offset of at least ``near``."""
+    import cv2
+
+    size = [max(1, side // 2) for side in others[0].shape[::-1]]
+    shape = (2 * size[1], 2 * size[0])
+    product, power = np.zeros((shape[0], shape[1] // 2 + 1), np.complex128), [0.0, 0.0]
+    for other, shadow in zip(others, shadows, strict=True):
+        small = [
+            cv2.GaussianBlur(
+                cv2.resize(m.astype(np.float32), size, interpolation=cv2.INTER_AREA), (0, 0), 2.0
+            )
+            for m in (other, shadow)
+        ]
+        one, two = (np.fft.rfft2(m, shape) for m in small)
+        product += one.conj() * two
+        power = [p + float(np.sum(m**2)) for p, m in zip(power, small, strict=True)]
+    found = np.fft.irfft2(product, shape) / max(np.sqrt(power[0] * power[1]), 1e-9)
+    if near:  # the borders of a link are not its shadow
+        found[:near, :near] = found[-near:, :near] = found[:near, -near:] = found[-near:, -near:] = 0.0
+    return float(found.max())
+
+
+def _unlikeness(samples: list[_Sample], others: list[np.ndarray], shadows: list[np.ndarray]) -> float:
+    """Return how much worse than by a colour the pixels are explained by a darkened background; infinite
+    where they do not move along with the others.
+
+    Where the background is too plain to say, the copy has to be better, and what is hidden more often is the
+    shadow.
+    """
+    near = max(2, round(APART * max(others[0].shape) / 2))
+    copied = _correlation(others, shadows, near)
+    pairs = list(zip(samples, shadows, strict=True))
+    rows = [np.column_stack([*np.nonzero(shadow), s.behind[shadow], s.ratio[shadow]]) for s, shadow in pairs]
+    y, x, behind, ratio = np.concatenate(rows).T
+    level = ratio * behind
+    if float(np.median(np.abs(behind - np.median(behind)))) > VARIES:
+        # light falls off across a wall: both the darkening and the colour may change linearly over the
+        # picture
+        plane = np.column_stack([np.ones(len(x)), x / x.max(), y / y.max()])
+        follows = _rest(plane * behind[:, None], level) / max(_rest(plane, level), 1e-6)
+        return follows if copied > COPY else np.inf
+    # What only shifts from frame to frame, such as two parts of a cart, correlates with anything that
+    # shifts too.
+    half = len(others) // 2
+    both = [(a, b) for a, b in zip(others, others[half:], strict=False) if a.any() and b.any()]
+    shifted = float(np.mean([_correlation([a], [b], 0) for a, b in both])) if both else 1.0
+    if copied < PLAIN_COPY or copied < shifted + TURNED:
+        return np.inf
+    areas = np.array([float(shadow.sum()) for shadow in shadows])
+    return FOLLOWS / (1.001 + float(areas.std() / max(areas.mean(), 1.0)))
+
+
+def _rest(terms: np.ndarray, level: np.ndarray) -> float:
+    """Return the typical distance of levels (pixel,) from their least-squares fit by terms (pixel, term)."""
+    found = np.linalg.lstsq(terms, level)[0]
+    return float(np.median(np.abs(level - terms @ found)))
