@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from monodyn.checks import (
     check_tracked,
     chosen_mechanism,
     clip_and_mechanism,
+    doubt,
     fitted_range,
     prediction_times,
     untracked,
@@ -152,11 +154,28 @@ def test_a_clip_without_the_mechanism_says_so(video: Video) -> None:
     check_tracked(poses(1, 3), video, [])
 
 
+def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
+    sight = SimpleNamespace(mismatch=0.2)
+    assert doubt(sight, poses(25, 100)) is None  # type: ignore[arg-type]
+    assert doubt(sight, poses(24, 100)) == (  # type: ignore[arg-type]
+        "Only 24 of the 100 frames to fit were tracked: too few to trust that the mechanism was followed and "
+        "not something like it; diagnosis.png shows what was seen."
+    )
+    sight = SimpleNamespace(mismatch=0.83)
+    assert doubt(sight, poses(100, 100)) == (  # type: ignore[arg-type]
+        "The mechanism as it was located differs from what stands out from the background by 83% of its "
+        "area: it is in the wrong place, of the wrong size or blurred by its motion, or other things move "
+        "with it; diagnosis.png shows what was seen."
+    )
+    assert doubt(SimpleNamespace(mismatch=float("nan")), poses(9, 9)) is None  # type: ignore[arg-type]
+
+
 def test_a_clip_that_is_tracked_in_parts_has_advice() -> None:
     assert untracked(poses(9, 10)) == []
     # a picture that repeats the one before is not expected to be tracked
     assert untracked(poses(8, 10), 2) == []
     assert untracked(poses(8, 10)) == [
-        "Only 8 of 10 frames were tracked; a steadier background, another --segment.contrast or a better "
-        "start (--fix) may help."
+        "Only 8 of 10 frames were tracked; diagnosis.png shows which, and why. Where the mechanism hardly "
+        "stands out, a lower --segment.contrast may help; where the background shows parts of it, "
+        "--background with a picture without the mechanism."
     ]

@@ -14,6 +14,7 @@ import pytest
 import monodyn
 from fits import identified, made_fit
 from monodyn import pipeline
+from monodyn.checks import doubt
 from monodyn.errors import FitError, SettingsError, VideoError
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
@@ -51,7 +52,27 @@ def seen(monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, *, last: int = 1
     )  # fmt: skip
     for stage, found in (("segment", scene.masks), ("locate", scene), ("track", poses), ("identify", fit)):
         monkeypatch.setattr(pipeline, stage, lambda *args, found=found, **kwargs: found)
+    # the poses are made up, and no outline of them lies on the clip's square
+    monkeypatch.setattr(pipeline, "doubt", lambda *args: None)
     return clip
+
+
+def test_a_fit_in_a_wrong_place_is_refused(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    fit = identified()
+    clip = seen(
+        monkeypatch, make_clip, fit=made_fit(time=(fit.time[0][:9],), residual=(fit.residual[0][:9],))
+    )
+    assert run(clip, "single", tmp_path / "run").document["ok"]
+    monkeypatch.setattr(pipeline, "doubt", doubt)
+    document = run(clip, "single", tmp_path / "run", force=True).document
+    assert not document["ok"]
+    assert document["status"].startswith("The mechanism as it was located differs from what stands out")
+    # the advice of the fit is about a model in the right place
+    assert document["advice"] == ["The camera is a guess."]
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "What was seen of the clip" in page
 
 
 def test_a_run_records_every_setting_of_every_stage(table: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.settings import USUAL_TERMS
+from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
 from monodyn.stages import check_camera
 from monodyn.types import Poses
@@ -23,6 +24,11 @@ from monodyn.vision.clip.video import Video, read
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
+LEAST_SEEN = 0.25
+"""Share of the frames to fit that have to be tracked."""
+MOST_MISMATCH = 0.5
+"""Mismatch of outline and mask, as a share of the mask's area, above which no fit is trusted: as much as the
+published method allows."""
 MOST_ROWS = 1_000_000
 """Most rows of a prediction."""
 
@@ -206,6 +212,31 @@ def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
     )
 
 
+def doubt(sight: Sight, part: Poses) -> str | None:
+    """Find a reason not to trust any fit to the poses: what was followed is hardly the mechanism.
+
+    Args:
+        sight: What the run saw of its clip.
+        part: The poses that are fitted.
+
+    Returns:
+        The reason, a sentence for the user; None where the outline explains what was seen.
+    """
+    seen, count = int(np.sum(part.seen.reshape(len(part), -1).any(axis=1))), len(part)
+    if seen < LEAST_SEEN * count:
+        return (
+            f"Only {seen} of the {count} frames to fit were tracked: too few to trust that the mechanism was "
+            "followed and not something like it; diagnosis.png shows what was seen."
+        )
+    if sight.mismatch > MOST_MISMATCH:
+        return (
+            "The mechanism as it was located differs from what stands out from the background by "
+            f"{sight.mismatch:.0%} of its area: it is in the wrong place, of the wrong size or blurred by "
+            "its motion, or other things move with it; diagnosis.png shows what was seen."
+        )
+    return None
+
+
 def untracked(poses: Poses, repeats: int = 0) -> list[str]:
     """Return advice where a tenth of the frames or more was not measured; nothing otherwise.
 
@@ -217,6 +248,7 @@ def untracked(poses: Poses, repeats: int = 0) -> list[str]:
     if seen >= 0.9 * count:
         return []
     return [
-        f"Only {seen} of {count} frames were tracked; a steadier background, another --segment.contrast "
-        "or a better start (--fix) may help."
+        f"Only {seen} of {count} frames were tracked; diagnosis.png shows which, and why. Where the "
+        "mechanism hardly stands out, a lower --segment.contrast may help; where the background shows parts "
+        "of it, --background with a picture without the mechanism."
     ]

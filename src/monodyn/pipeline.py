@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from monodyn.checks import (
     check_tracked,
     chosen_mechanism,
     clip_and_mechanism,
+    doubt,
     fitted_range,
     prediction_times,
     untracked,
@@ -153,7 +154,8 @@ def run(
     prediction_times(video, frames[1], settings.until)
     log = RunLog("run", {"clip": clip, "model": model}, settings)
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
-    job = Job(settings, log, folder, progress, Sight(video, fit_frames=frames))
+    sight = Sight(video, fit_frames=frames)
+    job = Job(settings, log, folder, progress, sight)
     with recorded(folder, log), shown_if_refused(job):
         scene, poses = locate_and_track(job, video, mechanism)
         # the motion may have shown that the stamps are not the times
@@ -166,11 +168,15 @@ def run(
                 poses, (first, stop), scene.mechanism, settings.identify, progress
             )
             fit = identify(poses.part(first, stop), scene.mechanism, settings.identify, progress=progress)
+            why = doubt(sight, poses.part(first, stop))
         log.notes += doubts
+        if why:
+            # a motion may be followed in the wrong place: then no advice on the model helps
+            fit = replace(fit, status=why, ok=False, advice=())
         with log.stage("predict"):
             traces = predicted(fit, poses, times, video.path.name)
         # only the fit has the metric scale: the poses are written again with their slides in metres
-        filmed = filmed_of(fit, scene, poses)
+        filmed = filmed_of(fit, scene, poses, sight)
         findings = Findings(
             fit, traces, video.path.name, _about(video, mechanism), log.notes,
             record=filmed.tracked, filmed=filmed, fit_frames=frames, log=log,

@@ -55,8 +55,8 @@ def test_a_loud_and_large_residual_is_not_trusted(bent):
     rms, share, noise = found.groups()
     assert fit.status == (
         f"The simulated motion is too far from the record to be used: rms residual of joint1 {rms} deg, "
-        f"{share} % of its range and {noise} times the stated noise; fit a shorter record or add to the "
-        "model what it lacks (see the advice)."
+        f"{share} % of its range and {noise} times the stated noise; the advice says what model or record "
+        "may lack."
     )
     assert float(rms) == pytest.approx(np.degrees(fit.rms["joint1"]), rel=1e-2)
     assert re.fullmatch(

@@ -20,7 +20,7 @@ from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.task import Task
-from monodyn.estimation.verdict.advice import beginning, other_rate
+from monodyn.estimation.verdict.advice import beginning, disagreeing, disagreement, other_rate
 from monodyn.estimation.verdict.summary import summarize
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
@@ -87,7 +87,8 @@ def _identified(
 def _beginning(
     records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings
 ) -> tuple[str, ...]:
-    """Name the first half, quarter, ... that fits of one record; nothing where none does."""
+    """Name the first half, quarter, ... that fits of one record, where its own halves agree; nothing where
+    none does."""
     if len(records) != 1:
         return ()
     poses, quick = records[0], replace(settings, starts=1)
@@ -98,6 +99,14 @@ def _beginning(
         part = poses.part(first, int(measured[count]))
         fit = _identified((part,), mechanism, quick, None)
         if fit.ok:
-            return (beginning(mechanism, part.frame.tolist(), fit.rms),)
+            # A wrong mechanism, or one in a wrong place, follows any short motion with parameters of its own:
+            # what holds over the beginning also holds over each half of it.
+            middle = int(np.searchsorted(part.frame, poses.frame[measured[count // 2]]))
+            halves = (part.part(0, middle), part.part(middle, len(part)))
+            fits = [_identified((half,), mechanism, quick, None) for half in halves]
+            apart = disagreeing(*fits) if all(half.ok for half in fits) else []
+            if apart:
+                return (disagreement(len(part), apart),)
+            return (beginning(mechanism, part.frame.tolist(), fit.rms),) if all(f.ok for f in fits) else ()
         count //= 2
     return ()

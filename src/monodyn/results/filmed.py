@@ -47,13 +47,14 @@ class Filmed:
     sight: Sight | None = None
 
 
-def filmed_of(fit: Fit, scene: Scene, poses: Poses) -> Filmed:
+def filmed_of(fit: Fit, scene: Scene, poses: Poses, sight: Sight | None = None) -> Filmed:
     """Return clip, mechanism and camera of a scene in metres of the identified scale.
 
     Args:
         fit: The fit.
         scene: The scene, from ``locate``.
         poses: The tracked clip.
+        sight: What was seen of the clip so far; None looks anew.
     """
     camera, scale = scene.camera, fit.scale
     camera = replace(camera, x=camera.x * scale, y=camera.y * scale, depth=camera.depth * scale)
@@ -63,7 +64,8 @@ def filmed_of(fit: Fit, scene: Scene, poses: Poses) -> Filmed:
     # without a fit the located mechanism is drawn, in the scale of its file
     mechanism = as_seen(fit.mechanism, scene.mechanism, scale) if fit.starts else scene.mechanism
     video = scene.masks.video
-    sight = Sight(video, scene.masks, scene, poses, status=fit.status, ok=fit.ok)
+    sight = sight or Sight(video, scene.masks, scene, poses)
+    sight.status, sight.ok = fit.status, fit.ok
     return Filmed(video, mechanism, camera, metric(poses, mechanism, scale), std, sight)
 
 

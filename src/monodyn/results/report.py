@@ -111,10 +111,9 @@ def _write_diagnosis(folder: RunFolder, findings: Findings) -> bytes | None:
     sight = None if findings.filmed is None else findings.filmed.sight
     if sight is None:
         return None
-    frames = findings.frames
-    page = write_diagnosis(
-        folder, replace(sight, fit_frames=None if frames is None else (frames[0], frames[1]))
-    )
+    if findings.frames is not None:
+        sight.fit_frames = (findings.frames[0], findings.frames[1])
+    page = write_diagnosis(folder, sight)
     return None if page is None or findings.fit.ok else jpeg(page)
 
 

@@ -6,6 +6,7 @@ A run fills it stage by stage, so that one that is refused can still be shown.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from monodyn.errors import VideoError
 from monodyn.types import FULL, Camera, Frame, Mask, Poses
 from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.normals import TRUSTED
-from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
+from monodyn.vision.foreground.background import Background, Samples, Window, background_of, sample_frames
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
@@ -27,6 +28,8 @@ JUDGED_PIXELS = 8_000_000
 """Pixels of the frames whose outline is judged, all together: bounds the time that it takes."""
 FINER = 2
 """Rows and columns by pixel in which an outline is drawn to be compared with a mask."""
+GROWN = 0.15
+"""Margin around the outlines in which a mask is compared with them, as a share of their extent."""
 REACH_PX, SPACING_PX = 4.0, 3.0
 """Length of the search along the normals, and distance of the outline samples [px]: those of the tracking."""
 
@@ -135,8 +138,16 @@ class Sight:
         for frame in known[::step]:
             tracked = poses[frame.index]
             position = located[frame.index] if tracked is None else tracked
-            found.append(_judge(scene, frame, np.array(position), tracked is not None))
-        return tuple(found)
+            found.append((frame, np.array(position), tracked is not None))
+        around = _around(scene, [position for _, position, _ in found])
+        return tuple(_judge(scene, frame, q, tracked, around) for frame, q, tracked in found)
+
+    @property
+    def mismatch(self) -> float:
+        """Median mismatch of the outline over the tracked frames, as a share of the mask's area; NaN without
+        any."""
+        shares = [judged.mismatch for judged in self.judged if judged.tracked]
+        return float(np.median(shares)) if shares else float("nan")
 
 
 def located_at(scene: Scene, frame: int) -> tuple[int, np.ndarray]:
@@ -188,7 +199,22 @@ def outlines_of(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> l
     return [polygon for _, polygon in outline(mechanism, camera, position)]
 
 
-def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool) -> Judged:
+def _around(scene: Scene, positions: Sequence[np.ndarray]) -> Window:
+    """Return the part of the picture around all outlines: what moves elsewhere is not the mechanism's."""
+    outlines = [corners for q in positions for corners in outlines_of(scene.mechanism, scene.camera, q)]
+    window = scene.masks.background.window
+    if not outlines:
+        return window
+    corners = np.concatenate(outlines)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = GROWN * float((high - low).max())
+    left, top = np.maximum(low - margin, [window.left, window.top]).astype(int)
+    right, bottom = np.minimum(high + margin + 1.0, [window.right, window.bottom]).astype(int)
+    # outlines wholly outside of the window leave nothing to compare
+    return Window(top, bottom, left, right) if left < right and top < bottom else window
+
+
+def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, around: Window) -> Judged:
     """Measure how well a pose lies on the mask of its frame, as tracking does."""
     from monodyn.vision.drawing.edges import edge_terms, no_shifts
     from monodyn.vision.drawing.rig import rig_of
@@ -199,18 +225,17 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool) -> J
     # a view of one plane reads masks of any number of planes by the largest coverage
     planes = mask.planes if len(mask.planes) == len(view.trust) else mask.coverage[np.newaxis]
     found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
-    share = _mismatch(scene, mask, view.trust.max(axis=0) >= TRUSTED, position)
+    share = _mismatch(scene, mask, view.trust.max(axis=0) >= TRUSTED, position, around)
     return Judged(frame, position, tracked, found.matched, found.inside, share)
 
 
-def _mismatch(scene: Scene, mask: Mask, known: np.ndarray, position: np.ndarray) -> float:
-    """Return the mismatch of outline and mask as a share of the mask's area, both within the picture.
+def _mismatch(scene: Scene, mask: Mask, known: np.ndarray, position: np.ndarray, window: Window) -> float:
+    """Return the mismatch of outline and mask within a window as a share of the mask's area there.
 
     Pixels that are not ``known``, bool (height, width), do not count.
     """
     import cv2
 
-    window = scene.masks.background.window
     part = (slice(window.top, window.bottom), slice(window.left, window.right))
     size = (window.right - window.left, window.bottom - window.top)
     # drawn finer than the pixels and averaged: a hard edge would be the larger part of a thin rod

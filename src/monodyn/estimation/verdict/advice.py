@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.estimation.fit import Estimate
+from monodyn.estimation.fit import Estimate, Fit
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.estimation.wording import amount, amounts, listed
@@ -18,6 +18,9 @@ LENGTH_KINDS = ("length", "width", "tail", "tip", "extent", "along", "across", "
 """Kinds that are known together or not at all: sizes, and what makes time out of them."""
 NOTED = 3.0
 """Residuals above this many times the stated noise are worth a sentence."""
+APART_STD, APART_SHARE = 5.0, 0.02
+"""Estimates from two stretches of a record differ when they are apart by more than this many standard
+deviations, and by more than this share of their value."""
 SLOW = 1.5
 """Root of what autocorrelation costs, above which residuals count as changing slowly."""
 
@@ -159,21 +162,25 @@ def misfit(
     Returns:
         Sentences; none where every residual is near its noise.
     """
-    advice = []
+    advice, systematic = [], False
     for (joint, value), ratio, correlation in zip(rms.items(), noise.size, noise.correlation, strict=True):
         if ratio > NOTED:
-            slow = " and changes slowly" if correlation > SLOW else ""
+            # what a model lacks changes as slowly as the motion does; noise does not
+            slow = " and changes slowly: the model lacks something, or" if correlation > SLOW else ":"
+            systematic |= correlation > SLOW
             advice.append(
                 f"The residual of {joint}, {amount(mechanism, joint, value)}, is {ratio:.3g} times the "
-                f"stated noise{slow}: the model lacks something, or the record is less exact than stated; "
-                "the intervals are widened accordingly."
+                f"stated noise{slow} the record is less exact than stated; the intervals are widened "
+                "accordingly."
             )
-    if advice and assumed.uniform:
+    if not systematic:
+        return advice
+    if assumed.uniform:
         advice.append("Bodies were taken to be uniform; if they are not, try --identify.bodies free.")
-    if advice and assumed.frictionless:
+    if assumed.frictionless:
         names = " ".join(assumed.frictionless)
         advice.append(f"Dry friction was taken to be zero; --free {names} estimates it.")
-    if advice and assumed.level:
+    if assumed.level:
         advice.append(
             "Gravity was taken straight down in the picture; where the camera was not level, give its tilt "
             "with --fix camera.roll=VALUE [rad] (positive turns the picture of the mechanism clockwise)."
@@ -196,6 +203,44 @@ def beginning(mechanism: Mechanism, frames: Sequence[int], rms: Mapping[str, flo
         f"The first {len(frames)} frames alone do fit, with rms residual {amounts(mechanism, rms)}: "
         f"--fit-frames {frames[0]}:{frames[-1] + 1} for a clip, or a table that ends there. Small faults of "
         "the model grow along a long or chaotic record."
+    )
+
+
+def disagreeing(one: Fit, other: Fit) -> list[tuple[Estimate, Estimate]]:
+    """List the parameters that two stretches of a record determine differently.
+
+    Args:
+        one: The fit of a stretch.
+        other: The fit of another.
+
+    Returns:
+        Both estimates of each, the largest difference first; none where they agree.
+    """
+    apart = []
+    for a, b in zip(one.parameters, other.parameters, strict=True):
+        if not (a.free and a.identifiable and b.identifiable) or a.at_bound or b.at_bound:
+            continue
+        away, size = abs(a.value - b.value), max(abs(a.value), abs(b.value), 1e-300)
+        if away > APART_STD * np.hypot(a.std, b.std) and away > APART_SHARE * size:
+            apart.append((away / size, a, b))
+    return [(a, b) for _, a, b in sorted(apart, key=lambda row: -row[0])]
+
+
+def disagreement(frames: int, apart: Sequence[tuple[Estimate, Estimate]]) -> str:
+    """Report that the beginning of a record fits, but with parameters that do not hold over it.
+
+    Args:
+        frames: Frames of the beginning.
+        apart: What its halves determine differently, from ``disagreeing``.
+
+    Returns:
+        The sentence.
+    """
+    values = [f"{a.name} {a.value:.3g} and {b.value:.3g} {b.unit}".rstrip() for a, b in apart]
+    return (
+        f"The first {frames} frames alone do fit, but their halves call for different values "
+        f"({listed(values, 3)}): a shorter record would hide the fault; check that the mechanism is the one "
+        "in the record, and of a clip that its outline lies where it should (diagnosis.png)."
     )
 
 

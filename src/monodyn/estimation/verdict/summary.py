@@ -18,7 +18,7 @@ from monodyn.estimation.verdict import advice, assumed
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined, refine
-from monodyn.estimation.verdict.trust import verdict
+from monodyn.estimation.verdict.trust import LOST_SHARE, verdict
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Mechanism, Parameter
 from monodyn.types import Poses
@@ -55,7 +55,8 @@ def summarize(
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
     status, ok = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
     fit = replace(fit, status=status, ok=ok, stamp_error=found.noise.stamps)
-    accuracy = advice.integration(found.substeps, found.error, settings.error_bound)
+    # of a motion that is refused it does not matter how exactly it was integrated
+    accuracy = advice.integration(found.substeps, found.error, settings.error_bound) if ok else []
     sentences = (*solution.advice, *accuracy, *_advice(found, fit, records))
     return replace(fit, advice=(*sentences, *advice.search_end(found.optimum.converged, solution.tried)))
 
@@ -187,12 +188,14 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     problem, optimum, mechanism = found.problem, found.optimum, found.problem.mechanism
     unknowns, gone = problem.unknowns, found.rejected
     left_out = [int(records[0].frame[row]) for row in problem.data.source[gone]] if len(records) == 1 else []
-    # hardly any record states its noise well: what is small against the motion is no fault of the model
-    large = relative_difference(problem, optimum.trial) > CLEAR_SHARE
+    # hardly any record states its noise well: what is small against the motion is no fault of the model; and
+    # what is as large as the motion itself is none that masses or a tilt could explain
+    share = relative_difference(problem, optimum.trial)
+    large = CLEAR_SHARE < share <= LOST_SHARE
     lacking = advice.Assumed(
         uniform=unknowns.uniform and large,
         frictionless=advice.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
-        level=not all(record.metric for record in records),
+        level=share <= LOST_SHARE and not all(record.metric for record in records),
     )
     sentences = advice.misfit(mechanism, fit.rms, found.noise, lacking)
     sentences += advice.stamps(found.noise.stamps)

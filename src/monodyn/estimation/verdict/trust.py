@@ -67,7 +67,7 @@ def verdict(
             f"The simulated motion is too far from the record to be used: rms residual of {names[j]} "
             f"{amount(problem.mechanism, names[j], rms[names[j]])}, "
             f"{percent(residual[j] / ranges[j])} of its range and {against_noise[j]:.3g} times the "
-            "stated noise; fit a shorter record or add to the model what it lacks (see the advice).",
+            "stated noise; the advice says what model or record may lack.",
             False,
         )
     frames = int(problem.data.measured.any(axis=1).sum())

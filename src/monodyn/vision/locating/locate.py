@@ -308,8 +308,9 @@ def scene_advice(bundle: Bundle, std: Mapping[str, float], outside: float, *, va
     share = float(np.mean((bundle.matched > LEAST_MATCHED) & (bundle.inside > LEAST_INSIDE)))
     if share < LEAST_FITTING:
         advice.append(
-            f"The mechanism lies on its mask in only {share:.0%} of the key frames: check the drawn outline "
-            "in the overlay, the mechanism file, and whether other things move in the clip."
+            f"The mechanism lies on its mask in only {share:.0%} of the key frames: look in "
+            "diagnosis.png whether the outline is in the right place and what else moves, and check the "
+            "mechanism file."
         )
     vague = [name for name, value in std.items() if value > _vague_from(bundle.camera, name)]
     if vague:
@@ -319,8 +320,9 @@ def scene_advice(bundle: Bundle, std: Mapping[str, float], outside: float, *, va
     if outside > UNEXPLAINED_SHARE and not varied:
         advice.append(
             f"{min(outside, 1.0):.0%} of what stands out from the background is not the mechanism as it "
-            "was found: it may be in the wrong place or of the wrong size, or other things move; look at the "
-            "overlay, or give --background a picture without the mechanism."
+            "was found: it may be in the wrong place or of the wrong size, or other things move; look at "
+            "diagnosis.png. Where the background shows parts of the mechanism, give --background a picture "
+            "without it."
         )
     return advice
 
