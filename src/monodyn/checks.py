@@ -222,7 +222,7 @@ def doubt(sight: Sight, part: Poses) -> str | None:
     Returns:
         The reason, a sentence for the user; None where the outline explains what was seen.
     """
-    seen, count = int(np.sum(part.seen.reshape(len(part), -1).any(axis=1))), len(part)
+    seen, count = int(np.sum(part.measured.any(axis=1))), len(part)
     if seen < LEAST_SEEN * count:
         return (
             f"Only {seen} of the {count} frames to fit were tracked: too few to trust that the mechanism was "

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from films import film
 from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
 from monodyn.types import Poses
 from monodyn.vision.clip.video import read
@@ -76,3 +78,19 @@ def test_an_unknown_pose_has_no_outline(filmed: tuple[Scene, Poses]) -> None:
     scene, poses = filmed
     assert outlines_of(scene.mechanism, scene.camera, np.array([np.nan, 0.0])) == []
     assert len(outlines_of(scene.mechanism, scene.camera, poses.position[0])) == 2
+
+
+def test_what_stands_before_the_mechanism_is_found(tmp_path: Path) -> None:
+    """A board over a third of the picture: where the outline passes behind it no foreground shows."""
+
+    def board(number: int, picture: np.ndarray) -> np.ndarray:
+        picture = picture.copy()
+        picture[:, 190:215] = 140.0
+        return picture
+
+    scene, poses = film(tmp_path, board)
+    assert Sight(scene.masks.video, scene.masks, scene, poses).hidden is None
+    lost = replace(poses, seen=np.arange(len(poses)) % 9 > 0)
+    hidden = Sight(scene.masks.video, scene.masks, scene, lost).hidden
+    assert hidden is not None
+    assert hidden[:, 190:215].sum() > 0.7 * hidden.sum() > 100

@@ -131,6 +131,9 @@ def motion_panel(sight: Sight) -> Picture:
         if alike.any():
             hatch(picture, crop.marked(alike), PURPLE)
             keys.append(Key(f"looks like the mechanism ({_percent(alike.mean())})", PURPLE, "hatch"))
+    if sight.hidden is not None:
+        hatch(picture, crop.marked(sight.hidden), RED, rising=False)
+        keys.append(Key("something stands before the mechanism", RED, "hatch"))
     return panel("What moves, and where it would show", picture, keys, width)
 
 

@@ -142,6 +142,28 @@ class Sight:
         around = _around(scene, [position for _, position, _ in found])
         return tuple(_judge(scene, frame, q, tracked, around) for frame, q, tracked in found)
 
+    @cached_property
+    def hidden(self) -> np.ndarray | None:
+        """Where something stands before the mechanism, bool (height, width); None where every joint was seen
+        in every frame, or none."""
+        scene, poses = self.scene, self.poses
+        if scene is None or poses is None or poses.measured.all() or not poses.measured.any(axis=0).all():
+            return None
+        from monodyn.vision.drawing.rig import rig_of
+        from monodyn.vision.tracking.occluders import Occluders
+
+        rig = rig_of(scene.mechanism, scene.camera)
+        view = scene.masks.view(len(rig.radius))
+        occluders = Occluders(rig, view)
+        first, last = (int(poses.frame[row]) for row in np.flatnonzero(poses.measured.any(axis=1))[[0, -1]])
+        for frame in self.samples.frames:
+            if first <= frame.index <= last:
+                mask = scene.masks.of(frame)
+                planes = mask.planes if len(mask.planes) == len(view.trust) else mask.coverage[np.newaxis]
+                occluders.note(planes, _between(poses, frame.index), np.ones(len(rig.parent), dtype=bool))
+        found = occluders.hidden()
+        return found if found.any() else None
+
     @property
     def mismatch(self) -> float:
         """Median mismatch of the outline over the tracked frames, as a share of the mask's area; NaN without
@@ -182,6 +204,14 @@ def pose_row(poses: Poses | None, frame: int) -> int | None:
 def _pose(poses: Poses | None, frame: int) -> np.ndarray | None:
     row = pose_row(poses, frame)
     return None if poses is None or row is None else poses.position[row]
+
+
+def _between(poses: Poses, frame: int) -> np.ndarray:
+    """Return where the joints are in a frame, (dof,): between measured frames on a straight line."""
+    seen = poses.measured
+    return np.array(
+        [np.interp(frame, poses.frame[s], q[s]) for s, q in zip(seen.T, poses.position.T, strict=True)]
+    )
 
 
 def outlines_of(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> list[np.ndarray]:
