@@ -113,8 +113,10 @@ def motion_panel(sight: Sight) -> Picture:
     width = column_width(2)
     crop, back = _whole(sight, width), sight.background
     frames = sight.samples.frames
-    stack = [frame.luma for frame in frames[:: max(1, len(frames) // LOOKED_AT)]]
-    moves = np.max(stack, axis=0).astype(np.int16) - np.min(stack, axis=0) > max(MOVES, 8.0 * back.noise)
+    lightest = darkest = frames[0].luma
+    for frame in frames[:: max(1, len(frames) // LOOKED_AT)]:
+        lightest, darkest = cv2.max(lightest, frame.luma), cv2.min(darkest, frame.luma)
+    moves = cv2.subtract(lightest, darkest) > max(MOVES, 8.0 * back.noise)
     picture = washed(crop.shown(picture_of(_as_frame(back))), 0.6)
     blended(picture, 0.55 * crop.marked(moves), SKY)
     keys = [Key(f"changes during the clip ({_percent(moves.mean())})", SKY)]
@@ -204,11 +206,13 @@ def _foreground_panel(sight: Sight, frame: Frame, width: int) -> Picture:
         return panel(f"Frame {frame.index}", picture, [Key("nothing stands out from the background")], width)
     picture = washed(crop.shown(picture_of(frame)))
     mask = masks.of(frame)
-    strongest = mask.planes.argmax(axis=0)
+    # reduced first: a page has fewer pixels than most clips
+    planes = np.stack([crop.shown(np.minimum(plane, FULL), (0, 0, 0)) for plane in mask.planes])
+    strongest = planes.argmax(axis=0)
     keys = []
-    for k, plane in enumerate(mask.planes):
-        own = np.where(strongest == k, np.minimum(plane, FULL), 0).astype(np.uint8)
-        blended(picture, 0.85 / FULL * crop.shown(own, (0, 0, 0)), PLANES[k % len(PLANES)])
+    for k, plane in enumerate(planes):
+        own = np.where(strongest == k, plane, 0)
+        blended(picture, 0.85 / FULL * own, PLANES[k % len(PLANES)])
         if own.any():
             other = masks.varied and k == len(mask.planes) - 1
             share = float(own.sum()) / FULL / own.size
