@@ -155,19 +155,22 @@ def test_a_clip_without_the_mechanism_says_so(video: Video) -> None:
 
 
 def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
-    sight = SimpleNamespace(mismatch=0.2)
+    sight = SimpleNamespace(mismatch=0.2, scene=None)
     assert doubt(sight, poses(25, 100)) is None  # type: ignore[arg-type]
     assert doubt(sight, poses(24, 100)) == (  # type: ignore[arg-type]
         "Only 24 of the 100 frames to fit were tracked: too few to trust that the mechanism was followed and "
         "not something like it; diagnosis.png shows what was seen."
     )
-    sight = SimpleNamespace(mismatch=0.83)
+    video = SimpleNamespace(repeats=SimpleNamespace(frames=tuple(range(50, 60))))
+    repeated = SimpleNamespace(mismatch=0.2, scene=SimpleNamespace(masks=SimpleNamespace(video=video)))
+    assert doubt(repeated, poses(24, 100)) is None  # type: ignore[arg-type]
+    sight = SimpleNamespace(mismatch=0.83, scene=None)
     assert doubt(sight, poses(100, 100)) == (  # type: ignore[arg-type]
         "The mechanism as it was located differs from what stands out from the background by 83% of its "
         "area: it is in the wrong place, of the wrong size or blurred by its motion, or other things move "
         "with it; diagnosis.png shows what was seen."
     )
-    assert doubt(SimpleNamespace(mismatch=float("nan")), poses(9, 9)) is None  # type: ignore[arg-type]
+    assert doubt(SimpleNamespace(mismatch=float("nan"), scene=None), poses(9, 9)) is None  # type: ignore[arg-type]
 
 
 def test_a_clip_that_is_tracked_in_parts_has_advice() -> None:

@@ -222,7 +222,9 @@ def doubt(sight: Sight, part: Poses) -> str | None:
     Returns:
         The reason, a sentence for the user; None where the outline explains what was seen.
     """
-    seen, count = int(np.sum(part.measured.any(axis=1))), len(part)
+    # pictures that repeat the one before are not expected to be measured
+    repeats = () if sight.scene is None else sight.scene.masks.video.repeats.frames
+    seen, count = int(np.sum(part.measured.any(axis=1))), int(np.sum(~np.isin(part.frame, repeats)))
     if seen < LEAST_SEEN * count:
         return (
             f"Only {seen} of the {count} frames to fit were tracked: too few to trust that the mechanism was "

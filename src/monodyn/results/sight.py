@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 JUDGED_PIXELS = 8_000_000
 """Pixels of the frames whose outline is judged, all together: bounds the time that it takes."""
+LEAST_JUDGED = 12
+"""Frames that are judged at least, however large they are: their median decides."""
 FINER = 2
 """Rows and columns by pixel in which an outline is drawn to be compared with a mask."""
 GROWN = 0.15
@@ -133,7 +135,7 @@ class Sight:
         located = dict(zip(scene.key_frames, scene.key_positions, strict=True))
         poses = {frame.index: _pose(self.poses, frame.index) for frame in frames}
         known = [f for f in frames if poses[f.index] is not None or f.index in located]
-        step = max(1, round(len(known) * size / JUDGED_PIXELS))
+        step = max(1, min(round(len(known) * size / JUDGED_PIXELS), len(known) // LEAST_JUDGED))
         found = []
         for frame in known[::step]:
             tracked = poses[frame.index]
