@@ -56,3 +56,15 @@ def record(fit: Fit, count: int = 30) -> Poses:
     seen = np.ones(count, bool)
     seen[7] = False
     return Poses(("joint1",), np.arange(count), time, position, np.zeros((count, 1, 1)), seen)
+
+
+def estimates(mechanism, std, *, bound=()):
+    """Return estimates of some parameters, their standard deviations by name."""
+    found = []
+    for name, deviation in std.items():
+        p = mechanism.parameter(name)
+        clear = np.isfinite(deviation) and deviation < p.value
+        found.append(
+            Estimate(name, p.value, deviation, p.lower, p.upper, p.unit, True, bool(clear), name in bound)
+        )
+    return found

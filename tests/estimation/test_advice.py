@@ -5,26 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fits import made_fit
-from monodyn.estimation.fit import Estimate
+from fits import estimates
 from monodyn.estimation.verdict import advice
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
 from monodyn.stages import identify
 
 LIVELY = "a longer record or a livelier motion would help."
-
-
-def estimates(mechanism, std, *, bound=()):
-    """Return estimates of some parameters, their standard deviations by name."""
-    found = []
-    for name, deviation in std.items():
-        p = mechanism.parameter(name)
-        clear = np.isfinite(deviation) and deviation < p.value
-        found.append(
-            Estimate(name, p.value, deviation, p.lower, p.upper, p.unit, True, bool(clear), name in bound)
-        )
-    return found
 
 
 def test_masses_without_a_scale(double):
@@ -117,51 +104,6 @@ def test_stamps_that_are_off():
         "The time stamps are off by about 2.1 ms from picture to picture: the residuals grow with the rate "
         "of the motion. The intervals take that into account."
     ]
-
-
-def test_a_rate_that_fits_gravity_and_length():
-    assert advice.other_rate(0.25, 120.0, ["link1.length", "link2.length"]) == (
-        "Gravity and link1.length and link2.length, as given, contradict the time stamps; the motion fits at "
-        "120 samples a second (time_scale 0.25). Give the true rate (--rate for a clip, --free time_scale "
-        "for a table), or correct the length."
-    )
-
-
-def test_stretches_that_call_for_different_values(double):
-    one, other = (
-        made_fit(
-            mechanism=double,
-            parameters=tuple(estimates(double, {"link1.length": 1e-3, "link2.length": 1e-3})),
-        )
-        for _ in range(2)
-    )
-    assert advice.disagreeing(one, other) == []
-    rows = [
-        replace(row, value=1.3 * row.value) if row.name == "link2.length" else row for row in other.parameters
-    ]
-    apart = advice.disagreeing(one, replace(other, parameters=tuple(rows)))
-    assert [(a.name, b.value / a.value) for a, b in apart] == [("link2.length", pytest.approx(1.3))]
-    before = double.values["link2.length"]
-    assert advice.disagreement(40, apart) == (
-        "The first 40 frames alone do fit, but their halves call for different values (link2.length "
-        f"{before:.3g} and {1.3 * before:.3g} m): a shorter record would hide the fault; check that the "
-        "mechanism is the one in the record, and of a clip that its outline lies where it should "
-        "(diagnosis.png)."
-    )
-    # within the intervals, or by less than two per cent, they agree
-    near = [replace(row, value=1.01 * row.value) for row in one.parameters]
-    assert advice.disagreeing(one, replace(one, parameters=tuple(near))) == []
-    wide = [replace(row, value=2.0 * row.value, std=row.value) for row in one.parameters]
-    assert advice.disagreeing(one, replace(one, parameters=tuple(wide))) == []
-
-
-def test_a_beginning_that_fits(double):
-    rms = {"joint1": np.radians(0.1), "joint2": np.radians(0.25)}
-    assert advice.beginning(double, [10, 11, 12], rms) == (
-        "The first 3 frames alone do fit, with rms residual 0.1 deg (joint1) and 0.25 deg (joint2): "
-        "--fit-frames 10:13 for a clip, or a table that ends there. Small faults of the model grow along a "
-        "long or chaotic record."
-    )
 
 
 def test_what_free_torques_rest_on(double):

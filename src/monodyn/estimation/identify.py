@@ -20,7 +20,7 @@ from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.task import Task
-from monodyn.estimation.verdict.advice import beginning, disagreeing, disagreement, other_rate
+from monodyn.estimation.verdict.stretches import beginning, disagreeing, disagreement, other_rate
 from monodyn.estimation.verdict.summary import summarize
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
