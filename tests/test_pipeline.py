@@ -23,6 +23,7 @@ from monodyn.settings import RunSettings, settings_classes
 from monodyn.stages import segment
 from monodyn.types import Camera, Poses
 from monodyn.vision.clip.video import read
+from monodyn.vision.release import FreeSpan
 from support import ClipMaker, command, refuses
 from swings import TIMES, motion, record
 
@@ -36,7 +37,13 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def seen(monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, *, last: int = 12, fit: Any = None) -> Path:
+WHOLE = FreeSpan(0, 12, ())
+
+
+def seen(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, *, last: int = 12, fit: Any = None,
+    span: FreeSpan = WHOLE,
+) -> Path:  # fmt: skip
     """Stand in for the stages: a clip of 12 frames that is tracked up to ``last``, and its fit."""
     clip = make_clip()
     masks = segment(read(clip))
@@ -50,7 +57,10 @@ def seen(monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, *, last: int = 1
         key_frames=(0,), key_positions=np.array([[-1.0]]),
         camera_std={"camera.depth": 0.1, "camera.roll": 0.2}, advice=("The camera is a guess.",),
     )  # fmt: skip
-    for stage, found in (("segment", scene.masks), ("locate", scene), ("track", poses), ("identify", fit)):
+    tracked = poses, span
+    for stage, found in (
+        ("segment", masks), ("locate", scene), ("track_freely", tracked), ("identify", fit)
+    ):  # fmt: skip
         monkeypatch.setattr(pipeline, stage, lambda *args, found=found, **kwargs: found)
     # the poses are made up, and no outline of them lies on the clip's square
     monkeypatch.setattr(pipeline, "doubt", lambda *args: None)
@@ -156,6 +166,30 @@ def test_a_fit_that_found_nothing_writes_headers_and_a_film_of_what_was_tracked(
     assert read(tmp_path / "run" / "overlay.mp4").count == 12
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "12 frames of 64 × 48 px over 0.37 s, with the model single." in page
+
+
+def test_the_fit_begins_where_the_mechanism_moves_freely(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    refused = made_fit(ok=False, starts=(), status="Too few frames.")
+    span = FreeSpan(3, 11, ("It is held until frame 3.",))
+    clip = seen(monkeypatch, make_clip, fit=refused, span=span)
+    outcome = run(clip, "single", tmp_path / "run", RunSettings(fit_frames=(0, 8)))
+    assert outcome.document["fit_frames"] == [3, 8]
+    assert "It is held until frame 3." in outcome.notes
+    log = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert log["free_frames"] == [3, 11]
+    # a square of 10 px moves along the upper left corner; the margin is 16 px
+    assert log["region"] == [0, 0, 40, 32]
+    # without a range of the user's all but the last quarter of the free stretch
+    outcome = run(clip, "single", tmp_path / "run", force=True)
+    assert outcome.document["fit_frames"] == [3, 9]
+    with refuses(
+        FitError,
+        "fit-frames: expected frames in which the mechanism moves freely, 3:11, got 0:4; give a range there, "
+        "or --time-range A:B [s] where it moves freely.",
+    ):
+        run(clip, "single", tmp_path / "run", RunSettings(fit_frames=(0, 4)), force=True)
 
 
 def test_free_torques_leave_the_distance_of_the_camera_open(

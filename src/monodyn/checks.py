@@ -20,6 +20,7 @@ from monodyn.settings import RunSettings
 from monodyn.stages import check_camera
 from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
+from monodyn.vision.release import FreeSpan
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
@@ -153,6 +154,30 @@ def fitted_range(wanted: tuple[int, int | None] | None, count: int) -> tuple[int
         raise SettingsError(
             f"fit-frames: expected a range of at least two frames within 0:{count}, got {first}:{stop}; "
             f"the clip has {count} frames."
+        )
+    return first, stop
+
+
+def free_range(
+    wanted: tuple[int, int | None] | None, frames: tuple[int, int], span: FreeSpan
+) -> tuple[int, int]:
+    """Return the frames of the fit as far as the mechanism moves freely in them.
+
+    Args:
+        wanted: The user's range; None for all but the last quarter of the free stretch.
+        frames: First frame of the fit and the one after its last, from ``fitted_range``.
+        span: Where the mechanism moves freely.
+
+    Raises:
+        FitError: the user's range and the free stretch share fewer than two frames.
+    """
+    if wanted is None:
+        return span.first, span.stop - (span.stop - span.first) // 4
+    first, stop = max(frames[0], span.first), min(frames[1], span.stop)
+    if stop < first + 2:
+        raise FitError(
+            f"fit-frames: expected frames in which the mechanism moves freely, {span.first}:{span.stop}, got "
+            f"{frames[0]}:{frames[1]}; give a range there, or --time-range A:B [s] where it moves freely."
         )
     return first, stop
 

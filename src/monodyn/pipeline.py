@@ -20,6 +20,7 @@ from monodyn.checks import (
     clip_and_mechanism,
     doubt,
     fitted_range,
+    free_range,
     prediction_times,
     untracked,
 )
@@ -36,11 +37,12 @@ from monodyn.results.report import write_results
 from monodyn.results.sight import Sight
 from monodyn.results.trace import Trace, trace_of
 from monodyn.settings import RunSettings
-from monodyn.stages import identify, locate, segment, track
+from monodyn.stages import identify, locate, segment, track_freely
 from monodyn.turns import with_right_turns
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.release import FreeSpan
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
@@ -150,14 +152,15 @@ def run(
     """
     settings = settings or RunSettings()
     video, mechanism = clip_and_mechanism(clip, model, settings)
-    frames = fitted_range(settings.fit_frames, video.count)
-    prediction_times(video, frames[1], settings.until)
+    wanted = fitted_range(settings.fit_frames, video.count)
+    prediction_times(video, wanted[1], settings.until)
     log = RunLog("run", {"clip": clip, "model": model}, settings)
     folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
-    sight = Sight(video, fit_frames=frames)
+    sight = Sight(video, fit_frames=wanted)
     job = Job(settings, log, folder, progress, sight)
     with recorded(folder, log), shown_if_refused(job):
-        scene, poses = locate_and_track(job, video, mechanism)
+        scene, poses, span = locate_and_track(job, video, mechanism)
+        frames = free_range(settings.fit_frames, wanted, span)
         # the motion may have shown that the stamps are not the times
         times = prediction_times(video.timed(poses.frame, poses.time), frames[1], settings.until)
         # the fit must not see the frames that it will be compared with
@@ -217,7 +220,7 @@ def track_clip(
     job = Job(settings, log, folder, progress, Sight(video))
     with recorded(folder, log), shown_if_refused(job):
         # a table without a pose is written all the same: it shows in which frames the search ended
-        _, poses = locate_and_track(job, video, mechanism)
+        _, poses, _ = locate_and_track(job, video, mechanism)
         share = f"{int(np.sum(poses.seen))} of {len(poses)} frames were tracked."
         with log.stage("results"):
             job.show_sight(" ".join([share, *log.notes]), ok=None if np.any(poses.seen) else False)
@@ -284,7 +287,7 @@ def shown_if_refused(job: Job) -> Iterator[None]:
         raise
 
 
-def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scene, Poses]:
+def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scene, Poses, FreeSpan]:
     """Go from the clip to tracked poses, and write them.
 
     Args:
@@ -293,7 +296,7 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
         mechanism: The mechanism with the user's choices.
 
     Returns:
-        The scene, and the poses of the whole clip.
+        The scene, the poses of the whole clip, and the frames in which the mechanism moves freely.
     """
     settings, log, progress = job.settings, job.log, job.progress
     sight = job.sight or Sight(video)
@@ -308,12 +311,14 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
     sight.scene = scene
     with log.stage("track"):
         # the scene's masks, not the first ones: their colours were measured on the located mechanism
-        poses = track(scene.masks, scene, settings.track, progress=progress)
+        poses, span = track_freely(scene.masks, scene, settings.track, progress=progress)
     sight.poses = poses
-    repeats = len(scene.masks.video.repeats.frames)
-    log.notes += [*scene.advice, *video.notes, *untracked(poses, repeats)]
+    free = poses.part(*np.searchsorted(poses.frame, span[:2]))
+    repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, free.frame)))
+    log.notes += [*scene.advice, *video.notes, *span.notes, *untracked(free, repeats)]
+    log.free_frames, log.region = span[:2], scene.masks.background.window
     job.write_poses(poses)
-    return scene, poses
+    return scene, poses, span
 
 
 def predicted(fit: Fit, poses: Poses, times: np.ndarray, name: str) -> list[Trace]:

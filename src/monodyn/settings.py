@@ -33,7 +33,7 @@ STAGES: dict[str, type] = {
 }
 """The settings class of each stage without those of the published method."""
 
-SHARED = ("seed",)
+SHARED = ("seed", "roi", "time_range")
 """Settings of a stage that always take the value of the whole run."""
 
 
@@ -77,6 +77,10 @@ class RunSettings:
 
     Attributes:
         fit_frames: Frames to fit, A to B-1; all but the last quarter when left out.
+        roi: Part of the picture that shows the mechanism, e.g. 120,0,480,360: column and row of its upper
+            left corner, width and height [px]; found when left out.
+        time_range: Begin and end [s] of the frames in which the mechanism moves freely, e.g. 1.3:6; found
+            when left out.
         until: End of the prediction [s]; the end of the clip when left out.
         fix: Parameters that are known, e.g. gravity=9.81, or camera.roll=0 of a clip.
         free: Parameters to estimate that are not by default, e.g. gravity, or camera.focal of a clip.
@@ -93,6 +97,8 @@ class RunSettings:
     """
 
     fit_frames: tuple[int, int | None] | None = None
+    roi: tuple[int, int, int, int] | None = None
+    time_range: tuple[float, float | None] | None = None
     until: float | None = field(default=None, metadata={"metavar": "S"})
     fix: Mapping[str, float] = field(default_factory=dict)
     free: Sequence[str] = ()

@@ -25,12 +25,19 @@ from monodyn.vision.drawing.camera import PARAMETERS
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import soft_masks
 from monodyn.vision.locating.locate import Sought, find_scene
+from monodyn.vision.locating.region import find_in_region
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.release import FreeSpan, blanked, free_span
 from monodyn.vision.settings import CameraSettings, LocateSettings, SegmentSettings, TrackSettings
 from monodyn.vision.track import follow_clip
 
 PLACE = ("camera.x", "camera.y", "camera.depth")
 """Camera parameters that every method estimates."""
+
+
+def _locate_default(sought: Sought) -> Scene:
+    """Locate on key frames, in the part of the picture that the mechanism explains best."""
+    return find_in_region(sought, find_scene)
 
 
 def _camera_behind(sought: Sought) -> Scene:
@@ -40,7 +47,7 @@ def _camera_behind(sought: Sought) -> Scene:
         from monodyn.paper.settings import PaperLocateSettings, published
 
     settings = published(sought.settings, PaperLocateSettings)
-    return camera_behind(find_scene(sought), sought.fix, level=settings.level)
+    return camera_behind(_locate_default(sought), sought.fix, level=settings.level)
 
 
 def _pose_before(sought: Sought) -> Scene:
@@ -54,7 +61,7 @@ def _pose_before(sought: Sought) -> Scene:
 
     settings = published(sought.settings, PaperLocateSettings)
     scene = pose_before(
-        find_scene(replace(sought, progress=report)), sought.fix,
+        _locate_default(replace(sought, progress=report)), sought.fix,
         level=settings.level, framework=settings.framework,
     )  # fmt: skip
     # the default search counts four steps, the published one is the fifth
@@ -100,7 +107,7 @@ SEGMENT_METHODS: dict[str, Callable[..., Masks]] = {"fast": soft_masks}
 """How the foreground is found: (video, settings, background, progress) to masks."""
 
 LOCATE_METHODS: dict[tuple[str, str], Callable[[Sought], Scene]] = {
-    ("fast", "fast"): find_scene,
+    ("fast", "fast"): _locate_default,
     ("paper", "fast"): _camera_behind,
     ("fast", "paper"): _pose_before,
     ("paper", "paper"): _locate_published,
@@ -187,7 +194,7 @@ def locate(
 def track(
     masks: Masks, scene: Scene, settings: TrackSettings | None = None, *, progress: Progress | None = None
 ) -> Poses:
-    """Follow the mechanism through the clip.
+    """Follow the mechanism through the clip, as far as it moves freely.
 
     Args:
         masks: The masks of the clip to follow; they are taken anew with the background and the colours that
@@ -198,7 +205,28 @@ def track(
 
     Returns:
         Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not
-        lie on its mask, that repeat the one before or that did not decode are not seen and hold NaN.
+        lie on its mask, in which something holds it, that repeat the one before or that did not decode are
+        not seen and hold NaN.
+
+    Raises:
+        VideoError: the pictures of ``masks`` have another size than those of the scene.
+    """
+    return track_freely(masks, scene, settings, progress=progress)[0]
+
+
+def track_freely(
+    masks: Masks, scene: Scene, settings: TrackSettings | None = None, *, progress: Progress | None = None
+) -> tuple[Poses, FreeSpan]:
+    """Follow the mechanism through the clip and find the frames in which it moves freely.
+
+    Args:
+        masks: The masks of the clip to follow.
+        scene: Camera, sizes and first pose.
+        settings: How the mechanism is followed.
+        progress: Called with the number of frames done.
+
+    Returns:
+        The poses as from ``track``, and the stretch of the clip in which nothing holds the mechanism.
 
     Raises:
         VideoError: the pictures of ``masks`` have another size than those of the scene.
@@ -212,7 +240,9 @@ def track(
         )
     settings = settings or TrackSettings()
     poses = TRACK_METHODS[settings.method or "fast"](masks, scene, settings, progress)
-    return at_true_times(poses, video)
+    poses = at_true_times(poses, video)
+    span = free_span(masks, scene, poses)
+    return blanked(poses, span), span
 
 
 def identify(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from monodyn.cli.forms import frame_range, intervals, names, values
+from monodyn.cli.forms import frame_range, intervals, names, rectangle, time_range, values
 from monodyn.errors import SettingsError
 from support import refuses
 
@@ -41,3 +41,24 @@ def test_a_name_comes_once() -> None:
     said = "bounds: expected each name once, got 'a' twice; keep one of them."
     with refuses(SettingsError, said):
         intervals("bounds", (("a=1:2",), ("a=1:2",)))
+
+
+def test_time_range() -> None:
+    assert time_range("time-range", "1.3:6") == (1.3, 6.0)
+    assert time_range("time-range", ":.5") == (0.0, 0.5)
+    assert time_range("time-range", "2.:") == (2.0, None)
+    assert time_range("time-range", None) is None
+    for text in ("6", "a:b", "-1:3", "1:2:3"):
+        with refuses(SettingsError, f"time-range: expected A:B in seconds, got '{text}'; e.g. 1.3:6."):
+            time_range("time-range", text)
+
+
+def test_rectangle() -> None:
+    assert rectangle("roi", "120,0, 480,360") == (120, 0, 480, 360)
+    assert rectangle("roi", None) is None
+    for text in ("120,0,480", "1.5,0,4,3", "-1,0,40,30"):
+        with refuses(
+            SettingsError,
+            f"roi: expected X,Y,W,H with whole numbers of pixels, got '{text}'; e.g. 120,0,480,360.",
+        ):
+            rectangle("roi", text)

@@ -17,8 +17,9 @@ from monodyn.mechanism import load
 from monodyn.types import FULL, Frame, Mask, Progress
 from monodyn.vision import settings as vision_settings
 from monodyn.vision.clip.video import Video, read
-from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
+from monodyn.vision.foreground.background import Background, Samples, background_of
 from monodyn.vision.foreground.masks import GeomColours, Masks, View, plain_view
+from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.settings import SegmentSettings
 from support import EXAMPLES
 
@@ -45,6 +46,9 @@ class DifferenceMasks:
 
     def view(self, geoms: int) -> View:
         return plain_view(self.background.known.astype(np.float32), geoms)
+
+    def over(self, samples: Samples) -> DifferenceMasks:
+        return replace(self, samples=samples)
 
     def refined(self, covered: Sequence[np.ndarray]) -> DifferenceMasks:
         return self

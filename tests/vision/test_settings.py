@@ -33,6 +33,17 @@ def test_segment_settings() -> None:
         SegmentSettings(colour="sepia")
     with refuses(SettingsError, "segment.contrast: expected 0 to 255 grey levels, got -1.0."):
         SegmentSettings(contrast=-1.0)
+    with refuses(
+        SettingsError,
+        "roi: expected X,Y,W,H of 0 or more with sides of at least 16 px, got 0,-1,200,100; give column and "
+        "row of the upper left corner, width and height.",
+    ):
+        SegmentSettings(roi=(0, -1, 200, 100))
+    with refuses(
+        SettingsError, "time-range: expected A:B with B after A, got 3:2 s; give seconds of the clip."
+    ):
+        SegmentSettings(time_range=(3.0, 2.0))
+    assert SegmentSettings(time_range=(3.0, None)).time_range == (3.0, None)
 
 
 def test_locate_settings() -> None:

@@ -50,6 +50,45 @@ def frame_range(option: str, text: str | None) -> tuple[int, int | None] | None:
     return int(match[1] or 0), int(match[2]) if match[2] else None
 
 
+def time_range(option: str, text: str | None) -> tuple[float, float | None] | None:
+    """Return the range of seconds ``A:B``, where either end may be left out.
+
+    Args:
+        option: Name of the option, for the message.
+        text: What the user wrote, or None.
+
+    Raises:
+        SettingsError: it is not two numbers with a colon between them.
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)?:(\d+\.?\d*|\.\d+)?", text.strip())
+    if not match:
+        raise SettingsError(f"{option}: expected A:B in seconds, got '{text}'; e.g. 1.3:6.")
+    return float(match[1] or 0.0), float(match[2]) if match[2] else None
+
+
+def rectangle(option: str, text: str | None) -> tuple[int, int, int, int] | None:
+    """Return the rectangle ``X,Y,W,H``.
+
+    Args:
+        option: Name of the option, for the message.
+        text: What the user wrote, or None.
+
+    Raises:
+        SettingsError: it is not four whole numbers with commas between them.
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d+),(\d+),(\d+),(\d+)", text.replace(" ", ""))
+    if not match:
+        raise SettingsError(
+            f"{option}: expected X,Y,W,H with whole numbers of pixels, got '{text}'; e.g. 120,0,480,360."
+        )
+    left, top, width, height = (int(word) for word in match.groups())
+    return left, top, width, height
+
+
 def values(option: str, words: Sequence[Sequence[str]]) -> dict[str, float]:
     """Return the values by name that ``NAME=VALUE`` words give.
 
@@ -117,6 +156,8 @@ def _assigned(option: str, words: Sequence[Sequence[str]]) -> list[tuple[str, st
 # the key is the annotation of the field, so a new setting of the same type needs nothing here
 FORMS: dict[Any, Notation] = {
     tuple[int, int | None] | None: Notation(str | None, None, "A:B", frame_range),
+    tuple[float, float | None] | None: Notation(str | None, None, "A:B", time_range),
+    tuple[int, int, int, int] | None: Notation(str | None, None, "X,Y,W,H", rectangle),
     Mapping[str, float]: Notation(Words, (), "NAME=VALUE ...", values),
     Sequence[str]: Notation(Words, (), "NAME ...", names),
     Mapping[str, tuple[float, float]]: Notation(Words, (), "NAME=LOW:HIGH ...", intervals),

@@ -191,7 +191,18 @@ class Command(NamedTuple):
     without: Collection[str] = ()
 
 
-_OF_CLIP = ("fit_frames", "until", "background", "rate", "segment", "camera", "locate", "track")
+_OF_CLIP = (
+    "fit_frames",
+    "roi",
+    "time_range",
+    "until",
+    "background",
+    "rate",
+    "segment",
+    "camera",
+    "locate",
+    "track",
+)
 """Settings that a table of joint positions has no use for."""
 
 COMMANDS: dict[str, Command] = {

@@ -29,6 +29,8 @@ class RunLog:
         versions: Versions by package.
         seconds: Wall time by stage [s].
         notes: Sentences about the input.
+        free_frames: First frame in which the mechanism moves freely and the one after the last, or None.
+        region: Top, bottom, left and right of the part of the picture that shows it [px], or None.
     """
 
     def __init__(self, command: str, inputs: Mapping[str, object], settings: object) -> None:
@@ -46,6 +48,8 @@ class RunLog:
         self.versions = versions()
         self.seconds: dict[str, float] = {}
         self.notes: list[str] = []
+        self.free_frames: tuple[int, int] | None = None
+        self.region: tuple[int, int, int, int] | None = None
         self._begun = time.strftime("%Y-%m-%dT%H:%M:%S%z")
 
     @contextmanager
@@ -79,9 +83,16 @@ class RunLog:
             "seed": self.settings.get("seed"),
             "versions": self.versions,
             "seconds": {name: round(value, 4) for name, value in self.seconds.items()},
+            "free_frames": None if self.free_frames is None else list(self.free_frames),
+            "region": None if self.region is None else _corner_and_sides(*self.region),
             "notes": self.notes,
             "files": files,
         }
+
+
+def _corner_and_sides(top: int, bottom: int, left: int, right: int) -> list[int]:
+    """Return a rectangle as ``--roi`` takes it: column, row, width, height [px]."""
+    return [left, top, right - left, bottom - top]
 
 
 @contextmanager

@@ -17,7 +17,9 @@ from monodyn.errors import VideoError
 from monodyn.types import FULL, Camera, Frame, Mask, Poses
 from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.normals import TRUSTED
-from monodyn.vision.foreground.background import Background, Samples, Window, background_of, sample_frames
+from monodyn.vision.foreground.background import Background, Samples, background_of
+from monodyn.vision.foreground.sampling import sample_frames
+from monodyn.vision.foreground.thumbnails import Window
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism

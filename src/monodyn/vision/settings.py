@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -10,6 +11,8 @@ from monodyn.errors import SettingsError
 
 RATES = (1e-3, 1e6)
 """Least and most frames a second [Hz] that a clip can be given."""
+LEAST_SIDE = 16
+"""Least side of a region of the picture [px]."""
 Colour = Literal["auto", "grey", "colour"]
 """Whether the foreground is found by grey level alone or by colour."""
 SegmentMethod = Literal["fast"]
@@ -28,17 +31,35 @@ class SegmentSettings:
         contrast: Least difference from the background by which a pixel counts as changed when the
             mechanism's colours are looked for [grey levels]; 0 takes it from the clip: a third of what stands
             out most, above the noise.
+        roi: Part of the picture that shows the mechanism: column and row of its upper left corner, width and
+            height [px]; None finds it.
+        time_range: Begin and end [s] of the frames in which the mechanism moves freely; None finds them.
     """
 
     method: SegmentMethod | None = None
     colour: Colour = "auto"
     contrast: float = 0.0
+    roi: tuple[int, int, int, int] | None = None
+    time_range: tuple[float, float | None] | None = None
 
     def __post_init__(self) -> None:
         check_choice("segment.method", self.method, (*SEGMENT_METHOD_NAMES, None))
         check_choice("segment.colour", self.colour, get_args(Colour))
         if not 0 <= self.contrast <= 255:
             raise SettingsError(f"segment.contrast: expected 0 to 255 grey levels, got {self.contrast}.")
+        if self.roi is not None and (min(self.roi[:2]) < 0 or min(self.roi[2:]) < LEAST_SIDE):
+            raise SettingsError(
+                f"roi: expected X,Y,W,H of 0 or more with sides of at least {LEAST_SIDE} px, got "
+                f"{','.join(map(str, self.roi))}; give column and row of the upper left corner, width and "
+                "height."
+            )
+        if self.time_range is not None:
+            begin, end = self.time_range[0], math.inf if self.time_range[1] is None else self.time_range[1]
+            if not (math.isfinite(begin) and end > begin):
+                raise SettingsError(
+                    f"time-range: expected A:B with B after A, got {begin:g}:{end:g} s; give seconds of the "
+                    "clip."
+                )
 
 
 @dataclass(frozen=True)

@@ -41,11 +41,11 @@ def least_contrast(samples: Sequence[Frame], background: Background, grey_only: 
     behind = [
         plane[::2, ::2] for plane in full_size(background.luma, None if grey_only else background.chroma)
     ]
-    found = []
+    counts, found = background.counts[::2, ::2], []
     for frame in samples[:: max(1, len(samples) // 12)]:
         planes = [p[::2, ::2] for p in full_size(frame.luma, None if grey_only else frame.chroma)]
         squares = apart(planes, behind)
-        found.append(squares[squares > (CHANGED_NOISE * noise) ** 2])
+        found.append(squares[(squares > (CHANGED_NOISE * noise) ** 2) & counts])
     sizes = np.sqrt(np.concatenate(found))
     typical = float(np.percentile(sizes, 95.0)) if len(sizes) else 0.0
     return float(np.clip(CHANGED_SHARE * typical, CHANGED_NOISE * background.noise, MOST_CONTRAST))
@@ -76,7 +76,7 @@ def moving_pixels(
     rows = []
     behind = full_size(background.luma, None if grey_only else background.chroma)
     inner = np.ones((3, 3), np.uint8)
-    around = surroundings(samples, background, contrast)
+    around, counts = surroundings(samples, background, contrast), background.counts
     least = np.maximum(contrast, CHANGED_NOISE * background.pixel_noise) ** 2
     picks = range(0, len(samples), max(1, len(samples) // 24))
     for i in picks:
@@ -85,7 +85,7 @@ def moving_pixels(
         moving = apart(planes, behind) > least
         # Where the first background shows the mechanism itself, what moves is its absence: such a pixel is
         # more like its surroundings than the background is, and does not count.
-        moving &= apart(planes, around) > apart(behind, around)
+        moving &= (apart(planes, around) > apart(behind, around)) & counts
         if shadow is not None:
             moving &= ~in_shadow(frame, background, shadow)
         # pixels at an edge are mixed with the background; only a thin mechanism has no others

@@ -70,6 +70,8 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
         planes = np.concatenate([planes, other[np.newaxis]])
     if palette.shadow is not None:
         unshadowed(frame, background, palette.shadow, palette.colours, planes)
+    if background.others is not None:
+        planes[:, background.others] = 0
     return planes
 
 

@@ -72,7 +72,7 @@ class Masks(Protocol):
     """The foreground of a clip, as ``locate``, ``track`` and the published method use it.
 
     A segmentation method returns an object of this shape; it need not inherit from this class. Such objects
-    are not changed: ``refined`` and ``coloured`` return new ones, and may return ``self``.
+    are not changed: ``over``, ``refined`` and ``coloured`` return new ones, and may return ``self``.
     """
 
     @property
@@ -122,6 +122,17 @@ class Masks(Protocol):
 
         Returns:
             Trust of the planes and the plane of each geom.
+        """
+        ...
+
+    def over(self, samples: Samples) -> Masks:
+        """Return the masks found anew from other samples.
+
+        Args:
+            samples: Some of the sample frames, or a part of the picture.
+
+        Returns:
+            Masks of the same clip, without measured colours.
         """
         ...
 

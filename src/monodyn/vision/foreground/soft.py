@@ -17,10 +17,11 @@ import numpy as np
 from monodyn.errors import VideoError
 from monodyn.types import Frame, Mask, Progress
 from monodyn.vision.clip.video import Video, read
-from monodyn.vision.foreground.background import Background, Samples, background_of, sample_frames
+from monodyn.vision.foreground.background import Background, Samples, background_of, within
 from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
 from monodyn.vision.foreground.palette import Palette, choose_palette, lingering, measured_palette
+from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.settings import SegmentSettings
 
 
@@ -95,6 +96,23 @@ class SoftMasks:
             return self
         return replace(self, palette=measured_palette(self.palette, self.background, colours))
 
+    def over(self, samples: Samples) -> SoftMasks:
+        """Return the masks found anew from other samples.
+
+        Args:
+            samples: Some of the sample frames, or a part of the picture.
+
+        Returns:
+            New masks of the same clip.
+
+        Raises:
+            VideoError: nothing moves there.
+        """
+        given = None
+        if self.background.given:
+            given = within(self.background, samples.window, samples.others)
+        return _masks_over(self.video, samples, self.settings, given)
+
     def refined(self, covered: Sequence[np.ndarray]) -> SoftMasks:
         """Return the masks over a background from which the mechanism is taken out.
 
@@ -127,16 +145,24 @@ def soft_masks(
     Returns:
         The masks, computed frame by frame as they are iterated over.
     """
-    samples = sample_frames(video, progress=progress)
+    samples = sample_frames(video, settings, progress=progress)
     video = video.without(samples.repeats)
     samples = replace(samples, frames=in_one_light(samples.frames))
-    scene = background_of(samples) if background is None else _given(background, video, samples)
-    if scene.given:
-        samples = replace(samples, frames=in_one_light(samples.frames, scene.luma))
-    palette = choose_palette(samples.frames, scene, settings.colour, settings.contrast)
-    masks = SoftMasks(video, scene, palette, samples, settings)
+    given = None if background is None else _given(background, video, samples)
+    if given is not None:
+        samples = replace(samples, frames=in_one_light(samples.frames, given.luma))
+    return _masks_over(video, samples, settings, given)
+
+
+def _masks_over(
+    video: Video, samples: Samples, settings: SegmentSettings, given: Background | None
+) -> SoftMasks:
+    """Return the masks by background and colours of samples; a background that is given stays."""
+    background = background_of(samples) if given is None else given
+    palette = choose_palette(samples.frames, background, settings.colour, settings.contrast)
+    masks = SoftMasks(video, background, palette, samples, settings)
     # a mechanism that rests most of the time is part of the first background: it is taken out of it once
-    return masks if scene.given else masks.refined(lingering(samples.frames, scene, palette))
+    return masks if background.given else masks.refined(lingering(samples.frames, background, palette))
 
 
 def _given(picture: str | Path, video: Video, samples: Samples) -> Background:

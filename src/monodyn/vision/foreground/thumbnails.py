@@ -1,0 +1,158 @@
+"""Reduced pictures of every frame, small enough to be kept: when the clip shows its scene.
+
+The one idea: what is usually still shows whether a frame belongs to the scene. While a clip fades in, shows a
+title, or the camera still settles its exposure, most of that differs from the background by as much as a
+mechanism would.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from monodyn.types import Frame
+
+SHRINK = 4.0
+"""Pixels of the clip per pixel of a thumbnail, at least."""
+THUMBNAIL_BYTES = 64_000_000
+"""Most memory that the thumbnails of a clip may take; of a long clip they are smaller."""
+STILL_GREY = np.uint8(8)
+"""Grey levels that a pixel may change between two frames by noise alone."""
+STILL_DEVIATION = 4.0
+"""Median deviation over time below which a pixel is usually still [grey levels]."""
+CHANGED_SHARE = 0.25
+"""Share of the still pixels that differ from the background in a frame which does not show the scene."""
+LONGEST_SHARE = 1.0 / 3.0
+"""Share of the clip up to which a stretch at an end counts as something else than the scene."""
+PROBED_FRAMES, PROBED_PIXELS = 96, 4000
+"""Frames and pixels that are enough for what is usual."""
+
+
+class Window(NamedTuple):
+    """A rectangle of the picture.
+
+    Attributes:
+        top: First row [px].
+        bottom: Row below the last one [px].
+        left: First column [px].
+        right: Column to the right of the last one [px].
+    """
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+
+@dataclass(frozen=True, eq=False)
+class Thumbnails:
+    """Reduced pictures of every frame of a clip.
+
+    Attributes:
+        number: Number of each frame in the clip, int (frame,).
+        planes: Grey level and, where there is colour, both differences, uint8 (frame, channel, height,
+            width).
+        shrink: Pixels of the clip per pixel of a thumbnail.
+    """
+
+    number: np.ndarray
+    planes: np.ndarray
+    shrink: float
+
+    def within(self, span: tuple[int, int]) -> Thumbnails:
+        """Return those of a stretch of the clip.
+
+        Args:
+            span: Number of its first frame and of the one after its last.
+        """
+        rows = slice(*np.searchsorted(self.number, span))
+        return Thumbnails(self.number[rows], self.planes[rows], self.shrink)
+
+
+class ThumbnailStore:
+    """Takes the frames of a clip one by one, in memory that is limited from the beginning.
+
+    Args:
+        width: Picture width [px].
+        height: Picture height [px].
+        count: Number of frames to come, at most.
+    """
+
+    def __init__(self, width: int, height: int, count: int) -> None:
+        # three planes of (width height / shrink^2) bytes for each frame
+        least = np.sqrt(3.0 * width * height * count / THUMBNAIL_BYTES)
+        self._shrink = float(max(SHRINK, least))
+        self._size = max(1, round(width / self._shrink)), max(1, round(height / self._shrink))
+        self._number: list[int] = []
+        self._planes: list[np.ndarray] = []
+
+    def add(self, frame: Frame) -> np.ndarray:
+        """Keep the thumbnail of one frame.
+
+        Args:
+            frame: The next frame.
+
+        Returns:
+            The thumbnail, uint8 (channel, height, width).
+        """
+        import cv2
+
+        planes = (frame.luma, *(frame.chroma or ()))
+        self._number.append(frame.index)
+        small = [cv2.resize(plane, self._size, interpolation=cv2.INTER_AREA) for plane in planes]
+        self._planes.append(np.stack(small))
+        return self._planes[-1]
+
+    def finished(self) -> Thumbnails:
+        """Return the thumbnails of all frames that were added."""
+        # a frame without colour in a clip with colour is rare: only the grey level is common to all then
+        channels = min((len(planes) for planes in self._planes), default=1)
+        planes = np.stack([planes[:channels] for planes in self._planes])
+        return Thumbnails(np.array(self._number, dtype=np.int64), planes, self._shrink)
+
+
+def scene_span(thumbnails: Thumbnails, contrast: float, whole: tuple[int, int]) -> tuple[int, int]:
+    """Return the stretch of the clip that shows the scene, without what precedes and follows it.
+
+    Args:
+        thumbnails: All frames.
+        contrast: Difference from the background that counts as foreground [grey levels].
+        whole: Number of the first frame and of the one after the last.
+
+    Returns:
+        The same of the scene.
+    """
+    unlike, changing = (_differs(thumbnails, level) for level in (contrast, STILL_DEVIATION))
+    first = _prelude(unlike, changing)
+    stop = len(unlike) - _prelude(unlike[::-1], changing[::-1])
+    number = thumbnails.number
+    # the ends of the whole stay where the clip does not begin or end with something else
+    begin = int(number[first]) if first else whole[0]
+    return begin, int(number[stop - 1]) + 1 if stop < len(number) else whole[1]
+
+
+def _prelude(unlike: np.ndarray, changing: np.ndarray) -> int:
+    """Return how many frames precede the scene: unlike it at first, then still changing."""
+    most = int(LONGEST_SHARE * len(unlike))
+    if not len(unlike) or not unlike[0]:
+        return 0
+    scene = np.flatnonzero(~changing)
+    # a longer stretch is no prelude: the light has changed, or the other stretch is the scene
+    return int(scene[0]) if len(scene) and scene[0] <= most else 0
+
+
+def _differs(thumbnails: Thumbnails, level: float) -> np.ndarray:
+    """Return in which frames much of what is usually still is off by more than a level, bool (frame,)."""
+    count = len(thumbnails.number)
+    grey = thumbnails.planes[:, 0].reshape(count, -1)
+    grey = grey[:, :: max(1, grey.shape[1] // PROBED_PIXELS)].astype(np.float32)
+    few = grey[:: max(1, count // PROBED_FRAMES)]
+    usual = np.median(few, axis=0)
+    still = np.median(np.abs(few - usual), axis=0) < STILL_DEVIATION
+    # where nothing is usually still, there is nothing to compare with
+    if np.mean(still) < CHANGED_SHARE:
+        return np.zeros(count, dtype=bool)
+    changed = np.abs(grey[:, still] - usual[still]) > level
+    return np.mean(changed, axis=1) > CHANGED_SHARE

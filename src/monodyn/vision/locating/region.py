@@ -1,0 +1,139 @@
+"""Which part of the picture holds the mechanism: the one whose motion the mechanism explains.
+
+The mechanism is located in everything that moves. Where that leaves much of the foreground unexplained, and
+the motion falls into parts, it is located in each part too, and the scene that fits its part best is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from monodyn.errors import MonodynError
+from monodyn.types import FULL
+from monodyn.vision.drawing.outline import covered_pixels
+from monodyn.vision.foreground.background import Samples
+from monodyn.vision.foreground.thumbnails import STILL_GREY
+from monodyn.vision.locating.locate import Sought
+from monodyn.vision.locating.scene import Scene
+
+EXPLAINED = 0.95
+"""Agreement of mechanism and foreground from which no other part is tried."""
+MOST_PARTS = 4
+"""Parts that are tried."""
+FULLER = 1.6
+"""Foreground of a frame over that of the quarter with the least, from which something else may be in it."""
+LEAST_FRAMES = 12
+"""Least number of samples in which the mechanism is located."""
+JUDGED_FRAMES = 8
+"""Key frames in which mechanism and foreground are compared."""
+NEAR_PX = 3.0
+"""Distance within which an edge of one lies on the other [px]."""
+
+Find = Callable[[Sought], Scene]
+
+
+def find_in_region(sought: Sought, find: Find) -> Scene:
+    """Locate the mechanism in everything that moves, or in the part of it that it explains best.
+
+    Args:
+        sought: The masks, the mechanism, and what is known of the camera.
+        find: Locates it in masks.
+
+    Returns:
+        The scene; its masks are those of the part.
+    """
+    best, share = None, -1.0
+    refusals: list[MonodynError] = []
+    for samples in candidates(sought.masks.samples):
+        try:
+            masks = sought.masks if samples is sought.masks.samples else sought.masks.over(samples)
+            scene = find(replace(sought, masks=masks))
+        except MonodynError as refusal:
+            refusals.append(refusal)
+            continue
+        agrees = agreement(scene)
+        if agrees > share:
+            best, share = scene, agrees
+        if share >= EXPLAINED:
+            break
+    if best is None:
+        # what is wrong with the whole clip concerns the user, not what is wrong with a part of it
+        raise refusals[0]
+    return best
+
+
+def candidates(samples: Samples) -> Iterator[Samples]:
+    """Return what the mechanism may be located in, the likeliest first.
+
+    Args:
+        samples: Frames of the clip.
+
+    Yields:
+        All of it; the frames that are not fuller than usual, where a hand may hold the mechanism in the
+        others; the parts of the picture that move apart from one another.
+    """
+    yield samples
+    emptier = without_fuller(samples)
+    if emptier is not None:
+        yield emptier
+    parts = samples.parts
+    if parts is None:
+        return
+    for number in range(1, min(parts.count, MOST_PARTS) + 1):
+        window, others = parts.window([number]), parts.others([number])
+        yield replace(samples, window=window, others=others, parts=None)
+
+
+def without_fuller(samples: Samples) -> Samples | None:
+    """Return the samples without those of much more foreground than usual.
+
+    Args:
+        samples: Frames of the clip.
+
+    Returns:
+        The others, or None where all are usual or too few would be left.
+    """
+    if samples.thumbnails is None:
+        return None
+    rows = np.searchsorted(samples.thumbnails.number, [frame.index for frame in samples.frames])
+    planes = samples.thumbnails.planes[rows]
+    usual = np.median(planes, axis=0).astype(np.uint8)
+    differs = np.maximum(planes, usual) - np.minimum(planes, usual) > STILL_GREY
+    area = differs.any(axis=1).sum(axis=(1, 2))
+    # the quarter with the least foreground has no hand in it, unless all have
+    kept = area <= FULLER * np.percentile(area, 25.0)
+    if kept.all() or kept.sum() < max(LEAST_FRAMES, len(kept) // 4):
+        return None
+    return replace(samples, frames=tuple(f for f, keep in zip(samples.frames, kept, strict=True) if keep))
+
+
+def agreement(scene: Scene) -> float:
+    """Return how well mechanism and foreground agree in the key frames.
+
+    The share of the foreground that the mechanism covers and that of the mechanism on the foreground, the
+    lesser of the two, each with the other made wider by ``NEAR_PX``; the median over the frames.
+
+    Args:
+        scene: A located mechanism.
+
+    Returns:
+        From 0 to 1.
+    """
+    import cv2
+
+    frames = {frame.index: frame for frame in scene.masks.samples.frames}
+    rows = [i for i, number in enumerate(scene.key_frames) if number in frames]
+    wider = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * int(NEAR_PX) + 1,) * 2)
+    shares = []
+    for i in rows[:: max(1, len(rows) // JUDGED_FRAMES)]:
+        shown = scene.masks.of(frames[scene.key_frames[i]]).coverage > FULL // 2
+        drawn = covered_pixels(scene.mechanism, scene.camera, scene.key_positions[i], margin=0.0)
+        known = scene.masks.background.known
+        shown, drawn = shown & known, drawn & known
+        explained = shown & (cv2.dilate(drawn.astype(np.uint8), wider) > 0)
+        met = drawn & (cv2.dilate(shown.astype(np.uint8), wider) > 0)
+        shares.append(min(np.sum(explained) / max(1, np.sum(shown)), np.sum(met) / max(1, np.sum(drawn))))
+    return float(np.median(shares)) if shares else 0.0

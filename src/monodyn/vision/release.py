@@ -1,0 +1,266 @@
+"""From poses and thumbnails to the frames in which the mechanism moves freely.
+
+Two signs end a hold: in the picture, much more foreground than usual that touches the mechanism comes to its
+end; in the poses, a rest that lasts longer than the motion after it explains. What is usual in the clip (a
+shadow, cables that move along) is no sign of a hand, and a rest at the end is friction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from monodyn.types import Poses
+from monodyn.vision.drawing.outline import outline
+from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.foreground.thumbnails import STILL_GREY, Thumbnails
+from monodyn.vision.locating.scene import Scene
+
+LEAST_EXCESS = 0.2
+"""Foreground beyond the usual, over the area of the mechanism, that something else must have."""
+SPREADS = 5.0
+"""Spreads of what is usual beyond which a frame is not usual."""
+MOST_CHANGED = 0.5
+"""Share of the region that changes when the light does, and not because of a hand."""
+GAP_SECONDS = 0.15
+"""Shorter stretches between two touches do not count as free, nor do shorter touches [s]."""
+REST_STDS, REST_FLOOR = 6.0, 1e-3
+"""A joint rests while it departs by no more than this many standard deviations and this floor [rad; of a
+slide as a share of its way]."""
+DEPARTED = 4.0
+"""Rest limits by which a joint has surely departed; constant acceleration takes twice as long as to one."""
+LEAST_REST = 3
+"""Frames by which a rest must be longer than free motion explains."""
+
+
+class FreeSpan(NamedTuple):
+    """Where the mechanism moves freely.
+
+    Attributes:
+        first: Number of the first such frame.
+        stop: Number of the frame after the last one.
+        notes: Sentences for the user; none where that is the whole clip.
+    """
+
+    first: int
+    stop: int
+    notes: tuple[str, ...]
+
+
+def free_span(masks: Masks, scene: Scene, poses: Poses) -> FreeSpan:
+    """Find the stretch of the clip in which nothing holds or touches the mechanism.
+
+    Args:
+        masks: The masks of the clip.
+        scene: The mechanism before the camera.
+        poses: Its tracked poses.
+
+    Returns:
+        The stretch: the longest one between two touches, after any rest at its begin; the user\'s own as it
+        is.
+    """
+    samples, count = masks.samples, len(poses)
+    first, stop = (0, count) if samples.span is None else samples.span
+    # frames that did not decode at the end of the clip have no row
+    span = (min(first, count), min(stop, count))
+    if samples.given or samples.thumbnails is None:
+        return FreeSpan(*span, ())
+    touched = np.zeros(count, dtype=bool)
+    rows = samples.thumbnails.number
+    sampled = np.isin(rows, [frame.index for frame in samples.frames])
+    touched[rows] = touching(samples.thumbnails, sampled, scene, poses)
+    first, stop = longest_free(_lasting(touched, poses.time), poses.seen, span)
+    first = max(first, released(poses, first, stop))
+    return FreeSpan(first, stop, tuple(_notes(poses, span, (first, stop))))
+
+
+def blanked(poses: Poses, span: FreeSpan) -> Poses:
+    """Return poses of which those outside of a stretch are not seen.
+
+    Args:
+        poses: Poses of a whole clip.
+        span: The stretch.
+    """
+    outside = (poses.frame < span.first) | (poses.frame >= span.stop)
+    position, covariance = poses.position.copy(), poses.covariance.copy()
+    position[outside], covariance[outside] = np.nan, np.nan
+    joint_seen = None if poses.joint_seen is None else poses.joint_seen & ~outside[:, np.newaxis]
+    return replace(
+        poses, position=position, covariance=covariance, seen=poses.seen & ~outside, joint_seen=joint_seen
+    )
+
+
+def touching(thumbnails: Thumbnails, sampled: np.ndarray, scene: Scene, poses: Poses) -> np.ndarray:
+    """Return in which frames something other than the mechanism lies against it in the picture.
+
+    Args:
+        thumbnails: Frames of the clip.
+        sampled: True for frames at equal steps of the motion, which show what is usual, bool (frame,).
+        scene: The mechanism before the camera.
+        poses: Its poses in all frames of the clip.
+
+    Returns:
+        True where it is touched, bool (frame,).
+    """
+    foreground, inside = _foreground(thumbnails, scene.masks.background)
+    area = foreground.sum(axis=(1, 2)).astype(np.float64)
+    shape = foreground.shape[1:]
+    own = float(np.median([_drawn(scene, q, shape).sum() for q in scene.key_positions[::4]]))
+    # only a frame with more foreground than usual can show a hand; a pose gone astray adds none
+    more = _beyond(area, sampled, own) & (area < MOST_CHANGED * inside)
+    if not np.any(more):
+        return more
+    against = np.full(len(area), np.nan)
+    for row in np.flatnonzero(more | sampled):
+        number = int(thumbnails.number[row])
+        if poses.seen[number]:
+            against[row] = _against(foreground[row], _drawn(scene, poses.position[number], shape))
+    usual = sampled & np.isfinite(against)
+    # where the mechanism was not found there is nothing to touch, and no free motion either
+    return more & (np.isnan(against) | _beyond(np.nan_to_num(against), usual, own))
+
+
+def longest_free(touched: np.ndarray, seen: np.ndarray, span: tuple[int, int]) -> tuple[int, int]:
+    """Return the stretch between two touches with the most seen frames.
+
+    Args:
+        touched: True where something touches the mechanism, bool (frame,).
+        seen: True where it was seen, bool (frame,).
+        span: First frame and the one after the last that may belong to it.
+
+    Returns:
+        First frame of the stretch, and the one after its last.
+    """
+    blocked = touched.copy()
+    blocked[: span[0]] = blocked[span[1] :] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], blocked, [True]]).astype(np.int8)))
+    stretches = edges.reshape(-1, 2)
+    if not len(stretches):
+        return span
+    first, stop = max(stretches, key=lambda ends: int(np.sum(seen[ends[0] : ends[1]])))
+    return int(first), int(stop)
+
+
+def released(poses: Poses, first: int, stop: int) -> int:
+    """Return the frame in which a mechanism that is held at rest begins to move.
+
+    With constant acceleration from the release at t, a joint departs by one limit after sqrt(2 / a) and by
+    ``DEPARTED`` limits after twice that. A free mechanism that turns back rests as long before t as after it;
+    one that rests longer is held.
+
+    Args:
+        poses: The tracked poses.
+        first: First frame of the stretch.
+        stop: The frame after its last.
+
+    Returns:
+        Number of the frame; ``first`` where nothing was held.
+    """
+    rows = first + np.flatnonzero(poses.seen[first:stop])
+    if len(rows) < 2 * LEAST_REST:
+        return first
+    q = poses.position[rows]
+    variance = np.median(np.diagonal(poses.covariance[rows], axis1=1, axis2=2), axis=0)
+    limit = REST_STDS * np.sqrt(variance) + REST_FLOOR * np.minimum(1.0, np.ptp(q, axis=0))
+    rest = np.median(q[: 2 * LEAST_REST], axis=0)
+    departure = np.max(np.abs(q - rest) / limit, axis=1)
+    gone = np.flatnonzero(departure > DEPARTED)
+    if not len(gone) or departure[0] > 1.0:
+        return first
+    resting = np.flatnonzero(departure[: gone[0]] <= 1.0)[-1]
+    dwell = gone[0] - resting
+    begin = resting - dwell
+    if begin <= dwell + LEAST_REST:
+        return first
+    return int(rows[begin]) + 1
+
+
+def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndarray, int]:
+    """Return where the thumbnails differ from the background in the region, bool (frame, height, width), and
+    the region\'s cells."""
+    import cv2
+
+    height, width = thumbnails.planes.shape[2:]
+
+    def small(plane: np.ndarray) -> np.ndarray:
+        return cv2.resize(plane.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+
+    planes = [background.luma, *(background.chroma or ())][: thumbnails.planes.shape[1]]
+    behind = np.round([small(plane) for plane in planes]).astype(np.uint8)
+    inside = small(background.counts) > 0.5
+    differs = np.zeros((len(thumbnails.number), height, width), dtype=bool)
+    for channel, plane in enumerate(behind):
+        shown = thumbnails.planes[:, channel]
+        differs |= np.maximum(shown, plane) - np.minimum(shown, plane) > STILL_GREY
+    return differs & inside, int(inside.sum())
+
+
+def _beyond(values: np.ndarray, usual: np.ndarray, own: float) -> np.ndarray:
+    """Return which areas exceed the usual ones, by their spread and by the mechanism\'s own area."""
+    middle = float(np.median(values[usual])) if np.any(usual) else 0.0
+    spread = 1.4826 * float(np.median(np.abs(values[usual] - middle))) if np.any(usual) else 0.0
+    return values > middle + max(LEAST_EXCESS * own, SPREADS * spread)
+
+
+def _drawn(scene: Scene, position: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the cells of a thumbnail that the mechanism covers, uint8 (height, width)."""
+    import cv2
+
+    camera = scene.camera
+    scale = np.array([shape[1] / camera.width, shape[0] / camera.height])
+    picture = np.zeros(shape, np.uint8)
+    for _, polygon in outline(scene.mechanism, camera, position):
+        corners = (polygon + 0.5) * scale - 0.5
+        cv2.fillPoly(picture, [np.round(corners * 16.0).astype(np.int32)], 1, cv2.LINE_8, 4)
+    return picture
+
+
+def _against(foreground: np.ndarray, drawn: np.ndarray) -> float:
+    """Return the area of the foreground beyond the mechanism that hangs together with it [cells]."""
+    import cv2
+
+    cell = np.ones((3, 3), np.uint8)
+    # an edge between two cells shows in both
+    near = cv2.dilate(drawn, cell)
+    beyond = (foreground & (near == 0)).astype(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(beyond, connectivity=8)
+    met = np.unique(labels[(cv2.dilate(near, cell) > 0) & (beyond > 0)])
+    return float(stats[met[met > 0], cv2.CC_STAT_AREA].sum())
+
+
+def _lasting(touched: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Close short gaps between touches, then leave out short touches."""
+    short = max(1, round(GAP_SECONDS / float(np.median(np.diff(time)))))
+    return ~_without_short(~_without_short(touched, short, value=False), short, value=False)
+
+
+def _without_short(states: np.ndarray, short: int, *, value: bool) -> np.ndarray:
+    """Turn inner stretches of ``value`` of at most ``short`` frames into the other state."""
+    out = states.copy()
+    edges = [0, *(np.flatnonzero(np.diff(states.astype(np.int8))) + 1), len(states)]
+    for first, stop in pairwise(edges[1:-1]):
+        if states[first] == value and stop - first <= short:
+            out[first:stop] = not value
+    return out
+
+
+def _notes(poses: Poses, shown: tuple[int, int], free: tuple[int, int]) -> list[str]:
+    """Write the sentences about the frames that do not count."""
+    whole = (int(poses.frame[0]), int(poses.frame[-1]) + 1)
+    notes = []
+    if shown != whole:
+        notes.append(
+            f"The scene shows in frames {shown[0]}:{shown[1]} only; the clip fades there, or shows something "
+            "else at first or in the end."
+        )
+    if free != shown:
+        begin, end = (float(poses.time[row]) for row in (free[0], free[1] - 1))
+        notes.append(
+            f"The mechanism moves freely in frames {free[0]}:{free[1]}, {begin:.3f} to {end:.3f} s; outside "
+            "of these something touches or holds it (--time-range A:B [s] gives another range)."
+        )
+    return notes

@@ -1,0 +1,117 @@
+"""Which part of the picture, and which frames, the mechanism is located in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from films import film
+from monodyn.errors import VideoError
+from monodyn.types import Frame
+from monodyn.vision.foreground.background import Samples
+from monodyn.vision.foreground.parts import Parts
+from monodyn.vision.foreground.thumbnails import Thumbnails, Window
+from monodyn.vision.locating import region
+from monodyn.vision.locating.region import agreement, candidates, find_in_region, without_fuller
+from support import refuses
+
+
+def samples_of(areas: list[int], parts: Parts | None = None) -> Samples:
+    """Make samples whose frames show a dark place of so many cells, each somewhere else."""
+    planes = np.full((len(areas), 1, 40, 60), 150, np.uint8)
+    for i, area in enumerate(areas):
+        planes[i, 0].reshape(-1)[60 * (i % 30) : 60 * (i % 30) + area] = 40
+    frames = tuple(Frame(i, i / 30, np.zeros((4, 4), np.uint8)) for i in range(len(areas)))
+    thumbnails = Thumbnails(np.arange(len(areas)), planes, 4.0)
+    whole = Window(0, 160, 0, 240)
+    return Samples(frames, whole, span=(0, len(areas)), thumbnails=thumbnails, parts=parts)
+
+
+def two_parts() -> Parts:
+    labels = np.zeros((40, 60), dtype=np.int64)
+    labels[5:20, 5:25], labels[10:30, 35:55] = 1, 2
+    return Parts(labels, 2, (240, 160))
+
+
+def test_frames_that_are_fuller_than_usual_are_left_out() -> None:
+    usual = [20 + i % 5 for i in range(40)]
+    assert without_fuller(samples_of(usual)) is None
+    held = without_fuller(samples_of([80] * 12 + usual))
+    assert held is not None
+    assert [frame.index for frame in held.frames] == list(range(12, 52))
+    # with a hand in nearly all frames there is no telling what is usual
+    assert without_fuller(samples_of([20] * 8 + [80] * 10)) is None
+    assert without_fuller(replace(samples_of(usual), thumbnails=None)) is None
+
+
+def test_the_whole_comes_first_then_the_frames_then_the_parts() -> None:
+    samples = samples_of([80] * 12 + [20] * 40, two_parts())
+    found = list(candidates(samples))
+    assert found[0] is samples
+    assert len(found[1].frames) == 40
+    assert [part.window for part in found[2:]] == [Window(4, 96, 4, 116), Window(24, 136, 124, 236)]
+    assert all(part.others is not None and part.parts is None for part in found[2:])
+    assert list(candidates(samples_of([20] * 40)))[1:] == []
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """Masks or scene that know only their samples."""
+
+    samples: Samples
+
+    def over(self, samples: Samples) -> Tried:
+        return Tried(samples)
+
+
+def found_with(monkeypatch: pytest.MonkeyPatch, shares: list[float | None]) -> tuple[Any, list[Samples]]:
+    """Return what is found where the candidates agree so well; None refuses."""
+    samples = samples_of([80] * 12 + [20] * 40, two_parts())
+    tried: list[Samples] = []
+
+    @dataclass(frozen=True, eq=False)
+    class Sought:
+        masks: Tried
+
+    def find(sought: Any) -> Any:
+        tried.append(sought.masks.samples)
+        if shares[len(tried) - 1] is None:
+            raise VideoError(f"refused {len(tried)}")
+        return shares[len(tried) - 1]
+
+    monkeypatch.setattr(region, "agreement", lambda share: share)
+    return find_in_region(Sought(Tried(samples)), find), tried  # type: ignore[arg-type]
+
+
+def test_what_explains_the_whole_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, tried = found_with(monkeypatch, [0.97])
+    assert (scene, len(tried)) == (0.97, 1)
+
+
+def test_parts_are_tried_until_one_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, tried = found_with(monkeypatch, [0.4, None, 0.99])
+    assert (scene, len(tried)) == (0.99, 3)
+    assert tried[2].window == Window(4, 96, 4, 116)
+
+
+def test_of_poor_explanations_the_best_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, tried = found_with(monkeypatch, [0.4, 0.6, None, 0.2])
+    assert (scene, len(tried)) == (0.6, 4)
+
+
+def test_the_refusal_of_the_whole_is_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    with refuses(VideoError, "refused 1"):
+        found_with(monkeypatch, [None] * 4)
+
+
+def test_agreement_is_high_at_the_truth_and_low_elsewhere(tmp_path: Path) -> None:
+    scene, poses = film(tmp_path)
+    numbers = tuple(frame.index for frame in scene.masks.samples.frames)
+    true = replace(scene, key_frames=numbers, key_positions=poses.position[list(numbers)])
+    assert agreement(true) > 0.95
+    wrong = replace(true, key_positions=true.key_positions + 0.5)
+    assert agreement(wrong) < 0.7
