@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from monodyn.mechanism import load
+from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating.bundle import KeyMasks, refine, scene_variables
@@ -64,3 +66,34 @@ def test_nothing_to_refine_but_the_poses() -> None:
     # a few hundredths of a pixel over a link of 60 px
     np.testing.assert_allclose(bundle.positions, truth, atol=2e-3)
     assert bundle.mechanism.values == mechanism.values
+
+
+def test_widths_are_right_where_the_sides_of_the_bodies_show(tmp_path: Path) -> None:
+    def pair(thick: float) -> Mechanism:
+        box = f'<geom type="box" size=".12 {thick} .015" pos=".12 0 0"/>'
+        joint = '<joint name="{}" axis="0 -1 0"/>'
+        (tmp_path / "pair.xml").write_text(
+            f'<mujoco><worldbody><body name="a">{joint.format("j1")}{box}'
+            f'<body name="b" pos=".24 0 0">{joint.format("j2")}{box}</body></body></worldbody></mujoco>'
+        )
+        return load(tmp_path / "pair.xml")
+
+    # to the left of the middle of a wide picture the right sides of the boxes show, by 3 px where they hang
+    true, start = pair(0.02), pair(0.002)
+    camera = Camera(480, 240, 300.0, x=0.4, y=-0.03, depth=1.5)
+    rng = np.random.default_rng(2)
+    poses = np.column_stack([rng.uniform(-3.0, -0.1, 12), rng.uniform(-1.5, 1.5, 12)])
+    masks = KeyMasks([drawn_mask(true, camera, q) for q in poses], trusted(true))
+    sizes = ["a.length", "a.width", "b.length", "b.width"]
+    names = [*sizes, "a.thickness", "b.thickness", "camera.x", "camera.y", "camera.depth"]
+    variables = scene_variables(start, names)
+    # one variable for all thicknesses: how far the sides show
+    assert variables.names == (*sizes, "a.thickness", "camera.x", "camera.y", "camera.depth")
+    guess = SceneGuess(start, camera, poses, np.zeros(12))
+    found = refine(masks, guess, variables, EdgeSearch(np.full(20, 5.0), 2.0)).mechanism.values
+    scale = 0.24 / found["a.length"]
+    assert found["b.thickness"] == pytest.approx(found["a.thickness"], rel=1e-9)
+    assert found["a.thickness"] * scale == pytest.approx(0.04, rel=0.1)
+    # 0.05 px of 6 px; held at the start, the thickness takes 20 % of the widths
+    assert found["a.width"] * scale == pytest.approx(0.03, rel=0.01)
+    assert found["b.width"] * scale == pytest.approx(0.03, rel=0.01)

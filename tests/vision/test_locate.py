@@ -66,7 +66,9 @@ def test_what_is_fixed_is_not_refined_and_what_is_freed_is() -> None:
     names = _refined_names(sought("double", {"camera.depth": 1.0}, ("camera.yaw",)))
     assert [n for n in names if n.startswith("camera")] == ["camera.x", "camera.y", "camera.yaw"]
     assert "link1.length" in names
-    assert "link1.thickness" not in names
+    # how far the sides of the bodies show
+    assert "link1.thickness" in names
+    assert "link1.density" not in names
 
 
 def test_a_sliding_root_takes_the_cameras_place_along_it() -> None:

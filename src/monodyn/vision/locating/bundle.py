@@ -38,6 +38,8 @@ PLACE_STD = 0.5
 """Standard deviation of a start place, in lengths of its body: the file's places are only a start."""
 LOG_CAMERA = ("camera.depth", "camera.focal")
 """Parameters of the camera that are refined as logarithms, like the sizes."""
+SIDES = "thickness"
+"""Kind of the variable that all thicknesses are in proportion to: how far the sides of bodies show."""
 CAMERA_TURNS = ("camera.roll", "camera.pitch", "camera.yaw")
 """Parameters of the camera that a weak spring holds at zero."""
 
@@ -92,6 +94,7 @@ class SceneVariables:
         names: Names of the parameters: sizes, places, turns, offsets and ``camera.*``.
         kinds: Their kinds; the name itself for one of the camera's.
         against: Name of the size that a place is a ratio to, empty for all others.
+        thick: Names of the thicknesses that keep their proportions to the one among the variables.
         start: Values of the mechanism file by name, to which weak springs hold what the masks do not show.
         length: Mean length of the bodies in the file [m]; 0 without any.
     """
@@ -99,6 +102,7 @@ class SceneVariables:
     names: tuple[str, ...]
     kinds: tuple[str, ...]
     against: tuple[str, ...]
+    thick: tuple[str, ...]
     start: dict[str, float]
     length: float
 
@@ -110,7 +114,7 @@ class SceneVariables:
     @cached_property
     def log(self) -> np.ndarray:
         """True for what is refined as a logarithm, bool (param,)."""
-        return np.array([kind in SIZE_KINDS or kind in LOG_CAMERA for kind in self.kinds], dtype=bool)
+        return np.array([kind in (*SIZE_KINDS, SIDES, *LOG_CAMERA) for kind in self.kinds], dtype=bool)
 
     @cached_property
     def is_place(self) -> np.ndarray:
@@ -150,6 +154,10 @@ class SceneVariables:
         for name, size in zip(self.names, self.against, strict=True):
             if size:
                 of_mechanism[name] *= pairs[size] if size in pairs else mechanism.values[size]
+        if SIDES in self.kinds:
+            first = self.names[self.kinds.index(SIDES)]
+            factor = pairs[first] / mechanism.values[first]
+            of_mechanism |= {name: mechanism.values[name] * factor for name in self.thick}
         return mechanism.with_values(of_mechanism), with_values(camera, of_camera)
 
 
@@ -158,7 +166,8 @@ def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariable
 
     Args:
         mechanism: The mechanism as in its file.
-        names: Sizes, places, turns, offsets and ``camera.*``.
+        names: Sizes, places, turns, offsets, thicknesses and ``camera.*``; of the thicknesses only the first
+            becomes a variable, the others keep their proportions to it.
 
     Returns:
         The variables.
@@ -168,9 +177,12 @@ def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariable
     against = tuple(
         known[name].against if kind in PLACE_KINDS else "" for name, kind in zip(names, kinds, strict=True)
     )
+    thick = tuple(name for name, kind in zip(names, kinds, strict=True) if kind == SIDES)
+    single = [i for i, name in enumerate(names) if name not in thick[1:]]
+    kinds, against = tuple(kinds[i] for i in single), tuple(against[i] for i in single)
     lengths = [p.value for p in mechanism.parameters if p.kind == "length"]
     mean = float(np.mean(lengths or [0.0]))
-    return SceneVariables(tuple(names), kinds, against, mechanism.values, mean)
+    return SceneVariables(tuple(names[i] for i in single), kinds, against, thick, mechanism.values, mean)
 
 
 def refine(
@@ -298,8 +310,8 @@ def _springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.n
     for i, name in enumerate(names):
         if kinds[i] == "length":
             anchor[i], stiffness[i] = np.log(start[name]), 1.0 / LOG_STD**2
-        elif kinds[i] in SIZE_KINDS:
-            std = LOG_STD if kinds[i] in ("width", "extent") else 0.5 * LOG_STD
+        elif kinds[i] in (*SIZE_KINDS, SIDES):
+            std = LOG_STD if kinds[i] in ("width", "extent", SIDES) else 0.5 * LOG_STD
             anchor[i], stiffness[i] = np.log(start[name]) + common, 1.0 / std**2
         elif kinds[i] in PLACE_KINDS:
             size = variables.against[i]

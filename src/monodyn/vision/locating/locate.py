@@ -29,6 +29,7 @@ from monodyn.vision.drawing.rig import (
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.bundle import (
     CAMERA_TURNS,
+    SIDES,
     Bundle,
     KeyMasks,
     SceneVariables,
@@ -170,7 +171,7 @@ def _variables(guess: SceneGuess, start: SceneStart, names: Sequence[str]) -> Sc
 def _refined_names(sought: Sought) -> list[str]:
     """List the parameters that the pictures determine."""
     mechanism = sought.mechanism
-    shown = [p for p in mechanism.parameters if p.kind in SHOWN_KINDS and not p.follows]
+    shown = [p for p in mechanism.parameters if p.kind in (*SHOWN_KINDS, SIDES) and not p.follows]
     names = [p.name for p in shown if p.name not in sought.pinned]
     # where a slide of the root is zero is a matter of choice: the camera's place is held and fixes it
     held = {"camera.x" if column == X else "camera.y" for _, column in root_slides(mechanism)}

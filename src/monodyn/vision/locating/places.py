@@ -69,7 +69,7 @@ def with_names(variables: SceneVariables, mechanism: Mechanism, names: list[str]
         # a place is held as a ratio to its size, and that size's own start may be far from its value
         size = mechanism.parameter(name).against
         start[name] = now[name] * (start[size] / now[size] if size else 1.0)
-    return replace(more, start=start, length=variables.length)
+    return replace(more, start=start, length=variables.length, thick=variables.thick)
 
 
 def _following(mechanism: Mechanism) -> list[str]:
