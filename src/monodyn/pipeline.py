@@ -161,6 +161,7 @@ def run(
     with recorded(folder, log), shown_if_refused(job):
         scene, poses, span = locate_and_track(job, video, mechanism)
         frames = free_range(settings.fit_frames, wanted, span)
+        sight.fit_frames = frames
         # the motion may have shown that the stamps are not the times
         times = prediction_times(video.timed(poses.frame, poses.time), frames[1], settings.until)
         # the fit must not see the frames that it will be compared with
@@ -312,7 +313,7 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
     with log.stage("track"):
         # the scene's masks, not the first ones: their colours were measured on the located mechanism
         poses, span = track_freely(scene.masks, scene, settings.track, progress=progress)
-    sight.poses = poses
+    sight.poses, sight.free_frames = poses, span[:2]
     free = poses.part(*np.searchsorted(poses.frame, span[:2]))
     repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, free.frame)))
     log.notes += [*scene.advice, *video.notes, *span.notes, *untracked(free, repeats)]

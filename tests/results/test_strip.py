@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monodyn.results import strip as strips
-from monodyn.results.sheet import BLUE, MARGIN, ORANGE, RED, WIDTH
+from monodyn.results.sheet import BLUE, GREEN, MARGIN, ORANGE, RED, WIDTH
 from monodyn.results.sight import Sight
 from monodyn.types import Poses
 from monodyn.vision.clip.video import read
@@ -19,11 +19,14 @@ from support import ClipMaker
 def test_bars_are_filled_where_the_joints_were_seen(filmed: tuple[Scene, Poses]) -> None:
     scene, poses = filmed
     half = replace(poses, seen=np.arange(len(poses)) < 10)
-    page = strips.strip(Sight(scene.masks.video, scene.masks, scene, half, fit_frames=(0, 20)))
+    page = strips.strip(
+        Sight(scene.masks.video, scene.masks, scene, half, fit_frames=(0, 20), free_frames=(5, 20))
+    )
     assert page.shape[1] == WIDTH
     left, right = MARGIN + strips.LABELS, WIDTH - MARGIN
     columns = left + np.array([0.1, 0.2, 0.45, 0.9]) * (right - left)
-    fitted, first, second = (page[30 + k * (strips.BAR + 6) + 8] for k in range(3))
+    free, fitted, first, second = (page[30 + k * (strips.BAR + 6) + 8] for k in range(4))
+    assert [tuple(free[round(x)]) == GREEN for x in columns] == [False, True, True, False]
     assert [tuple(fitted[round(x)]) == ORANGE for x in columns] == [True, True, True, False]
     for bar in (first, second):
         assert [tuple(bar[round(x)]) == BLUE for x in columns] == [True, True, False, False]

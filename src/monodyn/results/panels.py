@@ -46,7 +46,7 @@ from monodyn.vision.drawing.contour import (
 )
 from monodyn.vision.drawing.normals import TRUSTED
 from monodyn.vision.drawing.rig import rig_of
-from monodyn.vision.foreground.background import Background, Window
+from monodyn.vision.foreground.background import Background
 
 TALLEST = 470
 """Most height of a picture on the page [px]."""
@@ -120,7 +120,7 @@ def motion_panel(sight: Sight) -> Picture:
     picture = washed(crop.shown(picture_of(_as_frame(back))), 0.6)
     blended(picture, 0.55 * crop.marked(moves), SKY)
     keys = [Key(f"changes during the clip ({_percent(moves.mean())})", SKY)]
-    outside = ~_within(back.window, moves.shape)
+    outside = ~back.counts
     if outside.any():
         hatch(picture, crop.marked(outside), PALE, rising=False)
         keys.append(Key("left out", SOFT, "hatch"))
@@ -236,12 +236,6 @@ def _around(sight: Sight, outlines: list[np.ndarray]) -> tuple[float, float, flo
         high = np.clip(corners.max(axis=0) + 9.0, [0.0, 0.0], [video.width + far_x, video.height + far_y])
         box[:2], box[2:] = np.minimum(box[:2], low), np.maximum(box[2:], high)
     return (float(box[0]), float(box[1]), float(box[2]), float(box[3]))
-
-
-def _within(window: Window, shape: tuple[int, ...]) -> np.ndarray:
-    inside = np.zeros(shape, dtype=bool)
-    inside[window.top : window.bottom, window.left : window.right] = True
-    return inside
 
 
 def _as_frame(background: Background) -> Frame:

@@ -74,6 +74,7 @@ class Sight:
         scene: Mechanism and camera, or None where nothing was located.
         poses: The tracked clip, slides in the start scale, or None where nothing was followed.
         fit_frames: First frame of the fit and the one after its last, or None.
+        free_frames: First frame in which the mechanism moves freely and the one after the last, or None.
         status: What came of it, a sentence.
         ok: Whether the result can be trusted; None where nothing was to be identified.
     """
@@ -83,6 +84,7 @@ class Sight:
     scene: Scene | None = None
     poses: Poses | None = None
     fit_frames: tuple[int, int] | None = None
+    free_frames: tuple[int, int] | None = None
     status: str = ""
     ok: bool | None = field(default=None)
 

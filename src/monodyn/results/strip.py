@@ -6,6 +6,7 @@ import numpy as np
 
 from monodyn.results.sheet import (
     BLUE,
+    GREEN,
     GROUND,
     INK,
     LINE,
@@ -68,8 +69,11 @@ def _column(sight: Sight, frame: float) -> int:
 
 
 def _bars(sight: Sight) -> list[Picture]:
-    """Draw one bar a joint: filled where it was seen, hatched where not, and one for the fitted frames."""
+    """Draw one bar a joint: filled where it was seen, hatched where not; before them those of the frames in
+    which the mechanism moves freely and of the fitted ones."""
     bars = []
+    if sight.free_frames is not None:
+        bars.append(_bar(sight, "moves freely", [sight.free_frames], GREEN, hatched=False))
     if sight.fit_frames is not None:
         bars.append(_bar(sight, "fitted frames", [sight.fit_frames], ORANGE, hatched=False))
     if sight.poses is None:
