@@ -87,6 +87,29 @@ class Painter(Drawer):
         picture = self._wall * (1.0 - share) + layer[..., :3] * self._gain
         return self.grainy(picture, self._rng)
 
+    def covered(self, positions: np.ndarray) -> np.ndarray:
+        """Return the share of each pixel that shows the mechanism, (height, width).
+
+        Args:
+            positions: Joint positions during the exposure, (exposure, dof).
+        """
+        layer = np.zeros((*self._wall.shape[:2], 4), np.float32)
+        for q in positions:
+            self._add(layer, q, 1.0 / len(positions))
+        return layer[..., 3] / 255.0
+
+    def ends(self, q: np.ndarray) -> np.ndarray:
+        """Return where the parts end in the picture [px], (part, 2).
+
+        Args:
+            q: Joint positions, (dof,).
+        """
+        self._data.qpos[:] = q
+        mujoco.mj_kinematics(self._model, self._data)
+        reach = [part.length if part.kind == "hinge" else 0.0 for part in self._case.parts]
+        along = self._data.xmat[1:].reshape(-1, 3, 3)[:, :, 0]
+        return self.project(self._data.xpos[1:] + np.array(reach)[:, None] * along)
+
     def _add(self, layer: np.ndarray, q: np.ndarray, share: float) -> None:
         """Add a share of the mechanism at positions ``q`` to a premultiplied layer."""
         faces = self._visible(q)

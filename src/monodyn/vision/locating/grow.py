@@ -28,9 +28,9 @@ from monodyn.vision.locating.unit import drawn, growth, scaled
 LONGEST, RATIO, LENGTHS = 0.97, 1.2, 13
 """The longest length of a link that is tried, as a share of the reach; ratio of one length to the next; how
 many are tried."""
-NARROW = Beam(8, 60, 48)
+NARROW = Beam(8, 60, 144)
 """Poses kept per link and frame, positions tried per hinge and per slide, while structures grow."""
-KEPT, KEPT_A_ROOT = 12, 5
+KEPT, KEPT_A_ROOT = 24, 10
 """Structures kept per link, and most of them with the same root."""
 THIN, THICK = 30.0, 1.6
 """Percentile of the widths of the foreground that counts as thin; wider parts are tried besides where they
@@ -47,6 +47,9 @@ WIDTH_STEPS = (0.6, 0.3, 0.12)
 """Steps of the logarithms of widths, tails and tips, one round after the other."""
 LENGTH_STEPS = (0.1, 0.06, 0.03)
 """Steps of the logarithms of lengths."""
+ALL_TRIED = 2
+"""Links up to which all lengths are tried with all others; of more links only the best go on, and the file's
+proportions are tried besides."""
 PLACE_STEPS = (3.0, 1.5, 0.7)
 """Steps of the root's place and of places on bodies [reduced px]."""
 
@@ -74,24 +77,36 @@ class Structure:
         mechanism: Sizes of the first links as tried, of the others as they grow with these.
         camera: The camera, with the root in its place.
         root: Number of its root.
-        steps: Which length of the grid each link has.
+        steps: Which length of the grid each link has; between two for one that was measured.
         scale: Factor on the sizes that are held; None until the first of them is met.
         beams: The best poses in each frame, (pose, dof).
         shares: Share of the foreground of each frame that is not explained.
+        near: Share of the foreground of each frame that the links laid so far could reach.
     """
 
     mechanism: Mechanism
     camera: Camera
     root: int
-    steps: tuple[int, ...]
+    steps: tuple[float, ...]
     scale: float | None
     beams: tuple[np.ndarray, ...]
     shares: tuple[float, ...]
+    near: tuple[float, ...]
 
     @property
     def score(self) -> float:
         """Mean share of the better frames that is not explained."""
         return better_mean(np.array(self.shares))
+
+    @property
+    def strict_score(self) -> float:
+        """The same where what is not explained counts twice if the links laid so far could reach it.
+
+        Later links explain what is farther away. What is near and left over tells that a long link was laid
+        over several short ones, which explains more of the foreground than the first of these alone.
+        """
+        shares, near = np.array(self.shares), np.array(self.near)
+        return better_mean(shares + (shares + near - 1.0))
 
 
 def grown(frames: KeyFrames, start: SceneStart, roots: list[Root]) -> list[Structure]:
@@ -107,6 +122,7 @@ def grown(frames: KeyFrames, start: SceneStart, roots: list[Root]) -> list[Struc
     """
     widths, structures = typical_widths(frames), []
     quick = frames.reduced(max(1, int(max(root.reach for root in roots) / frames.shrink / GROWN_PX)))
+    amounts = [[_amounts_within(frame, root, quick.shrink) for frame in quick.frames] for root in roots]
     for link in range(len(start.mechanism.joints)):
         if link == 0:
             tried = [seed for i in range(len(roots)) for seed in _seeds(start, i, roots[i])]
@@ -117,8 +133,21 @@ def grown(frames: KeyFrames, start: SceneStart, roots: list[Root]) -> list[Struc
                 for longer in _lengthened(structure, start, link, roots[structure.root].reach)
             ]
         wide = [widened for one in tried for widened in _widened(one, start, link, widths)]
-        structures = _raced(wide, quick, link)
+        structures = _raced(wide, quick, amounts, link)
+    if len(start.mechanism.joints) > ALL_TRIED:
+        structures = _best([*structures, *_as_filed(quick, start, roots, amounts)])
     return structures
+
+
+def _as_filed(
+    frames: KeyFrames, start: SceneStart, roots: list[Root], amounts: list[list[np.ndarray]]
+) -> list[Structure]:
+    """Return the best structures that have the file's proportions, at any scale."""
+    tried = [seed for i in range(len(roots)) for seed in _seeds(start, i, roots[i])]
+    for link in range(len(start.mechanism.joints)):
+        later = [replace(one, steps=(*one.steps, *one.steps[:1])) if link else one for one in tried]
+        tried = _raced(later, frames, amounts, link)
+    return tried
 
 
 def typical_widths(frames: KeyFrames) -> list[float]:
@@ -132,10 +161,10 @@ def typical_widths(frames: KeyFrames) -> list[float]:
         One to three widths [px].
     """
     thin, thick = _inscribed(frames, hidden=False)
-    widths = [thin, thick, _inscribed(frames, hidden=True)[1]]
-    told = [width for i, width in enumerate(widths) if not i or width > THICK * widths[i - 1]]
     # where all is about as wide, the widest place of each frame is what a body without others shows
-    return [thick * frames.shrink] if len(told) == 1 else [width * frames.shrink for width in told]
+    widths = [thin, thick] if thick > THICK * thin else [thick]
+    hidden = _inscribed(frames, hidden=True)[1]
+    return [width * frames.shrink for width in (*widths, *([hidden] if hidden > THICK * thick else []))]
 
 
 def _inscribed(frames: KeyFrames, *, hidden: bool) -> tuple[float, float]:
@@ -153,6 +182,11 @@ def _inscribed(frames: KeyFrames, *, hidden: bool) -> tuple[float, float]:
             continue
         ridges.append(depth[top & shown])
         widest.append(float(depth[shown].max()))
+        if hidden:
+            # what lies before its own picture shows its ends alone: it is as wide as what they belong to
+            number = cv2.connectedComponents(inside, connectivity=4)[1]
+            belongs = np.isin(number, number[shown]) & frames.unknown & top
+            widest[-1] = max(widest[-1], float(np.median(depth[belongs])) if belongs.any() else 0.0)
     if not ridges:
         return 2.0, 2.0
     # a distance is counted to the middle of the next pixel outside
@@ -241,15 +275,17 @@ def _seeds(start: SceneStart, number: int, root: Root) -> Iterator[Structure]:
     known, name = mechanism.values, f"{mechanism.joints[0].body}.length"
     at_once = "camera.depth" in start.pinned
     size = known.get(name) or longest_reach(rig_of(mechanism, camera))
-    for step in range(LENGTHS):
-        factor = LONGEST * root.reach * camera.depth / camera.focal / RATIO**step / size
+    longest = LONGEST * root.reach
+    shown = [float(np.log(longest / extent) / np.log(RATIO)) for extent in root.extents if name in known]
+    for step in (*range(LENGTHS), *shown):
+        factor = longest * camera.depth / camera.focal / RATIO**step / size
         held = name in start.pinned or name not in known
         scale = 1.0 if at_once else factor if held else None
         tried = scaled(mechanism, factor if scale is None else scale)
         if not (at_once and held):
             free = [p for p in drawn(mechanism) if p.name not in start.pinned]
             tried = tried.with_values({p.name: p.value * factor for p in free})
-        yield Structure(tried, _before(start, tried, root), number, (step,), scale, (), ())
+        yield Structure(tried, _before(start, tried, root), number, (step,), scale, (), (), ())
         if at_once and held:
             break
 
@@ -300,32 +336,66 @@ def _widened(structure: Structure, start: SceneStart, link: int, widths: list[fl
         yield replace(structure, mechanism=structure.mechanism.with_values(sizes))
 
 
-def _raced(tried: list[Structure], frames: KeyFrames, link: int) -> list[Structure]:
+def _raced(
+    tried: list[Structure], frames: KeyFrames, amounts: list[list[np.ndarray]], link: int
+) -> list[Structure]:
     """Lay the next link into a few frames, and where that goes best into the others."""
     every = range(len(frames.frames))
-    begun = [_laid(one, frames, link, every[:FIRST_FRAMES]) for one in tried]
-    begun.sort(key=lambda structure: structure.score)
+    begun = [_laid(one, frames, amounts[one.root], link, every[:FIRST_FRAMES]) for one in tried]
     most = max(LEFT, round(LEFT_SHARE * len(begun)))
-    return _best([_laid(one, frames, link, every[FIRST_FRAMES:]) for one in begun[:most]])
+    left = _alternately(begun)[:most]
+    return _best([_laid(one, frames, amounts[one.root], link, every[FIRST_FRAMES:]) for one in left])
 
 
-def _laid(structure: Structure, frames: KeyFrames, link: int, rows: range) -> Structure:
+def _laid(
+    structure: Structure, frames: KeyFrames, amounts: list[np.ndarray], link: int, rows: range
+) -> Structure:
     """Lay the next link into some of the frames."""
     rig = rig_of(structure.mechanism, structure.camera, shrink=frames.shrink)
     beams = list(structure.beams) or [np.zeros((1, len(rig.parent)))] * len(frames.frames)
-    shares = list(structure.shares[: rows.start])
+    shares, near = list(structure.shares[: rows.start]), list(structure.near[: rows.start])
+    reach = _reach_px(structure, link) / frames.shrink
     for row in rows:
         poses, costs = extended(frames.frames[row], rig, structure.mechanism, link, beams[row], NARROW)
         order = np.argsort(costs, kind="stable")
         beams[row] = poses[order]
         shares.append(_share(frames.frames[row], float(costs[order[0]])))
-    return replace(structure, beams=tuple(beams), shares=tuple(shares))
+        near.append(float(amounts[row][int(min(reach, len(amounts[row]) - 1))]))
+    return replace(structure, beams=tuple(beams), shares=tuple(shares), near=tuple(near))
+
+
+def _reach_px(structure: Structure, link: int) -> float:
+    """Return how far the links up to one reach from the root, stretched out [px]; without end where one of
+    them slides or has no length."""
+    mechanism, reach = structure.mechanism, 0.0
+    for joint in mechanism.joints[: link + 1]:
+        length = mechanism.values.get(f"{joint.body}.length") if joint.kind == "hinge" else None
+        reach += np.inf if length is None else length
+    return reach * structure.camera.focal / structure.camera.depth
+
+
+def _amounts_within(frame: KeyFrame, root: Root, shrink: int) -> np.ndarray:
+    """Return the share of a frame's foreground within each whole distance from a root [reduced px], ending in
+    1, (distance,); 1 alone for a root that slides."""
+    if not np.isfinite(root.x + root.y):
+        return np.ones(1)
+    y, x = np.nonzero(frame.coarse)
+    column, row = ((place + 0.5) / shrink - 0.5 for place in (root.x, root.y))
+    away = np.hypot(x - column, y - row).astype(np.int64)
+    amount = np.cumsum(np.bincount(away, frame.coarse[y, x] / FULL)) / max(frame.area, 1.0)
+    return np.append(np.minimum(amount, 1.0), 1.0)
+
+
+def _alternately(tried: list[Structure]) -> list[Structure]:
+    """Return structures by their two scores in turn, the best of each first."""
+    orders = [sorted(tried, key=key) for key in (lambda one: one.score, lambda one: one.strict_score)]
+    return list({id(one): one for pair in zip(*orders, strict=True) for one in pair}.values())
 
 
 def _best(tried: list[Structure]) -> list[Structure]:
     """Choose the best structures; of neighbouring lengths at one root only the best one."""
     chosen: list[Structure] = []
-    for one in sorted(tried, key=lambda structure: structure.score):
+    for one in _alternately(tried):
         same = [other for other in chosen if other.root == one.root]
         if len(same) >= KEPT_A_ROOT or any(_are_neighbours(one, other) for other in same):
             continue

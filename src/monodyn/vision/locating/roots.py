@@ -55,11 +55,14 @@ class Root(NamedTuple):
         x: Its place to the right [px], NaN for one that slides that way.
         y: Its place downwards [px], NaN for one that slides that way.
         reach: How far the foreground reaches from there [px].
+        extents: How long the foreground is along a slide, together with what is not known of the background
+            [px]: least, median and greatest of the frames; none for a hinge.
     """
 
     x: float
     y: float
     reach: float
+    extents: tuple[float, ...] = ()
 
 
 class _Cells(NamedTuple):
@@ -123,8 +126,23 @@ def root_lines(frames: KeyFrames, count: int = 7, *, upright: bool = False) -> l
     for place in np.unique(np.round(places)):
         px = float(place + 0.5) * frames.shrink - 0.5
         reach = max(float(ever[-1] - place), float(place - ever[0]), LEAST_REACH) * frames.shrink
-        roots.append(Root(px, np.nan, reach) if upright else Root(np.nan, px, reach))
+        along = _extents(frames, int(place), upright=upright)
+        roots.append(Root(px, np.nan, reach, along) if upright else Root(np.nan, px, reach, along))
     return roots
+
+
+def _extents(frames: KeyFrames, place: int, *, upright: bool) -> tuple[float, ...]:
+    """Return the extents of the longest stretch of each frame along a line [px]; see ``Root``.
+
+    A body that slides little shows its ends alone, and what is between them is its own picture.
+    """
+    lengths = []
+    for frame in frames.frames:
+        inside = (frame.coarse > 0.5 * FULL) | frames.unknown
+        line = np.concatenate([[False], inside[:, place] if upright else inside[place], [False]])
+        edges = np.flatnonzero(line[1:] != line[:-1])
+        lengths.append(float(np.max(edges[1::2] - edges[::2], initial=0)))
+    return tuple(length * frames.shrink for length in np.percentile(lengths, [0, 50, 100]) if length > 0.0)
 
 
 def _turning_points(frames: KeyFrames) -> list[tuple[float, float]]:
