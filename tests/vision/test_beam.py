@@ -6,7 +6,7 @@ import numpy as np
 
 from monodyn.mechanism import load
 from monodyn.types import FULL, Camera
-from monodyn.vision.drawing.mismatch import row_sums
+from monodyn.vision.drawing.mismatch import pose_balance, row_balance, row_sums
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.locating.beam import BEYOND, Beam, best_peaks, extended, slide_places
 from monodyn.vision.locating.keyframes import KeyFrame
@@ -49,3 +49,18 @@ def test_a_slide_is_tried_where_the_foreground_is() -> None:
     half = 0.5 * np.hypot(np.ptp(columns), np.ptp(rows)) * 0.9 / 150.0
     np.testing.assert_allclose(places[[0, -1]], seen + BEYOND * half * np.array([-1.0, 1.0]), atol=1e-12)
     assert places[0] < 0.04 < places[-1]
+
+
+def test_poses_are_improved_between_the_tried_positions() -> None:
+    mechanism = load("double")
+    rig = rig_of(mechanism, CAMERA)
+    truth = np.array([-0.93, 1.36])
+    frame = frame_of(drawn_mask(mechanism, CAMERA, truth))
+    beam = Beam(4, 36, 8)
+    poses = np.zeros((1, 2))
+    for link in range(2):
+        poses, costs = extended(frame, rig, mechanism, link, poses, beam)
+    best = poses[int(np.argmin(costs))]
+    # a third of half the 10 degrees between two tried positions
+    assert np.abs(best - truth).max() < np.radians(10.0) / 6 + 0.02
+    np.testing.assert_allclose(costs, pose_balance(row_balance(frame.sums), rig, poses, 2), rtol=1e-9)

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from monodyn.mechanism import load
 from monodyn.types import Camera
-from monodyn.vision.locating.grow import SceneStart, better_mean, grown, settled, typical_widths, whole
+from monodyn.vision.locating.grow import (
+    SceneStart,
+    Structure,
+    _alternately,
+    better_mean,
+    grown,
+    settled,
+    typical_widths,
+    whole,
+)
 from monodyn.vision.locating.roots import Root
 from monodyn.vision.locating.unit import scaled
 from pictures import drawn_frames, root_in
@@ -25,7 +36,8 @@ def start(pinned: frozenset[str] = frozenset()) -> SceneStart:
 
 
 def root() -> Root:
-    return Root(*root_in(CAMERA), 0.41 * PX)
+    x, y = root_in(CAMERA)
+    return Root(x, y, 0.41 * PX)
 
 
 def test_proportions_come_from_the_masks() -> None:
@@ -77,3 +89,17 @@ def test_thickness_is_not_more_than_the_width() -> None:
 def test_the_mean_of_the_better_frames() -> None:
     assert better_mean(np.array([0.1, 0.9, 0.2, 0.3])) == pytest.approx(0.2)
     assert better_mean(np.array([0.4])) == 0.4
+
+
+def test_what_is_left_over_within_reach_counts_twice() -> None:
+    none = (np.zeros((1, 1)),)
+    structure = Structure(TRUE, CAMERA, 0, (0,), None, none, (0.6,), (0.7,))
+    assert structure.score == 0.6
+    # 0.4 of the foreground is explained, 0.3 more could have been
+    assert structure.strict_score == pytest.approx(0.9)
+    # a long link over several short ones explains more than the first of these, and leaves more over
+    short = replace(structure, steps=(7,), shares=(0.8,), near=(0.2,))
+    assert short.score > structure.score
+    assert short.strict_score < structure.strict_score
+    dull = replace(structure, steps=(4,), shares=(0.9,), near=(0.9,))
+    assert _alternately([dull, short, structure]) == [structure, short, dull]

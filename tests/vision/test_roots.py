@@ -9,8 +9,9 @@ import pytest
 
 from models import read
 from monodyn.mechanism import load
-from monodyn.types import Camera
+from monodyn.types import FULL, Camera
 from monodyn.vision.drawing.mismatch import row_sums
+from monodyn.vision.foreground.masks import plain_view
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
 from pictures import drawn_frames, root_in
@@ -64,3 +65,29 @@ def test_no_foreground_has_no_line() -> None:
     mechanism, camera = load("cartpole"), Camera(160, 120, 150.0)
     empty = drawn_frames(mechanism, camera, np.array([[9.0, 0.0], [9.0, 0.1]]))
     assert root_lines(empty) == []
+
+
+@pytest.mark.parametrize("upright", [False, True])
+def test_a_cart_before_its_own_picture_shows_how_long_it_is(upright: bool) -> None:
+    # The background shows the cart where it always is: its ends alone stand out from it, by turns.
+    frames = []
+    for left in (20, 23, 26):
+        coarse = np.zeros((60, 120), np.uint8)
+        coarse[30:42, left : left + 50] = FULL
+        frames.append(coarse)
+    trust = np.ones((60, 120), np.float32)
+    trust[30:42, 26:70] = 0.0
+    if upright:
+        frames, trust = [np.ascontiguousarray(f.T) for f in frames], np.ascontiguousarray(trust.T)
+    view = plain_view(trust, 1)
+    keys = KeyFrames(
+        tuple(
+            KeyFrame(i, 0.1 * i, f[None], f, row_sums(f), float(f.sum()) / FULL) for i, f in enumerate(frames)
+        ),
+        2,
+        view,
+        trust,
+    )
+    root = min(root_lines(keys, upright=upright), key=lambda r: abs((r.x if upright else r.y) - 71.0))
+    # twice as long in the picture as in the reduced one; at most what the ends of its way add
+    np.testing.assert_allclose(root.extents, [100.0, 100.0, 100.0], atol=0.1)

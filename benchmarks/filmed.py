@@ -1,0 +1,326 @@
+"""Run the program with default settings on made clips of everything that happens while people film.
+
+``python benchmarks/filmed.py [--only NAME ...] [--runs FOLDER] [--gate]``. A clip of ``cases.py``'s kind is
+drawn, and something is done to it: a hand holds and lets go, a post stands before it, the pivot is above the
+picture. A run is right, refused, or wrong and called ok, which none may be. The truth only judges.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+
+import monodyn
+from accuracy import differences, rms
+from cases import BLUE, DARK, RED, chain
+from clips import exposures, simulate, wrong
+from figures import Figure, command_line, finish, say, table
+from paint import Painter
+from spec import Case, Colour, Part, mjcf
+
+SKIN, POST, COAT = (214, 168, 140), (96, 120, 88), (40, 60, 110)
+"""Colours of a hand, of a post and of a person, RGB."""
+ANGLE_DEG, LENGTH = 0.5, 1.5
+"""Errors up to which a run is right: of the seen angles, rms [deg], and of the lengths [%]."""
+SIGMAS = 4.0
+"""A length off by more than ``LENGTH`` is no wrong answer within so many of its standard deviations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What an effect may look at.
+
+    Attributes:
+        index: Number of the picture.
+        time: Since the clip began [s].
+        held: Until when the mechanism is held [s].
+        places: Where each part ends in the picture [px], (part, 2).
+        covered: Share of each pixel that shows the mechanism, (height, width).
+    """
+
+    index: int
+    time: float
+    held: float
+    places: np.ndarray
+    covered: np.ndarray
+
+
+Effect = Callable[[np.ndarray, Moment], np.ndarray]
+"""Changes a picture before its noise, float RGB (height, width, 3)."""
+
+
+def hand(picture: np.ndarray, moment: Moment) -> np.ndarray:
+    """Draw a hand that holds the last part and then goes away to the right, an arm behind it."""
+    away = np.array([260.0, 60.0]) * max(0.0, moment.time - moment.held)
+    tip = moment.places[-1] + away
+    corner = tip + np.array([700.0, 160.0])
+    return _drawn(picture, lambda to: _line(to, tip, corner, 34, SKIN), lambda to: _disc(to, tip, 26, SKIN))
+
+
+def post(picture: np.ndarray, moment: Moment) -> np.ndarray:
+    """Draw an upright post a quarter of the way from the middle."""
+    width, height = picture.shape[1], picture.shape[0]
+    top, foot = np.array([0.6 * width, -9.0]), np.array([0.57 * width, height + 9.0])
+    return _drawn(picture, lambda to: _line(to, top, foot, 34, POST))
+
+
+def passer_by(picture: np.ndarray, moment: Moment) -> np.ndarray:
+    """Draw somebody who sways at the left edge all the time."""
+    height = picture.shape[0]
+    head = np.array([22.0 + 14.0 * np.sin(1.7 * moment.time), 0.35 * height])
+    feet = np.array([12.0 + 6.0 * np.sin(1.7 * moment.time + 0.6), 1.1 * height])
+    return _drawn(picture, lambda to: _line(to, head, feet, 52, COAT), lambda to: _disc(to, head, 24, SKIN))
+
+
+def clock(picture: np.ndarray, moment: Moment) -> np.ndarray:
+    """Write a running clock and a caption that changes once."""
+    letters = np.zeros(picture.shape[:2], np.uint8)
+    caption = "Double pendulum" if moment.time < 3.0 else "by the window"
+    for text, place in ((f"{moment.time:05.2f}", (12, 34)), (caption, (470, 462))):
+        cv2.putText(letters, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.9, 255, 2, cv2.LINE_AA)
+    share = letters[..., None] / 255.0
+    return picture * (1.0 - share) + 250.0 * share
+
+
+def fade(picture: np.ndarray, moment: Moment) -> np.ndarray:
+    """Fade in from black during the first 0.8 s."""
+    return picture * min(1.0, moment.time / 0.8)
+
+
+def lamp(picture: np.ndarray, moment: Moment) -> np.ndarray:
+    """Make all a quarter darker within 0.4 s, half-way through."""
+    return picture * (1.0 - 0.25 * float(np.clip((moment.time - 3.0) / 0.4, 0.0, 1.0)))
+
+
+def shadow(picture: np.ndarray, moment: Moment) -> np.ndarray:
+    """Cast a soft shadow on the wall, to the right and down."""
+    height, width = moment.covered.shape
+    shift = np.array([[1.0, 0.0, 34.0], [0.0, 1.0, 22.0]])
+    cast = cv2.GaussianBlur(cv2.warpAffine(moment.covered, shift, (width, height)), (0, 0), 3.0)
+    return picture * (1.0 - 0.3 * cast * (1.0 - moment.covered))[..., None]
+
+
+def pane(picture: np.ndarray, moment: Moment) -> np.ndarray:
+    """Put a plot beside the scene whose curve grows and whose cursor moves."""
+    height = picture.shape[0]
+    beside = np.full((height, 320, 3), 248.0)
+    t = np.linspace(0.0, moment.time, 2 + int(40 * moment.time))
+    x, y = 20 + 45 * t, height * (0.5 + 0.3 * np.sin(4.4 * t) * np.exp(-0.1 * t))
+    curve = np.column_stack([x, y]).round().astype(np.int32)
+    cv2.polylines(beside, [curve], False, (30.0, 60.0, 200.0), 3, cv2.LINE_AA)
+    cv2.circle(beside, curve[-1].tolist(), 9, (200.0, 40.0, 40.0), -1, cv2.LINE_AA)
+    return np.hstack([picture, beside])
+
+
+@dataclass(frozen=True)
+class Take:
+    """One clip.
+
+    Attributes:
+        case: The mechanism and its picture.
+        effects: What is done to it.
+        held: How long it is held before it is let go [s].
+        repeated: Every picture of this number is replaced by the one before; 0 for none.
+    """
+
+    case: Case
+    effects: tuple[Effect, ...] = ()
+    held: float = 0.0
+    repeated: int = 0
+
+
+def _thread(length: float, ball: float, colour: Colour) -> tuple[Part, ...]:
+    return (Part(length, 0.0006, shape="capsule", ball=ball, colour=colour, damping=4e-4),)
+
+
+_WALL = (128, 128, 126)
+_DOUBLE = Case("double", chain((0.22, 0.18), (0.03, 0.026), (RED, BLUE)), (-0.5, 0.4))
+_DARK = Case("dark", chain((0.2, 0.22), 0.028, (DARK,)), (-0.2, 0.5), wall="mottled")
+_TRIPLE = Case(
+    "triple", chain((0.14, 0.14, 0.11), (0.026, 0.024, 0.022), (RED, BLUE, DARK)), (-0.7, 0.3, 0.6)
+)
+_SINGLE = Case("single", chain((0.27,), 0.03, (BLUE,)), (-0.5,), wall="room")
+_BOB = Case(
+    "bob", (Part(0.25, 0.012, shape="capsule", ball=0.03, colour=RED, damping=1e-3),), (-0.7,), wall="room"
+)
+_CART = Case(
+    "cart",
+    (
+        Part(0.12, 0.06, 0.02, BLUE, kind="slide", mass=0.4, damping=0.06),
+        Part(0.25, 0.022, 0.008, RED, parent=0, layer=0.02),
+    ),
+    (-0.08, -2.4),
+    fill=0.8,
+)
+_BALL = Case("ball", _thread(0.3, 0.025, RED), (-1.0,), pivot=(0.5, -0.2), fill=2.1, wall="room")
+_GREY = chain((0.22, 0.18), 0.009, ((112, 112, 112), (104, 104, 103)))
+_FAINT = Case("faint", _GREY, (-0.5, 0.4), base=_WALL, wall="plain", noise=2.5)
+TAKES = {
+    **{f"hand_{c.name}": Take(c, (hand,), held=1.2) for c in (_DOUBLE, _DARK, _TRIPLE, _SINGLE)},
+    **{f"post_{c.name}": Take(c, (post,)) for c in (_DOUBLE, _TRIPLE, _BOB, _CART)},
+    **{f"passer_by_{c.name}": Take(c, (passer_by,)) for c in (_DOUBLE, _BOB)},
+    **{f"clock_{c.name}": Take(c, (clock,)) for c in (_DARK, _SINGLE)},
+    **{f"fade_{c.name}": Take(c, (fade,)) for c in (_DOUBLE, _CART)},
+    **{f"lamp_{c.name}": Take(c, (lamp,)) for c in (_DOUBLE, _BOB)},
+    **{f"shadow_{c.name}": Take(c, (shadow,)) for c in (_DOUBLE, _DARK, _BOB, _CART)},
+    **{f"pane_{c.name}": Take(c, (pane,)) for c in (_DARK, _SINGLE, _TRIPLE)},
+    **{f"repeats_{c.name}": Take(c, repeated=n) for c, n in ((_DARK, 5), (_SINGLE, 2), (_CART, 6))},
+    "above_ball": Take(_BALL),
+    "above_ball_dark": Take(replace(_BALL, parts=_thread(0.35, 0.02, DARK), wall="plain")),
+    "above_bob": Take(replace(_BOB, pivot=(0.45, -0.15), fill=2.0)),
+    "above_double": Take(replace(_DOUBLE, pivot=(0.5, -0.08), fill=1.5)),
+    "faint_double": Take(_FAINT),
+    "faint_noisy": Take(replace(_FAINT, noise=5.0)),
+    "faint_single": Take(replace(_FAINT, parts=_GREY[:1], start=(-0.5,))),
+    "several": Take(_DOUBLE, (shadow, passer_by, hand, clock, fade), held=1.5),
+}
+"""The clips by name."""
+
+
+def main() -> int:
+    """Run what was asked for and print the table.
+
+    Returns:
+        The exit code: 1 when a run was called ok over a wrong answer, under ``--gate``.
+    """
+    parser = command_line(__doc__, tuple(TAKES))
+    parser.add_argument("--runs", type=Path, metavar="FOLDER", help="keep clips and run folders there")
+    options = parser.parse_args()
+    figures: list[Figure] = []
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = options.runs or Path(temporary)
+        for number, name in enumerate(TAKES):
+            if not options.only or name in options.only:
+                figures += judged(name, number, folder / name)
+    print(table(figures))
+    right = sum(f.value for f in figures if f.name == "right")
+    print(f"{right:.0f} of {len(options.only or TAKES)} are right, each other one is refused or missed above")
+    return finish(figures, to=options.json, gate=options.gate)
+
+
+def judged(name: str, seed: int, folder: Path) -> list[Figure]:
+    """Make a clip, run it with default settings and compare with the truth.
+
+    Args:
+        name: Of the clip.
+        seed: Of its noise.
+        folder: Where clip and run folder go.
+
+    Returns:
+        Whether it is right, whether it is wrong and called ok, and the errors.
+    """
+    take = replace(TAKES[name], case=replace(TAKES[name].case, seed=seed + 1))
+    folder.mkdir(parents=True, exist_ok=True)
+    clip, truth = folder / "clip.mp4", filmed(take, folder / "clip.mp4")
+    (folder / "model.xml").write_text(mjcf(tuple(wrong(part) for part in take.case.parts)))
+    began = time.perf_counter()
+    try:
+        outcome = monodyn.run(clip, folder / "model.xml", folder / "run", force=True)
+    except monodyn.MonodynError as error:
+        say(f"{name}: {time.perf_counter() - began:.1f} s, refused: {error}")
+        return [Figure(name, "right", 0.0, ""), Figure(name, "wrong and called ok", 0.0, "", 0.0)]
+    ok = outcome.document["status"] == "identified" or bool(outcome.document["ok"])
+    angle, share = _angles(take, outcome.poses, truth)
+    length, sigmas = _lengths(take, outcome.document)
+    right = ok and angle <= ANGLE_DEG and length <= LENGTH
+    off = angle > ANGLE_DEG or (length > LENGTH and sigmas > SIGMAS)
+    say(f"{name}: {time.perf_counter() - began:.1f} s, {outcome.document['status']}")
+    return [
+        Figure(name, "right", float(right), ""),
+        Figure(name, "wrong and called ok", float(ok and off), "", 0.0),
+        Figure(name, "free frames seen", share, "%"),
+        Figure(name, "worst seen angle, rms", angle, "deg"),
+        Figure(name, "worst length", length, "%"),
+    ]
+
+
+def filmed(take: Take, path: Path) -> np.ndarray:
+    """Write the clip of a take.
+
+    Args:
+        take: What it shows.
+        path: The file.
+
+    Returns:
+        The true joint positions of every frame, (frame, dof).
+    """
+    case = take.case
+    states = simulate(case)
+    still = np.broadcast_to(states[0, 0], (round(take.held * case.rate), *states.shape[1:]))
+    states = np.concatenate([still, states])
+    painter, rng = Painter(case), np.random.default_rng(case.seed)
+    quiet = Painter(replace(case, noise=0.0))
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream(
+            "libx264", rate=case.rate, options={"preset": "medium", "crf": str(case.crf)}
+        )
+        stream.pix_fmt = "yuv420p"
+        for i, positions in enumerate(exposures(case, states)):
+            moment = Moment(i, i / case.rate, take.held, quiet.ends(positions[0]), quiet.covered(positions))
+            if not (take.repeated and i % take.repeated == take.repeated - 1):
+                picture = quiet.picture(positions).astype(np.float32)
+                for effect in take.effects:
+                    picture = effect(picture, moment)
+                picture = painter.grainy(picture, rng)
+            if i == 0:
+                stream.height, stream.width = picture.shape[:2]
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        file.mux(stream.encode())
+    return states[:, 0]
+
+
+def _angles(take: Take, poses: monodyn.Poses, truth: np.ndarray) -> tuple[float, float]:
+    """Return the largest rms error of a hinge over the seen free frames [deg], and the share of these [%]."""
+    free = poses.frame >= round(take.held * take.case.rate)
+    fresh = np.ones(len(poses), dtype=bool)
+    if take.repeated:
+        fresh = poses.frame % take.repeated != take.repeated - 1
+    seen = poses.seen & free & fresh
+    errors = [
+        rms(np.degrees(differences(poses.position[seen, dof], truth[poses.frame[seen], dof], turns=True)))
+        for dof, part in enumerate(take.case.parts)
+        if part.kind == "hinge"
+    ]
+    return max(errors), 100.0 * float(np.mean(poses.seen[free & fresh]))
+
+
+def _lengths(take: Take, document: dict) -> tuple[float, float]:
+    """Return the largest error of a length [%] and how many of its standard deviations that is."""
+    rows = {row["name"]: row for row in document["parameters"]}
+    hinged = [part for part in take.case.parts if part.kind == "hinge"]
+    errors = []
+    for i, part in enumerate(hinged, start=1):
+        found = rows[f"link{i}.length"]
+        off = abs(found["value"] - part.length)
+        errors.append((100.0 * off / part.length, off / max(found.get("std") or 0.0, 1e-12)))
+    return max(errors)
+
+
+def _drawn(picture: np.ndarray, *strokes: Callable[[np.ndarray], None]) -> np.ndarray:
+    """Return a picture with something opaque before it."""
+    picture = np.ascontiguousarray(picture)
+    for stroke in strokes:
+        stroke(picture)
+    return picture
+
+
+def _line(to: np.ndarray, start: np.ndarray, end: np.ndarray, width: int, colour: Colour) -> None:
+    cv2.line(
+        to, start.round().astype(int).tolist(), end.round().astype(int).tolist(), colour, width, cv2.LINE_AA
+    )
+
+
+def _disc(to: np.ndarray, middle: np.ndarray, radius: int, colour: Colour) -> None:
+    cv2.circle(to, middle.round().astype(int).tolist(), radius, colour, -1, cv2.LINE_AA)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
