@@ -42,7 +42,7 @@ class Moment:
         index: Number of the picture.
         time: Since the clip began [s].
         held: Until when the mechanism is held [s].
-        places: Where each part ends in the picture [px], (part, 2).
+        places: Where each body ends in the picture [px], (body, 2).
         covered: Share of each pixel that shows the mechanism, (height, width).
     """
 
@@ -57,7 +57,7 @@ Effect = Callable[[np.ndarray, Moment], np.ndarray]
 """Changes a picture before its noise, float RGB (height, width, 3)."""
 
 
-def hand(picture: np.ndarray, moment: Moment) -> np.ndarray:
+def _hand(picture: np.ndarray, moment: Moment) -> np.ndarray:
     """Draw a hand that holds the last part and then goes away to the right, an arm behind it."""
     away = np.array([260.0, 60.0]) * max(0.0, moment.time - moment.held)
     tip = moment.places[-1] + away
@@ -65,14 +65,14 @@ def hand(picture: np.ndarray, moment: Moment) -> np.ndarray:
     return _drawn(picture, lambda to: _line(to, tip, corner, 34, SKIN), lambda to: _disc(to, tip, 26, SKIN))
 
 
-def post(picture: np.ndarray, moment: Moment) -> np.ndarray:
+def _post(picture: np.ndarray, moment: Moment) -> np.ndarray:
     """Draw an upright post a quarter of the way from the middle."""
     width, height = picture.shape[1], picture.shape[0]
     top, foot = np.array([0.6 * width, -9.0]), np.array([0.57 * width, height + 9.0])
     return _drawn(picture, lambda to: _line(to, top, foot, 34, POST))
 
 
-def passer_by(picture: np.ndarray, moment: Moment) -> np.ndarray:
+def _passer_by(picture: np.ndarray, moment: Moment) -> np.ndarray:
     """Draw somebody who sways at the left edge all the time."""
     height = picture.shape[0]
     head = np.array([22.0 + 14.0 * np.sin(1.7 * moment.time), 0.35 * height])
@@ -80,7 +80,7 @@ def passer_by(picture: np.ndarray, moment: Moment) -> np.ndarray:
     return _drawn(picture, lambda to: _line(to, head, feet, 52, COAT), lambda to: _disc(to, head, 24, SKIN))
 
 
-def clock(picture: np.ndarray, moment: Moment) -> np.ndarray:
+def _clock(picture: np.ndarray, moment: Moment) -> np.ndarray:
     """Write a running clock and a caption that changes once."""
     letters = np.zeros(picture.shape[:2], np.uint8)
     caption = "Double pendulum" if moment.time < 3.0 else "by the window"
@@ -90,17 +90,17 @@ def clock(picture: np.ndarray, moment: Moment) -> np.ndarray:
     return picture * (1.0 - share) + 250.0 * share
 
 
-def fade(picture: np.ndarray, moment: Moment) -> np.ndarray:
+def _fade(picture: np.ndarray, moment: Moment) -> np.ndarray:
     """Fade in from black during the first 0.8 s."""
     return picture * min(1.0, moment.time / 0.8)
 
 
-def lamp(picture: np.ndarray, moment: Moment) -> np.ndarray:
+def _lamp(picture: np.ndarray, moment: Moment) -> np.ndarray:
     """Make all a quarter darker within 0.4 s, half-way through."""
     return picture * (1.0 - 0.25 * float(np.clip((moment.time - 3.0) / 0.4, 0.0, 1.0)))
 
 
-def shadow(picture: np.ndarray, moment: Moment) -> np.ndarray:
+def _shadow(picture: np.ndarray, moment: Moment) -> np.ndarray:
     """Cast a soft shadow on the wall, to the right and down."""
     height, width = moment.covered.shape
     shift = np.array([[1.0, 0.0, 34.0], [0.0, 1.0, 22.0]])
@@ -108,7 +108,7 @@ def shadow(picture: np.ndarray, moment: Moment) -> np.ndarray:
     return picture * (1.0 - 0.3 * cast * (1.0 - moment.covered))[..., None]
 
 
-def pane(picture: np.ndarray, moment: Moment) -> np.ndarray:
+def _pane(picture: np.ndarray, moment: Moment) -> np.ndarray:
     """Put a plot beside the scene whose curve grows and whose cursor moves."""
     height = picture.shape[0]
     beside = np.full((height, 320, 3), 248.0)
@@ -164,14 +164,14 @@ _BALL = Case("ball", _thread(0.3, 0.025, RED), (-1.0,), pivot=(0.5, -0.2), fill=
 _GREY = chain((0.22, 0.18), 0.009, ((112, 112, 112), (104, 104, 103)))
 _FAINT = Case("faint", _GREY, (-0.5, 0.4), base=_WALL, wall="plain", noise=2.5)
 TAKES = {
-    **{f"hand_{c.name}": Take(c, (hand,), held=1.2) for c in (_DOUBLE, _DARK, _TRIPLE, _SINGLE)},
-    **{f"post_{c.name}": Take(c, (post,)) for c in (_DOUBLE, _TRIPLE, _BOB, _CART)},
-    **{f"passer_by_{c.name}": Take(c, (passer_by,)) for c in (_DOUBLE, _BOB)},
-    **{f"clock_{c.name}": Take(c, (clock,)) for c in (_DARK, _SINGLE)},
-    **{f"fade_{c.name}": Take(c, (fade,)) for c in (_DOUBLE, _CART)},
-    **{f"lamp_{c.name}": Take(c, (lamp,)) for c in (_DOUBLE, _BOB)},
-    **{f"shadow_{c.name}": Take(c, (shadow,)) for c in (_DOUBLE, _DARK, _BOB, _CART)},
-    **{f"pane_{c.name}": Take(c, (pane,)) for c in (_DARK, _SINGLE, _TRIPLE)},
+    **{f"hand_{c.name}": Take(c, (_hand,), held=1.2) for c in (_DOUBLE, _DARK, _TRIPLE, _SINGLE)},
+    **{f"post_{c.name}": Take(c, (_post,)) for c in (_DOUBLE, _TRIPLE, _BOB, _CART)},
+    **{f"passer_by_{c.name}": Take(c, (_passer_by,)) for c in (_DOUBLE, _BOB)},
+    **{f"clock_{c.name}": Take(c, (_clock,)) for c in (_DARK, _SINGLE)},
+    **{f"fade_{c.name}": Take(c, (_fade,)) for c in (_DOUBLE, _CART)},
+    **{f"lamp_{c.name}": Take(c, (_lamp,)) for c in (_DOUBLE, _BOB)},
+    **{f"shadow_{c.name}": Take(c, (_shadow,)) for c in (_DOUBLE, _DARK, _BOB, _CART)},
+    **{f"pane_{c.name}": Take(c, (_pane,)) for c in (_DARK, _SINGLE, _TRIPLE)},
     **{f"repeats_{c.name}": Take(c, repeated=n) for c, n in ((_DARK, 5), (_SINGLE, 2), (_CART, 6))},
     "above_ball": Take(_BALL),
     "above_ball_dark": Take(replace(_BALL, parts=_thread(0.35, 0.02, DARK), wall="plain")),
@@ -180,7 +180,7 @@ TAKES = {
     "faint_double": Take(_FAINT),
     "faint_noisy": Take(replace(_FAINT, noise=5.0)),
     "faint_single": Take(replace(_FAINT, parts=_GREY[:1], start=(-0.5,))),
-    "several": Take(_DOUBLE, (shadow, passer_by, hand, clock, fade), held=1.5),
+    "several": Take(_DOUBLE, (_shadow, _passer_by, _hand, _clock, _fade), held=1.5),
 }
 """The clips by name."""
 

@@ -99,7 +99,7 @@ class Painter(Drawer):
         return layer[..., 3] / 255.0
 
     def ends(self, q: np.ndarray) -> np.ndarray:
-        """Return where the parts end in the picture [px], (part, 2).
+        """Return where the bodies end in the picture [px], (body, 2).
 
         Args:
             q: Joint positions, (dof,).
