@@ -76,7 +76,7 @@ def drawn_frames(mechanism: Mechanism, camera: Camera, poses: np.ndarray) -> Key
         area = float(planes.sum()) / FULL
         frames.append(KeyFrame(i, i / 30, planes, planes[0], row_sums(planes[0]), area))
     view = trusted(mechanism, camera)
-    return KeyFrames(tuple(frames), 1, view, view.trust[0])
+    return KeyFrames(tuple(frames), 1, view, view.trust[0], view.trust[0])
 
 
 def root_in(camera: Camera) -> np.ndarray:

@@ -55,7 +55,7 @@ def test_the_line_of_a_cart(upright: bool) -> None:
             for f in frames.frames
             for coarse in (np.ascontiguousarray(f.coarse.T),)
         ]
-        frames = KeyFrames(tuple(turned), 1, frames.view, np.ascontiguousarray(frames.coarse_trust.T))
+        frames = KeyFrames(tuple(turned), 1, frames.view, *[np.ascontiguousarray(frames.coarse_trust.T)] * 2)
     places = [root.x if upright else root.y for root in root_lines(frames, upright=upright)]
     assert all(np.isnan(root.y if upright else root.x) for root in root_lines(frames, upright=upright))
     assert min(abs(p - place) for p in places) < 2.0

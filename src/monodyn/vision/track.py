@@ -21,7 +21,7 @@ from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of
 from monodyn.vision.foreground.masks import LEFT_OUT, Masks, View
 from monodyn.vision.locating.keyframes import KeyFrame, key_frame, no_frames
 from monodyn.vision.locating.scene import Scene
-from monodyn.vision.locating.search import search_pose
+from monodyn.vision.locating.search import as_thick, search_pose
 from monodyn.vision.settings import TrackSettings
 from monodyn.vision.tracking.motion import PREDICTED_FRAMES, Motion
 from monodyn.vision.tracking.occluders import Occluders, without
@@ -159,8 +159,9 @@ class Follower:
         step = float(np.median(np.diff(scene.masks.video.times)))
         self._motion = Motion(np.where(self._hinge, np.pi, reach), step)
         self._drawn = np.isin(np.arange(len(self._lower)), self._rig.link)
-        self._reduced = no_frames(scene.masks, self._view)
-        self._coarse = rig_of(scene.mechanism, scene.camera, shrink=self._reduced.shrink)
+        self._reduced = replace(no_frames(scene.masks, self._view), thicker=scene.thicker)
+        thick = as_thick(self._reduced, scene.mechanism, scene.camera)
+        self._coarse = rig_of(thick, scene.camera, shrink=self._reduced.shrink)
         self._incomplete = 0
         self._usual, self._usual_std = USUAL_SCORE, np.full(len(self._lower), np.nan)
 

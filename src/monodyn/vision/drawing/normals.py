@@ -227,7 +227,7 @@ def _find_edge(
     away = total * step / level - inner
     # Where the geom looks like the background, that nothing shows says nothing; a border that shows is an
     # edge.
-    if border and most < 0.5 * FULL:
+    if border and most < 0.15 * FULL:
         return FAINT
     if border or most > OVERFULL * max(within, FULL):
         # A side that stands out more than the front is narrow, and blur widens it. Half of its own level is

@@ -134,7 +134,7 @@ def choose_palette(samples: Sequence[Frame], background: Background, colour: str
         if grey_only:
             colours = _clusters(pixels, True, contrast)
     varied = _is_varied(pixels, colours, grey_only)
-    palette = _palette(colours, background, grey_only, varied)
+    palette = _palette(colours, background, grey_only, VARIED_TRUST if varied else None)
     return replace(palette, varied=varied, contrast=contrast, shadow=shadow)
 
 
@@ -151,7 +151,10 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
         A palette with a plane for each geom.
     """
     varied = bool(np.any(measured.part == VARIED))
-    found = _palette(measured.colours, background, palette.grey_only, varied or measured.camouflaged)
+    any_trust = VARIED_TRUST if varied else None
+    if measured.camouflaged and not varied:
+        any_trust = max(VARIED_TRUST, palette.contrast / (TRUSTED_NOISE * background.noise))
+    found = _palette(measured.colours, background, palette.grey_only, any_trust)
     # the plane of any difference comes after those of the colours
     part = np.where(measured.part == VARIED, len(measured.colours), measured.part)
     return replace(
@@ -244,7 +247,7 @@ def _grey_suffices(pixels: np.ndarray, colours: np.ndarray, contrast: float) -> 
     return float(np.mean(grey > 2.5 * contrast)) > 0.9
 
 
-def _palette(colours: np.ndarray, background: Background, grey_only: bool, any_difference: bool) -> Palette:
+def _palette(colours: np.ndarray, background: Background, grey_only: bool, any_trust: float | None) -> Palette:
     """Compute each pixel's contrast with every colour, zero where the noise hides it."""
     planes = full_size(background.luma, None if grey_only else background.chroma)
     weights = [1.0, CHROMA_WEIGHT, CHROMA_WEIGHT]
@@ -260,8 +263,8 @@ def _palette(colours: np.ndarray, background: Background, grey_only: bool, any_d
     scale = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
     trust = np.clip(np.sqrt(np.where(seen, strength, 0.0)) / (TRUSTED_NOISE * noise), 0.0, 1.0)
     trust *= background.known
-    if any_difference:
-        trust = np.concatenate([trust, VARIED_TRUST * background.known[np.newaxis]])
+    if any_trust is not None:
+        trust = np.concatenate([trust, any_trust * background.known[np.newaxis]])
     shown = colours.copy()
     if grey_only:
         shown[:, 1:] = np.nan

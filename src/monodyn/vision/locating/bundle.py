@@ -20,14 +20,12 @@ from monodyn.vision.drawing.edges import Agreement, Shifts, edge_terms
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
 from monodyn.vision.foreground.masks import View
-from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.search import LEAST_WIDTH_PX, SceneGuess
 
 NOISE_PX = 0.3
 """Standard deviation of an edge sample, systematic part included [px]."""
 OFFSET_STD = 0.02
 """Standard deviation of how far a body may stand before its parent, in mean lengths of the mechanism."""
-LEAST_WIDTH_PX = 1.5
-"""No width becomes smaller than this in a refinement: an outline without an inside meets no edges [px]."""
 SETTLED_STEP = 1e-5
 """Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
 LOG_STD = 1.0

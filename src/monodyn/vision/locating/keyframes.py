@@ -11,6 +11,7 @@ import numpy as np
 from monodyn.types import FULL, Mask
 from monodyn.vision.drawing.mismatch import row_balance, row_sums
 from monodyn.vision.foreground.masks import Masks, View, plain_view
+from monodyn.vision.locating.thin import lacking, thickened_mask
 
 UNKNOWN = 0.06
 """Trust below which a pixel carries no information."""
@@ -18,6 +19,8 @@ LEAST_COVERAGE = FULL * 0.16
 """Coverage of a reduced pixel below which it counts as none."""
 COARSE_PX = 170
 """Largest side of the reduced picture of the moving part [px]."""
+JUDGED = 8
+"""Most distinct frames by which it is judged how thick the mechanism is."""
 COMPARED_PX = 90
 """Largest side of the masks that are compared to find those that differ most [px]."""
 
@@ -58,12 +61,16 @@ class KeyFrames:
         shrink: Pixels of the clip per reduced pixel.
         view: How the planes of the masks are to be read.
         coarse_trust: Trust in the least distinct plane, reduced, float32 (height, width).
+        most_trust: Trust in the most distinct plane, reduced, float32 (height, width).
+        thicker: By how much everything in the reduced masks is thicker to every side than it is [reduced px].
     """
 
     frames: tuple[KeyFrame, ...]
     shrink: int
     view: View
     coarse_trust: np.ndarray
+    most_trust: np.ndarray
+    thicker: float = 0.0
 
     def most_distinct(self, count: int) -> list[int]:
         """Choose the frames whose masks differ most.
@@ -105,8 +112,39 @@ class KeyFrames:
             for frame in self.frames
             for coarse in (_averaged(frame.coarse, factor),)
         ]
-        trust = _averaged(self.coarse_trust, factor)
-        return replace(self, frames=tuple(frames), shrink=self.shrink * factor, coarse_trust=trust)
+        return replace(
+            self,
+            frames=tuple(frames),
+            shrink=self.shrink * factor,
+            coarse_trust=_averaged(self.coarse_trust, factor),
+            most_trust=_averaged(self.most_trust, factor),
+            thicker=self.thicker / factor,
+        )
+
+    def thickened(self, by: int) -> KeyFrames:
+        """Return the frames with everything in the reduced masks thicker.
+
+        Args:
+            by: The amount to every side [reduced px].
+
+        Returns:
+            The same frames.
+        """
+        thick = replace(self, thicker=float(by))
+        frames = [
+            replace(frame, coarse=coarse, sums=row_sums(coarse), area=area)
+            for frame in self.frames
+            for coarse, area in (_filled(thickened_mask(self.shown(frame), by), self),)
+        ]
+        return replace(thick, frames=tuple(frames))
+
+    def shown(self, frame: KeyFrame) -> np.ndarray:
+        """Return what a reduced mask shows as covered, uint8 (height, width).
+
+        Args:
+            frame: One of the frames.
+        """
+        return np.where(self.unknown & (frame.coarse <= FULL // 2), np.uint8(0), frame.coarse)
 
     @property
     def coarse_view(self) -> View:
@@ -117,6 +155,11 @@ class KeyFrames:
     def unknown(self) -> np.ndarray:
         """True where a reduced pixel carries no information, bool (height, width)."""
         return self.coarse_trust < UNKNOWN
+
+    @property
+    def blind(self) -> np.ndarray:
+        """True where it carries none of any colour, bool (height, width)."""
+        return self.most_trust < UNKNOWN
 
     @cached_property
     def _order(self) -> list[int]:
@@ -157,7 +200,9 @@ def key_frames(masks: Masks, geoms: int) -> KeyFrames:
         One key frame per sample.
     """
     empty = no_frames(masks, masks.view(geoms))
-    return replace(empty, frames=tuple(_reduced(masks.of(frame), empty) for frame in masks.samples.frames))
+    frames = replace(empty, frames=tuple(_reduced(masks.of(frame), empty) for frame in masks.samples.frames))
+    by = lacking([frames.shown(frames.frames[row]) for row in frames.most_distinct(JUDGED)])
+    return frames if by == 0 else frames.thickened(by)
 
 
 def key_frame(mask: Mask, frames: KeyFrames) -> KeyFrame:
@@ -186,25 +231,33 @@ def no_frames(masks: Masks, view: View) -> KeyFrames:
 
     # until the pose is known, a pixel is worth what it shows of the colour that it shows least
     least = view.trust[-1] if masks.varied else view.least
+    most = view.trust.max(axis=0)
     window = masks.background.window
     size = max(window.bottom - window.top, window.right - window.left)
     shrink = max(1, round(size / COARSE_PX))
-    return KeyFrames((), shrink, view, _averaged(least, shrink))
+    return KeyFrames((), shrink, view, *(_averaged(trust, shrink) for trust in (least, most)))
 
 
 def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
-    """Reduce a mask; what is not known of the background counts half."""
-
+    """Reduce a mask, as thick as the others."""
     union = mask.coverage
-    coarse = _averaged(union, frames.shrink)
-    np.minimum(coarse, FULL, out=coarse)
-    coarse[coarse < LEAST_COVERAGE] = 0
-    area = float(coarse.sum()) / FULL
-    # Half covered costs a pose the same whether it covers the pixel or not: 1 - 2 I_a is zero there.
-    coarse[frames.unknown] = FULL // 2
+    shown = _averaged(union, frames.shrink)
+    np.minimum(shown, FULL, out=shown)
+    shown[shown < LEAST_COVERAGE] = 0
+    if frames.thicker:
+        shown = thickened_mask(np.where(frames.blind, np.uint8(0), shown), round(frames.thicker))
+    coarse, area = _filled(shown, frames)
     # a view of one plane reads masks of any number of planes by the largest coverage
     planes = mask.planes if len(frames.view.trust) == len(mask.planes) else union[np.newaxis]
     return KeyFrame(mask.index, mask.time, planes, coarse, row_sums(coarse), area)
+
+
+def _filled(shown: np.ndarray, frames: KeyFrames) -> tuple[np.ndarray, float]:
+    """Return a reduced mask and its area from what it shows, where it may not show all of the mechanism."""
+    # Half covered costs a pose the same whether it covers the pixel or not: 1 - 2 I_a is zero there. Where
+    # some of the mechanism's colours cannot be seen, what shows is the mechanism all the same.
+    least = np.where(frames.blind, np.uint8(FULL // 2), np.maximum(shown, FULL // 2))
+    return np.where(frames.unknown, least, shown), float(shown.sum()) / FULL
 
 
 def _averaged(picture: np.ndarray, factor: int) -> np.ndarray:

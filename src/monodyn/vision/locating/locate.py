@@ -42,7 +42,7 @@ from monodyn.vision.locating.keyframes import KeyFrames, key_frames
 from monodyn.vision.locating.knowledge import camera_std, size_information
 from monodyn.vision.locating.places import with_departed
 from monodyn.vision.locating.scene import Scene
-from monodyn.vision.locating.search import SceneGuess, search_poses, search_scene
+from monodyn.vision.locating.search import SceneGuess, as_thick, search_poses, search_scene, thinned
 from monodyn.vision.locating.unit import growth, in_metres, scaled, units_per_metre
 from monodyn.vision.settings import LocateSettings
 
@@ -184,8 +184,10 @@ def _refined_coarsely(frames: KeyFrames, guess: SceneGuess, variables: SceneVari
     planes = [frame.coarse[np.newaxis] for frame in frames.frames]
     masks = KeyMasks(planes, frames.coarse_view, frames.shrink)
     for _ in range(2):
-        bundle = refine(masks, guess, variables, COARSE)
-        new = search_poses(frames, bundle.mechanism, bundle.camera, bundle.positions)
+        thick = replace(guess, mechanism=as_thick(frames, guess.mechanism, guess.camera))
+        bundle = refine(masks, thick, variables, COARSE)
+        mechanism = thinned(frames, bundle.mechanism, bundle.camera)
+        new = search_poses(frames, mechanism, bundle.camera, bundle.positions)
         if new.score > guess.score:
             return guess
         guess = new
@@ -280,12 +282,13 @@ def _scene(sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle) -> S
         camera_std={n: value / metre if PARAMETERS[n].unit == "m" else value for n, value in std.items()},
         rms_px=rms,
         advice=tuple(advice),
+        thicker=frames.thicker,
     )
 
 
 def _mismatch_share(frames: KeyFrames, bundle: Bundle) -> float:
     """Return the mean mismatch of outline and mask as a share of the mask's area (paper eq. 3)."""
-    rig = rig_of(bundle.mechanism, bundle.camera, shrink=frames.shrink)
+    rig = rig_of(as_thick(frames, bundle.mechanism, bundle.camera), bundle.camera, shrink=frames.shrink)
     shares = []
     for frame, q in zip(frames.frames, bundle.positions, strict=True):
         cost = pose_balance(frame.balance, rig, q[np.newaxis], len(rig.radius))[0]

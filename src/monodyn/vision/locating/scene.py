@@ -28,6 +28,7 @@ class Scene:
             scale held.
         rms_px: Root mean square distance between outline and mask edges [px].
         advice: Sentences for the user.
+        thicker: By how much all is made thicker in reduced masks in which a pose is searched [reduced px].
     """
 
     mechanism: Mechanism
@@ -40,3 +41,4 @@ class Scene:
     camera_std: Mapping[str, float]
     rms_px: float
     advice: tuple[str, ...]
+    thicker: float = 0.0

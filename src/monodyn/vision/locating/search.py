@@ -23,6 +23,7 @@ from monodyn.vision.locating.beam import Beam, extended, slide_places
 from monodyn.vision.locating.grow import SceneStart, better_mean, grown, settled, whole
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
+from monodyn.vision.locating.thin import thickened
 
 WIDE = Beam(24, 72, 64)
 """Poses kept per link, positions tried per hinge and per slide, when the pose of a known mechanism is looked
@@ -33,6 +34,8 @@ GROWN_FRAMES = 5
 """Key frames in which structures grow."""
 FINALISTS = 4
 """Structures whose sizes and poses are improved."""
+LEAST_WIDTH_PX = 1.5
+"""No width becomes smaller than this: an outline without an inside meets no edges [px]."""
 POLISH = EdgeSearch(np.array([9.0, 7.0, 5.0, 4.0, 3.0, 3.0]), 1.5)
 """How a pose is polished in the reduced picture [reduced px]."""
 POLISH_STD = 0.5
@@ -82,7 +85,7 @@ def search_scene(frames: KeyFrames, start: SceneStart, count: int = 7) -> list[S
     guesses = []
     for structure in grown(few, start, roots)[:FINALISTS]:
         better = settled(few, whole(structure, start), start)
-        guesses.append(search_poses(chosen, better.mechanism, better.camera))
+        guesses.append(search_poses(chosen, thinned(chosen, better.mechanism, better.camera), better.camera))
     return sorted(guesses, key=lambda guess: guess.score)
 
 
@@ -131,7 +134,7 @@ def search_poses(
     Returns:
         The mechanism before the camera with these poses.
     """
-    rig = rig_of(mechanism, camera, shrink=frames.shrink)
+    rig = rig_of(as_thick(frames, mechanism, camera), camera, shrink=frames.shrink)
     further = itertools.repeat(None) if near is None else iter(near)
     found = [
         search_pose(frame, frames, rig, mechanism, near=pose)
@@ -139,6 +142,29 @@ def search_poses(
     ]
     positions, mismatch = np.array([q for q, _ in found]), np.array([share for _, share in found])
     return SceneGuess(mechanism, camera, positions, mismatch)
+
+
+def as_thick(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechanism:
+    """Return a mechanism as thick as it is in reduced masks.
+
+    Args:
+        frames: Frames of these masks.
+        mechanism: The mechanism.
+        camera: Its camera, in the same unit.
+    """
+    return thickened(mechanism, frames.thicker * frames.shrink * camera.depth / camera.focal)
+
+
+def thinned(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechanism:
+    """Return a mechanism as thick as it is, from how it is in reduced masks.
+
+    Args:
+        frames: Frames of these masks.
+        mechanism: The mechanism.
+        camera: Its camera, in the same unit.
+    """
+    px = camera.depth / camera.focal
+    return thickened(mechanism, -frames.thicker * frames.shrink * px, LEAST_WIDTH_PX * px)
 
 
 def _beam(frame: KeyFrame, rig: Rig, mechanism: Mechanism) -> np.ndarray:
