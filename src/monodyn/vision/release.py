@@ -17,7 +17,7 @@ from monodyn.types import Poses
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.masks import Masks
-from monodyn.vision.foreground.thumbnails import STILL_GREY, Thumbnails
+from monodyn.vision.foreground.thumbnails import Thumbnails
 from monodyn.vision.locating.scene import Scene
 
 LEAST_EXCESS = 0.2
@@ -195,7 +195,7 @@ def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndar
     differs = np.zeros((len(thumbnails.number), height, width), dtype=bool)
     for channel, plane in enumerate(behind):
         shown = thumbnails.planes[:, channel]
-        differs |= np.maximum(shown, plane) - np.minimum(shown, plane) > STILL_GREY
+        differs |= np.maximum(shown, plane) - np.minimum(shown, plane) > thumbnails.still
     return differs & inside, int(inside.sum())
 
 

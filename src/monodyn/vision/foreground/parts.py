@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.vision.foreground.thumbnails import STILL_GREY, Thumbnails, Window
+from monodyn.vision.foreground.thumbnails import Thumbnails, Window
 
 SPECK_CELLS = 6
 """Moving cells of the thumbnails below which a place is a flicker of the codec."""
@@ -82,7 +82,7 @@ def moving_parts(thumbnails: Thumbnails, samples: Sequence[int], size: tuple[int
         return None
     planes = thumbnails.planes[np.searchsorted(thumbnails.number, samples)].astype(np.int16)
     usual = np.median(planes, axis=0)
-    foreground = np.any(np.abs(planes - usual) > STILL_GREY, axis=1)
+    foreground = np.any(np.abs(planes - usual) > thumbnails.still, axis=1)
     area = np.array([foreground[:, labels == k].sum(axis=1) for k in large], dtype=np.float64)
     # a mechanism shows in every frame and covers about as much in each; a curve grows, a bar changes
     steady = area.mean(axis=1) ** 2 / np.maximum(area.std(axis=1), 0.05 * area.mean(axis=1) + 1e-9)
@@ -121,8 +121,7 @@ def moving_cells(thumbnails: Thumbnails) -> np.ndarray:
 
 def _changing_cells(thumbnails: Thumbnails) -> np.ndarray:
     """Return where the thumbnails change by more than noise, bool (height, width)."""
-    planes = thumbnails.planes
-    return np.any(planes.max(axis=0) - planes.min(axis=0) > STILL_GREY, axis=0)
+    return np.any(thumbnails.ranges > thumbnails.still, axis=0)
 
 
 def _window_around(cells: np.ndarray, size: tuple[int, int]) -> Window:

@@ -8,6 +8,7 @@ mechanism would.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,13 @@ SHRINK = 4.0
 THUMBNAIL_BYTES = 64_000_000
 """Most memory that the thumbnails of a clip may take; of a long clip they are smaller."""
 STILL_GREY = np.uint8(8)
-"""Grey levels that a pixel may change between two frames by noise alone."""
+"""Grey levels that a pixel may change between two frames by noise alone, however strong the mechanism is."""
+STILL_SHARE = 0.3
+"""Share of the changes of what changes most that noise alone makes, where that is less."""
+STILL_NOISE = 2.0
+"""Changes of a pixel over those of the typical one from which they are no noise."""
+LEAST_CHANGE = 2.0
+"""Least change that is no rounding [grey levels]."""
 STILL_DEVIATION = 4.0
 """Median deviation over time below which a pixel is usually still [grey levels]."""
 CHANGED_SHARE = 0.25
@@ -60,6 +67,19 @@ class Thumbnails:
     number: np.ndarray
     planes: np.ndarray
     shrink: float
+
+    @cached_property
+    def ranges(self) -> np.ndarray:
+        """By how much each cell changes, uint8 (channel, height, width)."""
+        return self.planes.max(axis=0) - self.planes.min(axis=0)
+
+    @cached_property
+    def still(self) -> float:
+        """Change of a cell that noise alone makes, at most [grey levels]: less where all that moves is faint."""
+        noise = max(STILL_NOISE * float(np.median(self.ranges[0])), LEAST_CHANGE)
+        moving = self.ranges[0][self.ranges[0] > noise]
+        most = float(np.percentile(moving, 95.0)) if len(moving) else 0.0
+        return min(float(STILL_GREY), max(noise, STILL_SHARE * most))
 
     def within(self, span: tuple[int, int]) -> Thumbnails:
         """Return those of a stretch of the clip.

@@ -62,7 +62,8 @@ class KeyFrames:
         view: How the planes of the masks are to be read.
         coarse_trust: Trust in the least distinct plane, reduced, float32 (height, width).
         most_trust: Trust in the most distinct plane, reduced, float32 (height, width).
-        thicker: By how much everything in the reduced masks is thicker to every side than it is [reduced px].
+        thicker: By how much everything in the reduced masks is thicker to every side than it is [reduced px];
+            None where the masks are as they come.
     """
 
     frames: tuple[KeyFrame, ...]
@@ -70,7 +71,7 @@ class KeyFrames:
     view: View
     coarse_trust: np.ndarray
     most_trust: np.ndarray
-    thicker: float = 0.0
+    thicker: float | None = None
 
     def most_distinct(self, count: int) -> list[int]:
         """Choose the frames whose masks differ most.
@@ -118,7 +119,7 @@ class KeyFrames:
             shrink=self.shrink * factor,
             coarse_trust=_averaged(self.coarse_trust, factor),
             most_trust=_averaged(self.most_trust, factor),
-            thicker=self.thicker / factor,
+            thicker=None if self.thicker is None else self.thicker / factor,
         )
 
     def thickened(self, by: int) -> KeyFrames:
@@ -202,7 +203,7 @@ def key_frames(masks: Masks, geoms: int) -> KeyFrames:
     empty = no_frames(masks, masks.view(geoms))
     frames = replace(empty, frames=tuple(_reduced(masks.of(frame), empty) for frame in masks.samples.frames))
     by = lacking([frames.shown(frames.frames[row]) for row in frames.most_distinct(JUDGED)])
-    return frames if by == 0 else frames.thickened(by)
+    return frames if by is None else frames.thickened(by)
 
 
 def key_frame(mask: Mask, frames: KeyFrames) -> KeyFrame:
@@ -244,7 +245,7 @@ def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
     shown = _averaged(union, frames.shrink)
     np.minimum(shown, FULL, out=shown)
     shown[shown < LEAST_COVERAGE] = 0
-    if frames.thicker:
+    if frames.thicker is not None:
         shown = thickened_mask(np.where(frames.blind, np.uint8(0), shown), round(frames.thicker))
     coarse, area = _filled(shown, frames)
     # a view of one plane reads masks of any number of planes by the largest coverage

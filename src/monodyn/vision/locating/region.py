@@ -15,7 +15,6 @@ from monodyn.errors import MonodynError
 from monodyn.types import FULL
 from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.foreground.background import Samples
-from monodyn.vision.foreground.thumbnails import STILL_GREY
 from monodyn.vision.locating.locate import Sought
 from monodyn.vision.locating.scene import Scene
 
@@ -101,7 +100,7 @@ def without_fuller(samples: Samples) -> Samples | None:
     rows = np.searchsorted(samples.thumbnails.number, [frame.index for frame in samples.frames])
     planes = samples.thumbnails.planes[rows]
     usual = np.median(planes, axis=0).astype(np.uint8)
-    differs = np.maximum(planes, usual) - np.minimum(planes, usual) > STILL_GREY
+    differs = np.maximum(planes, usual) - np.minimum(planes, usual) > samples.thumbnails.still
     area = differs.any(axis=1).sum(axis=(1, 2))
     # the quarter with the least foreground has no hand in it, unless all have
     kept = area <= FULLER * np.percentile(area, 25.0)

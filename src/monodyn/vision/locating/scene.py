@@ -28,7 +28,8 @@ class Scene:
             scale held.
         rms_px: Root mean square distance between outline and mask edges [px].
         advice: Sentences for the user.
-        thicker: By how much all is made thicker in reduced masks in which a pose is searched [reduced px].
+        thicker: By how much all is made thicker in reduced masks in which a pose is searched [reduced px]; None
+            where these are as they come.
     """
 
     mechanism: Mechanism
@@ -41,4 +42,4 @@ class Scene:
     camera_std: Mapping[str, float]
     rms_px: float
     advice: tuple[str, ...]
-    thicker: float = 0.0
+    thicker: float | None = None

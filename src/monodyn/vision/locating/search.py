@@ -152,7 +152,7 @@ def as_thick(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechani
         mechanism: The mechanism.
         camera: Its camera, in the same unit.
     """
-    return thickened(mechanism, frames.thicker * frames.shrink * camera.depth / camera.focal)
+    return thickened(mechanism, (frames.thicker or 0.0) * frames.shrink * camera.depth / camera.focal)
 
 
 def thinned(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechanism:
@@ -164,7 +164,7 @@ def thinned(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechanis
         camera: Its camera, in the same unit.
     """
     px = camera.depth / camera.focal
-    return thickened(mechanism, -frames.thicker * frames.shrink * px, LEAST_WIDTH_PX * px)
+    return thickened(mechanism, -(frames.thicker or 0.0) * frames.shrink * px, LEAST_WIDTH_PX * px)
 
 
 def _beam(frame: KeyFrame, rig: Rig, mechanism: Mechanism) -> np.ndarray:

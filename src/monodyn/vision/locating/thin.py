@@ -19,38 +19,46 @@ from monodyn.vision.locating.unit import drawn
 MET_PX = 4.0
 """Width of what the search meets: with half a step of a hinge between them, the outline of a link as long as
 half of the largest reduced picture still touches the link at its far end [reduced px]."""
-THIN_SHARE = 0.5
-"""Share of the foreground narrower than that from which all is made thicker."""
+WIDE_SHARE = 0.5
+"""Share of the foreground wider than that below which all is made thicker."""
+LEAST_GAIN = 0.4
+"""What the best possible outline explains of the foreground, as a score that compares areas counts it, below
+which the levels are too low for that score."""
 NEAR_PX = 2
 """Levels are taken against the highest one within this distance [reduced px]."""
 SPECK = 8
 """Pixels of a connected piece of the mask below which it is noise."""
 
 
-def lacking(masks: Sequence[np.ndarray]) -> int:
+def lacking(masks: Sequence[np.ndarray]) -> int | None:
     """Return by how much the foreground has to be made thicker to be met by the search.
 
     Args:
         masks: Reduced masks, 0 where nothing is known, uint8 (height, width).
 
     Returns:
-        The amount to every side, 0 where most of the foreground is wide enough [reduced px].
+        The amount to every side [reduced px]; None where the masks can be searched as they are.
     """
     import cv2
 
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (int(MET_PX),) * 2)
-    narrow, widths = [], []
+    wide, gained, widths = [], [], []
     for mask in masks:
-        total = float(mask.sum())
+        level = _without_specks(mask) / FULL
+        total = float(level.sum())
         if total == 0.0:
             continue
-        narrow.append(1.0 - float(cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc).sum()) / total)
+        wide.append(float(cv2.morphologyEx(level, cv2.MORPH_OPEN, disc).sum()) / total)
+        gained.append(float(np.maximum(2.0 * level - 1.0, 0.0).sum()) / total)
         depth = cv2.distanceTransform((evened(mask) > FULL // 2).astype(np.uint8), cv2.DIST_L2, 5)
         ridge = depth[(depth > 0) & (depth >= cv2.dilate(depth, np.ones((3, 3), np.uint8)))]
         widths.append(2.0 * float(np.median(ridge)) - 1.0 if len(ridge) else MET_PX)
-    if not narrow or np.median(narrow) < THIN_SHARE:
-        return 0
-    return max(0, int(np.ceil(0.5 * (MET_PX - float(np.median(widths))))))
+    if not wide:
+        return None
+    thin = float(np.median(wide)) < WIDE_SHARE
+    if not thin and float(np.median(gained)) >= LEAST_GAIN:
+        return None
+    return max(0, int(np.ceil(0.5 * (MET_PX - float(np.median(widths)))))) if thin else 0
 
 
 def evened(mask: np.ndarray) -> np.ndarray:
@@ -64,9 +72,7 @@ def evened(mask: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    _, pieces, stats, _ = cv2.connectedComponentsWithStats((mask > 0).astype(np.uint8), connectivity=8)
-    kept = (stats[:, cv2.CC_STAT_AREA] >= SPECK)[np.asarray(pieces, dtype=np.intp)]
-    levels = np.where(kept, np.minimum(mask, FULL), 0).astype(np.float32)
+    levels = _without_specks(mask)
     highest = cv2.dilate(levels, np.ones((2 * NEAR_PX + 1,) * 2, np.uint8))
     return np.round(FULL * levels / np.maximum(highest, 1.0)).astype(np.uint8)
 
@@ -85,6 +91,15 @@ def thickened_mask(mask: np.ndarray, by: int) -> np.ndarray:
 
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * by + 1,) * 2)
     return cv2.dilate(evened(mask), disc)
+
+
+def _without_specks(mask: np.ndarray) -> np.ndarray:
+    """Return the levels of a mask without small pieces, float32 (height, width)."""
+    import cv2
+
+    _, pieces, stats, _ = cv2.connectedComponentsWithStats((mask > 0).astype(np.uint8), connectivity=8)
+    kept = (stats[:, cv2.CC_STAT_AREA] >= SPECK)[np.asarray(pieces, dtype=np.intp)]
+    return np.where(kept, np.minimum(mask, FULL), 0).astype(np.float32)
 
 
 def thickened(mechanism: Mechanism, by: float, least: float = 0.0) -> Mechanism:
