@@ -12,6 +12,7 @@ from monodyn.mechanism.tree import SLIDE
 from monodyn.vision.drawing.camera import X
 from monodyn.vision.drawing.edges import Agreement, Shifts, edge_terms, no_shifts, robust_weight
 from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.foreground.coverage import CHANGED_LEVEL
 from pictures import CAMERA, drawn_mask, trusted
 
 
@@ -117,6 +118,11 @@ def test_where_a_geom_looks_like_the_background_its_border_is_an_edge() -> None:
     assert found.samples > 10
     assert found.matched > 0.9
     assert abs(float(np.linalg.solve(normal, right)[0])) < 0.01
+    # a border that has just changed is an edge, what is fainter than that is none
+    for share, some in ((1.1, True), (0.9, False)):
+        faint = np.round(planes * (share * CHANGED_LEVEL)).astype(np.uint8)
+        seen = edge_terms(faint, shown, rig, no_shifts(rig), q, 4.0, 2.0).agreement.samples
+        assert (seen > 10) == some
     hidden = plain._replace(trust=trust)
     assert edge_terms(planes, hidden, rig, no_shifts(rig), q, 4.0, 2.0).agreement.samples == 0
     assert shown.least.max() == 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from monodyn.types import FULL, Mask
 from monodyn.vision.foreground.background import Window
-from monodyn.vision.foreground.masks import plain_view
+from monodyn.vision.foreground.masks import View, plain_view
 from monodyn.vision.locating.keyframes import LEAST_COVERAGE, key_frame, key_frames, no_frames
 
 HEIGHT, WIDTH, SHRINK = 90, 510, 3
@@ -89,3 +90,49 @@ def test_frames_reduced_further_keep_their_area() -> None:
     assert np.abs(part.coarse - mean).max() <= 0.51
     assert part.area == whole.area / 4
     np.testing.assert_allclose(part.sums[:, -1], part.coarse.sum(axis=1) / FULL, rtol=1e-5)
+
+
+def test_what_shows_counts_where_some_colours_cannot_be_seen() -> None:
+    """Two colours: the first cannot be seen in the left third, none in the next, both in the last."""
+    third = WIDTH // 3
+    planes = np.zeros((2, HEIGHT, WIDTH), np.uint8)
+    planes[1, 30:60, :] = FULL
+    trust = np.ones((2, HEIGHT, WIDTH), np.float32)
+    trust[0, :, :third] = 0.0
+    trust[:, :, third : 2 * third] = 0.0
+    masks = masks_of([planes])
+    masks.view = lambda geoms: View(trust, np.arange(2), np.zeros(2, bool))
+    frames = key_frames(masks, 2)
+    (frame,) = frames.frames
+    columns = WIDTH // SHRINK // 3
+    # without the columns that lie on both sides of a border
+    left, middle, right = (frame.coarse[:, i * columns + 1 : (i + 1) * columns - 1] for i in range(3))
+    # half covered costs nothing either way; what shows costs as everywhere
+    assert set(np.unique(left[11:19])) == {FULL}
+    assert set(np.unique(left[:9])) == {FULL // 2}
+    assert set(np.unique(middle)) == {FULL // 2}
+    assert set(np.unique(right[:9])) == {0}
+    assert set(np.unique(right[11:19])) == {FULL}
+    np.testing.assert_array_equal(frames.shown(frame)[:9], 0)
+
+
+def test_thin_and_faint_masks_are_made_thicker() -> None:
+    """Rods of two pixels of which a reduced one covers a part only."""
+    planes = []
+    for row in (20, 40, 60):
+        plane = np.zeros((1, HEIGHT, WIDTH), np.uint8)
+        plane[0, row : row + 2, 100:400] = 120
+        planes.append(plane)
+    masks = masks_of(planes)
+    frames = key_frames(masks, 1)
+    assert frames.thicker == 2.0
+    rows = np.flatnonzero(frames.frames[1].coarse[:, 80])
+    assert rows.tolist() == [11, 12, 13, 14, 15]
+    assert frames.frames[1].coarse.max() == FULL
+    # a single frame of the clip is made like the others
+    like = replace(no_frames(masks, masks.view(1)), thicker=frames.thicker)
+    alone = key_frame(Mask(1, 0.1, planes[1]), like)
+    np.testing.assert_array_equal(alone.coarse, frames.frames[1].coarse)
+    assert alone.area == frames.frames[1].area
+    assert frames.reduced(2).thicker == 1.0
+    assert key_frames(masks_of([block(0), block(300)]), 1).thicker is None

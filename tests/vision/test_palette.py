@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from monodyn.types import FULL
 from monodyn.vision.foreground.background import Background, background_of
 from monodyn.vision.foreground.coverage import coverage_of
-from monodyn.vision.foreground.palette import choose_palette, lingering
+from monodyn.vision.foreground.masks import VARIED, GeomColours
+from monodyn.vision.foreground.palette import VARIED_TRUST, choose_palette, lingering, measured_palette
 from pictures import WHOLE, H, W, samples, wandering
 
 
@@ -50,3 +53,20 @@ def test_pixels_never_uncovered_are_not_trusted() -> None:
     )
     assert palette.trust[0, 30, 40] == 0
     assert palette.trust[0, 5, 5] > 0.5
+
+
+def test_borders_count_by_the_least_contrast_over_the_noise() -> None:
+    frames = wandering(noise=1.0)
+    background = background_of(samples(frames))
+    palette = choose_palette(frames, background, "auto", 15.0)
+    grey, one = np.array([[90.0, 128.0, 128.0]]), np.array([0])
+    hidden = GeomColours(grey, one, np.array([False]), camouflaged=True)
+    found = measured_palette(palette, background, hidden)
+    # 15 grey levels over the noise, where 60 times the noise counts in full
+    trust = 15.0 / (60.0 * background.noise)
+    np.testing.assert_allclose(found.trust[-1][background.known], trust, rtol=1e-6)
+    assert found.view(1).border == 1
+    noisy = replace(background, noise=9.0)
+    np.testing.assert_allclose(measured_palette(palette, noisy, hidden).trust[-1].max(), VARIED_TRUST)
+    varied = GeomColours(grey, np.array([0, VARIED]), np.array([False, False]), camouflaged=True)
+    np.testing.assert_allclose(measured_palette(palette, background, varied).trust[-1].max(), VARIED_TRUST)

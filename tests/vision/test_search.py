@@ -9,7 +9,8 @@ from monodyn.mechanism import load
 from monodyn.types import Camera
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.locating.grow import SceneStart
-from monodyn.vision.locating.search import SceneGuess, search_pose, search_scene
+from monodyn.vision.locating.search import SceneGuess, as_thick, search_pose, search_scene, thinned
+from monodyn.vision.locating.thin import lacking
 from pictures import drawn_frames
 
 SMALL = Camera(160, 120, 150.0, x=0.05, y=-0.1, depth=0.9)
@@ -55,3 +56,39 @@ def test_key_frames_are_ordered_by_what_they_add() -> None:
     assert sorted(order) == [0, 1, 2, 3]
     assert 2 in order[:2]
     assert [frame.index for frame in frames.only(order[:2]).frames] == order[:2]
+
+
+def test_rods_thinner_than_the_steps_of_the_search_are_found() -> None:
+    """Rods of little more than a pixel, half covered at most: as they are, the score sees nothing of them."""
+    start = load("double")
+    sizes = {name: 0.0 for name in start.values if name.endswith((".tail", ".tip"))}
+    sizes |= {f"link{i}.{kind}": 0.008 for i in (1, 2) for kind in ("width", "thickness")}
+    mechanism = start.with_values({**sizes, "link1.length": 0.24, "link2.length": 0.17})
+    poses = np.array([[-2.2, 0.9], [-1.4, -0.7], [-0.6, 0.4], [-1.0, 1.2], [-2.0, -0.5], [-1.6, 0.2]])
+    frames = drawn_frames(mechanism, SMALL, poses)
+    begin = SceneStart(start, Camera(160, 120, 150.0, depth=1.0), frozenset())
+    assert search_scene(frames, begin, len(poses))[0].score > 0.95
+    by = lacking([frame.coarse for frame in frames.frames])
+    assert by is not None
+    thick = frames.thickened(by)
+    best = search_scene(thick, begin, len(poses))[0]
+    assert best.score < 0.4
+    found, px = best.mechanism.values, best.camera.focal / best.camera.depth
+    # a step of the grid of lengths is a fifth
+    assert found["link1.length"] * px == pytest.approx(40.0, rel=0.2)
+    assert found["link2.length"] * px == pytest.approx(28.3, rel=0.2)
+    # widths are those of the rods, and not of what they are searched for in
+    assert max(found["link1.width"], found["link2.width"]) * px < 3.5
+    away = best.positions - poses[thick.most_distinct(len(poses))]
+    assert np.mean(np.abs((away + np.pi) % (2 * np.pi) - np.pi) < 0.3) > 0.9
+
+
+def test_a_mechanism_is_drawn_as_thick_as_its_masks_are() -> None:
+    mechanism = load("double")
+    frames = drawn_frames(mechanism, SMALL, np.array([[-0.5, 0.3]]))
+    assert as_thick(frames, mechanism, SMALL) is mechanism
+    thick = frames.thickened(2)
+    wider = as_thick(thick, mechanism, SMALL).values["link1.width"] - mechanism.values["link1.width"]
+    assert wider == pytest.approx(4.0 * SMALL.depth / SMALL.focal)
+    back = thinned(thick, as_thick(thick, mechanism, SMALL), SMALL)
+    assert back.values == pytest.approx(mechanism.values)

@@ -66,3 +66,19 @@ def test_where_nothing_rests_all_frames_are_the_scene() -> None:
     rng = np.random.default_rng(5)
     planes = rng.integers(0, 255, (COUNT, 1, 24, 32)).astype(np.uint8)
     assert scene_span(Thumbnails(np.arange(COUNT), planes, 4.0), CONTRAST, (0, COUNT)) == (0, COUNT)
+
+
+@pytest.mark.parametrize(("contrast", "still"), [(60.0, 8.0), (20.0, 6.0), (6.0, 4.0)])
+def test_what_may_be_noise_follows_from_what_changes_most(contrast: float, still: float) -> None:
+    """Cells of plus and minus one grey level, and a square of some contrast that passes."""
+    planes = np.full((20, 1, 30, 40), 100, np.uint8)
+    planes[::2] += 1
+    planes[1::2] -= 1
+    for i in range(20):
+        planes[i, 0, 10:14, i : i + 4] = 100 + contrast
+    found = Thumbnails(np.arange(20), planes, 4.0)
+    # at most as for strong mechanisms, else 0.3 of the change of the square, at least twice the usual two
+    # grey levels
+    assert found.still == pytest.approx(still, abs=0.4)
+    assert (found.ranges[0][10:14, :20] > found.still).all()
+    assert not (found.ranges[0][:10] > found.still).any()

@@ -17,6 +17,7 @@ from numba import njit
 
 from monodyn.types import FULL
 from monodyn.vision.drawing.silhouette import Outlines
+from monodyn.vision.foreground.coverage import CHANGED_LEVEL
 from monodyn.vision.foreground.masks import View
 
 CORNER_PX = 2.5
@@ -227,7 +228,7 @@ def _find_edge(
     away = total * step / level - inner
     # Where the geom looks like the background, that nothing shows says nothing; a border that shows is an
     # edge.
-    if border and most < 0.15 * FULL:
+    if border and most < CHANGED_LEVEL * FULL:
         return FAINT
     if border or most > OVERFULL * max(within, FULL):
         # A side that stands out more than the front is narrow, and blur widens it. Half of its own level is

@@ -15,6 +15,10 @@ from monodyn.vision.foreground.shadow import unshadowed
 ANY_CONTRAST = 2.0
 """Difference from the background, beyond the noise, that counts in full where the colours vary [least
 contrasts]."""
+ANY_BEYOND = 0.4
+"""Share of the least contrast that does not count there."""
+CHANGED_LEVEL = (1.0 - ANY_BEYOND) / (2.0 * ANY_CONTRAST)
+"""Level there of a pixel that has just changed, as a share of ``FULL``, where the plane serves borders."""
 ANY_NOISE = 4.0
 """Standard deviations of a pixel that do not count there: this plane has no colour by which noise would
 average out."""
@@ -94,7 +98,8 @@ def _any_difference(frame: Frame, background: Background, palette: Palette) -> n
         blue, red = (plane - back for plane, back in zip(frame.chroma, background.chroma, strict=True))
         small = blue**2 + red**2
         squares = squares + CHROMA_WEIGHT * cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
-    beyond = np.sqrt(squares) - np.maximum(0.4 * palette.contrast, ANY_NOISE * background.pixel_noise)
+    beyond = np.sqrt(squares) - np.maximum(ANY_BEYOND * palette.contrast, ANY_NOISE * background.pixel_noise)
+    # borders that stand out more than the least contrast keep their profile up to twice the range
     full, most = (ANY_CONTRAST, FULL) if palette.varied else (2 * ANY_CONTRAST, 255)
     share = np.clip(beyond * (FULL / (full * palette.contrast)), 0.0, most).astype(np.uint8)
     top, bottom, left, right = background.window

@@ -153,6 +153,7 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
     varied = bool(np.any(measured.part == VARIED))
     any_trust = VARIED_TRUST if varied else None
     if measured.camouflaged and not varied:
+        # a border stands out by the least contrast or more
         any_trust = max(VARIED_TRUST, palette.contrast / (TRUSTED_NOISE * background.noise))
     found = _palette(measured.colours, background, palette.grey_only, any_trust)
     # the plane of any difference comes after those of the colours
@@ -247,8 +248,11 @@ def _grey_suffices(pixels: np.ndarray, colours: np.ndarray, contrast: float) -> 
     return float(np.mean(grey > 2.5 * contrast)) > 0.9
 
 
-def _palette(colours: np.ndarray, background: Background, grey_only: bool, any_trust: float | None) -> Palette:
-    """Compute each pixel's contrast with every colour, zero where the noise hides it."""
+def _palette(
+    colours: np.ndarray, background: Background, grey_only: bool, any_trust: float | None
+) -> Palette:
+    """Compute each pixel's contrast with every colour, zero where the noise hides it; ``any_trust`` is the
+    trust in a last plane of any difference, None for no such plane."""
     planes = full_size(background.luma, None if grey_only else background.chroma)
     weights = [1.0, CHROMA_WEIGHT, CHROMA_WEIGHT]
     strength = np.stack(

@@ -20,13 +20,13 @@ SHRINK = 4.0
 THUMBNAIL_BYTES = 64_000_000
 """Most memory that the thumbnails of a clip may take; of a long clip they are smaller."""
 STILL_GREY = np.uint8(8)
-"""Grey levels that a pixel may change between two frames by noise alone, however strong the mechanism is."""
+"""Grey levels that a pixel may change by noise alone, at most."""
 STILL_SHARE = 0.3
-"""Share of the changes of what changes most that noise alone makes, where that is less."""
+"""Share of what changes most that counts as noise, where that is less."""
 STILL_NOISE = 2.0
-"""Changes of a pixel over those of the typical one from which they are no noise."""
+"""Change over that of the typical cell from which it is no noise."""
 LEAST_CHANGE = 2.0
-"""Least change that is no rounding [grey levels]."""
+"""Grey levels that a cell may change by rounding alone."""
 STILL_DEVIATION = 4.0
 """Median deviation over time below which a pixel is usually still [grey levels]."""
 CHANGED_SHARE = 0.25
@@ -75,7 +75,7 @@ class Thumbnails:
 
     @cached_property
     def still(self) -> float:
-        """Change of a cell that noise alone makes, at most [grey levels]: less where all that moves is faint."""
+        """Change of a cell that may be noise [grey levels]; less where all that moves is faint."""
         noise = max(STILL_NOISE * float(np.median(self.ranges[0])), LEAST_CHANGE)
         moving = self.ranges[0][self.ranges[0] > noise]
         most = float(np.percentile(moving, 95.0)) if len(moving) else 0.0

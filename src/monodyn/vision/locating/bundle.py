@@ -20,7 +20,8 @@ from monodyn.vision.drawing.edges import Agreement, Shifts, edge_terms
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
 from monodyn.vision.foreground.masks import View
-from monodyn.vision.locating.search import LEAST_WIDTH_PX, SceneGuess
+from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.thin import LEAST_WIDTH_PX
 
 NOISE_PX = 0.3
 """Standard deviation of an edge sample, systematic part included [px]."""

@@ -236,7 +236,7 @@ def no_frames(masks: Masks, view: View) -> KeyFrames:
     window = masks.background.window
     size = max(window.bottom - window.top, window.right - window.left)
     shrink = max(1, round(size / COARSE_PX))
-    return KeyFrames((), shrink, view, *(_averaged(trust, shrink) for trust in (least, most)))
+    return KeyFrames((), shrink, view, _averaged(least, shrink), _averaged(most, shrink))
 
 
 def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:

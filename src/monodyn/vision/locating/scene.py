@@ -28,8 +28,8 @@ class Scene:
             scale held.
         rms_px: Root mean square distance between outline and mask edges [px].
         advice: Sentences for the user.
-        thicker: By how much all is made thicker in reduced masks in which a pose is searched [reduced px]; None
-            where these are as they come.
+        thicker: By how much everything is made thicker in the reduced masks in which a pose is looked for
+            [reduced px]; None where these are as they come.
     """
 
     mechanism: Mechanism

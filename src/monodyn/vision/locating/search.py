@@ -23,7 +23,7 @@ from monodyn.vision.locating.beam import Beam, extended, slide_places
 from monodyn.vision.locating.grow import SceneStart, better_mean, grown, settled, whole
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
-from monodyn.vision.locating.thin import thickened
+from monodyn.vision.locating.thin import LEAST_WIDTH_PX, thickened
 
 WIDE = Beam(24, 72, 64)
 """Poses kept per link, positions tried per hinge and per slide, when the pose of a known mechanism is looked
@@ -34,8 +34,6 @@ GROWN_FRAMES = 5
 """Key frames in which structures grow."""
 FINALISTS = 4
 """Structures whose sizes and poses are improved."""
-LEAST_WIDTH_PX = 1.5
-"""No width becomes smaller than this: an outline without an inside meets no edges [px]."""
 POLISH = EdgeSearch(np.array([9.0, 7.0, 5.0, 4.0, 3.0, 3.0]), 1.5)
 """How a pose is polished in the reduced picture [reduced px]."""
 POLISH_STD = 0.5
@@ -85,7 +83,8 @@ def search_scene(frames: KeyFrames, start: SceneStart, count: int = 7) -> list[S
     guesses = []
     for structure in grown(few, start, roots)[:FINALISTS]:
         better = settled(few, whole(structure, start), start)
-        guesses.append(search_poses(chosen, thinned(chosen, better.mechanism, better.camera), better.camera))
+        mechanism = thinned(chosen, better.mechanism, better.camera)
+        guesses.append(search_poses(chosen, mechanism, better.camera))
     return sorted(guesses, key=lambda guess: guess.score)
 
 
@@ -145,23 +144,23 @@ def search_poses(
 
 
 def as_thick(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechanism:
-    """Return a mechanism as thick as it is in reduced masks.
+    """Return a mechanism as thick as everything is in reduced masks.
 
     Args:
-        frames: Frames of these masks.
+        frames: Frames with these masks.
         mechanism: The mechanism.
-        camera: Its camera, in the same unit.
+        camera: The camera before it, in the same unit.
     """
     return thickened(mechanism, (frames.thicker or 0.0) * frames.shrink * camera.depth / camera.focal)
 
 
 def thinned(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechanism:
-    """Return a mechanism as thick as it is, from how it is in reduced masks.
+    """Return a mechanism as thick as it is, from the one that was found in reduced masks.
 
     Args:
-        frames: Frames of these masks.
+        frames: Frames with these masks.
         mechanism: The mechanism.
-        camera: Its camera, in the same unit.
+        camera: The camera before it, in the same unit.
     """
     px = camera.depth / camera.focal
     return thickened(mechanism, -(frames.thicker or 0.0) * frames.shrink * px, LEAST_WIDTH_PX * px)

@@ -1,9 +1,9 @@
-"""What is thinner than the steps of the search, made as thick as these: in the masks, and the mechanism alike.
+"""What is thinner than the steps of the search, made as thick as these, in the masks and the mechanism alike.
 
 A search that tries poses and lengths in steps meets a link only if the link is about as wide as the steps are
-long. In a reduced mask a thin rod, and a faint one, is a line of pixels none of which is covered by half: to a
-score that compares areas it is not there. So every level of such a mask is taken against the highest one next
-to it, and all of it is made thicker by the same amount.
+long. In a reduced mask a thin rod, and a faint one, is a line of pixels none of which is covered by half: to
+a score that compares areas it is not there. So every level of such a mask is taken against the highest one
+next to it, and everything in it is made thicker by one amount, by which the mechanism is drawn thicker too.
 """
 
 from __future__ import annotations
@@ -16,14 +16,16 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import FULL
 from monodyn.vision.locating.unit import drawn
 
+LEAST_WIDTH_PX = 1.5
+"""No width becomes smaller than this in a refinement: an outline without an inside meets no edges [px]."""
 MET_PX = 4.0
-"""Width of what the search meets: with half a step of a hinge between them, the outline of a link as long as
-half of the largest reduced picture still touches the link at its far end [reduced px]."""
+"""Width of what the search meets: half a step of a hinge away, a link as long as half of the reduced picture
+still touches itself at its far end [reduced px]."""
 WIDE_SHARE = 0.5
-"""Share of the foreground wider than that below which all is made thicker."""
+"""Share of the foreground in places at least as wide, below which everything is made thicker."""
 LEAST_GAIN = 0.4
-"""What the best possible outline explains of the foreground, as a score that compares areas counts it, below
-which the levels are too low for that score."""
+"""Share of the foreground that even the best outline explains, to a score that compares areas, below which
+the levels are too low for that score."""
 NEAR_PX = 2
 """Levels are taken against the highest one within this distance [reduced px]."""
 SPECK = 8
@@ -42,43 +44,24 @@ def lacking(masks: Sequence[np.ndarray]) -> int | None:
     import cv2
 
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (int(MET_PX),) * 2)
-    wide, gained, widths = [], [], []
+    found = []
     for mask in masks:
         level = _without_specks(mask) / FULL
         total = float(level.sum())
-        if total == 0.0:
-            continue
-        wide.append(float(cv2.morphologyEx(level, cv2.MORPH_OPEN, disc).sum()) / total)
-        gained.append(float(np.maximum(2.0 * level - 1.0, 0.0).sum()) / total)
-        depth = cv2.distanceTransform((evened(mask) > FULL // 2).astype(np.uint8), cv2.DIST_L2, 5)
-        ridge = depth[(depth > 0) & (depth >= cv2.dilate(depth, np.ones((3, 3), np.uint8)))]
-        widths.append(2.0 * float(np.median(ridge)) - 1.0 if len(ridge) else MET_PX)
-    if not wide:
+        if total > 0.0:
+            wide = float(cv2.morphologyEx(level, cv2.MORPH_OPEN, disc).sum()) / total
+            gained = float(np.maximum(2.0 * level - 1.0, 0.0).sum()) / total
+            found.append((wide, gained, _typical_width(evened(mask))))
+    if not found:
         return None
-    thin = float(np.median(wide)) < WIDE_SHARE
-    if not thin and float(np.median(gained)) >= LEAST_GAIN:
-        return None
-    return max(0, int(np.ceil(0.5 * (MET_PX - float(np.median(widths)))))) if thin else 0
-
-
-def evened(mask: np.ndarray) -> np.ndarray:
-    """Take every level of a mask against the highest one next to it.
-
-    Args:
-        mask: Reduced mask, uint8 (height, width).
-
-    Returns:
-        The mask without specks, ``FULL`` on every ridge, uint8 (height, width).
-    """
-    import cv2
-
-    levels = _without_specks(mask)
-    highest = cv2.dilate(levels, np.ones((2 * NEAR_PX + 1,) * 2, np.uint8))
-    return np.round(FULL * levels / np.maximum(highest, 1.0)).astype(np.uint8)
+    wide, gained, width = np.median(found, axis=0).tolist()
+    if wide < WIDE_SHARE:
+        return max(0, int(np.ceil(0.5 * (MET_PX - width))))
+    return 0 if gained < LEAST_GAIN else None
 
 
 def thickened_mask(mask: np.ndarray, by: int) -> np.ndarray:
-    """Return a mask in which the foreground is thicker.
+    """Return a mask in which the foreground is thicker, at even levels.
 
     Args:
         mask: Reduced mask, uint8 (height, width).
@@ -93,8 +76,24 @@ def thickened_mask(mask: np.ndarray, by: int) -> np.ndarray:
     return cv2.dilate(evened(mask), disc)
 
 
+def evened(mask: np.ndarray) -> np.ndarray:
+    """Take every level of a mask against the highest one next to it.
+
+    Args:
+        mask: Reduced mask, uint8 (height, width).
+
+    Returns:
+        The mask without specks, ``FULL`` on every ridge, uint8 (height, width).
+    """
+    import cv2
+
+    level = _without_specks(mask)
+    highest = cv2.dilate(level, np.ones((2 * NEAR_PX + 1,) * 2, np.uint8))
+    return np.round(FULL * level / np.maximum(highest, 1.0)).astype(np.uint8)
+
+
 def _without_specks(mask: np.ndarray) -> np.ndarray:
-    """Return the levels of a mask without small pieces, float32 (height, width)."""
+    """Return the levels of a mask without its small pieces, float32 (height, width)."""
     import cv2
 
     _, pieces, stats, _ = cv2.connectedComponentsWithStats((mask > 0).astype(np.uint8), connectivity=8)
@@ -102,13 +101,23 @@ def _without_specks(mask: np.ndarray) -> np.ndarray:
     return np.where(kept, np.minimum(mask, FULL), 0).astype(np.float32)
 
 
+def _typical_width(mask: np.ndarray) -> float:
+    """Return the median width of the foreground along its ridges [reduced px]."""
+    import cv2
+
+    depth = cv2.distanceTransform((mask > FULL // 2).astype(np.uint8), cv2.DIST_L2, 5)
+    ridge = depth[(depth > 0) & (depth >= cv2.dilate(depth, np.ones((3, 3), np.uint8)))]
+    # a distance is counted to the middle of the next pixel outside
+    return 2.0 * float(np.median(ridge)) - 1.0
+
+
 def thickened(mechanism: Mechanism, by: float, least: float = 0.0) -> Mechanism:
     """Return a mechanism whose bodies are thicker.
 
     Args:
         mechanism: The mechanism.
-        by: The amount to every side, in its unit of length; less than 0 for thinner.
-        least: No width becomes less than this.
+        by: The amount to every side, in its unit of length; negative for thinner.
+        least: No width becomes less than this, in the same unit.
 
     Returns:
         The mechanism with other widths, and ends that reach as much farther.
