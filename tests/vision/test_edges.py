@@ -119,7 +119,7 @@ def test_where_a_geom_looks_like_the_background_its_border_is_an_edge() -> None:
     assert found.matched > 0.9
     assert abs(float(np.linalg.solve(normal, right)[0])) < 0.01
     # a border that has just changed is an edge, what is fainter than that is none
-    for share, some in ((1.1, True), (0.9, False)):
+    for share, some in ((2.0, True), (0.9, False)):
         faint = np.round(planes * (share * CHANGED_LEVEL)).astype(np.uint8)
         seen = edge_terms(faint, shown, rig, no_shifts(rig), q, 4.0, 2.0).agreement.samples
         assert (seen > 10) == some
