@@ -11,6 +11,7 @@ import pytest
 
 from films import film
 from monodyn.errors import VideoError
+from monodyn.mechanism import Mechanism, load
 from monodyn.types import Frame
 from monodyn.vision.foreground.background import Samples
 from monodyn.vision.foreground.parts import Parts
@@ -68,7 +69,9 @@ class Tried:
         return Tried(samples)
 
 
-def found_with(monkeypatch: pytest.MonkeyPatch, shares: list[float | None]) -> tuple[Any, list[Samples]]:
+def found_with(
+    monkeypatch: pytest.MonkeyPatch, shares: list[float | None], mechanism: Mechanism | None = None
+) -> tuple[Any, list[Samples]]:
     """Return what is found where the candidates agree so well; None refuses."""
     samples = samples_of([80] * 12 + [20] * 40, two_parts())
     tried: list[Samples] = []
@@ -76,6 +79,8 @@ def found_with(monkeypatch: pytest.MonkeyPatch, shares: list[float | None]) -> t
     @dataclass(frozen=True, eq=False)
     class Sought:
         masks: Tried
+        mechanism: Mechanism
+        pinned: frozenset[str]
 
     def find(sought: Any) -> Any:
         tried.append(sought.masks.samples)
@@ -84,7 +89,8 @@ def found_with(monkeypatch: pytest.MonkeyPatch, shares: list[float | None]) -> t
         return shares[len(tried) - 1]
 
     monkeypatch.setattr(region, "agreement", lambda share: share)
-    return find_in_region(Sought(Tried(samples)), find), tried  # type: ignore[arg-type]
+    sought = Sought(Tried(samples), mechanism or load("double"), frozenset())
+    return find_in_region(sought, find), tried  # type: ignore[arg-type]
 
 
 def test_what_explains_the_whole_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,6 +107,13 @@ def test_parts_are_tried_until_one_is_explained(monkeypatch: pytest.MonkeyPatch)
 def test_of_poor_explanations_the_best_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, tried = found_with(monkeypatch, [0.4, 0.6, None, 0.2])
     assert (scene, len(tried)) == (0.6, 4)
+
+
+def test_usual_proportions_are_tried_before_parts_of_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    wide = load("double").with_values({"link1.width": 0.2})
+    scene, tried = found_with(monkeypatch, [0.4, 0.96], wide)
+    assert (scene, len(tried)) == (0.96, 2)
+    assert tried[0] is tried[1]
 
 
 def test_the_refusal_of_the_whole_is_the_users(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import pytest
 from models import read
 from monodyn.mechanism import load
 from monodyn.vision.drawing.outline import outline
-from monodyn.vision.locating.unit import growth, scaled, units_per_metre
+from monodyn.vision.locating.unit import growth, in_usual_proportions, scaled, units_per_metre
 from pictures import CAMERA
 
 APART = """<mujoco><worldbody><body name="a" pos="0.3 0 0.1"><joint name="ja" axis="0 -1 0"/>
@@ -41,3 +41,22 @@ def test_the_scale_is_that_of_what_is_fixed() -> None:
     assert units_per_metre(found, CAMERA, file, {}, {"link2.width"}) == pytest.approx(10.0)
     depth = {"camera.depth": 0.5 * CAMERA.depth}
     assert units_per_metre(found, CAMERA, file, depth, {"link2.width"}) == pytest.approx(2.0)
+
+
+ELL = """<mujoco><worldbody><body name="a"><joint name="ja" axis="0 -1 0"/>
+<geom type="box" size="0.05 0.005 0.01" pos="0.05 0 0"/>
+<geom name="arm" type="box" size="0.02 0.005 0.01" pos="0.09 0 0.03" euler="0 90 0"/></body></worldbody>
+</mujoco>"""
+"""A body with a second part across."""
+
+
+def test_a_further_part_is_not_longer_than_its_body(tmp_path: Path) -> None:
+    file = read(tmp_path, ELL)
+    assert in_usual_proportions(file, ()) is file
+    long = file.with_values({"a.arm.length": 0.24, "a.width": 0.09})
+    usual = in_usual_proportions(long, ())
+    assert usual.values["a.arm.length"] == pytest.approx(0.05)
+    assert usual.values["a.width"] == pytest.approx(0.025)
+    assert usual.values["a.length"] == file.values["a.length"]
+    held = in_usual_proportions(long, {"a.width"})
+    assert held.values["a.width"] == 0.09

@@ -17,6 +17,7 @@ from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.foreground.background import Samples
 from monodyn.vision.locating.locate import Sought
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.locating.unit import in_usual_proportions
 
 EXPLAINED = 0.95
 """Agreement of mechanism and foreground from which no other part is tried."""
@@ -46,10 +47,9 @@ def find_in_region(sought: Sought, find: Find) -> Scene:
     """
     best, share = None, -1.0
     refusals: list[MonodynError] = []
-    for samples in candidates(sought.masks.samples):
+    for tried in _attempts(sought):
         try:
-            masks = sought.masks if samples is sought.masks.samples else sought.masks.over(samples)
-            scene = find(replace(sought, masks=masks))
+            scene = find(tried)
         except MonodynError as refusal:
             refusals.append(refusal)
             continue
@@ -62,6 +62,15 @@ def find_in_region(sought: Sought, find: Find) -> Scene:
         # what is wrong with the whole clip concerns the user, not what is wrong with a part of it
         raise refusals[0]
     return best
+
+
+def _attempts(sought: Sought) -> Iterator[Sought]:
+    """Return in which masks the mechanism is located, and from which proportions, the likeliest first."""
+    usual = in_usual_proportions(sought.mechanism, sought.pinned)
+    for i, samples in enumerate(candidates(sought.masks.samples)):
+        yield replace(sought, masks=sought.masks.over(samples)) if i else sought
+        if i == 0 and usual is not sought.mechanism:
+            yield replace(sought, mechanism=usual)
 
 
 def candidates(samples: Samples) -> Iterator[Samples]:
