@@ -9,7 +9,7 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.vision.locating.bundle import Bundle, scene_variables
-from monodyn.vision.locating.locate import Sought, _refined_names, scene_advice
+from monodyn.vision.locating.locate import Sought, _refined_names, hidden_advice, scene_advice
 from monodyn.vision.settings import LocateSettings
 from pictures import CAMERA
 
@@ -55,6 +55,15 @@ def test_foreground_that_is_not_the_mechanism() -> None:
         "shows parts of the mechanism, give --background a picture without it."
     ]
     assert scene_advice(bundle(), {}, 0.5, varied=True) == []
+
+
+def test_what_hides_inside_of_another_geom_is_named() -> None:
+    assert hidden_advice([]) == []
+    assert hidden_advice(["a.peg.across", "a.arm.along"]) == [
+        "An end that lies inside of another geom cannot be seen: a.peg.across, a.arm.along and the extent in "
+        "that direction are known to half the width of what hides it. Give a measured value with --fix where "
+        "that counts."
+    ]
 
 
 def sought(name: str, fix: Mapping[str, float], free: tuple[str, ...]) -> Sought:

@@ -33,6 +33,8 @@ LOG_STD = 1.0
 """Standard deviation of the logarithm of a start size: the file's sizes are only a start."""
 MOST_STEP = 0.35
 """Largest change of a variable or a joint in one step."""
+HIDDEN_STEP = 0.005
+"""Largest change in one step of a variable that the edges do not show: less than a pixel for most bodies."""
 PLACE_STD = 0.5
 """Standard deviation of a start place, in lengths of its body: the file's places are only a start."""
 LOG_CAMERA = ("camera.depth", "camera.focal")
@@ -346,6 +348,10 @@ def _step(
     system = weight * xx + np.diag(stiffness)
     system += np.diag(1e-3 * weight * np.maximum(np.diag(xx), 0.0) + 1e-9)
     step = np.linalg.solve(system, weight * right + stiffness * (anchor - x))
+    # What no edge shows, such as an end inside of another geom, follows its spring a little at a time: else
+    # it would leap out of there, be drawn back by the edges, and leap again.
+    hidden = weight * np.diag(xx) < stiffness
+    step[hidden] = np.clip(step[hidden], -HIDDEN_STEP, HIDDEN_STEP)
     # the poses follow the step that is taken, so it is cut off before they are computed
     step = np.clip(step, -MOST_STEP, MOST_STEP)
     q_step = np.einsum("kij,kj->ki", inverse, terms.q - np.einsum("kix,x->ki", terms.qx, step))

@@ -9,7 +9,7 @@ they may not change.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,6 +52,8 @@ ALL_TRIED = 2
 proportions are tried besides."""
 PLACE_STEPS = (3.0, 1.5, 0.7)
 """Steps of the root's place and of places on bodies [reduced px]."""
+TURN_STEPS = (0.2, 0.1, 0.05)
+"""Steps of the turns of geoms [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +209,7 @@ def settled(frames: KeyFrames, structure: Structure, start: SceneStart) -> Struc
     """
     poses = [beam[0] for beam in structure.beams]
     mechanism, camera = structure.mechanism, structure.camera
-    least = _cost(frames, mechanism, camera, poses)
+    least = frames_cost(frames, mechanism, camera, poses)
     unit = frames.shrink * camera.depth / camera.focal
     for round_ in range(len(PLACE_STEPS)):
         for (name, step), sign in itertools.product(_moves(mechanism, start, round_, unit), (1.0, -1.0)):
@@ -218,9 +220,9 @@ def settled(frames: KeyFrames, structure: Structure, start: SceneStart) -> Struc
                 else:
                     p = mechanism.parameter(name)
                     grew = max(p.value * float(np.exp(sign * step)), LEAST_SIZE * unit)
-                    value = p.value + sign * step if p.kind in PLACE_KINDS else grew
+                    value = p.value + sign * step if p.kind in (*PLACE_KINDS, "turn") else grew
                     tried = mechanism.with_values({name: value}), camera
-                cost = _cost(frames, *tried, poses)
+                cost = frames_cost(frames, *tried, poses)
                 if not cost < least - 1e-6:
                     break
                 (mechanism, camera), least = tried, cost
@@ -238,6 +240,8 @@ def _moves(mechanism: Mechanism, start: SceneStart, round_: int, unit: float) ->
             moves.append((p.name, (LENGTH_STEPS if p.kind == "length" else WIDTH_STEPS)[round_]))
         elif p.kind in PLACE_KINDS:
             moves.append((p.name, PLACE_STEPS[round_] * unit))
+    turns = [p for p in mechanism.parameters if p.kind == "turn" and not p.follows]
+    moves += [(p.name, TURN_STEPS[round_]) for p in turns if p.name not in start.pinned]
     cameras = [name for name in ("camera.x", "camera.y") if name not in start.pinned]
     return moves + [(name, PLACE_STEPS[round_] * unit) for name in cameras]
 
@@ -410,8 +414,20 @@ def _are_neighbours(one: Structure, other: Structure) -> bool:
     return all(abs(a - b) <= 1 for a, b in zip(one.steps, other.steps, strict=True))
 
 
-def _cost(frames: KeyFrames, mechanism: Mechanism, camera: Camera, poses: list[np.ndarray]) -> float:
-    """Return the mean share of the better frames that is not explained."""
+def frames_cost(
+    frames: KeyFrames, mechanism: Mechanism, camera: Camera, poses: Iterable[np.ndarray]
+) -> float:
+    """Return how much of the foreground a mechanism leaves unexplained.
+
+    Args:
+        frames: The key frames.
+        mechanism: The mechanism.
+        camera: The camera.
+        poses: Joint positions in each frame, each (dof,).
+
+    Returns:
+        Mean share of the better frames.
+    """
     rig: Rig = rig_of(mechanism, camera, shrink=frames.shrink)
     shares = [
         _share(frame, float(pose_balance(frame.balance, rig, pose[np.newaxis], len(rig.radius))[0]))

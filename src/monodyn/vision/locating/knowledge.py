@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from monodyn.mechanism import Measured
+from monodyn.mechanism import Measured, Mechanism
 from monodyn.vision.drawing.camera import PARAMETERS, value_of
 from monodyn.vision.locating.bundle import LOG_CAMERA, Bundle
 
@@ -26,8 +26,28 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
             only from thicknesses and offsets held at their start, is taken out.
 
     Returns:
-        Information matrix on the logarithms of the sizes and the places' ratios, as far as they are seen.
+        Information matrix on the logarithms of the sizes and the places' ratios. A place that no picture
+        shows is known to where it stays hidden.
     """
+    names, known, _ = _known(bundle, scale_free=scale_free)
+    return Measured(names, 0.5 * (known + known.T))
+
+
+def hidden_places(bundle: Bundle, *, scale_free: bool) -> list[str]:
+    """Name the places of geoms that no picture determines, because an end lies inside of another geom.
+
+    Args:
+        bundle: A refined bundle.
+        scale_free: True where nothing pins the common scale.
+
+    Returns:
+        The names.
+    """
+    return _known(bundle, scale_free=scale_free)[2]
+
+
+def _known(bundle: Bundle, *, scale_free: bool) -> tuple[tuple[str, ...], np.ndarray, list[str]]:
+    """Return names of sizes and places, the information about them, and which places are hidden."""
     variables, values = bundle.variables, bundle.mechanism.values
     shown = variables.is_size | variables.is_place
     sizes, others = np.flatnonzero(shown), np.flatnonzero(~shown)
@@ -42,39 +62,52 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
     along = known @ gauge
     if scale_free and gauge @ along > 1e-9 * np.trace(known):
         known = known - np.outer(along, along) / (gauge @ along)
-    names = [variables.names[i] for i in sizes]
+    names = tuple(variables.names[i] for i in sizes)
     px = np.array([values[variables.against[i] or variables.names[i]] for i in sizes])
     px = px * bundle.camera.focal / bundle.camera.depth
     # (K^-1 + D)^-1 for a K that may be singular, D the variance that no number of frames takes away
     floor = np.diag((px / SYSTEMATIC_PX) ** 2)
     known = known - known @ np.linalg.solve(known + floor, known)
-    hidden = _hidden(known, gauge, variables.is_place[sizes])
-    kept = [i for i in range(len(names)) if i not in hidden]
-    known = known[np.ix_(kept, kept)]
-    return Measured(tuple(names[i] for i in kept), 0.5 * (known + known.T))
+    is_place, hidden = variables.is_place[sizes], []
+    while (worst := _worst_hidden(known, gauge, is_place)) is not None:
+        hidden.append(names[worst])
+        # each of them is named once
+        is_place = is_place & (np.arange(len(names)) != worst)
+        known[worst, worst] += 1.0 / _room(bundle.mechanism, names[worst]) ** 2
+    return names, known, hidden
 
 
-def _hidden(known: np.ndarray, gauge: np.ndarray, places: np.ndarray) -> set[int]:
-    """Return which places of geoms no picture determines together with the other sizes.
+def _worst_hidden(known: np.ndarray, gauge: np.ndarray, places: np.ndarray) -> int | None:
+    """Return the row of the place that no picture determines together with the other sizes, None without any.
 
     An end of a geom that lies inside of another one moves its middle and its extent together, unseen: each
-    of them alone would seem to be known. The place is taken as given, until the rest is determined.
+    of them alone would seem to be known.
     """
-    hidden: set[int] = set()
-    while True:
-        open_ = [i for i in range(len(places)) if i not in hidden]
-        candidates = [k for k, i in enumerate(open_) if places[i]]
-        if not candidates:
-            return hidden
-        part, scale = known[np.ix_(open_, open_)], gauge[open_]
-        # a stiff spring on the common scale, so that it does not count as a direction that is not seen
-        part = part + UNSEEN / max(len(open_), 1) * 1e3 * np.outer(scale, scale)
-        values, vectors = np.linalg.eigh(part)
-        loads = np.abs(vectors[:, 0])
-        worst = candidates[int(np.argmax(loads[candidates]))]
-        if values[0] >= UNSEEN or loads[worst] < LOADED:
-            return hidden
-        hidden.add(open_[worst])
+    candidates = np.flatnonzero(places)
+    if not len(candidates):
+        return None
+    # a stiff spring on the common scale, so that it does not count as a direction that is not seen
+    part = known + UNSEEN / len(known) * 1e3 * np.outer(gauge, gauge)
+    values, vectors = np.linalg.eigh(part)
+    for value, loads in zip(values, np.abs(vectors.T), strict=True):
+        if value >= UNSEEN:
+            return None
+        worst = int(candidates[np.argmax(loads[candidates])])
+        if loads[worst] >= LOADED:
+            return worst
+    return None
+
+
+def _room(mechanism: Mechanism, name: str) -> float:
+    """Return the standard deviation of a hidden place, as a ratio to the size that it stands against: half of
+    the largest width of the other geoms of its body, within which an end can hide."""
+    place, stem = mechanism.parameter(name), name.rsplit(".", 1)[0]
+    widths = [
+        p.value
+        for p in mechanism.parameters
+        if p.kind == "width" and p.owner == place.owner and p.name != f"{stem}.width"
+    ]
+    return 0.5 * max(widths, default=place.value) / mechanism.values.get(place.against, 1.0)
 
 
 def camera_std(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:

@@ -27,6 +27,7 @@ from monodyn.vision.drawing.rig import (
     root_slides,
 )
 from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.locating.arrange import BETTER, arranged, freed
 from monodyn.vision.locating.bundle import (
     CAMERA_TURNS,
     SIDES,
@@ -39,8 +40,8 @@ from monodyn.vision.locating.bundle import (
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
-from monodyn.vision.locating.knowledge import camera_std, size_information
-from monodyn.vision.locating.places import with_departed
+from monodyn.vision.locating.knowledge import camera_std, hidden_places, size_information
+from monodyn.vision.locating.places import with_departed, with_names
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess, as_thick, search_poses, search_scene, thinned
 from monodyn.vision.locating.unit import growth, in_metres, scaled, units_per_metre
@@ -136,8 +137,8 @@ def find_scene(sought: Sought) -> Scene:
     guesses = [_placed(sought, g) for g in search_scene(frames, start, settings.search_frames)]
     sought.progress("locate", 1, 4)
     few = frames.only(frames.most_distinct(settings.search_frames))
-    refined = [_refined_coarsely(few, g, _variables(g, start, names)) for g in guesses[:REFINED]]
-    guess = min(refined, key=lambda g: g.score)
+    refined = [_refined_coarsely(few, g, start, names) for g in guesses[:REFINED]]
+    guess = min(refined, key=lambda g: g.score + BETTER * len(freed(g.mechanism, start.mechanism)))
     variables = _variables(guess, start, names)
     sought.progress("locate", 2, 4)
     # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
@@ -161,11 +162,13 @@ def _placed(sought: Sought, guess: SceneGuess) -> SceneGuess:
 
 
 def _variables(guess: SceneGuess, start: SceneStart, names: Sequence[str]) -> SceneVariables:
-    """Return what is refined of a guess, held by weak springs: lengths to those of the guess, other sizes to
-    their proportions in the file."""
+    """Return what is refined of a guess, held by weak springs: lengths, and what has left its place in the
+    file, to those of the guess, other sizes to their proportions in the file."""
     file = scaled(start.mechanism, growth(guess.mechanism, start.mechanism))
     lengths = {p.name: p.value for p in guess.mechanism.parameters if p.kind == "length"}
-    return scene_variables(file.with_values(lengths), names)
+    variables = scene_variables(file.with_values(lengths), names)
+    more = freed(guess.mechanism, file)
+    return with_names(variables, guess.mechanism, more) if more else variables
 
 
 def _refined_names(sought: Sought) -> list[str]:
@@ -179,8 +182,12 @@ def _refined_names(sought: Sought) -> list[str]:
     return names + [name for name in dict.fromkeys(cameras) if name not in sought.fix]
 
 
-def _refined_coarsely(frames: KeyFrames, guess: SceneGuess, variables: SceneVariables) -> SceneGuess:
+def _refined_coarsely(
+    frames: KeyFrames, guess: SceneGuess, start: SceneStart, names: Sequence[str]
+) -> SceneGuess:
     """Refine a guess on the reduced key frames, search the poses again, and refine once more."""
+    guess = arranged(frames, guess, start)
+    variables = _variables(guess, start, names)
     planes = [frame.coarse[np.newaxis] for frame in frames.frames]
     masks = KeyMasks(planes, frames.coarse_view, frames.shrink)
     for _ in range(2):
@@ -265,6 +272,7 @@ def _scene(sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle) -> S
     first = int(np.argmin(order))
     rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
     advice = scene_advice(bundle, std, _mismatch_share(frames, bundle), varied=masks.varied)
+    advice += hidden_advice(hidden_places(bundle, scale_free=scale_free))
     camera = bundle.camera
     metre = units_per_metre(bundle.mechanism, camera, sought.mechanism, sought.fix, sought.pinned)
     mechanism = in_metres(bundle.mechanism, sought.mechanism, metre, sought.pinned)
@@ -329,6 +337,24 @@ def scene_advice(bundle: Bundle, std: Mapping[str, float], outside: float, *, va
             "without it."
         )
     return advice
+
+
+def hidden_advice(places: Sequence[str]) -> list[str]:
+    """Write the sentence for the user about places of geoms that no picture determines.
+
+    Args:
+        places: Their names.
+
+    Returns:
+        The sentence; none without such places.
+    """
+    if not places:
+        return []
+    names = ", ".join(places)
+    return [
+        f"An end that lies inside of another geom cannot be seen: {names} and the extent in that direction "
+        "are known to half the width of what hides it. Give a measured value with --fix where that counts."
+    ]
 
 
 def _vague_from(camera: Camera, name: str) -> float:

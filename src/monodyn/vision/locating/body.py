@@ -1,0 +1,223 @@
+"""A picture of a body in its own frame, and the bar or disc that explains most of it.
+
+What moves with a body is the same in every frame, seen from the body: the mean of the masks, each turned and
+shifted into the body's frame, is a picture of it. What covering a cell of it gains is 1 where foreground
+always is and -1 where it never is, so that the best geom is the one with the largest sum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from monodyn.types import FULL
+from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, ROTATION, X, Y
+from monodyn.vision.drawing.rig import Rig, rig_of
+from monodyn.vision.drawing.silhouette import (
+    AROUND,
+    LINK_ANGLE,
+    LINK_X,
+    LINK_Y,
+    blank_outlines,
+    draw,
+    link_frames,
+)
+from monodyn.vision.locating.keyframes import KeyFrames
+from monodyn.vision.locating.search import SceneGuess
+
+CELLS = 80
+"""Cells of the picture of a body from its joint to each side."""
+TURNS = 12
+"""Directions in half a turn that are tried for a bar."""
+LEAST_CELLS, SIZE_RATIO = 2, 1.3
+"""The smallest size that is tried [cells], and the ratio of one size to the next."""
+FARTHEST = 99.0
+"""Percentile of the distances of the foreground from the joint that the picture reaches to."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A place in the picture of a body.
+
+    Attributes:
+        gain: Foreground that it covers there less what it covers besides [cells].
+        x: Middle in the link's frame [cells].
+        y: As ``x``.
+        length: Extent along its direction [cells].
+        width: Extent across it [cells].
+        angle: Its direction in the link's frame [rad].
+    """
+
+    gain: float
+    x: float
+    y: float
+    length: float
+    width: float
+    angle: float
+
+
+@dataclass(frozen=True, eq=False)
+class BodyView:
+    """What the key frames show of a link in its own frame; y by row and x by column, ``CELLS`` to each side.
+
+    Attributes:
+        frames: The key frames.
+        guess: The mechanism with its pose in each.
+        link: Row of the link.
+    """
+
+    frames: KeyFrames
+    guess: SceneGuess
+    link: int
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The mechanism before the reduced camera."""
+        return rig_of(self.guess.mechanism, self.guess.camera, shrink=self.frames.shrink)
+
+    @property
+    def geoms(self) -> list[int]:
+        """Rows of the geoms of the link."""
+        return np.flatnonzero(self.rig.link == self.link).tolist()
+
+    @cached_property
+    def _pixel(self) -> float:
+        """Size of a reduced pixel at the mechanism [m]."""
+        return float(self.rig.camera[DEPTH] / self.rig.camera[FOCAL])
+
+    @cached_property
+    def cell(self) -> float:
+        """Size of a cell [m]: the foreground reaches to the edge, or a cell is a reduced pixel."""
+        far = 0.0
+        for frame, q in zip(self.frames.frames, self.guess.positions, strict=True):
+            y, x = np.nonzero((frame.coarse > FULL // 2) & ~self.frames.unknown)
+            if len(x):
+                place = link_frames(self.rig, q)[self.link]
+                root = _project(self.rig, np.array([[place[LINK_X], place[LINK_Y], 0.0]]))[0]
+                far = max(far, float(np.percentile(np.hypot(x - root[0], y - root[1]), FARTHEST)))
+        return max(1.0, far / CELLS) * self._pixel
+
+    @property
+    def area(self) -> float:
+        """Mean area of the foreground of a frame [cells]."""
+        return float(np.mean([frame.area for frame in self.frames.frames])) * (self._pixel / self.cell) ** 2
+
+    @cached_property
+    def gain(self) -> np.ndarray:
+        """What covering each cell gains on average; nothing where other links are, or the background is not
+        known."""
+        import cv2
+
+        rig, geoms = self.rig, self.geoms
+        height = float(np.mean([rig.points[rig.first[g], 2] for g in geoms])) if geoms else 0.0
+        v, u = np.mgrid[-CELLS : CELLS + 1, -CELLS : CELLS + 1] * self.cell
+        gain = np.zeros(u.shape, np.float32)
+        outlines = blank_outlines(rig, len(rig.radius))
+        for frame, q in zip(self.frames.frames, self.guess.positions, strict=True):
+            if not draw(rig, q, outlines):
+                continue
+            x0, y0, angle = link_frames(rig, q)[self.link][[LINK_X, LINK_Y, LINK_ANGLE]]
+            c, s = np.cos(angle), np.sin(angle)
+            points = np.stack([x0 + c * u - s * v, y0 + s * u + c * v, np.full(u.shape, height)], axis=-1)
+            px = _project(rig, points.reshape(-1, 3)).reshape(*u.shape, 2).astype(np.float32)
+            worth = 2.0 * np.minimum(frame.coarse, FULL).astype(np.float32) / FULL - 1.0
+            worth[self.frames.unknown] = 0.0
+            for g in np.flatnonzero(rig.link != self.link):
+                corners = outlines.px[outlines.hull[outlines.first[g] : outlines.first[g + 1]]]
+                cv2.fillPoly(worth, [np.round(corners * 16.0).astype(np.int32)], 0.0, cv2.LINE_8, 4)
+            # outside of the picture nothing is known
+            gain += cv2.remap(worth, px[..., 0], px[..., 1], cv2.INTER_LINEAR, borderValue=0.0)
+        return gain / len(self.frames.frames)
+
+    def covered(self, geoms: Sequence[int]) -> np.ndarray:
+        """Return the cells that geoms of the link cover.
+
+        Args:
+            geoms: Their rows.
+
+        Returns:
+            True where covered, bool (row, column).
+        """
+        import cv2
+
+        rig = self.rig
+        mask = np.zeros((2 * CELLS + 1, 2 * CELLS + 1), np.uint8)
+        for g in geoms:
+            points = rig.points[rig.first[g] : rig.first[g + 1], :2]
+            ring = points[:, np.newaxis] + rig.radius[g] * AROUND.T
+            corners = cv2.convexHull((ring.reshape(-1, 2) / self.cell + CELLS).astype(np.float32))
+            cv2.fillPoly(mask, [np.round(corners * 16.0).astype(np.int32)], 1, cv2.LINE_8, 4)
+        return mask > 0
+
+
+def _project(rig: Rig, points: np.ndarray) -> np.ndarray:
+    """Return the reduced pixels at which points of the plane frame appear, (point, 2)."""
+    camera = rig.camera
+    seen = (points - camera[[X, Y, DEPTH]]) @ camera[:ROTATION].reshape(3, 3).T
+    return camera[[CENTRE_X, CENTRE_Y]] + camera[FOCAL] * seen[:, :2] / seen[:, 2:]
+
+
+def _sizes(most: int) -> list[int]:
+    """Return the sizes that are tried, odd numbers of cells up to ``most``."""
+    count = int(np.log(most / LEAST_CELLS) / np.log(SIZE_RATIO)) + 1
+    sizes = {2 * int(0.5 * LEAST_CELLS * SIZE_RATIO**i) + 1 for i in range(count + 1)}
+    return sorted(size for size in sizes if size <= most)
+
+
+def best_bar(picture: np.ndarray) -> Bar:
+    """Return the bar of any place, direction and size that gains most.
+
+    Args:
+        picture: What covering each cell gains, float32 (row, column).
+
+    Returns:
+        The bar; one of no gain where nothing gains.
+    """
+    import cv2
+
+    best = Bar(0.0, 0.0, 0.0, 1.0, 1.0, 0.0)
+    y, x = np.mgrid[-CELLS : CELLS + 1, -CELLS : CELLS + 1].astype(np.float32)
+    for angle in np.pi / TURNS * np.arange(TURNS):
+        c, s = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+        # the picture with the bar's direction along its rows, in which the sum over a bar takes four numbers
+        turned = cv2.remap(picture, c * x - s * y + CELLS, s * x + c * y + CELLS, cv2.INTER_LINEAR)
+        sums = cv2.integral(turned)
+        for width in _sizes(CELLS):
+            rows = sums[width:] - sums[:-width]
+            for length in _sizes(2 * CELLS):
+                if length < width:
+                    continue
+                gains = rows[:, length:] - rows[:, :-length]
+                place = int(np.argmax(gains))
+                if gains.flat[place] > best.gain:
+                    row, column = divmod(place, gains.shape[1])
+                    u, v = column + length // 2 - CELLS, row + width // 2 - CELLS
+                    best = Bar(
+                        float(gains.flat[place]), float(c * u - s * v), float(s * u + c * v),
+                        float(length), float(width), float(angle),
+                    )  # fmt: skip
+    return best
+
+
+def best_disc(picture: np.ndarray) -> Bar:
+    """Return the disc of any place and size that gains most.
+
+    Args:
+        picture: What covering each cell gains, float32 (row, column).
+
+    Returns:
+        The disc, its length and width the diameter; one of no gain where nothing gains.
+    """
+    import cv2
+
+    best = Bar(0.0, 0.0, 0.0, 1.0, 1.0, 0.0)
+    for size in _sizes(CELLS):
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)).astype(np.float32)
+        gains = cv2.filter2D(picture, cv2.CV_32F, disc, borderType=cv2.BORDER_CONSTANT)
+        row, column = np.unravel_index(int(np.argmax(gains)), gains.shape)
+        if gains[row, column] > best.gain:
+            best = Bar(float(gains[row, column]), float(column - CELLS), float(row - CELLS), size, size, 0.0)
+    return best
