@@ -15,11 +15,11 @@ from monodyn.vision.locating.grow import (
     _alternately,
     better_mean,
     grown,
-    settled,
     typical_widths,
     whole,
 )
 from monodyn.vision.locating.roots import Root
+from monodyn.vision.locating.settle import settled
 from monodyn.vision.locating.unit import scaled
 from pictures import drawn_frames, root_in
 

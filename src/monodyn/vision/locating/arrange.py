@@ -19,9 +19,10 @@ from monodyn.mechanism.solids import SPHERE, Solid
 from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.locating.body import BodyView, best_bar, best_disc
-from monodyn.vision.locating.grow import SceneStart, Structure, frames_cost, settled
+from monodyn.vision.locating.grow import SceneStart, Structure
 from monodyn.vision.locating.keyframes import KeyFrames
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.settle import frames_cost, settled
 
 BETTER = 0.01
 """Share of the foreground that has to be explained in addition for a geom to stand elsewhere."""
@@ -191,7 +192,7 @@ def _nearest_turn(turn: float, near: float) -> float:
 def _settled(frames: KeyFrames, guess: SceneGuess, start: SceneStart) -> SceneGuess:
     """Improve sizes, places and turns one by one, poses and camera held."""
     beams = tuple(q[np.newaxis] for q in guess.positions)
-    begun = Structure(guess.mechanism, guess.camera, 0, (), None, beams, ())
+    begun = Structure(guess.mechanism, guess.camera, 0, (), None, beams, (), ())
     better = settled(frames, begun, replace(start, pinned=start.pinned | {"camera.x", "camera.y"}))
     return replace(guess, mechanism=better.mechanism, camera=better.camera)
 

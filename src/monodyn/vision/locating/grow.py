@@ -9,7 +9,7 @@ they may not change.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +18,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
 from monodyn.types import FULL, Camera
-from monodyn.vision.drawing.mismatch import pose_balance
-from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, longest_reach, rig_of
+from monodyn.vision.drawing.rig import SIZE_KINDS, longest_reach, rig_of
 from monodyn.vision.locating.beam import Beam, extended
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import Root
@@ -39,21 +38,11 @@ GROWN_PX = 45
 """Reach of the mechanism in the picture in which structures grow [px]."""
 FIRST_FRAMES, LEFT, LEFT_SHARE = 2, 40, 0.25
 """Frames after which most structures are given up; how many are left, or which share of them."""
-LEAST_SIZE = 0.7
-"""No size becomes smaller than this [reduced px]."""
 END = 0.5
 """How far a body reaches beyond its hinges before it is known, in its widths."""
-WIDTH_STEPS = (0.6, 0.3, 0.12)
-"""Steps of the logarithms of widths, tails and tips, one round after the other."""
-LENGTH_STEPS = (0.1, 0.06, 0.03)
-"""Steps of the logarithms of lengths."""
 ALL_TRIED = 2
 """Links up to which all lengths are tried with all others; of more links only the best go on, and the file's
 proportions are tried besides."""
-PLACE_STEPS = (3.0, 1.5, 0.7)
-"""Steps of the root's place and of places on bodies [reduced px]."""
-TURN_STEPS = (0.2, 0.1, 0.05)
-"""Steps of the turns of geoms [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,56 +185,6 @@ def _inscribed(frames: KeyFrames, *, hidden: bool) -> tuple[float, float]:
     return 2.0 * max(thin - 0.5, 0.5), 2.0 * max(thick - 0.5, 0.5)
 
 
-def settled(frames: KeyFrames, structure: Structure, start: SceneStart) -> Structure:
-    """Improve sizes and place one by one, the poses held.
-
-    Args:
-        frames: The frames of the structure.
-        structure: A whole structure; the first pose of each beam counts.
-        start: What may not change.
-
-    Returns:
-        The structure with the sizes at which its outlines explain most of the frames.
-    """
-    poses = [beam[0] for beam in structure.beams]
-    mechanism, camera = structure.mechanism, structure.camera
-    least = frames_cost(frames, mechanism, camera, poses)
-    unit = frames.shrink * camera.depth / camera.focal
-    for round_ in range(len(PLACE_STEPS)):
-        for (name, step), sign in itertools.product(_moves(mechanism, start, round_, unit), (1.0, -1.0)):
-            while True:
-                if name.startswith("camera"):
-                    axis = name[-1]
-                    tried = mechanism, replace(camera, **{axis: getattr(camera, axis) + sign * step})
-                else:
-                    p = mechanism.parameter(name)
-                    grew = max(p.value * float(np.exp(sign * step)), LEAST_SIZE * unit)
-                    value = p.value + sign * step if p.kind in (*PLACE_KINDS, "turn") else grew
-                    tried = mechanism.with_values({name: value}), camera
-                cost = frames_cost(frames, *tried, poses)
-                if not cost < least - 1e-6:
-                    break
-                (mechanism, camera), least = tried, cost
-    return replace(structure, mechanism=mechanism, camera=camera)
-
-
-def _moves(mechanism: Mechanism, start: SceneStart, round_: int, unit: float) -> list[tuple[str, float]]:
-    """List what may be changed, and by how much in a round: sizes by logarithms, places by lengths; ``unit``
-    is a reduced pixel."""
-    moves: list[tuple[str, float]] = []
-    for p in drawn(mechanism):
-        if p.name in start.pinned or (p.kind in SIZE_KINDS and p.value <= 0.0):
-            continue
-        if p.kind in SIZE_KINDS:
-            moves.append((p.name, (LENGTH_STEPS if p.kind == "length" else WIDTH_STEPS)[round_]))
-        elif p.kind in PLACE_KINDS:
-            moves.append((p.name, PLACE_STEPS[round_] * unit))
-    turns = [p for p in mechanism.parameters if p.kind == "turn" and not p.follows]
-    moves += [(p.name, TURN_STEPS[round_]) for p in turns if p.name not in start.pinned]
-    cameras = [name for name in ("camera.x", "camera.y") if name not in start.pinned]
-    return moves + [(name, PLACE_STEPS[round_] * unit) for name in cameras]
-
-
 def whole(structure: Structure, start: SceneStart) -> Structure:
     """Give a grown structure what its pictures do not show.
 
@@ -363,7 +302,7 @@ def _laid(
         poses, costs = extended(frames.frames[row], rig, structure.mechanism, link, beams[row], NARROW)
         order = np.argsort(costs, kind="stable")
         beams[row] = poses[order]
-        shares.append(_share(frames.frames[row], float(costs[order[0]])))
+        shares.append(unexplained(frames.frames[row], float(costs[order[0]])))
         near.append(float(amounts[row][int(min(reach, len(amounts[row]) - 1))]))
     return replace(structure, beams=tuple(beams), shares=tuple(shares), near=tuple(near))
 
@@ -414,30 +353,13 @@ def _are_neighbours(one: Structure, other: Structure) -> bool:
     return all(abs(a - b) <= 1 for a, b in zip(one.steps, other.steps, strict=True))
 
 
-def frames_cost(
-    frames: KeyFrames, mechanism: Mechanism, camera: Camera, poses: Iterable[np.ndarray]
-) -> float:
-    """Return how much of the foreground a mechanism leaves unexplained.
+def unexplained(frame: KeyFrame, cost: float) -> float:
+    """Return the share of a frame's foreground that is not explained.
 
     Args:
-        frames: The key frames.
-        mechanism: The mechanism.
-        camera: The camera.
-        poses: Joint positions in each frame, each (dof,).
-
-    Returns:
-        Mean share of the better frames.
+        frame: The frame.
+        cost: Mismatch of a pose less the area of the mask [reduced px^2].
     """
-    rig: Rig = rig_of(mechanism, camera, shrink=frames.shrink)
-    shares = [
-        _share(frame, float(pose_balance(frame.balance, rig, pose[np.newaxis], len(rig.radius))[0]))
-        for frame, pose in zip(frames.frames, poses, strict=True)
-    ]
-    return better_mean(np.array(shares))
-
-
-def _share(frame: KeyFrame, cost: float) -> float:
-    """Return the share of a frame's foreground that is not explained."""
     return (frame.area + cost) / max(frame.area, 1.0)
 
 
