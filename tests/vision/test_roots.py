@@ -87,6 +87,7 @@ def test_a_cart_before_its_own_picture_shows_how_long_it_is(upright: bool) -> No
         2,
         view,
         trust,
+        trust,
     )
     root = min(root_lines(keys, upright=upright), key=lambda r: abs((r.x if upright else r.y) - 71.0))
     # twice as long in the picture as in the reduced one; at most what the ends of its way add
