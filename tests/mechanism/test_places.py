@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from monodyn.mechanism import Mechanism, load
 from monodyn.mechanism.assemble import following_slopes
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS
-from monodyn.mechanism.write import write_mjcf
+from monodyn.mechanism.write import write_mjcf, write_urdf
 
 BAR = '<geom type="box" size="{0} .003 .01" pos="{0} 0 0"/>'
 """A box from the hinge along x, of this half length."""
@@ -162,6 +163,53 @@ def test_written_geoms_look_the_same(name: str, tmp_path: Path) -> None:
         for point in a:
             assert np.min(np.linalg.norm(b - point, axis=1)) < near
         assert ours.radius[g] == pytest.approx(theirs.radius[g], rel=1e-9)
+
+
+def shadow(mechanism: Mechanism) -> np.ndarray:
+    """Return the cells of half a millimetre that a body covers, seen along the hinge axis."""
+    shapes, mask = mechanism.shapes, np.zeros((1600, 1600), np.uint8)
+    turn = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    for g in range(len(shapes.body)):
+        points = shapes.points[shapes.first[g] : shapes.first[g + 1], :2]
+        around = (points[:, np.newaxis] + shapes.radius[g] * circle).reshape(-1, 2)
+        corners = cv2.convexHull((around / 5e-4 + 800.0).astype(np.float32))
+        cv2.fillConvexPoly(mask, np.round(corners * 16).astype(np.int32), 1, cv2.LINE_8, 4)
+    return mask > 0
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_urdf_shows_the_same_body_with_the_same_inertia(name: str, tmp_path: Path) -> None:
+    mechanism = body(BODIES[name], tmp_path)
+    mechanism = wrong(mechanism.with_choices(free=sorted(following(mechanism))), 5)
+    turns = [p.name for p in mechanism.parameters if p.kind == "turn"]
+    mechanism = mechanism.with_values({turn: mechanism.values[turn] - 0.5 for turn in turns})
+    write_urdf(mechanism, tmp_path / "model.urdf")
+    again = load(tmp_path / "model.urdf")
+    ours, theirs = shadow(mechanism), shadow(again)
+    # a capsule is written as a cylinder and two balls; the rest is the rounding to cells along the outline
+    assert np.sum(ours != theirs) < 0.02 * np.sum(ours)
+    columns = [MASS, COM_X, COM_Y, INERTIA]
+    np.testing.assert_allclose(again.tree.links[0, columns], mechanism.tree.links[0, columns], rtol=1e-6)
+
+
+def test_a_urdf_has_places_and_turns(tmp_path: Path) -> None:
+    """What a URDF puts onto another part follows it, as in MJCF; a turned box has a turn."""
+    mechanism = body(ELL + DISC.removeprefix(BAR.format(0.1)), tmp_path)
+    write_urdf(mechanism, tmp_path / "model.urdf")
+    again = load(tmp_path / "model.urdf")
+    assert {p.kind: p.follows for p in again.parameters if p.kind in ("along", "across", "turn")} == {
+        "along": True, "across": True, "turn": True
+    }  # fmt: skip
+    kinds = ("length", "width", "extent", "along", "across", "turn")
+    ours, theirs = ([p for p in m.parameters if p.kind in kinds] for m in (mechanism, again))
+    assert [p.kind for p in ours] == [p.kind for p in theirs]
+    assert [p.value for p in ours] == pytest.approx([p.value for p in theirs], abs=1e-6)
+    turned = mechanism.with_choices(free=["a.arm.turn"]).with_values({"a.arm.turn": 1.0})
+    write_urdf(turned, tmp_path / "model.urdf")
+    turn = next(p for p in load(tmp_path / "model.urdf").parameters if p.kind == "turn")
+    assert turn.free
+    assert turn.value == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", BODIES)
