@@ -120,6 +120,19 @@ def without_link(scene: Scene, mask: Mask, q: np.ndarray, body: str) -> Mask:
     return replace(mask, planes=planes)
 
 
+def test_a_link_folded_onto_another_is_not_seen(scene: Scene, truth: dict) -> None:
+    """Link 2 is hidden; folded back onto link 1, which shows, it seems to lie on the mask."""
+    folded = 0
+    for index, known in zip(scene.key_frames[:8], scene.key_positions[:8], strict=True):
+        frame = next(iter(scene.masks.video.frames(index, index + 1)))
+        mask = without_link(scene, scene.masks.of(frame), np.array(truth["q"][index]), "link2")
+        start = replace(scene, key_frames=(index,), key_positions=np.array([[known[0], np.pi]]))
+        found = Follower(start, TrackSettings()).step(mask)
+        folded += bool(found.joints[0])
+        assert not found.joints[1]
+    assert folded > 4
+
+
 def test_a_hidden_link_leaves_the_other_joint_seen(scene: Scene, truth: dict) -> None:
     follower, q = Follower(scene, TrackSettings()), np.array(truth["q"])
     spread = []

@@ -10,7 +10,15 @@ import pytest
 from monodyn.mechanism import Mechanism, load
 from monodyn.mechanism.tree import SLIDE
 from monodyn.vision.drawing.camera import X
-from monodyn.vision.drawing.edges import Agreement, Shifts, edge_terms, no_shifts, robust_weight
+from monodyn.vision.drawing.edges import (
+    BEHIND,
+    SAMPLES,
+    Agreement,
+    Shifts,
+    edge_terms,
+    no_shifts,
+    robust_weight,
+)
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.foreground.coverage import CHANGED_LEVEL
 from pictures import CAMERA, drawn_mask, trusted
@@ -126,3 +134,15 @@ def test_where_a_geom_looks_like_the_background_its_border_is_an_edge() -> None:
     hidden = plain._replace(trust=trust)
     assert edge_terms(planes, hidden, rig, no_shifts(rig), q, 4.0, 2.0).agreement.samples == 0
     assert shown.least.max() == 0.0
+
+
+def test_samples_that_another_geom_covers_are_counted() -> None:
+    mechanism = load("double")
+    counts = []
+    for elbow in (np.pi, 0.9):
+        q = np.array([-0.5, elbow])
+        _, _, found = terms(mechanism, drawn_mask(mechanism, CAMERA, q), q)
+        counts.append(found.links[1, [SAMPLES, BEHIND]])
+    # folded back the shorter link lies within the longer one; at an angle only its hinge does
+    assert counts[0][1] > 3.0 * counts[0][0]
+    assert counts[1][1] < counts[1][0]

@@ -14,7 +14,7 @@ import numpy as np
 
 from monodyn.mechanism.tree import HINGE
 from monodyn.types import Mask, Poses, Progress
-from monodyn.vision.drawing.edges import COVERED, NEAR, SAMPLES, TRUST
+from monodyn.vision.drawing.edges import BEHIND, COVERED, NEAR, SAMPLES, TRUST
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of
@@ -32,6 +32,9 @@ LEAST_NOISE_PX = 0.05
 """Least standard deviation of an edge sample [px]."""
 LEAST_SAMPLES = 8
 """Outline samples below which a link was not seen."""
+LEAST_SHOWN = 0.25
+"""Share of a link's outline that stands out from the other links below which the link was not seen: where
+they cover it, it seems to lie on the mask whatever its pose."""
 OF_A_LINK = 0.8
 """Share of ``matched`` and ``inside`` that a single link must reach: it varies more than the whole."""
 DETERMINED = 0.3
@@ -242,6 +245,7 @@ class Follower:
         s, trust = self._settings, np.maximum(links[:, TRUST], 1e-9)
         return (
             (links[:, SAMPLES] >= LEAST_SAMPLES)
+            & (links[:, SAMPLES] >= LEAST_SHOWN * (links[:, SAMPLES] + links[:, BEHIND]))
             & (links[:, NEAR] >= OF_A_LINK * s.matched * trust)
             & (links[:, COVERED] >= OF_A_LINK * s.inside * trust)
         )

@@ -21,13 +21,16 @@ from monodyn.vision.drawing.normals import (
     BORDER,
     FROM,
     GEOM,
+    HIDDEN,
     INNER,
     LEAST_LEVEL,
     NORMAL_X,
     NORMAL_Y,
+    REASON,
     SAMPLE_COLUMNS,
     SHARE,
     TO,
+    USED,
     WEIGHT,
     edge_samples,
 )
@@ -43,9 +46,12 @@ POSE_STEP = 1e-6
 """Shift of a joint for the derivative of the outline [rad or m]."""
 MOST_SAMPLES = 4096
 """Outline samples of a mechanism that are used."""
-SAMPLES, TRUST, NEAR, SQUARES, COVERED = range(5)
+SAMPLES, TRUST, NEAR, SQUARES, COVERED, BEHIND = range(6)
 """Columns of what is found on each link: number of outline samples; their trust; that of those near an edge;
-their squared distances from it, by trust [px^2]; coverage just inside, by trust."""
+their squared distances from it, by trust [px^2]; coverage just inside, by trust; number of samples that other
+geoms cover."""
+LINK_COLUMNS = BEHIND + 1
+"""Number of these columns."""
 
 
 class Agreement(NamedTuple):
@@ -75,7 +81,7 @@ def agreement_of(links: np.ndarray) -> Agreement:
     Returns:
         The agreement over all links.
     """
-    samples, trust, near, squares, covered = links.sum(axis=0).tolist()
+    samples, trust, near, squares, covered, _ = links.sum(axis=0).tolist()
     total = max(trust, 1e-9)
     return Agreement(int(samples), near / total, (squares / max(near, 1e-9)) ** 0.5, covered / total, links)
 
@@ -183,16 +189,20 @@ def edge_kernel(
     dofs, shared, geoms = position.shape[0], shifts.steps.shape[0], rig.radius.shape[0]
     size = dofs + shared
     normal, right, row = np.zeros((size, size)), np.zeros(size), np.zeros(size)
-    found = np.zeros((dofs, COVERED + 1))
+    found = np.zeros((dofs, LINK_COLUMNS))
     outlines = blank_outlines(rig, geoms)
     if not draw(rig, position, outlines):
         return normal, right, found
     ends = np.empty((MOST_SAMPLES, 2), dtype=np.int64)
     samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
-    count = edge_samples(planes, view, outlines, (reach, spacing), ends, samples)
+    count = edge_samples(planes, view, outlines, (reach, spacing), ends, samples, True)
     px, moved = outlines.px, _moved_points(rig, shifts, position, outlines)
     scale = max(0.35 * reach, 1.0)
     for s in range(count):
+        link = found[rig.link[int(samples[s, GEOM])]]
+        if samples[s, REASON] != USED:
+            link[BEHIND] += samples[s, REASON] == HIDDEN
+            continue
         p, r = ends[s, FROM], ends[s, TO]
         share, nx, ny, away = samples[s, SHARE], samples[s, NORMAL_X], samples[s, NORMAL_Y], samples[s, AWAY]
         # A sample lies at a fixed share of its edge, and moves with the edge's two points. Only what moves
@@ -205,7 +215,6 @@ def edge_kernel(
         # the robust weight changes as the outline comes near: it is for the step, and not for the agreement
         trusted = samples[s, WEIGHT]
         w = trusted * robust_weight(away, scale)
-        link = found[rig.link[int(samples[s, GEOM])]]
         link[SAMPLES] += 1.0
         link[TRUST] += trusted
         if abs(away) < MATCHED_PX:
