@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from monodyn.checks import (
     clip_and_mechanism,
     doubt,
     fitted_range,
+    left_out,
     prediction_times,
     untracked,
 )
@@ -24,6 +26,8 @@ from monodyn.results.trace import frame_numbers
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
+from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.thumbnails import Window
 from support import EXAMPLES, ClipMaker, refuses
 
 MODEL = EXAMPLES / "double.xml"
@@ -181,4 +185,14 @@ def test_a_clip_that_is_tracked_in_parts_has_advice() -> None:
         "Only 8 of 10 frames were tracked; diagnosis.png shows which, and why. Where the mechanism hardly "
         "stands out, a lower --segment.contrast may help; where the background shows parts of it, "
         "--background with a picture without the mechanism."
+    ]
+
+
+def test_what_is_left_out_of_the_picture_is_said() -> None:
+    luma, known = np.zeros((60, 90), np.uint8), np.ones((60, 90), dtype=bool)
+    whole = Background(luma, None, 1.0, known, Window(10, 50, 20, 80))
+    assert left_out(whole) == []
+    assert left_out(replace(whole, others=~known)) == [
+        "Something else moves in the picture: the mechanism was looked for in 20,10,60,40 [px] alone, and what "
+        "moves apart from it there is left out; --roi X,Y,W,H chooses another part."
     ]

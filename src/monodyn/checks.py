@@ -20,6 +20,7 @@ from monodyn.settings import RunSettings
 from monodyn.stages import check_camera
 from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
+from monodyn.vision.foreground.background import Background
 from monodyn.vision.release import FreeSpan
 
 if TYPE_CHECKING:
@@ -262,6 +263,22 @@ def doubt(sight: Sight, part: Poses) -> str | None:
             "its motion, or other things move with it; diagnosis.png shows what was seen."
         )
     return None
+
+
+def left_out(background: Background) -> list[str]:
+    """Return a note where something else moves in the picture and was left out; nothing otherwise.
+
+    Args:
+        background: What the mechanism was located before.
+    """
+    if background.others is None:
+        return []
+    top, bottom, left, right = background.window
+    return [
+        f"Something else moves in the picture: the mechanism was looked for in {left},{top},{right - left},"
+        f"{bottom - top} [px] alone, and what moves apart from it there is left out; --roi X,Y,W,H chooses "
+        "another part."
+    ]
 
 
 def untracked(poses: Poses, repeats: int = 0) -> list[str]:

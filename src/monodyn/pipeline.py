@@ -21,6 +21,7 @@ from monodyn.checks import (
     doubt,
     fitted_range,
     free_range,
+    left_out,
     prediction_times,
     untracked,
 )
@@ -316,7 +317,8 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
     sight.poses, sight.free_frames = poses, span[:2]
     free = poses.part(*np.searchsorted(poses.frame, span[:2]))
     repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, free.frame)))
-    log.notes += [*scene.advice, *video.notes, *span.notes, *untracked(free, repeats)]
+    others = left_out(scene.masks.background)
+    log.notes += [*scene.advice, *others, *video.notes, *span.notes, *untracked(free, repeats)]
     log.free_frames, log.region = span[:2], scene.masks.background.window
     job.write_poses(poses)
     return scene, poses, span
