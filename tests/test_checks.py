@@ -193,6 +193,6 @@ def test_what_is_left_out_of_the_picture_is_said() -> None:
     whole = Background(luma, None, 1.0, known, Window(10, 50, 20, 80))
     assert left_out(whole) == []
     assert left_out(replace(whole, others=~known)) == [
-        "Something else moves in the picture: the mechanism was looked for in 20,10,60,40 [px] alone, and what "
-        "moves apart from it there is left out; --roi X,Y,W,H chooses another part."
+        "Something else moves in the picture: the mechanism was looked for in 20,10,60,40 [px] alone, and "
+        "what moves apart from it there is left out; --roi X,Y,W,H chooses another part."
     ]
