@@ -50,6 +50,15 @@ def test_a_flat_wall_shows_a_gain_alone():
     assert np.abs(even.luma.astype(float) - 100.0).max() <= 1.0
 
 
+def test_a_range_at_the_limit_of_a_gain_of_its_own():
+    """Walls of about the least range: as the places that count change, so does the range between them."""
+    for seed in range(20):
+        wall = 77.0 + 46.0 * np.random.default_rng(seed).random((HEIGHT, WIDTH))
+        bright = Frame(0, 0.0, np.round(1.2 * wall).astype(np.uint8))
+        even = light_of(np.round(wall)).evened(bright)
+        assert abs(np.median(even.luma - wall)) <= 1.0
+
+
 def test_frames_come_into_the_light_of_the_middle_one():
     gains = [0.7, 0.8, 1.0, 1.2, 1.3]
     even = in_one_light([frame(gain, index=i) for i, gain in enumerate(gains)])

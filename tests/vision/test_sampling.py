@@ -46,6 +46,12 @@ def test_a_clip_of_one_frame_has_no_background(make_clip: ClipMaker) -> None:
         f"{video.path}: expected at least 2 frames, got 1; give a clip that shows motion.",
     ):
         sample_frames(first)
+    none = replace(video, decode=lambda start, stop: iter(()))
+    with refuses(
+        VideoError,
+        f"{video.path}: expected at least 2 frames, got 0; give a clip that shows motion.",
+    ):
+        sample_frames(none)
 
 
 def test_memory_is_bounded_and_the_samples_stay_spread(

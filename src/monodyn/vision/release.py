@@ -60,7 +60,7 @@ def free_span(masks: Masks, scene: Scene, poses: Poses) -> FreeSpan:
         poses: Its tracked poses.
 
     Returns:
-        The stretch: the longest one between two touches, after any rest at its begin; the user\'s own as it
+        The stretch: the longest one between two touches, after any rest at its begin; the user's own as it
         is.
     """
     samples, count = masks.samples, len(poses)
@@ -181,7 +181,7 @@ def released(poses: Poses, first: int, stop: int) -> int:
 
 def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndarray, int]:
     """Return where the thumbnails differ from the background in the region, bool (frame, height, width), and
-    the region\'s cells."""
+    the region's cells."""
     import cv2
 
     height, width = thumbnails.planes.shape[2:]
@@ -200,7 +200,7 @@ def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndar
 
 
 def _beyond(values: np.ndarray, usual: np.ndarray, own: float) -> np.ndarray:
-    """Return which areas exceed the usual ones, by their spread and by the mechanism\'s own area."""
+    """Return which areas exceed the usual ones, by their spread and by the mechanism's own area."""
     middle = float(np.median(values[usual])) if np.any(usual) else 0.0
     spread = 1.4826 * float(np.median(np.abs(values[usual] - middle))) if np.any(usual) else 0.0
     return values > middle + max(LEAST_EXCESS * own, SPREADS * spread)

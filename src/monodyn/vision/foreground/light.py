@@ -78,7 +78,8 @@ class Light:
                 return None
             if high - low < LEAST_RANGE:
                 # one grey level alone: brightness grows from black
-                return max(1.0 + (below + above) / max(low + high, 1.0), LEAST_GAIN), 0.0
+                shown = float(values[dark].mean()) + float(values[bright].mean())
+                return max(shown / max(low + high, 1.0), LEAST_GAIN), 0.0
             slope = (above - below) / (high - low)
             gain, offset = max(gain + slope, LEAST_GAIN), offset + below - slope * low
         return gain, offset

@@ -47,11 +47,13 @@ def sample_frames(
     settings = settings or SegmentSettings()
     first, stop = frames_between(video.times, settings.time_range)
     window = None if settings.roi is None else window_of(settings.roi, video)
-    path = _Path(video)
+    path, done = _Path(video), 0
     for done, frame in enumerate(video.frames(first, stop), start=1):
         path.add(frame)
         if progress is not None:
             progress("background", done, stop - first)
+    # none of the frames may decode, in a damaged part of a clip
+    _check_enough(video, done)
     thumbnails = path.thumbnails.finished()
     # a range that the user gave is the scene's
     span = (first, stop)
@@ -60,16 +62,21 @@ def sample_frames(
     shown = thumbnails.within(span)
     repeats = path.differences.repeats(moving_cells(shown), video.times)
     frames = path.spread(span, repeats)
-    if len(frames) < 2:
-        raise VideoError(
-            f"{video.path}: expected at least 2 frames, got {len(frames)}; give a clip that shows motion."
-        )
+    _check_enough(video, len(frames))
     size, parts = (video.width, video.height), None
     if window is None:
         window = moving_window(shown, size)
         parts = moving_parts(shown, [frame.index for frame in frames], size)
     given = settings.time_range is not None
     return Samples(frames, window, repeats, span, shown, parts, given=given)
+
+
+def _check_enough(video: Video, count: int) -> None:
+    """Refuse a clip of which fewer than two frames can be used."""
+    if count < 2:
+        raise VideoError(
+            f"{video.path}: expected at least 2 frames, got {count}; give a clip that shows motion."
+        )
 
 
 class _Path:
