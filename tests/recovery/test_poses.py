@@ -187,6 +187,18 @@ def test_any_masks_of_the_clip_are_followed_alike(scene: Scene) -> None:
     np.testing.assert_array_equal(poses.position, same.position)
 
 
+def test_without_measured_colours_the_largest_coverage_counts(scene: Scene, truth: dict) -> None:
+    """The masks have two planes, of which the first shows nothing; the view has one."""
+    assert isinstance(scene.masks, SoftMasks)
+    plain = replace(scene.masks, palette=replace(scene.masks.palette, part=None, shaded=None))
+    follower, index = Follower(replace(scene, masks=plain), TrackSettings()), scene.key_frames[0]
+    mask = scene.masks.of(next(iter(scene.masks.video.frames(index, index + 1))))
+    planes = np.stack([np.zeros_like(mask.coverage), mask.coverage])
+    found = follower.step(replace(mask, planes=planes))
+    assert found.joints.all()
+    assert np.abs(off(found.position, np.array(truth["q"][index]))).max() < 1.0
+
+
 def test_a_background_that_was_given_stays(scene: Scene, tmp_path: Path) -> None:
     picture = np.clip(scene.masks.background.luma.round() + 1, 0, 255).astype(np.uint8)
     cv2.imwrite(str(tmp_path / "wall.png"), picture)

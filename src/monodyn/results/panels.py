@@ -47,6 +47,7 @@ from monodyn.vision.drawing.contour import (
 from monodyn.vision.drawing.normals import TRUSTED
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.masks import planes_for
 
 TALLEST = 470
 """Most height of a picture on the page [px]."""
@@ -164,8 +165,9 @@ def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> Pictu
         polygon(picture, crop.points(corners), INK)
     rig = rig_of(scene.mechanism, scene.camera)
     mask, view = scene.masks.of(judged.frame), scene.masks.view(len(rig.radius))
-    planes = mask.planes if len(mask.planes) == len(view.trust) else mask.coverage[np.newaxis]
-    found = contour(planes, view, rig, judged.position, REACH_PX, max(1.0, SPACING_PX / crop.scale))
+    found = contour(
+        planes_for(mask, view), view, rig, judged.position, REACH_PX, max(1.0, SPACING_PX / crop.scale)
+    )
     places, edges = crop.points(found.place), crop.points(found.edge)
     keys = []
     for fate, (text, colour, shape) in FATES.items():

@@ -18,6 +18,7 @@ from monodyn.types import FULL, Camera, Frame, Mask, Poses
 from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.normals import TRUSTED
 from monodyn.vision.foreground.background import Background, Samples, background_of
+from monodyn.vision.foreground.masks import planes_for
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.thumbnails import Window
 
@@ -164,8 +165,7 @@ class Sight:
         first, last = (int(poses.frame[row]) for row in np.flatnonzero(poses.measured.any(axis=1))[[0, -1]])
         for frame in self.samples.frames:
             if first <= frame.index <= last:
-                mask = scene.masks.of(frame)
-                planes = mask.planes if len(mask.planes) == len(view.trust) else mask.coverage[np.newaxis]
+                planes = planes_for(scene.masks.of(frame), view)
                 occluders.note(planes, _between(poses, frame.index), np.ones(len(rig.parent), dtype=bool))
         found = occluders.hidden()
         return found if found.any() else None
@@ -258,9 +258,9 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, arou
     rig = rig_of(scene.mechanism, scene.camera)
     view = scene.masks.view(len(rig.radius))
     mask = scene.masks.of(frame)
-    # a view of one plane reads masks of any number of planes by the largest coverage
-    planes = mask.planes if len(mask.planes) == len(view.trust) else mask.coverage[np.newaxis]
-    found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
+    found = edge_terms(
+        planes_for(mask, view), view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX
+    ).agreement
     share = _mismatch(scene, mask, view.trust.max(axis=0) >= TRUSTED, position, around)
     return Judged(frame, position, tracked, found.matched, found.inside, share)
 

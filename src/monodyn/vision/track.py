@@ -18,7 +18,7 @@ from monodyn.vision.drawing.edges import BEHIND, COVERED, NEAR, SAMPLES, TRUST
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of
-from monodyn.vision.foreground.masks import LEFT_OUT, Masks, View
+from monodyn.vision.foreground.masks import LEFT_OUT, Masks, View, planes_for
 from monodyn.vision.locating.keyframes import KeyFrame, key_frame, no_frames
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import as_thick, search_pose
@@ -177,6 +177,8 @@ class Follower:
         Returns:
             What was found.
         """
+        # without measured colours there is one plane for all geoms, whatever a mask has
+        mask = replace(mask, planes=planes_for(mask, self._view))
         found = self._along(mask)
         usual = found is not None and found.whole and found.score > self._usual - SCORE_SLACK
         if not usual:
@@ -197,10 +199,8 @@ class Follower:
 
     def _along(self, mask: Mask) -> Sighting | None:
         """Follow the mechanism from where its motion goes on; None where there is no such place."""
-        found, starts = (
-            None,
-            [np.clip(q, self._lower, self._upper) for q in self._motion.predictions(mask.time)],
-        )
+        found = None
+        starts = [np.clip(q, self._lower, self._upper) for q in self._motion.predictions(mask.time)]
         if not self._motion.begun and mask.index in self._known:
             starts = [self._known[mask.index]]
         # Every start is tried with a short search, then with a long one, until a pose fits about as well as

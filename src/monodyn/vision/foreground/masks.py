@@ -170,3 +170,16 @@ def plain_view(trust: np.ndarray, geoms: int) -> View:
         The view.
     """
     return View(trust[np.newaxis], np.zeros(geoms, np.int64), np.zeros(geoms, np.bool_))
+
+
+def planes_for(mask: Mask, view: View) -> np.ndarray:
+    """Return the planes of a mask as a view reads them.
+
+    Args:
+        mask: A mask of the clip.
+        view: How its planes are to be read.
+
+    Returns:
+        The planes; for a view of one plane the largest coverage, uint8 (plane, height, width).
+    """
+    return mask.planes if len(mask.planes) == len(view.trust) else mask.coverage[np.newaxis]

@@ -10,7 +10,7 @@ import numpy as np
 
 from monodyn.types import FULL, Mask
 from monodyn.vision.drawing.mismatch import row_balance, row_sums
-from monodyn.vision.foreground.masks import Masks, View, plain_view
+from monodyn.vision.foreground.masks import Masks, View, plain_view, planes_for
 from monodyn.vision.locating.thin import lacking, thickened_mask
 
 UNKNOWN = 0.06
@@ -241,15 +241,13 @@ def no_frames(masks: Masks, view: View) -> KeyFrames:
 
 def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
     """Reduce a mask, as thick as the others."""
-    union = mask.coverage
-    shown = _averaged(union, frames.shrink)
+    shown = _averaged(mask.coverage, frames.shrink)
     np.minimum(shown, FULL, out=shown)
     shown[shown < LEAST_COVERAGE] = 0
     if frames.thicker is not None:
         shown = thickened_mask(np.where(frames.blind, np.uint8(0), shown), round(frames.thicker))
     coarse, area = _filled(shown, frames)
-    # a view of one plane reads masks of any number of planes by the largest coverage
-    planes = mask.planes if len(frames.view.trust) == len(mask.planes) else union[np.newaxis]
+    planes = planes_for(mask, frames.view)
     return KeyFrame(mask.index, mask.time, planes, coarse, row_sums(coarse), area)
 
 
