@@ -315,10 +315,10 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
         # the scene's masks, not the first ones: their colours were measured on the located mechanism
         poses, span = track_freely(scene.masks, scene, settings.track, progress=progress)
     sight.poses, sight.free_frames = poses, span[:2]
-    free = poses.part(*np.searchsorted(poses.frame, span[:2]))
-    repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, free.frame)))
+    moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
+    repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, moving.frame)))
     others = left_out(scene.masks.background)
-    log.notes += [*scene.advice, *others, *video.notes, *span.notes, *untracked(free, repeats)]
+    log.notes += [*scene.advice, *others, *video.notes, *span.notes, *untracked(moving, repeats)]
     log.free_frames, log.region = span[:2], scene.masks.background.window
     job.write_poses(poses)
     return scene, poses, span

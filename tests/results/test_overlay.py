@@ -11,6 +11,7 @@ import pytest
 
 from monodyn.errors import MonodynError
 from monodyn.mechanism import load
+from monodyn.results import overlay
 from monodyn.results.overlay import (
     FITTED,
     PREDICTED,
@@ -56,6 +57,17 @@ def test_outlines_are_drawn_and_the_frame_is_left_alone() -> None:
     assert blue[10, 20] == FITTED.blue
     assert blue[17, 20] == 128
     assert np.all(frame.luma == 100)
+
+
+def test_a_body_behind_the_camera_in_one_of_two_poses_is_a_difference(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    q = np.array([[-1.5]])
+    seen = Poses(("joint1",), np.arange(1), np.zeros(1), q + 1e-9, np.full((1, 1, 1), 1e-6), np.ones(1, bool))
+    # the model shows one outline, the tracked pose another one too
+    monkeypatch.setattr(overlay, "outlines_of", lambda _m, _c, q: [BOX] if q[0] == -1.5 else [BOX, BOX + 9.0])
+    drawing = motion(1, (128, 96), 1, seen).drawing(at(0))
+    assert [ink for _, ink in drawing.outlines] == [TRACKED, TRACKED, FITTED]
 
 
 def test_odd_sizes_are_made_even_by_repeating_the_edge() -> None:

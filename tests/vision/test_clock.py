@@ -46,6 +46,8 @@ def test_a_scene_that_was_copied_belongs_to_its_own_rate() -> None:
     video = clip()
     put = at_true_times(poses(video, video.repeats.times), video)
     assert np.array_equal(put.time, video.repeats.times)
+    at_true_times(poses(video, video.repeats.times), video)
+    # it is said once, however often the clip is tracked
     assert video.notes == (
         "The motion is smooth at a constant rate of 25 new pictures a second and not at their time stamps; "
         "that rate takes their place.",

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+import pytest
 
 from monodyn.mechanism import load
 from monodyn.types import Frame
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.masks import VARIED
+from monodyn.vision.locating import colours
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.search import SceneGuess
 from pictures import CAMERA
@@ -23,6 +25,7 @@ BACKGROUND = Background(
 POSES = np.array([[-0.9, 0.8], [-0.5, 1.1], [-0.2, 0.9]])
 MECHANISM = load("double").with_values({"link1.width": 0.05, "link2.width": 0.05})
 GUESS = SceneGuess(MECHANISM, CAMERA, POSES, np.zeros(3))
+FOUR = SceneGuess(MECHANISM, CAMERA, POSES[[0, 0, 1, 2]], np.zeros(4))
 
 
 def painted(*levels: int, stripes: int = 0) -> list[Frame]:
@@ -44,6 +47,17 @@ def test_each_geom_has_its_own_colour() -> None:
     assert found is not None
     assert found.colours[found.part, 0].tolist() == [60.0, 230.0]
     assert not found.shaded.any()
+
+
+def test_a_frame_that_does_not_show_every_geom_gives_no_colours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the first pose the first geom is behind the camera: the other's pixels must not count as its own."""
+    frames = painted(60, 230)
+    monkeypatch.setattr(
+        colours, "outline", lambda m, c, q: outline(m, c, q)[1 if q[0] == POSES[0, 0] else 0 :]
+    )
+    found = geom_colours(frames[:1] * 2 + frames[1:], BACKGROUND, FOUR, np.ones(4, bool))
+    assert found is not None
+    assert found.colours[found.part, 0].tolist() == [60.0, 230.0]
 
 
 def test_geoms_alike_share_a_colour() -> None:

@@ -148,7 +148,8 @@ class DrawnSearch:
 
 def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float = 2.0) -> bool:
     """Return whether two sets of outlines differ by more than ``least_px`` in a box corner."""
-    return any(
+    # a body that is behind the camera has no outline
+    return len(model) != len(tracked) or any(
         np.max(np.abs(a.min(0) - b.min(0))) > least_px or np.max(np.abs(a.max(0) - b.max(0))) > least_px
         for a, b in zip(model, tracked, strict=True)
     )

@@ -31,13 +31,12 @@ from monodyn.results.sheet import (
     write,
 )
 from monodyn.results.sight import Judged, Sight
+from monodyn.vision.locating.locate import UNEXPLAINED_SHARE
 
 LABELS = 130
 """Room for the names at the left [px]."""
 BAR, SCORES = 16, 110
 """Height of a bar and of the part with the scores [px]."""
-UNEXPLAINED = 0.35
-"""Mismatch above which there is advice on the scene, as a share of the mask's area."""
 MEASURES: dict[str, tuple[str, Colour, str]] = {
     "inside": ("covered inside of it", BLUE, "triangle"),
     "matched": ("outline on an edge", ORANGE, "dot"),
@@ -122,7 +121,7 @@ def _scores(sight: Sight) -> Picture:
         text = absent(f"{sight.stage}: no outline to judge", right - left, SCORES - 2)
         part[top + 1 : top + 1 + text.shape[0], left:right] = text
         return part
-    dashed(part, top + round((1.0 - UNEXPLAINED) * SCORES), (left, right), PURPLE)
+    dashed(part, top + round((1.0 - UNEXPLAINED_SHARE) * SCORES), (left, right), PURPLE)
     for judged in sight.judged:
         x = _column(sight, judged.frame.index + 0.5)
         for measure, (_, colour, shape) in MEASURES.items():

@@ -36,10 +36,13 @@ def at_true_times(poses: Poses, video: Video) -> Poses:
         times = repeats.times[poses.frame]
         if _smoother(poses, times):
             poses = replace(poses, time=times)
-            video.remarks.append(
+            note = (
                 f"The motion is smooth at a constant rate of {repeats.rate:.6g} new pictures a second and "
                 "not at their time stamps; that rate takes their place."
             )
+            # a clip may be tracked more than once
+            if note not in video.remarks:
+                video.remarks.append(note)
     return with_time_noise(poses, video.tick / np.sqrt(12.0)) if video.tick else poses
 
 

@@ -67,6 +67,9 @@ def geom_colours(
     rows: list[list[np.ndarray]] = [[] for _ in range(geoms)]
     for i in good:
         outlines = [polygon for _, polygon in outline(guess.mechanism, guess.camera, guess.positions[i])]
+        # what is behind the camera has no outline, and then the others would not be in the order of the geoms
+        if len(outlines) < geoms:
+            continue
         for g, found in enumerate(_inner_pixels(samples[i], background, outlines)):
             rows[g].append(found)
     pixels = [np.concatenate(own) if own else np.zeros((0, PIXEL_COLUMNS)) for own in rows]
