@@ -166,7 +166,9 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
         "not something like it; diagnosis.png shows what was seen."
     )
     video = SimpleNamespace(repeats=SimpleNamespace(frames=tuple(range(50, 60))))
-    repeated = SimpleNamespace(mismatch=0.2, scene=SimpleNamespace(masks=SimpleNamespace(video=video)))
+    repeated = SimpleNamespace(
+        mismatch=0.2, scene=SimpleNamespace(masks=SimpleNamespace(video=video), beside={})
+    )
     assert doubt(repeated, poses(24, 100)) is None  # type: ignore[arg-type]
     sight = SimpleNamespace(mismatch=0.83, scene=None)
     assert doubt(sight, poses(100, 100)) == (  # type: ignore[arg-type]
@@ -175,6 +177,17 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
         "with it; diagnosis.png shows what was seen."
     )
     assert doubt(SimpleNamespace(mismatch=float("nan"), scene=None), poses(9, 9)) is None  # type: ignore[arg-type]
+    scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={"link1": 0.02, "link2": 0.12})
+    sight = SimpleNamespace(mismatch=0.2, scene=scene)
+    assert doubt(sight, poses(100, 100)) == (  # type: ignore[arg-type]
+        "Something moves along with 'link2' outside of its outline, 12% of what stands out from the "
+        "background: the mechanism file has no geom for it, or a geom was found in another place, and masses "
+        "and lengths would come out wrong. Give the file a geom for it, about as it is, or take "
+        "--identify.bodies free; diagnosis.png shows it."
+    )
+    assert doubt(sight, poses(100, 100), uniform=False) is None  # type: ignore[arg-type]
+    scene.beside["link2"] = 0.04
+    assert doubt(sight, poses(100, 100)) is None  # type: ignore[arg-type]
 
 
 def test_a_clip_that_is_tracked_in_parts_has_advice() -> None:

@@ -31,6 +31,9 @@ LEAST_SEEN = 0.25
 MOST_MISMATCH = 0.5
 """Mismatch of outline and mask, as a share of the mask's area, above which no fit is trusted: as much as the
 published method allows."""
+MOST_BESIDE = 0.05
+"""What moves along with a body outside of its outline, as a share of the foreground, above which no fit of
+uniform bodies is trusted."""
 MOST_ROWS = 1_000_000
 """Most rows of a prediction."""
 
@@ -238,12 +241,13 @@ def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
     )
 
 
-def doubt(sight: Sight, part: Poses) -> str | None:
+def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
     """Find a reason not to trust any fit to the poses: what was followed is hardly the mechanism.
 
     Args:
         sight: What the run saw of its clip.
         part: The poses that are fitted.
+        uniform: Whether masses follow from the geoms; free masses take in what no geom stands for.
 
     Returns:
         The reason, a sentence for the user; None where the outline explains what was seen.
@@ -261,6 +265,15 @@ def doubt(sight: Sight, part: Poses) -> str | None:
             "The mechanism as it was located differs from what stands out from the background by "
             f"{sight.mismatch:.0%} of its area: it is in the wrong place, of the wrong size or blurred by "
             "its motion, or other things move with it; diagnosis.png shows what was seen."
+        )
+    beside = {} if sight.scene is None else sight.scene.beside
+    body = max(beside, key=lambda name: beside[name], default="")
+    if uniform and body and beside[body] > MOST_BESIDE:
+        return (
+            f"Something moves along with '{body}' outside of its outline, {beside[body]:.0%} of what stands "
+            "out from the background: the mechanism file has no geom for it, or a geom was found in another "
+            "place, and masses and lengths would come out wrong. Give the file a geom for it, about as it "
+            "is, or take --identify.bodies free; diagnosis.png shows it."
         )
     return None
 

@@ -173,7 +173,8 @@ def run(
                 poses, (first, stop), scene.mechanism, settings.identify, progress
             )
             fit = identify(poses.part(first, stop), scene.mechanism, settings.identify, progress=progress)
-            why = doubt(sight, poses.part(first, stop))
+            uniform = settings.identify.bodies == "uniform"
+            why = doubt(sight, poses.part(first, stop), uniform=uniform)
         log.notes += doubts
         if why:
             # a motion may be followed in the wrong place: then no advice on the model helps

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from monodyn.mechanism import load
 from monodyn.types import Camera
-from monodyn.vision.locating.body import CELLS, BodyView, best_bar, best_disc
+from monodyn.vision.locating.body import CELLS, BodyView, beside, best_bar, best_disc
 from monodyn.vision.locating.search import SceneGuess
 from pictures import drawn_frames
 
@@ -55,3 +57,28 @@ def test_a_body_gains_where_it_is_and_loses_where_it_never_is() -> None:
         assert view.gain[covered].sum() * view.cell**2 == pytest.approx(
             mechanism.values[f"link{link + 1}.length"] * mechanism.values[f"link{link + 1}.width"], rel=0.4
         )
+
+
+def test_what_moves_along_with_a_body_is_measured(tmp_path: Path) -> None:
+    bar = '<geom type="box" size=".12 .003 .012" pos=".12 0 0"/>'
+    disc = '<geom type="cylinder" size=".03 .003" pos=".12 0 .06" euler="90 0 0"/>'
+    made = []
+    for geoms in (bar, bar + disc):
+        (tmp_path / "body.xml").write_text(
+            '<mujoco><worldbody><body name="a"><joint name="j" axis="0 -1 0"/>'
+            + geoms
+            + "</body></worldbody></mujoco>"
+        )
+        made.append(load(tmp_path / "body.xml"))
+    poses = np.array([[-2.4], [-1.9], [-1.3], [-0.7], [-0.2], [0.6]])
+    without, whole = made
+    frames = drawn_frames(whole, CAMERA, poses)
+    # the disc's share of bar and disc, less its border
+    share = np.pi * 0.03**2 / (np.pi * 0.03**2 + 0.24 * 0.024 - 0.0)
+    assert beside(frames, SceneGuess(without, CAMERA, poses, np.zeros(6)))["a"] == pytest.approx(
+        share, rel=0.35
+    )
+    assert beside(frames, SceneGuess(whole, CAMERA, poses, np.zeros(6))) == {"a": 0.0}
+    # in a wrong pose of each frame nothing is at one place of the body
+    passing = beside(frames, SceneGuess(without, CAMERA, poses + np.linspace(-2, 2, 6)[:, None], np.zeros(6)))
+    assert passing["a"] < 0.02

@@ -34,6 +34,10 @@ TURNS = 12
 """Directions in half a turn that are tried for a bar."""
 LEAST_CELLS, SIZE_RATIO = 2, 1.3
 """The smallest size that is tried [cells], and the ratio of one size to the next."""
+ALWAYS = 0.5
+"""Gain above which a cell is foreground in most frames."""
+NEAR = 2
+"""Distance from the outline of a body within which the foreground is its own [cells]."""
 FARTHEST = 99.0
 """Percentile of the distances of the foreground from the joint that the picture reaches to."""
 
@@ -151,6 +155,32 @@ class BodyView:
             corners = cv2.convexHull((ring.reshape(-1, 2) / self.cell + CELLS).astype(np.float32))
             cv2.fillPoly(mask, [np.round(corners * 16.0).astype(np.int32)], 1, cv2.LINE_8, 4)
         return mask > 0
+
+
+def beside(frames: KeyFrames, guess: SceneGuess) -> dict[str, float]:
+    """Measure what moves along with each body and is not inside of its outline.
+
+    What merely passes by is in other places of the body's frame from one key frame to the next.
+
+    Args:
+        frames: The key frames.
+        guess: A located mechanism with its pose in each.
+
+    Returns:
+        Share of the foreground by body.
+    """
+    import cv2
+
+    shares = {}
+    for link, joint in enumerate(guess.mechanism.joints):
+        view = BodyView(frames, guess, link)
+        if not view.geoms:
+            continue
+        own = view.covered(view.geoms).astype(np.uint8)
+        near = cv2.dilate(own, np.ones((2 * NEAR + 1, 2 * NEAR + 1), np.uint8)) > 0
+        rest = view.gain[(view.gain > ALWAYS) & ~near]
+        shares[joint.body] = float(rest.sum() / max(view.area, 1.0))
+    return shares
 
 
 def _project(rig: Rig, points: np.ndarray) -> np.ndarray:

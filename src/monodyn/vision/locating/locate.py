@@ -28,6 +28,7 @@ from monodyn.vision.drawing.rig import (
 )
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.arrange import BETTER, arranged, freed
+from monodyn.vision.locating.body import beside
 from monodyn.vision.locating.bundle import (
     CAMERA_TURNS,
     SIDES,
@@ -289,6 +290,7 @@ def _scene(sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle) -> S
         key_positions=positions,
         camera_std={n: value / metre if PARAMETERS[n].unit == "m" else value for n, value in std.items()},
         rms_px=rms,
+        beside=beside(frames, SceneGuess(bundle.mechanism, bundle.camera, bundle.positions, bundle.rms_px)),
         advice=tuple(advice),
         thicker=frames.thicker,
     )

@@ -30,6 +30,7 @@ class Scene:
         advice: Sentences for the user.
         thicker: By how much everything is made thicker in the reduced masks in which a pose is looked for
             [reduced px]; None where these are as they come.
+        beside: What moves along with each body outside of its outline, as a share of the foreground.
     """
 
     mechanism: Mechanism
@@ -43,3 +44,4 @@ class Scene:
     rms_px: float
     advice: tuple[str, ...]
     thicker: float | None = None
+    beside: Mapping[str, float] = field(default_factory=dict)
