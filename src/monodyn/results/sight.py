@@ -14,17 +14,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.types import FULL, Camera, Frame, Mask, Poses
+from monodyn.types import FULL, Camera, Frame, Poses
 from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.normals import TRUSTED
-from monodyn.vision.foreground.background import Background, Samples, background_of
+from monodyn.vision.foreground.background import SHOWN_NOISE, Background, Samples, background_of
 from monodyn.vision.foreground.masks import planes_for
+from monodyn.vision.foreground.palette import TRUSTED_NOISE
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.thumbnails import Window
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
-    from monodyn.vision.foreground.masks import Masks
+    from monodyn.vision.foreground.masks import Masks, View
     from monodyn.vision.locating.scene import Scene
 
 JUDGED_PIXELS = 8_000_000
@@ -33,6 +34,8 @@ LEAST_JUDGED = 12
 """Frames that are judged at least, however large they are: their median decides."""
 FINER = 2
 """Rows and columns by pixel in which an outline is drawn to be compared with a mask."""
+MOST_NOISE = 0.5
+"""Coverage that noise alone may make, at most."""
 GROWN = 0.15
 """Margin around the outlines in which a mask is compared with them, as a share of their extent."""
 REACH_PX, SPACING_PX = 4.0, 3.0
@@ -258,28 +261,45 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, arou
     rig = rig_of(scene.mechanism, scene.camera)
     view = scene.masks.view(len(rig.radius))
     mask = scene.masks.of(frame)
-    found = edge_terms(
-        planes_for(mask, view), view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX
-    ).agreement
-    share = _mismatch(scene, mask, view.trust.max(axis=0) >= TRUSTED, position, around)
+    planes = planes_for(mask, view)
+    found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
+    share = _mismatch(scene, planes, view, position, around)
     return Judged(frame, position, tracked, found.matched, found.inside, share)
 
 
-def _mismatch(scene: Scene, mask: Mask, known: np.ndarray, position: np.ndarray, window: Window) -> float:
+def _mismatch(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray, window: Window) -> float:
     """Return the mismatch of outline and mask within a window as a share of the mask's area there.
 
-    Pixels that are not ``known``, bool (height, width), do not count.
+    Where the background has a geom's colour nothing of the geom is expected, and coverage that noise alone
+    makes is none: over the whole window it would outweigh a thin rod.
     """
+    part = (slice(None), slice(window.top, window.bottom), slice(window.left, window.right))
+    planes, trust = planes[part], view.trust[part]
+    noise = SHOWN_NOISE / (TRUSTED_NOISE * np.maximum(trust, TRUSTED))
+    shown = np.where(planes > FULL * np.minimum(noise, MOST_NOISE), np.minimum(planes, FULL), 0)
+    covered, known = shown.max(axis=0).astype(np.int16), trust.max(axis=0) >= TRUSTED
+    outlines = outlines_of(scene.mechanism, scene.camera, position)
+    # a geom behind the camera has no outline: then it is open which ones the others are
+    parts = view.part if len(outlines) == len(view.part) else np.zeros(len(outlines), dtype=np.int64)
+    model, expected = np.zeros_like(covered), np.zeros_like(covered)
+    for plane in np.unique(parts):
+        own = [corners for corners, of in zip(outlines, parts, strict=True) if of == plane]
+        drawn = _drawn(own, window)
+        model = np.maximum(model, drawn)
+        expected = np.maximum(expected, np.where(trust[plane] >= TRUSTED, drawn, 0))
+    missing, more = np.maximum(expected - covered, 0), np.maximum(covered - model, 0)
+    area = float(covered[known].sum())
+    return (float(missing.sum()) + float(more[known].sum())) / max(area, float(FULL))
+
+
+def _drawn(outlines: Sequence[np.ndarray], window: Window) -> np.ndarray:
+    """Return how much of each pixel of a window some outlines cover, int16 (height, width)."""
     import cv2
 
-    part = (slice(window.top, window.bottom), slice(window.left, window.right))
     size = (window.right - window.left, window.bottom - window.top)
     # drawn finer than the pixels and averaged: a hard edge would be the larger part of a thin rod
     drawn = np.zeros((size[1] * FINER, size[0] * FINER), np.uint8)
-    for polygon in outlines_of(scene.mechanism, scene.camera, position):
+    for polygon in outlines:
         corners = ((polygon - [window.left, window.top] + 0.5) * FINER - 0.5) * 16.0
         cv2.fillPoly(drawn, [np.round(corners).astype(np.int32)], FULL, cv2.LINE_8, 4)
-    model = cv2.resize(drawn, size, interpolation=cv2.INTER_AREA).astype(np.int16)
-    covered = np.minimum(mask.coverage[part], FULL).astype(np.int16)
-    apart, area = np.abs(model - covered)[known[part]], covered[known[part]]
-    return float(apart.sum()) / max(float(area.sum()), float(FULL))
+    return cv2.resize(drawn, size, interpolation=cv2.INTER_AREA).astype(np.int16)
