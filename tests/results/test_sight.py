@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from films import film
 from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
-from monodyn.types import Poses
+from monodyn.types import FULL, Frame, Mask, Poses
 from monodyn.vision.clip.video import read
+from monodyn.vision.foreground.masks import View
 from monodyn.vision.locating.scene import Scene
 from support import ClipMaker
 
@@ -41,6 +43,41 @@ def test_true_poses_lie_on_their_masks_and_turned_ones_do_not(filmed: tuple[Scen
         assert (true.matched > 0.9, true.inside > 0.9, true.mismatch < 0.25) == (True, True, True)
         assert true.score > false.score
         assert false.mismatch > 0.5
+
+
+class Faint:
+    """Masks in which noise covers a tenth of the picture's area, and which are trusted the less for it; the
+    colour of the mechanism is also that of the left part of the background."""
+
+    def __init__(self, masks: Any, hidden: int = 0) -> None:
+        self._masks, self._hidden = masks, hidden
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._masks, name)
+
+    def of(self, frame: Frame) -> Mask:
+        mask, rng = self._masks.of(frame), np.random.default_rng(frame.index)
+        noise = rng.integers(0, FULL // 5, mask.planes.shape, dtype=np.uint8)
+        planes = np.maximum(mask.planes, noise)
+        planes[:, :, : self._hidden] = 0
+        return replace(mask, planes=planes)
+
+    def view(self, geoms: int) -> View:
+        view = self._masks.view(geoms)
+        trust = 0.25 * view.trust
+        trust[:, :, : self._hidden] = 0.0
+        return view._replace(trust=trust)
+
+
+def test_noise_and_what_cannot_show_are_no_mismatch(filmed: tuple[Scene, Poses]) -> None:
+    scene, poses = filmed
+    for hidden in (0, scene.masks.video.width // 2):
+        masks = Faint(scene.masks, hidden)
+        faint = replace(scene, masks=masks)
+        good = Sight(scene.masks.video, masks, faint, poses)
+        assert good.mismatch < 0.3
+        turned = replace(poses, position=poses.position + 0.6)
+        assert Sight(scene.masks.video, masks, faint, turned).mismatch > 0.5
 
 
 def test_frames_that_were_not_tracked_are_judged_where_they_were_located(filmed: tuple[Scene, Poses]) -> None:
