@@ -227,7 +227,7 @@ def judged(name: str, seed: int, folder: Path) -> list[Figure]:
     except monodyn.MonodynError as error:
         say(f"{name}: {time.perf_counter() - began:.1f} s, refused: {error}")
         return [Figure(name, "right", 0.0, ""), Figure(name, "wrong and called ok", 0.0, "", 0.0)]
-    ok = outcome.document["status"] == "identified" or bool(outcome.document["ok"])
+    ok = bool(outcome.document["ok"])
     angle, share = _angles(take, outcome.poses, truth)
     length, sigmas = _lengths(take, outcome.document)
     right = ok and angle <= ANGLE_DEG and length <= LENGTH

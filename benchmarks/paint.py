@@ -80,9 +80,7 @@ class Painter(Drawer):
         Args:
             positions: Joint positions during the exposure, (exposure, dof).
         """
-        layer = np.zeros((*self._wall.shape[:2], 4), np.float32)
-        for q in positions:
-            self._add(layer, q, 1.0 / len(positions))
+        layer = self._exposed(positions)
         share = layer[..., 3:] / 255.0
         picture = self._wall * (1.0 - share) + layer[..., :3] * self._gain
         return self.grainy(picture, self._rng)
@@ -93,10 +91,14 @@ class Painter(Drawer):
         Args:
             positions: Joint positions during the exposure, (exposure, dof).
         """
+        return self._exposed(positions)[..., 3] / 255.0
+
+    def _exposed(self, positions: np.ndarray) -> np.ndarray:
+        """Return the mechanism alone during an exposure, float32 (height, width, 4)."""
         layer = np.zeros((*self._wall.shape[:2], 4), np.float32)
         for q in positions:
             self._add(layer, q, 1.0 / len(positions))
-        return layer[..., 3] / 255.0
+        return layer
 
     def ends(self, q: np.ndarray) -> np.ndarray:
         """Return where the bodies end in the picture [px], (body, 2).

@@ -155,6 +155,9 @@ def test_a_clip_without_the_mechanism_says_so(video: Video) -> None:
     )
     with refuses(FitError, said):
         check_tracked(poses(0, 3), video, ["Light it better.", "Come closer."])
+    said = said.replace("Light it better. Come closer.", "look at diagnosis.png.")
+    with refuses(FitError, said):
+        check_tracked(poses(0, 3), video, [])
     check_tracked(poses(1, 3), video, [])
 
 

@@ -237,7 +237,7 @@ def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
     first, last = (int(poses.frame[0]), int(poses.frame[-1])) if len(poses) else (0, 0)
     raise FitError(
         f"clip '{video.path}': expected the mechanism in frames {first} to {last}, tracked it in none; "
-        + " ".join(notes)
+        + (" ".join(notes) or "look at diagnosis.png.")
     )
 
 

@@ -7,12 +7,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from monodyn.results import panels
 from monodyn.results.sheet import BLUE, GREEN, INK, PALE, PURPLE, RED, SKY, column_width
 from monodyn.results.sight import Sight
 from monodyn.types import Poses
 from monodyn.vision.clip.video import read
+from monodyn.vision.foreground.soft import SoftMasks
 from monodyn.vision.locating.scene import Scene
 from support import ClipMaker
 
@@ -65,6 +67,24 @@ def test_the_foreground_is_drawn_where_the_mechanism_is(filmed: tuple[Scene, Pos
         strong = np.abs(picture[40:200].astype(int) - BLUE).max(axis=2) < 60
         # two links of 0.2 m x 30 mm and 0.15 m x 24 mm at 400 px and 1.1 m, before 360 x 280 px
         assert 0.5 < strong.mean() / ((0.2 * 0.03 + 0.15 * 0.024) * (400 / 1.1) ** 2 / (360 * 280)) < 1.6
+
+
+def test_a_plane_of_borders_is_no_colour(
+    filmed: tuple[Scene, Poses], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, _ = filmed
+    masks = scene.masks
+    assert isinstance(masks, SoftMasks)
+    trust = np.concatenate([masks.palette.trust, 0.1 * masks.palette.trust[:1]])
+    part = np.zeros(2, dtype=np.int64)
+    palette = replace(masks.palette, trust=trust, part=part, shaded=part > 0)
+    bordered = replace(scene, masks=replace(masks, palette=palette))
+    said: list[str] = []
+    monkeypatch.setattr(
+        panels, "panel", lambda title, picture, keys, width: said.extend(k.text for k in keys)
+    )
+    panels.foreground_panels(sight_of((bordered, filmed[1])))
+    assert {text.split(":")[0] for text in said} == {"colour 1", "any other difference"}
 
 
 def test_what_is_missing_is_said(make_clip: ClipMaker) -> None:

@@ -31,7 +31,8 @@ def test_a_good_scene_has_no_advice() -> None:
 def test_a_scene_that_fits_in_few_frames() -> None:
     assert scene_advice(bundle(matched=0.3), {}, 0.1, varied=False) == [
         "The mechanism lies on its mask in only 0% of the key frames: look in diagnosis.png whether the "
-        "outline is in the right place and what else moves, and check the mechanism file."
+        "outline is in the right place and what else moves (--roi and --time-range leave that out), and "
+        "check the mechanism file."
     ]
 
 
@@ -51,8 +52,9 @@ def test_a_camera_that_the_clip_does_not_determine(std: Mapping[str, float], nam
 def test_foreground_that_is_not_the_mechanism() -> None:
     assert scene_advice(bundle(), {}, 0.5, varied=False) == [
         "50% of what stands out from the background is not the mechanism as it was found: it may be in the "
-        "wrong place or of the wrong size, or other things move; look at diagnosis.png. Where the background "
-        "shows parts of the mechanism, give --background a picture without it."
+        "wrong place or of the wrong size, or other things move; look at diagnosis.png. --roi and "
+        "--time-range leave other things out; where the background shows parts of the mechanism, give "
+        "--background a picture without it."
     ]
     assert scene_advice(bundle(), {}, 0.5, varied=True) == []
 

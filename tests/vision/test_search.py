@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from monodyn.errors import VideoError
 from monodyn.mechanism import load
 from monodyn.types import Camera
 from monodyn.vision.drawing.rig import rig_of
@@ -12,6 +13,7 @@ from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.search import SceneGuess, as_thick, search_pose, search_scene, thinned
 from monodyn.vision.locating.thin import lacking
 from pictures import drawn_frames
+from support import refuses
 
 SMALL = Camera(160, 120, 150.0, x=0.05, y=-0.1, depth=0.9)
 
@@ -42,6 +44,17 @@ def test_a_scene_is_found_from_the_topology_at_any_scale_and_proportion(wrong: f
     root = SMALL.x / SMALL.depth, SMALL.y / SMALL.depth
     np.testing.assert_allclose((best.camera.x, best.camera.y), root, atol=2.0 / SMALL.focal)
     np.testing.assert_allclose(best.positions[:, 0], poses[frames.most_distinct(4), 0], atol=0.05)
+
+
+def test_a_slide_of_which_nothing_shows_is_refused() -> None:
+    mechanism = load("cartpole")
+    empty = drawn_frames(mechanism, SMALL, np.array([[9.0, 0.0], [9.0, 0.1]]))
+    with refuses(
+        VideoError,
+        "the clip: expected foreground along which the first joint slides, got hardly any in the key frames; "
+        "a lower --segment.contrast, or --background with a picture without the mechanism, may show it.",
+    ):
+        search_scene(empty, SceneStart(mechanism, SMALL, frozenset()))
 
 
 def test_the_score_is_that_of_the_better_frames() -> None:

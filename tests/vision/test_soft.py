@@ -20,7 +20,7 @@ def test_a_still_clip_is_refused(make_clip: ClipMaker) -> None:
     with refuses(
         VideoError,
         "the clip: expected a mechanism that moves, got a still picture; nothing differs from the background "
-        "by more than 2.5 grey levels.",
+        "by more than 2.5 grey levels; give a clip that shows motion, or a lower --segment.contrast.",
     ):
         segment(video)
 

@@ -129,7 +129,7 @@ def motion_panel(sight: Sight) -> Picture:
         (x0, y0), (x1, y1) = np.round(crop.points(corners - 0.5)).astype(int)
         cv2.rectangle(picture, (x0, y0), (x1, y1), INK, 1)
     if sight.shown_masks is not None:
-        view = sight.shown_masks.view(1 if sight.scene is None else len(sight.scene.mechanism.shapes.radius))
+        view = sight.shown_masks.view(_geoms(sight))
         alike = (view.trust.max(axis=0) < TRUSTED) & back.known & ~outside
         if alike.any():
             hatch(picture, crop.marked(alike), PURPLE)
@@ -211,16 +211,22 @@ def _foreground_panel(sight: Sight, frame: Frame, width: int) -> Picture:
     # reduced first: a page has fewer pixels than most clips
     planes = np.stack([crop.shown(np.minimum(plane, FULL), (0, 0, 0)) for plane in mask.planes])
     strongest = planes.argmax(axis=0)
+    # the last plane may stand for no colour: of a varied mechanism, or of borders
+    any_difference = masks.varied or masks.view(_geoms(sight)).border >= 0
     keys = []
     for k, plane in enumerate(planes):
         own = np.where(strongest == k, plane, 0)
         blended(picture, 0.85 / FULL * own, PLANES[k % len(PLANES)])
         if own.any():
-            other = masks.varied and k == len(mask.planes) - 1
+            other = any_difference and k == len(mask.planes) - 1
             share = float(own.sum()) / FULL / own.size
             what = "any other difference" if other else f"colour {k + 1}"
             keys.append(Key(f"{what}: {_percent(share)}", PLANES[k % len(PLANES)]))
     return panel(title, picture, keys or [Key("nothing stands out in this frame")], width)
+
+
+def _geoms(sight: Sight) -> int:
+    return 1 if sight.scene is None else len(sight.scene.mechanism.shapes.radius)
 
 
 def _whole(sight: Sight, width: int) -> Crop:

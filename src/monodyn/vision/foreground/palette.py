@@ -126,7 +126,8 @@ def choose_palette(samples: Sequence[Frame], background: Background, colour: str
     if len(pixels) < LEAST_PIXELS:
         raise VideoError(
             "the clip: expected a mechanism that moves, got a still picture; nothing differs from the "
-            f"background by more than {contrast:.2g} grey levels."
+            f"background by more than {contrast:.2g} grey levels; give a clip that shows motion, or a lower "
+            "--segment.contrast."
         )
     colours = _clusters(pixels, grey_only, contrast)
     if colour == "auto" and not grey_only:

@@ -26,8 +26,6 @@ BINS = 50
 """Bins of the histogram of ratios from 0 to 1."""
 LEAST_SHARE = 0.1
 """Share of what moves that a shadow has at least, and that is left without it."""
-SPREAD = 0.04
-"""Ratios this far below the mode of a shadow still belong to it."""
 COPY, PLAIN_COPY = 0.6, 0.85
 """Correlation of what moves with its shadow at a constant offset over all frames, at least: before a wall
 that shows whether the shadow follows it, and before a plain one."""

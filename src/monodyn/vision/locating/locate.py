@@ -323,8 +323,8 @@ def scene_advice(bundle: Bundle, std: Mapping[str, float], outside: float, *, va
     if share < LEAST_FITTING:
         advice.append(
             f"The mechanism lies on its mask in only {share:.0%} of the key frames: look in "
-            "diagnosis.png whether the outline is in the right place and what else moves, and check the "
-            "mechanism file."
+            "diagnosis.png whether the outline is in the right place and what else moves (--roi and "
+            "--time-range leave that out), and check the mechanism file."
         )
     vague = [name for name, value in std.items() if value > _vague_from(bundle.camera, name)]
     if vague:
@@ -335,8 +335,8 @@ def scene_advice(bundle: Bundle, std: Mapping[str, float], outside: float, *, va
         advice.append(
             f"{min(outside, 1.0):.0%} of what stands out from the background is not the mechanism as it "
             "was found: it may be in the wrong place or of the wrong size, or other things move; look at "
-            "diagnosis.png. Where the background shows parts of the mechanism, give --background a picture "
-            "without it."
+            "diagnosis.png. --roi and --time-range leave other things out; where the background shows parts "
+            "of the mechanism, give --background a picture without it."
         )
     return advice
 

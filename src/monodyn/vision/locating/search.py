@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monodyn.errors import VideoError
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import SLIDE
 from monodyn.types import Camera
@@ -73,6 +74,9 @@ def search_scene(frames: KeyFrames, start: SceneStart, count: int = 7) -> list[S
 
     Returns:
         Guesses, the best first.
+
+    Raises:
+        VideoError: Nothing shows along which the first joint may slide.
     """
     chosen = frames.only(frames.most_distinct(count))
     slides = root_slides(start.mechanism)
@@ -80,6 +84,12 @@ def search_scene(frames: KeyFrames, start: SceneStart, count: int = 7) -> list[S
         roots = root_points(chosen)
     else:
         roots = root_lines(chosen, upright=slides[0].column != X)
+    if not roots:
+        raise VideoError(
+            "the clip: expected foreground along which the first joint slides, got hardly any in the key "
+            "frames; a lower --segment.contrast, or --background with a picture without the mechanism, may "
+            "show it."
+        )
     few = chosen.only(range(min(GROWN_FRAMES, len(chosen.frames))))
     guesses = []
     for structure in grown(few, start, roots)[:FINALISTS]:
