@@ -214,8 +214,8 @@ def test_masked_median_counts_levels_as_a_sorted_list_does() -> None:
             assert noise[y, x] == pytest.approx(expected[1], abs=1e-4)
 
 
-@pytest.mark.parametrize("grey_only", [True, False])
-def test_coverage_is_the_projection_of_each_pixel_on_each_colour(grey_only: bool) -> None:
+@pytest.mark.parametrize(("grey_only", "dimmed"), [(True, 0.0), (False, 0.0), (False, 0.3)])
+def test_coverage_is_the_projection_of_each_pixel_on_each_colour(grey_only: bool, dimmed: float) -> None:
     rng = np.random.default_rng(4)
     size, window = (8, 12), Window(2, 8, 0, 10)
     luma = rng.integers(16, 235, size, dtype=np.uint8)
@@ -226,15 +226,18 @@ def test_coverage_is_the_projection_of_each_pixel_on_each_colour(grey_only: bool
     colours = np.array([[30.0, 100.0, 160.0], [220.0, 128.0, 90.0]])
     scale = rng.uniform(0.001, 0.01, (2, *size)).astype(np.float32)
     trust = np.ones((2, *size), np.float32)
-    palette = Palette(colours, scale, grey_only, trust)
+    light = (np.full((2, *size), dimmed, np.float32), np.full((2, 4, 6), dimmed, np.float32))
+    palette = Palette(colours, scale, grey_only, trust, dimmed=light if dimmed else None)
     background = Background(back, behind, 1.0, np.ones(size, bool), window)
     found = coverage_of(Frame(0, 0.0, luma, chroma), background, palette)
     for k, (grey, blue, red) in enumerate(colours):
         for y in range(8):
             for x in range(12):
-                value = (float(luma[y, x]) - back[y, x]) * (grey - back[y, x])
+                own = dimmed * (np.array([grey, blue, red]) - [16, 128, 128])
+                value = (float(luma[y, x]) - back[y, x]) * (grey - back[y, x] - own[0])
                 if not grey_only:
-                    value += CHROMA_WEIGHT * ((110 - 128) * (blue - 128) + (150 - 126) * (red - 126))
+                    steps = (blue - 128 - own[1], red - 126 - own[2])
+                    value += CHROMA_WEIGHT * ((110 - 128) * steps[0] + (150 - 126) * steps[1])
                 inside = window.top <= y < window.bottom and window.left <= x < window.right
                 expected = min(max(value * scale[k, y, x], 0.0), 255.0) if inside else 0.0
                 # rounded to a level; single precision may round the other way

@@ -60,6 +60,22 @@ def test_a_frame_that_does_not_show_every_geom_gives_no_colours(monkeypatch: pyt
     assert found.colours[found.part, 0].tolist() == [60.0, 230.0]
 
 
+def test_the_light_on_a_geom_is_measured_beyond_the_noise() -> None:
+    """Eleven levels from 0.75 to 1.25 of the colour: 0.34 of that range lie on either side of its middle."""
+    rng = np.random.default_rng(0)
+    frames = []
+    for frame in painted(116, 230):
+        blue, red = (np.full((SIZE[0] // 2, SIZE[1] // 2), 128, np.uint8) for _ in range(2))
+        light = rng.integers(0, 11, SIZE) / 20 + 0.75
+        luma = np.where(frame.luma == 116, np.round(16 + 100 * light), frame.luma).astype(np.uint8)
+        frames.append(Frame(frame.index, frame.time, luma, (blue, red)))
+    grey = np.full((SIZE[0] // 2, SIZE[1] // 2), 128, np.float32)
+    found = geom_colours(frames, replace(BACKGROUND, chroma=(grey, grey)), GUESS, np.ones(3, bool))
+    assert found is not None
+    assert found.light is not None
+    assert found.light[found.part] == pytest.approx([0.17, 0.0], abs=0.03)
+
+
 def test_geoms_alike_share_a_colour() -> None:
     found = geom_colours(painted(60, 65), BACKGROUND, GUESS, np.ones(3, bool))
     assert found is not None

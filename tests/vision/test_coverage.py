@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import background_of
 from monodyn.vision.foreground.coverage import coverage_of
-from monodyn.vision.foreground.palette import choose_palette
+from monodyn.vision.foreground.masks import GeomColours
+from monodyn.vision.foreground.palette import BLACK, choose_palette, measured_palette
 from pictures import H, W, samples, wandering
 
 
@@ -23,6 +26,30 @@ def test_coverage_is_the_share_of_a_mixed_pixel() -> None:
         # one grey level of 70
         assert mask[30, 40] == pytest.approx(FULL * share, abs=3)
         assert mask[0, 0] == 0
+
+
+def test_light_and_shade_leave_the_coverage_of_a_colour() -> None:
+    """A colour over a grey background, with a third less light and a third more, and half covered."""
+    made = wandering(colour=(120, 90, 165), back=(100, 128, 128), noise=0.5)
+    background = background_of(samples(made))
+    colours = GeomColours(np.array([[120.0, 90.0, 165.0]]), np.zeros(1, int), np.zeros(1, bool))
+    first = choose_palette(made, background, "colour", 14.0)
+    plain = measured_palette(first, background, colours)
+    lit = measured_palette(first, background, replace(colours, light=np.array([0.2])))
+    for light, share in ((0.7, 1.0), (1.3, 1.0), (1.0, 0.5), (1.0, 0.0)):
+        colour = BLACK + light * (np.array([120.0, 90.0, 165.0]) - BLACK)
+        mixed = [
+            np.full(plane.shape, back + share * (value - back))
+            for value, back, plane in zip(
+                colour, (100.0, 128.0, 128.0), (made[0].luma, *made[0].chroma), strict=True
+            )
+        ]
+        grey, blue, red = (np.round(plane).astype(np.uint8) for plane in mixed)
+        frame = Frame(0, 0.0, grey, (blue, red))
+        found = [coverage_of(frame, background, p)[0, 30, 40] / FULL for p in (plain, lit)]
+        # rounding to grey levels moves the coverage by up to 0.03, and light what it does without noise
+        assert found[1] == pytest.approx(share, abs=0.06)
+        assert light == 1.0 or abs(found[0] - share) > 0.3
 
 
 def test_colour_counts_where_grey_does_not_tell() -> None:

@@ -9,7 +9,7 @@ from numba import njit
 
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import Background, Window
-from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette
+from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT, Palette
 from monodyn.vision.foreground.shadow import unshadowed
 
 ANY_CONTRAST = 2.0
@@ -37,12 +37,15 @@ class _Projection(NamedTuple):
     Attributes:
         background: Grey level of each pixel, float32 (height, width).
         colours: Colours of the mechanism, float32 (colour, 3).
+        dimmed: How much of each colour is taken out of its difference from the background, float32 (colour,
+            height, width).
         scale: ``FULL`` over the squared contrast, float32 (colour, height, width).
         window: Part of the picture in which anything moves.
     """
 
     background: np.ndarray
     colours: np.ndarray
+    dimmed: np.ndarray
     scale: np.ndarray
     window: Window
 
@@ -61,11 +64,11 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
     """
     colours = palette.colours.astype(np.float32)
     planes = np.zeros((len(colours), *frame.luma.shape), dtype=np.uint8)
-    if palette.grey_only or frame.chroma is None or background.chroma is None:
-        chroma = np.zeros((0, 0, 0), dtype=np.float32)
-    else:
-        chroma = _chroma_part(frame.chroma, background.chroma, colours, frame.luma.shape, background.window)
-    projection = _Projection(background.luma, colours, palette.scale, background.window)
+    chroma = dimmed = np.zeros((0, 0, 0), dtype=np.float32)
+    if not (palette.grey_only or frame.chroma is None or background.chroma is None):
+        dimmed = np.zeros(planes.shape, dtype=np.float32) if palette.dimmed is None else palette.dimmed[0]
+        chroma = _chroma_part(frame.chroma, background, palette)
+    projection = _Projection(background.luma, colours, dimmed, palette.scale, background.window)
     _project(frame.luma, chroma, projection, planes)
     if palette.any_difference:
         other = _any_difference(frame, background, palette)
@@ -109,16 +112,17 @@ def _any_difference(frame: Frame, background: Background, palette: Palette) -> n
 
 
 def _chroma_part(
-    chroma: tuple[np.ndarray, np.ndarray],
-    background: tuple[np.ndarray, np.ndarray],
-    colours: np.ndarray,
-    shape: tuple[int, ...],
-    window: Window,
+    chroma: tuple[np.ndarray, np.ndarray], background: Background, palette: Palette
 ) -> np.ndarray:
     """Return the projection of the colour differences, for each colour at full size within the window."""
     import cv2
 
-    top, bottom, left, right = window
+    assert background.chroma is not None
+    behind, colours, shape = background.chroma, palette.colours.astype(np.float32), background.luma.shape
+    dimmed = np.zeros((len(colours), *chroma[0].shape), dtype=np.float32)
+    if palette.dimmed is not None:
+        dimmed = palette.dimmed[1]
+    top, bottom, left, right = background.window
     # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
     rows, columns = shape[0] / chroma[0].shape[0], shape[1] / chroma[0].shape[1]
     part = (
@@ -129,7 +133,7 @@ def _chroma_part(
         (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32
     )
     _project_chroma(
-        chroma[0][part], chroma[1][part], background[0][part], background[1][part], colours, small
+        chroma[0][part], chroma[1][part], behind[0][part], behind[1][part], colours, dimmed[:, *part], small
     )
     size = (right - left, bottom - top)
     return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in small])
@@ -142,28 +146,33 @@ def _project_chroma(
     blue_background: np.ndarray,
     red_background: np.ndarray,
     colours: np.ndarray,
+    dimmed: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill ``out`` (colour, height, width) with the weighted product of (I - B) and (F - B) over both
-    channels."""
+    """Fill ``out`` (colour, height, width) with the weighted product of (I - B) and (F - B), less what light
+    does, over both channels."""
     weight = np.float32(CHROMA_WEIGHT)
     for k in range(colours.shape[0]):
+        blue_light = colours[k, BLUE] - np.float32(BLACK[BLUE])
+        red_light = colours[k, RED] - np.float32(BLACK[RED])
         for y in range(out.shape[1]):
             for x in range(out.shape[2]):
                 b0, r0 = blue_background[y, x], red_background[y, x]
-                b = (np.float32(blue[y, x]) - b0) * (colours[k, BLUE] - b0)
-                r = (np.float32(red[y, x]) - r0) * (colours[k, RED] - r0)
+                share = dimmed[k, y, x]
+                b = (np.float32(blue[y, x]) - b0) * (colours[k, BLUE] - b0 - share * blue_light)
+                r = (np.float32(red[y, x]) - r0) * (colours[k, RED] - r0 - share * red_light)
                 out[k, y, x] = weight * (b + r)
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _project(luma: np.ndarray, chroma: np.ndarray, projection: _Projection, out: np.ndarray) -> None:
     """Fill ``out`` with the coverage by each colour; ``chroma`` has length 0 when grey alone counts."""
-    background, colours, scale, window = projection
+    background, colours, dimmed, scale, window = projection
     none, most, half = np.float32(0.0), np.float32(255.0), np.float32(0.5)
     # the two cases are separate loops, so that the common one, grey, has no branch and uses vector registers
     for k in range(colours.shape[0]):
         target = colours[k, GREY]
+        light = target - np.float32(BLACK[GREY])
         for y in range(window.top, window.bottom):
             if chroma.shape[0] == 0:
                 for x in range(window.left, window.right):
@@ -174,5 +183,6 @@ def _project(luma: np.ndarray, chroma: np.ndarray, projection: _Projection, out:
                 for x in range(window.left, window.right):
                     b = background[y, x]
                     difference = chroma[k, y - window.top, x - window.left]
-                    value = (np.float32(luma[y, x]) - b) * (target - b) + difference
+                    step = target - b - dimmed[k, y, x] * light
+                    value = (np.float32(luma[y, x]) - b) * step + difference
                     out[k, y, x] = np.uint8(min(most, max(none, value * scale[k, y, x] + half)))

@@ -60,12 +60,15 @@ class GeomColours:
         shaded: True for geoms that show it at many levels, bool (geom,).
         camouflaged: True where a geom often has the colour of what is behind it, so that at most its
             borders show.
+        light: Standard deviation of the light on each colour, as a share of it, (colour,); None where
+            it is even.
     """
 
     colours: np.ndarray
     part: np.ndarray
     shaded: np.ndarray
     camouflaged: bool = False
+    light: np.ndarray | None = None
 
 
 class Masks(Protocol):

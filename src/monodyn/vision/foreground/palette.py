@@ -30,6 +30,10 @@ from monodyn.vision.foreground.shadow import Shadow, find_shadow
 
 CHROMA_WEIGHT = 0.25
 """Weight of a colour difference against a grey difference: a chroma sample covers four pixels."""
+BLACK = (16.0, 128.0, 128.0)
+"""What a pixel without light shows: grey level, blue and red difference."""
+_WEIGHTS = np.array([1.0, CHROMA_WEIGHT, CHROMA_WEIGHT])
+"""Weights of the three channels."""
 TRUSTED_NOISE = 60.0
 """Contrast over the noise of a pixel from which it has full weight: then noise moves an edge less than
 shading does."""
@@ -67,6 +71,9 @@ class Palette:
         shaded: True for geoms that show their colour at many levels, bool (geom,), or None before.
         contrast: Least difference of a pixel that has changed [grey levels].
         shadow: The mechanism's shadow, which does not count; None without one.
+        dimmed: How much of each colour is taken out of its difference from the background, because more or
+            less light would do the same: at full size and at that of the chroma, float32 (colour, height,
+            width) each; None where light is even or grey alone counts.
     """
 
     colours: np.ndarray
@@ -78,6 +85,7 @@ class Palette:
     shaded: np.ndarray | None = None
     contrast: float = MOST_CONTRAST
     shadow: Shadow | None = None
+    dimmed: tuple[np.ndarray, np.ndarray] | None = None
 
     def view(self, geoms: int) -> View:
         """Return how the planes are to be read; before the colours are measured, one plane for all geoms.
@@ -156,7 +164,7 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
     if measured.camouflaged and not varied:
         # a border stands out by the least contrast or more
         any_trust = max(VARIED_TRUST, palette.contrast / (TRUSTED_NOISE * background.noise))
-    found = _palette(measured.colours, background, palette.grey_only, any_trust)
+    found = _palette(measured.colours, background, palette.grey_only, any_trust, measured.light)
     # the plane of any difference comes after those of the colours
     part = np.where(measured.part == VARIED, len(measured.colours), measured.part)
     return replace(
@@ -250,23 +258,30 @@ def _grey_suffices(pixels: np.ndarray, colours: np.ndarray, contrast: float) -> 
 
 
 def _palette(
-    colours: np.ndarray, background: Background, grey_only: bool, any_trust: float | None
+    colours: np.ndarray,
+    background: Background,
+    grey_only: bool,
+    any_trust: float | None,
+    light: np.ndarray | None = None,
 ) -> Palette:
-    """Compute each pixel's contrast with every colour, zero where the noise hides it; ``any_trust`` is the
-    trust in a last plane of any difference, None for no such plane."""
+    """Compute each pixel's contrast with every colour, zero where the noise hides it.
+
+    With ``light``, the standard deviation of the light on each colour, light counts as noise does;
+    ``any_trust`` is the trust in a last plane of any difference, None for no such plane.
+    """
     planes = full_size(background.luma, None if grey_only else background.chroma)
-    weights = [1.0, CHROMA_WEIGHT, CHROMA_WEIGHT]
-    strength = np.stack(
-        [
-            sum(w * (value - plane) ** 2 for w, value, plane in zip(weights, colour, planes, strict=False))
-            for colour in colours.astype(np.float32)
-        ]
-    )
-    noise = background.pixel_noise
+    full, noise = _contrast(planes, colours), background.pixel_noise
+    strength, dimmed = full, None
+    if light is not None and not grey_only and background.chroma is not None:
+        size = background.chroma[0].shape[::-1]
+        small = [_resized(background.luma, size), *background.chroma]
+        whole, reduced = (_dimming(p, colours, light, background.noise) for p in (planes, small))
+        dimmed = whole, reduced
+        strength = full - whole * _contrast(planes, colours, lit=True)
     # too little contrast would blow the noise up to full coverage: such a pixel shows nothing
     seen = strength > (SHOWN_NOISE * noise) ** 2
     scale = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
-    trust = np.clip(np.sqrt(np.where(seen, strength, 0.0)) / (TRUSTED_NOISE * noise), 0.0, 1.0)
+    trust = np.clip(np.sqrt(np.where(seen, full, 0.0)) / (TRUSTED_NOISE * noise), 0.0, 1.0)
     trust *= background.known
     if any_trust is not None:
         trust = np.concatenate([trust, any_trust * background.known[np.newaxis]])
@@ -274,4 +289,48 @@ def _palette(
     if grey_only:
         shown[:, 1:] = np.nan
     trust = trust.astype(np.float32)
-    return Palette(shown, scale.astype(np.float32), grey_only, trust)
+    return Palette(shown, scale.astype(np.float32), grey_only, trust, dimmed=dimmed)
+
+
+def _contrast(planes: Sequence[np.ndarray], colours: np.ndarray, *, lit: bool = False) -> np.ndarray:
+    """Return the weighted square of each colour's difference d from the background, or with ``lit`` its
+    product with the colour's own f, by which light changes it, (colour, height, width)."""
+    weights, f = _WEIGHTS.tolist(), colours - BLACK
+    return np.stack(
+        [
+            sum(
+                w * (value - plane) * (own if lit else value - plane)
+                for w, value, own, plane in zip(weights, colour, lightened, planes, strict=False)
+            )
+            for colour, lightened in zip(colours.astype(np.float32), f.astype(np.float32), strict=True)
+        ]
+    )
+
+
+def _dimming(
+    planes: Sequence[np.ndarray], colours: np.ndarray, light: np.ndarray, noise: float
+) -> np.ndarray:
+    """Return how much of its own colour f is taken out of each colour's difference d from the background.
+
+    With noise of variance n^2 / W in the channels and light of standard deviation s, what a colour shows has
+    the covariance C = n^2 / W + s^2 f f'. The projection with the least error is on C^-1 d, which is W (d -
+    k f) but for a factor, with k = s^2 d'W f / (n^2 + s^2 f'W f).
+
+    Source:
+        Fisher, "The use of multiple measurements in taxonomic problems", 1936; inverse by Sherman and
+        Morrison.
+    """
+    power = ((colours - BLACK) ** 2 @ _WEIGHTS)[:, np.newaxis, np.newaxis]
+    spread = (light**2)[:, np.newaxis, np.newaxis]
+    product = _contrast(planes, colours, lit=True)
+    share = spread / (noise**2 + spread * power) * product
+    # where more or less light alone could make the difference, nothing but the difference shows the mechanism
+    rest = _contrast(planes, colours) - share * product
+    return np.where(rest > (SHOWN_NOISE * noise) ** 2, share, 0.0).astype(np.float32)
+
+
+def _resized(plane: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
+    """Return a plane reduced to a width and height."""
+    import cv2
+
+    return cv2.resize(plane, size, interpolation=cv2.INTER_AREA)

@@ -11,6 +11,7 @@ from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
 from monodyn.vision.foreground.changes import BEHIND, SHOWN
 from monodyn.vision.foreground.masks import VARIED, GeomColours
+from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT
 from monodyn.vision.locating.search import SceneGuess
 
 SHARED_COLOUR, SHARED_SHARE = 10.0, 0.15
@@ -73,16 +74,19 @@ def geom_colours(
         for g, found in enumerate(_inner_pixels(samples[i], background, outlines)):
             rows[g].append(found)
     pixels = [np.concatenate(own) if own else np.zeros((0, PIXEL_COLUMNS)) for own in rows]
-    part, colours = _joined(pixels, background.noise)
+    part, colours, owners = _joined(pixels, background.noise)
     if not colours:
         return None
+    light = [
+        _light_spread(pixels[g], colour, background.noise) for g, colour in zip(owners, colours, strict=True)
+    ]
     part[part == UNSEEN] = 0
     shaded = np.array([part[g] != VARIED and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
     hidden = any(
         part[g] != VARIED and _hidden_share(pixels[g], colours[part[g]], background.noise) > CAMOUFLAGED_SHARE
         for g in range(geoms)
     )
-    return GeomColours(np.array(colours), part, shaded, hidden)
+    return GeomColours(np.array(colours), part, shaded, hidden, np.array(light))
 
 
 def _hidden_share(pixels: np.ndarray, colour: np.ndarray, noise: float) -> float:
@@ -90,10 +94,12 @@ def _hidden_share(pixels: np.ndarray, colour: np.ndarray, noise: float) -> float
     return float(np.mean(_contrast(pixels, colour) < HIDDEN_NOISE * noise)) if len(pixels) else 0.0
 
 
-def _joined(pixels: list[np.ndarray], noise: float) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the colour of each geom, (geom,), and the colours, from the inner pixels of the geoms."""
+def _joined(pixels: list[np.ndarray], noise: float) -> tuple[np.ndarray, list[np.ndarray], list[int]]:
+    """Return the colour of each geom, (geom,), the colours, and the geom that shows each, from the inner
+    pixels of the geoms."""
     medians = [_colour(own, noise) for own in pixels]
     colours: list[np.ndarray] = []
+    owners: list[int] = []
     part = np.full(len(pixels), UNSEEN, dtype=np.int64)
     depth = [float(np.median(own[:, HALF_WIDTH])) if len(own) else 0.0 for own in pixels]
     # the widest geom first: its colour is the purest, and a thinner one of nearly that colour takes it over
@@ -105,8 +111,23 @@ def _joined(pixels: list[np.ndarray], noise: float) -> tuple[np.ndarray, list[np
             near = [k for k, other in enumerate(colours) if _apart(other, medians[g]) < alike]
             if not near:
                 colours.append(medians[g])
+                owners.append(int(g))
             part[g] = near[0] if near else len(colours) - 1
-    return part, colours
+    return part, colours, owners
+
+
+def _light_spread(pixels: np.ndarray, colour: np.ndarray, noise: float) -> float:
+    """Return the standard deviation of the light on a colour, as a share of it, beyond the noise.
+
+    Light multiplies what a colour has beyond black, in all channels alike. The inner pixels of a thin geom
+    are mixed with the background, which would pass for light.
+    """
+    if np.isnan(colour).any() or float(np.median(pixels[:, HALF_WIDTH])) < THIN_PX:
+        return 0.0
+    own = (colour - BLACK) * [1.0, CHROMA_WEIGHT, CHROMA_WEIGHT]
+    power = max(float(own @ (colour - BLACK)), 1.0)
+    low, high = np.percentile((pixels[:, SHOWN] - colour) @ own / power, [15.9, 84.1])
+    return float(np.sqrt(max((0.5 * (high - low)) ** 2 - noise**2 / power, 0.0)))
 
 
 def _colour(pixels: np.ndarray, noise: float) -> np.ndarray:
