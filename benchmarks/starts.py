@@ -161,6 +161,8 @@ def _located(masks, mechanism: monodyn.Mechanism) -> Scene | None:
 def _compared(name: str, data: Path, scenes: list[Scene | None]) -> list[Figure]:
     """Find the scene with which most others agree, and compare it with the truth."""
     found = [scene for scene in scenes if scene is not None]
+    if not found:
+        return [Figure(name, f"in the same scene, of {len(scenes)}", 0.0, "%", SAME, least=True)]
     agree = np.array([[_is_same(one, other) for other in found] for one in found])
     best = int(np.argmax(agree.sum(axis=1)))
     share = 100.0 * float(agree[best].sum()) / len(scenes)

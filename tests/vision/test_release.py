@@ -42,6 +42,16 @@ def test_a_string_that_is_cut_releases(held: int, rate: float) -> None:
     assert found <= held + 0.1 * rate
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_a_slide_is_released_at_any_scale_of_its_file(scale: float) -> None:
+    """While it is held the tracked place wanders by a two-thousandth of the way, more than its noise."""
+    wander = 4e-4 * np.sin(0.9 * np.arange(120))[:, None]
+    poses = poses_of(swing(30) + wander)
+    position, covariance = scale * poses.position, (0.02 * scale) ** 2 * poses.covariance
+    slide = replace(poses, position=position, covariance=covariance)
+    assert abs(released(slide, 0, 120, slides=np.array([True])) - 30) <= 3
+
+
 def test_the_first_free_frame_may_be_the_first_of_the_stretch() -> None:
     poses = poses_of(np.vstack([swing(0, 30), swing(20, 90)]))
     assert abs(released(poses, 30, 120) - 50) <= 3

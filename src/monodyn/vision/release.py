@@ -29,8 +29,8 @@ MOST_CHANGED = 0.5
 GAP_SECONDS = 0.15
 """Shorter stretches between two touches do not count as free, nor do shorter touches [s]."""
 REST_STDS, REST_FLOOR = 6.0, 1e-3
-"""A joint rests while it departs by no more than this many standard deviations and this floor [rad; of a
-slide as a share of its way]."""
+"""A joint rests while it departs by no more than this many standard deviations and this share of its way, of
+a hinge's way at most a radian."""
 DEPARTED = 4.0
 """Rest limits by which a joint has surely departed; constant acceleration takes twice as long as to one."""
 LEAST_REST = 3
@@ -74,7 +74,8 @@ def free_span(masks: Masks, scene: Scene, poses: Poses) -> FreeSpan:
     sampled = np.isin(rows, [frame.index for frame in samples.frames])
     touched[rows] = touching(samples.thumbnails, sampled, scene, poses)
     first, stop = longest_free(_lasting(touched, poses.time), poses.seen, span)
-    first = max(first, released(poses, first, stop))
+    slides = np.array([joint.kind == "slide" for joint in scene.mechanism.joints])
+    first = max(first, released(poses, first, stop, slides=slides))
     return FreeSpan(first, stop, tuple(_notes(poses, span, (first, stop))))
 
 
@@ -145,7 +146,7 @@ def longest_free(touched: np.ndarray, seen: np.ndarray, span: tuple[int, int]) -
     return int(first), int(stop)
 
 
-def released(poses: Poses, first: int, stop: int) -> int:
+def released(poses: Poses, first: int, stop: int, *, slides: np.ndarray | None = None) -> int:
     """Return the frame in which a mechanism that is held at rest begins to move.
 
     With constant acceleration from the release at t, a joint departs by one limit after sqrt(2 / a) and by
@@ -156,6 +157,7 @@ def released(poses: Poses, first: int, stop: int) -> int:
         poses: The tracked poses.
         first: First frame of the stretch.
         stop: The frame after its last.
+        slides: True for slides, whose positions have no scale of their own, (dof,); None for hinges alone.
 
     Returns:
         Number of the frame; ``first`` where nothing was held.
@@ -165,7 +167,9 @@ def released(poses: Poses, first: int, stop: int) -> int:
         return first
     q = poses.position[rows]
     variance = np.median(np.diagonal(poses.covariance[rows], axis1=1, axis2=2), axis=0)
-    limit = REST_STDS * np.sqrt(variance) + REST_FLOOR * np.minimum(1.0, np.ptp(q, axis=0))
+    way = np.ptp(q, axis=0)
+    share = np.minimum(1.0, way) if slides is None else np.where(slides, way, np.minimum(1.0, way))
+    limit = REST_STDS * np.sqrt(variance) + REST_FLOOR * share
     rest = np.median(q[: 2 * LEAST_REST], axis=0)
     departure = np.max(np.abs(q - rest) / limit, axis=1)
     gone = np.flatnonzero(departure > DEPARTED)
