@@ -212,3 +212,7 @@ def test_what_is_left_out_of_the_picture_is_said() -> None:
         "Something else moves in the picture: the mechanism was looked for in 20,10,60,40 [px] alone, and "
         "what moves apart from it there is left out; --roi X,Y,W,H chooses another part."
     ]
+    assert left_out(replace(whole, others=~known), given=True) == [
+        "Something moves outside of --roi 20,10,60,40 as well and is left out: where the mechanism reaches "
+        "out of that region, give a larger one."
+    ]

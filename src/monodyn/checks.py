@@ -278,19 +278,25 @@ def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
     return None
 
 
-def left_out(background: Background) -> list[str]:
+def left_out(background: Background, *, given: bool = False) -> list[str]:
     """Return a note where something else moves in the picture and was left out; nothing otherwise.
 
     Args:
         background: What the mechanism was located before.
+        given: True where the part of the picture is the user's.
     """
     if background.others is None:
         return []
     top, bottom, left, right = background.window
+    part = f"{left},{top},{right - left},{bottom - top}"
+    if given:
+        return [
+            f"Something moves outside of --roi {part} as well and is left out: where the mechanism reaches "
+            "out of that region, give a larger one."
+        ]
     return [
-        f"Something else moves in the picture: the mechanism was looked for in {left},{top},{right - left},"
-        f"{bottom - top} [px] alone, and what moves apart from it there is left out; --roi X,Y,W,H chooses "
-        "another part."
+        f"Something else moves in the picture: the mechanism was looked for in {part} [px] alone, and what "
+        "moves apart from it there is left out; --roi X,Y,W,H chooses another part."
     ]
 
 

@@ -318,7 +318,7 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
     sight.poses, sight.free_frames = poses, span[:2]
     moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
     repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, moving.frame)))
-    others = left_out(scene.masks.background)
+    others = left_out(scene.masks.background, given=settings.segment.roi is not None)
     log.notes += [*scene.advice, *others, *video.notes, *span.notes, *untracked(moving, repeats)]
     log.free_frames, log.region = span[:2], scene.masks.background.window
     job.write_poses(poses)

@@ -11,6 +11,8 @@ from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict.summary import summarize
+from monodyn.mechanism import load
+from swings import record
 
 
 def test_a_start_that_cannot_be_simulated_is_a_status(poses, double):
@@ -48,3 +50,26 @@ def test_residuals_stay_in_the_rows_of_their_tables(poses, double):
     assert [len(table) for table in fit.residual] == [60, 40]
     np.testing.assert_array_equal(np.isfinite(fit.residual[0][:, 0]), seen)
     assert np.isfinite(fit.residual[1]).all()
+
+
+def test_a_motion_that_only_one_number_of_steps_follows_is_not_trusted():
+    from monodyn.stages import identify
+
+    single, times = load("single"), np.arange(90) / 30.0
+    values = single.values
+    # damping / inertia is the rate at which a motion decays; the method of order 4 is stable below
+    # 2.79 / step: with 64 steps a frame, not with 32
+    rate, per_mass = 4000.0, values["link1.inertia"] / values["link1.mass"] + values["link1.com_x"] ** 2
+    pull = values["gravity"] * values["link1.com_x"] / per_mass / rate
+    # the overdamped pendulum falls by q' = -pull cos q, which has a closed form
+    creep = 2.0 * np.arctan(np.tanh(0.5 * (np.arcsinh(np.tan(0.3)) - pull * times)))
+    known = {name: values[name] for name in ("link1.length", "link1.width", "link1.thickness")}
+    stiff = single.with_choices(fix={"joint1.damping": rate * per_mass * values["link1.mass"], **known})
+    found = identify(record(stiff, times, creep[:, None], noise=1e-4), stiff, IdentifySettings(starts=1))
+    assert max(found.rms.values()) < 1e-3
+    assert not found.ok
+    assert found.status == (
+        "The identified mechanism cannot be simulated: with as many integration steps as there may be its "
+        "motion still grows beyond all bounds, as with a joint that is damped so much that it hardly turns; "
+        "check that the mechanism is the one in the record, without joints that it has not."
+    )

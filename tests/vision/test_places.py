@@ -57,6 +57,19 @@ def test_a_head_where_the_file_has_it_stays_there(tmp_path: Path) -> None:
     assert with_departed(masks, bundle, variables, SEARCH) == (bundle, variables)
 
 
+def test_masks_without_an_edge_move_nothing(tmp_path: Path) -> None:
+    start = hammer(tmp_path, 0.0)
+    poses = np.linspace(-2.5, -0.5, 4)[:, None]
+    # the mechanism is far outside of the picture
+    away = Camera(320, 240, 300.0, x=9.0, y=0.0, depth=0.95)
+    masks = KeyMasks([drawn_mask(start, away, q) for q in poses], trusted(start))
+    names = [p.name for p in start.parameters if p.free and p.kind not in ("thickness", "damping")]
+    # no spring holds the camera: nothing at all is known of it
+    variables = scene_variables(start, [*names, "camera.x", "camera.y", "camera.depth"])
+    bundle = refine(masks, SceneGuess(start, away, poses, np.zeros(4)), variables, SEARCH)
+    assert with_departed(masks, bundle, variables, SEARCH) == (bundle, variables)
+
+
 def test_springs_of_further_variables_hold_them_where_they_are(tmp_path: Path) -> None:
     start = hammer(tmp_path, 0.0)
     larger = start.with_values({"a.length": 0.48}).with_following(["a.head.along"], follow=False)

@@ -78,6 +78,21 @@ def test_samples_lie_in_the_time_range_and_the_window_is_the_users(make_clip: Cl
     assert found.parts is None
 
 
+def test_of_what_moves_across_the_edge_of_a_region_nothing_is_known_outside(tmp_path: Path) -> None:
+    for i in range(40):
+        picture = np.full((96, 128), 180, np.uint8)
+        picture[30:50, 10 + i : 30 + i] = 60
+        cv2.imwrite(str(tmp_path / f"{i:03d}.png"), picture)
+    cut = sample_frames(read(tmp_path), SegmentSettings(roi=(0, 0, 40, 96)))
+    assert cut.others is not None
+    assert not cut.others[:, :40].any()
+    # the square sweeps columns 10 to 69 of rows 30 to 49
+    assert cut.others[30:50, 40:68].all()
+    assert not cut.others[:16].any()
+    assert not cut.others[:, 90:].any()
+    assert sample_frames(read(tmp_path), SegmentSettings(roi=(0, 8, 100, 80))).others is None
+
+
 def test_a_prelude_is_no_part_of_the_scene(tmp_path: Path) -> None:
     """Nine black pictures and six of a fade before a dark square wanders over a light wall."""
     for i in range(60):

@@ -27,6 +27,11 @@ UNSTARTED = (
     "The motion of the start cannot be simulated through the record; check the mechanism file and that its "
     "joints turn as in the record."
 )
+UNSTABLE = (
+    "The identified mechanism cannot be simulated: with as many integration steps as there may be its "
+    "motion still grows beyond all bounds, as with a joint that is damped so much that it hardly turns; "
+    "check that the mechanism is the one in the record, without joints that it has not."
+)
 CLEAR_SHARE = 0.01
 """Residuals below this share of the motion are too small for bodies or dry friction to be the reason."""
 
@@ -54,6 +59,9 @@ def summarize(
     found = refine(problem, optimum, settings)
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
     status, ok = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
+    if ok and not np.isfinite(found.error):
+        # small residuals with one number of steps only: neither a prediction nor a simulator follows
+        status, ok = UNSTABLE, False
     fit = replace(fit, status=status, ok=ok, stamp_error=found.noise.stamps)
     # of a motion that is refused it does not matter how exactly it was integrated
     accuracy = advice.integration(found.substeps, found.error, settings.error_bound) if ok else []

@@ -73,8 +73,8 @@ class Samples:
         thumbnails: Reduced pictures of all frames of the span, or None where there are none.
         parts: Parts of the picture that move apart from one another; None where all motion is in one, or
             the region is given.
-        others: Where something other than the mechanism moves within the window, bool (height, width), or
-            None.
+        others: Where something other than the mechanism moves within the window, or anything outside of one
+            that is given, bool (height, width), or None.
         given: True where the span is one that the user gave.
     """
 

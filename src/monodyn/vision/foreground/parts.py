@@ -119,6 +119,23 @@ def moving_cells(thumbnails: Thumbnails) -> np.ndarray:
     return large[np.asarray(labels, dtype=np.intp)]
 
 
+def moving_outside(thumbnails: Thumbnails, window: Window, size: tuple[int, int]) -> np.ndarray | None:
+    """Return where anything moves outside of a rectangle, bool (height, width), or None where nothing does.
+
+    Args:
+        thumbnails: All frames of the scene.
+        window: The rectangle.
+        size: Width and height of the clip's pictures [px].
+    """
+    import cv2
+
+    # an edge that moves shows a little in the cells around
+    cells = cv2.dilate(moving_cells(thumbnails).astype(np.uint8), np.ones((3, 3), np.uint8))
+    moves = cv2.resize(cells, size, interpolation=cv2.INTER_NEAREST) > 0
+    moves[window.top : window.bottom, window.left : window.right] = False
+    return moves if moves.any() else None
+
+
 def _changing_cells(thumbnails: Thumbnails) -> np.ndarray:
     """Return where the thumbnails change by more than noise, bool (height, width)."""
     return np.any(thumbnails.ranges > thumbnails.still, axis=0)

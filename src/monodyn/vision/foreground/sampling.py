@@ -13,7 +13,7 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.repeats import Differences, Repeats
 from monodyn.vision.clip.video import Video
 from monodyn.vision.foreground.background import Samples, Window
-from monodyn.vision.foreground.parts import moving_cells, moving_parts, moving_window
+from monodyn.vision.foreground.parts import moving_cells, moving_outside, moving_parts, moving_window
 from monodyn.vision.foreground.thumbnails import STILL_GREY, ThumbnailStore, scene_span
 from monodyn.vision.settings import SegmentSettings
 
@@ -63,12 +63,15 @@ def sample_frames(
     repeats = path.differences.repeats(moving_cells(shown), video.times)
     frames = path.spread(span, repeats)
     _check_enough(video, len(frames))
-    size, parts = (video.width, video.height), None
-    if window is None:
+    size, parts, others = (video.width, video.height), None, None
+    if window is not None:
+        # the mechanism may go on outside of the user's region: its edge is no edge of the mechanism
+        others = moving_outside(shown, window, size)
+    else:
         window = moving_window(shown, size)
         parts = moving_parts(shown, [frame.index for frame in frames], size)
     given = settings.time_range is not None
-    return Samples(frames, window, repeats, span, shown, parts, given=given)
+    return Samples(frames, window, repeats, span, shown, parts, given=given, others=others)
 
 
 def _check_enough(video: Video, count: int) -> None:

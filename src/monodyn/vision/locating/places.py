@@ -99,7 +99,8 @@ def _departed(
         px = _lever(mechanism.parameter(name), mechanism) * bundle.camera.focal / bundle.camera.depth
         # how well it is known when the others stay where they are: a hidden end would make all of them vague
         alone = [*range(count), i]
-        variance = np.linalg.inv(information[np.ix_(alone, alone)])[-1, -1]
+        # nothing is known of what no edge shows; without the small ridge that is a singular matrix
+        variance = np.linalg.inv(information[np.ix_(alone, alone)] + 1e-9 * np.eye(len(alone)))[-1, -1]
         variance += (SYSTEMATIC_PX / max(px, 1e-9)) ** 2
         if abs(after[i] - before[i]) > DEPARTED * np.sqrt(variance):
             found.append(name)
