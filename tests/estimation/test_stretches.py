@@ -7,6 +7,8 @@ import pytest
 
 from fits import estimates, made_fit
 from monodyn.estimation.verdict import stretches
+from monodyn.mechanism import load
+from swings import record
 
 
 def test_a_beginning_that_fits(double):
@@ -16,6 +18,24 @@ def test_a_beginning_that_fits(double):
         "--fit-frames 10:13 for a clip, or a table that ends there. Small faults of the model grow along a "
         "long or chaotic record."
     )
+
+
+def test_a_fit_within_large_noise_does_not_explain_the_motion(poses, double):
+    """At most a tenth of the deviation of each joint, of a slide in metres of the identified scale."""
+    deviation = poses.position.std(axis=0)
+
+    def left(first, second):
+        rms = {"joint1": first * deviation[0], "joint2": second * deviation[1]}
+        return made_fit(mechanism=double, rms=rms)
+
+    assert stretches.explained(poses, left(0.09, 0.09))
+    assert not stretches.explained(poses, left(0.09, 0.11))
+    cart = load("cartpole")
+    swing = np.sin(np.arange(60) / 5.0)
+    rolling = record(cart, np.arange(60) / 30.0, np.column_stack([swing, swing]))
+    rms = {"slide": 0.15 * swing.std(), "joint1": 0.05 * swing.std()}
+    assert not stretches.explained(rolling, made_fit(mechanism=cart, rms=rms, scale=1.0))
+    assert stretches.explained(rolling, made_fit(mechanism=cart, rms=rms, scale=2.0))
 
 
 def test_stretches_that_call_for_different_values(double):

@@ -80,6 +80,17 @@ def test_noise_and_what_cannot_show_are_no_mismatch(filmed: tuple[Scene, Poses])
         assert Sight(scene.masks.video, masks, faint, turned).mismatch > 0.5
 
 
+@pytest.mark.parametrize("x", [1e3, 1e12, -1e12])
+def test_a_mechanism_far_outside_of_the_picture_misses_its_masks(
+    filmed: tuple[Scene, Poses], x: float
+) -> None:
+    scene, poses = filmed
+    away = replace(scene, camera=replace(scene.camera, x=x))
+    judged = Sight(scene.masks.video, scene.masks, away, poses).judged
+    # nothing is drawn, so all of the mask is missed
+    assert [row.mismatch for row in judged] == pytest.approx([1.0] * len(judged))
+
+
 def test_frames_that_were_not_tracked_are_judged_where_they_were_located(filmed: tuple[Scene, Poses]) -> None:
     scene, poses = filmed
     few = replace(scene, key_frames=(0, 30), key_positions=poses.position[[0, 30]])

@@ -20,7 +20,13 @@ from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.task import Task
-from monodyn.estimation.verdict.stretches import beginning, disagreeing, disagreement, other_rate
+from monodyn.estimation.verdict.stretches import (
+    beginning,
+    disagreeing,
+    disagreement,
+    explained,
+    other_rate,
+)
 from monodyn.estimation.verdict.summary import summarize
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
@@ -98,7 +104,8 @@ def _beginning(
     while count >= SHORTEST_BEGINNING:
         part = poses.part(first, int(measured[count]))
         fit = _identified((part,), mechanism, quick, None)
-        if fit.ok:
+        # a record that states much noise is met by many fits: to advise one it has to explain the motion
+        if fit.ok and explained(part, fit):
             # A wrong mechanism, or one in a wrong place, follows any short motion with parameters of its own:
             # what holds over the beginning also holds over each half of it.
             middle = int(np.searchsorted(part.frame, poses.frame[measured[count // 2]]))

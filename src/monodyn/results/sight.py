@@ -40,6 +40,8 @@ GROWN = 0.15
 """Margin around the outlines in which a mask is compared with them, as a share of their extent."""
 REACH_PX, SPACING_PX = 4.0, 3.0
 """Length of the search along the normals, and distance of the outline samples [px]: those of the tracking."""
+FARTHEST_PX = 1e6
+"""Distance from the picture up to which an outline is drawn [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +226,7 @@ def _between(poses: Poses, frame: int) -> np.ndarray:
 
 
 def outlines_of(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> list[np.ndarray]:
-    """Return the outlines of a pose [px], each (point, 2); none where it is not known.
+    """Return the outlines of a pose near the picture [px], each (point, 2); none where it is not known.
 
     Args:
         mechanism: The mechanism.
@@ -235,7 +237,9 @@ def outlines_of(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> l
         return []
     from monodyn.vision.drawing.outline import outline
 
-    return [polygon for _, polygon in outline(mechanism, camera, position)]
+    every = (polygon for _, polygon in outline(mechanism, camera, position))
+    # what is drawn beyond all whole numbers is in no picture
+    return [polygon for polygon in every if np.abs(polygon).max() < FARTHEST_PX]
 
 
 def _around(scene: Scene, positions: Sequence[np.ndarray]) -> Window:

@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from monodyn.estimation.fit import Estimate, Fit
+from monodyn.estimation.verdict.trust import LOST_SHARE
 from monodyn.estimation.wording import amounts, listed
 from monodyn.mechanism import Mechanism
+from monodyn.types import Poses
 
 APART_STD, APART_SHARE = 5.0, 0.02
 """Estimates from two stretches of a record differ when they are apart by more than this many standard
@@ -31,6 +33,26 @@ def beginning(mechanism: Mechanism, frames: Sequence[int], rms: Mapping[str, flo
         f"--fit-frames {frames[0]}:{frames[-1] + 1} for a clip, or a table that ends there. Small faults of "
         "the model grow along a long or chaotic record."
     )
+
+
+def explained(part: Poses, fit: Fit) -> bool:
+    """Return whether a fit explains the motion of a stretch, and not merely its stated noise.
+
+    Args:
+        part: The stretch, a record.
+        fit: Its fit.
+
+    Returns:
+        True where the residual of each joint is at most ``LOST_SHARE`` of the deviation of its motion.
+    """
+    for joint in fit.mechanism.joints:
+        at = part.joints.index(joint.name)
+        moved = float(np.std(part.position[part.measured[:, at], at]))
+        # residuals of slides are in metres of the identified scale
+        unit = fit.scale if joint.kind == "slide" else 1.0
+        if fit.rms[joint.name] > LOST_SHARE * unit * moved:
+            return False
+    return True
 
 
 def disagreeing(one: Fit, other: Fit) -> list[tuple[Estimate, Estimate]]:
