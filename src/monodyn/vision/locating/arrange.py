@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,14 +82,10 @@ def arranged(frames: KeyFrames, guess: SceneGuess, start: SceneStart) -> SceneGu
     free = guess.mechanism.with_following(tied, follow=False)
     # what the same search of sizes reaches while every geom stays with the parts that it follows
     kept = _settled(frames, guess, start)
-    best = replace(guess, mechanism=free)
-    for _ in range(ROUNDS):
-        before = frames_cost(frames, best.mechanism, best.camera, best.positions)
-        for geom in geoms:
-            best = replace(best, mechanism=_placed_best(frames, best, geom))
-        best = _settled(frames, best, start)
-        if frames_cost(frames, best.mechanism, best.camera, best.positions) > before - BETTER:
-            break
+    tried = [
+        _in_rounds(frames, replace(guess, mechanism=free), start, geoms, anew=anew) for anew in (False, True)
+    ]
+    best = min(tried, key=lambda one: frames_cost(frames, one.mechanism, one.camera, one.positions))
     # A faint part is cheaper to leave out than to draw: only what covers more of the foreground is believed,
     # and the less of the masks is explained at all, the more of it.
     left = frames_cost(frames, kept.mechanism, kept.camera, kept.positions)
@@ -163,13 +159,46 @@ def _placed_of(mechanism: Mechanism, g: int, solid: Solid) -> Placed | None:
     return Placed(g, link, along, across, width, length, solid.turn, axis, bool(solid.radius))
 
 
-def _placed_best(frames: KeyFrames, guess: SceneGuess, geom: Placed) -> Mechanism:
+def _in_rounds(
+    frames: KeyFrames, guess: SceneGuess, start: SceneStart, geoms: list[Placed], *, anew: bool
+) -> SceneGuess:
+    """Place geoms one after the other, settle all sizes, and again.
+
+    One of them may stand in for a part of another: ``anew`` first hides all of them at their joints and lets
+    the rest of the body take its size.
+    """
+    absent: set[int] = set()
+    if anew:
+        absent = {geom.geom for geom in geoms}
+        guess = _settled(frames, replace(guess, mechanism=_hidden(frames, guess, geoms)), start)
+    for _ in range(ROUNDS):
+        before = frames_cost(frames, guess.mechanism, guess.camera, guess.positions)
+        for geom in geoms:
+            guess = replace(guess, mechanism=_placed_best(frames, guess, geom, absent))
+            absent.discard(geom.geom)
+        guess = _settled(frames, guess, start)
+        if frames_cost(frames, guess.mechanism, guess.camera, guess.positions) > before - BETTER:
+            break
+    return guess
+
+
+def _hidden(frames: KeyFrames, guess: SceneGuess, geoms: list[Placed]) -> Mechanism:
+    """Return the mechanism with geoms as small as a reduced pixel, at their joints."""
+    least = frames.shrink * guess.camera.depth / guess.camera.focal
+    sizes: dict[str, float] = {}
+    for geom in geoms:
+        sizes |= {geom.along: 0.0, geom.across: 0.0, geom.width: least}
+        sizes |= {geom.length: least} if geom.length else {}
+    return guess.mechanism.with_values(sizes)
+
+
+def _placed_best(frames: KeyFrames, guess: SceneGuess, geom: Placed, absent: Collection[int]) -> Mechanism:
     """Return the mechanism with one geom at its best place, as it is where no other place is better."""
     mechanism, axis = guess.mechanism, geom.axis
     view = BodyView(frames, guess, geom.link)
     picture, cell = view.gain.copy(), view.cell
-    picture[view.covered([g for g in view.geoms if g != geom.geom])] = 0.0
-    now = float(picture[view.covered([geom.geom])].sum())
+    picture[view.covered([g for g in view.geoms if g != geom.geom and g not in absent])] = 0.0
+    now = 0.0 if geom.geom in absent else float(picture[view.covered([geom.geom])].sum())
     bar = best_bar(picture) if geom.turn else best_disc(picture)
     if bar.gain < now + BETTER * view.area:
         return mechanism

@@ -187,11 +187,12 @@ def _refined_coarsely(
     frames: KeyFrames, guess: SceneGuess, start: SceneStart, names: Sequence[str]
 ) -> SceneGuess:
     """Refine a guess on the reduced key frames, search the poses again, and refine once more."""
-    guess = arranged(frames, guess, start)
-    variables = _variables(guess, start, names)
     planes = [frame.coarse[np.newaxis] for frame in frames.frames]
     masks = KeyMasks(planes, frames.coarse_view, frames.shrink)
     for _ in range(2):
+        # better poses show better where the further geoms of a body are
+        guess = arranged(frames, guess, start)
+        variables = _variables(guess, start, names)
         thick = replace(guess, mechanism=as_thick(frames, guess.mechanism, guess.camera))
         bundle = refine(masks, thick, variables, COARSE)
         mechanism = thinned(frames, bundle.mechanism, bundle.camera)
