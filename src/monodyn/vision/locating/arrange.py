@@ -18,7 +18,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.solids import SPHERE, Solid
 from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import rig_of
-from monodyn.vision.locating.body import BodyView, best_bar, best_disc
+from monodyn.vision.locating.body import BodyView, beside, best_bar, best_disc
 from monodyn.vision.locating.grow import SceneStart, Structure
 from monodyn.vision.locating.keyframes import KeyFrames
 from monodyn.vision.locating.search import SceneGuess
@@ -76,8 +76,10 @@ def arranged(frames: KeyFrames, guess: SceneGuess, start: SceneStart) -> SceneGu
         The guess with its geoms where they explain more of the masks, and free there; else as it is.
     """
     geoms = further_geoms(guess.mechanism, start.pinned)
-    if not geoms:
-        return guess
+    as_filed = replace(guess, mechanism=_lengthwise(guess.mechanism, geoms))
+    # where the outlines leave nothing over that moves along there is nothing to place
+    if not geoms or max(beside(frames, guess).values()) < BETTER:
+        return as_filed
     tied = followers(guess.mechanism, geoms, start.pinned)
     free = guess.mechanism.with_following(tied, follow=False)
     # what the same search of sizes reaches while every geom stays with the parts that it follows
@@ -91,7 +93,7 @@ def arranged(frames: KeyFrames, guess: SceneGuess, start: SceneStart) -> SceneGu
     left = frames_cost(frames, kept.mechanism, kept.camera, kept.positions)
     drop = left - frames_cost(frames, best.mechanism, best.camera, best.positions)
     if min(drop, _covered(frames, best) - _covered(frames, kept)) < max(BETTER, LEFT_SHARE * left):
-        return replace(guess, mechanism=_lengthwise(guess.mechanism, geoms))
+        return as_filed
     best = replace(best, mechanism=_named(_lengthwise(best.mechanism, geoms), geoms))
     return replace(best, mechanism=_tied_again(frames, best, tied, start.pinned))
 
