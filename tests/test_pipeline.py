@@ -63,7 +63,7 @@ def seen(
     ):  # fmt: skip
         monkeypatch.setattr(pipeline, stage, lambda *args, found=found, **kwargs: found)
     # the poses are made up, and no outline of them lies on the clip's square
-    monkeypatch.setattr(pipeline, "doubt", lambda *args: None)
+    monkeypatch.setattr(pipeline, "doubt", lambda *args, **kwargs: None)
     return clip
 
 
