@@ -29,8 +29,8 @@ LONGEST, RATIO, LENGTHS = 0.97, 1.2, 13
 many are tried."""
 NARROW = Beam(8, 60, 144)
 """Poses kept per link and frame, positions tried per hinge and per slide, while structures grow."""
-KEPT, KEPT_A_ROOT = 24, 10
-"""Structures kept per link, and most of them with the same root."""
+KEPT, KEPT_A_ROOT = 12, 5
+"""Structures kept per link, and most of them with the same root; twice as many of more than ``ALL_TRIED`` links."""
 THIN, THICK = 30.0, 1.6
 """Percentile of the widths of the foreground that counts as thin; wider parts are tried besides where they
 are wider than that by this factor."""
@@ -338,12 +338,13 @@ def _alternately(tried: list[Structure]) -> list[Structure]:
 def _best(tried: list[Structure]) -> list[Structure]:
     """Choose the best structures; of neighbouring lengths at one root only the best one."""
     chosen: list[Structure] = []
+    more = 2 if tried and len(tried[0].mechanism.joints) > ALL_TRIED else 1
     for one in _alternately(tried):
         same = [other for other in chosen if other.root == one.root]
-        if len(same) >= KEPT_A_ROOT or any(_are_neighbours(one, other) for other in same):
+        if len(same) >= more * KEPT_A_ROOT or any(_are_neighbours(one, other) for other in same):
             continue
         chosen.append(one)
-        if len(chosen) == KEPT:
+        if len(chosen) == more * KEPT:
             break
     return chosen
 
