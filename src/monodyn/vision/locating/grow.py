@@ -38,6 +38,8 @@ GROWN_PX = 45
 """Reach of the mechanism in the picture in which structures grow [px]."""
 FIRST_FRAMES, LEFT, LEFT_SHARE = 2, 40, 0.25
 """Frames after which most structures are given up; how many are left, or which share of them."""
+THREAD_PX = 0.2
+"""Width of a part of a body that the masks do not show [px]: wherever it is, it costs next to nothing."""
 END = 0.5
 """How far a body reaches beyond its hinges before it is known, in its widths."""
 ALL_TRIED = 2
@@ -272,6 +274,9 @@ def _widened(structure: Structure, start: SceneStart, link: int, widths: list[fl
     own = [p for p in drawn(structure.mechanism) if p.owner == body and p.name not in start.pinned]
     names = [p.name for p in own if p.kind == "width"]
     ends = [p.name for p in own if p.kind in ("tail", "tip")]
+    if len(names) > 1 and len(widths) == 1:
+        # the masks show one part of the body alone: another one may be a thread that nobody sees
+        widths = [*widths, THREAD_PX]
     # further geoms of a body share the second width: all combinations of many would be too many
     for chosen in itertools.product(widths, repeat=min(len(names), 2)):
         sizes = {name: chosen[min(i, 1)] * per_px for i, name in enumerate(names)}
