@@ -274,11 +274,12 @@ def _widened(structure: Structure, start: SceneStart, link: int, widths: list[fl
     own = [p for p in drawn(structure.mechanism) if p.owner == body and p.name not in start.pinned]
     names = [p.name for p in own if p.kind == "width"]
     ends = [p.name for p in own if p.kind in ("tail", "tip")]
-    if len(names) > 1 and len(widths) == 1:
-        # the masks show one part of the body alone: another one may be a thread that nobody sees
-        widths = [*widths, THREAD_PX]
     # further geoms of a body share the second width: all combinations of many would be too many
-    for chosen in itertools.product(widths, repeat=min(len(names), 2)):
+    tried = list(itertools.product(widths, repeat=min(len(names), 2)))
+    if len(names) > 1:
+        # the masks may show one part of the body alone
+        tried += [(THREAD_PX, width) for width in widths]
+    for chosen in tried:
         sizes = {name: chosen[min(i, 1)] * per_px for i, name in enumerate(names)}
         sizes |= dict.fromkeys(ends, END * (chosen[0] if chosen else widths[0]) * per_px)
         yield replace(structure, mechanism=structure.mechanism.with_values(sizes))
