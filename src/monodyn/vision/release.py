@@ -69,11 +69,11 @@ def free_span(masks: Masks, scene: Scene, poses: Poses) -> FreeSpan:
     span = (min(first, count), min(stop, count))
     if samples.given or samples.thumbnails is None:
         return FreeSpan(*span, ())
-    touched = np.zeros(count, dtype=bool)
     rows = samples.thumbnails.number
+    touched = np.zeros(max(count, int(rows.max(initial=0)) + 1), dtype=bool)
     sampled = np.isin(rows, [frame.index for frame in samples.frames])
     touched[rows] = touching(samples.thumbnails, sampled, scene, poses)
-    first, stop = longest_free(_lasting(touched, poses.time), poses.seen, span)
+    first, stop = longest_free(_lasting(touched[:count], poses.time), poses.seen, span)
     slides = np.array([joint.kind == "slide" for joint in scene.mechanism.joints])
     first = max(first, released(poses, first, stop, slides=slides))
     return FreeSpan(first, stop, tuple(_notes(poses, span, (first, stop))))

@@ -262,7 +262,7 @@ def _unlikeness(samples: list[_Sample], others: list[np.ndarray], shadows: list[
     if float(np.median(np.abs(behind - np.median(behind)))) > VARIES:
         # light falls off across a wall: both the darkening and the colour may change linearly over the
         # picture
-        plane = np.column_stack([np.ones(len(x)), x / x.max(), y / y.max()])
+        plane = np.column_stack([np.ones(len(x)), x / max(x.max(), 1), y / max(y.max(), 1)])
         follows = _rest(plane * behind[:, None], level) / max(_rest(plane, level), 1e-6)
         return follows if copied > COPY else np.inf
     # What only shifts from frame to frame, such as two parts of a cart, correlates with anything that

@@ -15,7 +15,7 @@ from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HI
 from monodyn.types import FULL
 from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, X, Y
 from monodyn.vision.drawing.mismatch import pose_balance
-from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.drawing.rig import Rig, joint_limits
 from monodyn.vision.locating.keyframes import KeyFrame
 
 BEYOND = 0.1
@@ -67,19 +67,24 @@ def extended(
         return grid, costs
     circular = rig.kind[link] == HINGE and len(values) == beam.angles
     kept = best_peaks(costs.reshape(len(poses), len(values)), circular, beam.kept)
-    return _between(frame, rig, link, (grid[kept], costs[kept]), values)
+    step = (values[1] - values[0]) / FINER if len(values) > 1 else 0.0
+    return _between(frame, rig, link, (grid[kept], costs[kept]), step, joint_limits(mechanism))
 
 
 def _between(
-    frame: KeyFrame, rig: Rig, link: int, found: tuple[np.ndarray, np.ndarray], values: np.ndarray
+    frame: KeyFrame,
+    rig: Rig,
+    link: int,
+    found: tuple[np.ndarray, np.ndarray],
+    step: float,
+    limits: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Move the last joint of some poses, and the one that it hangs on, to positions between those tried.
+    """Move the last joint of some poses, and the one that it hangs on, by a step to either side.
 
     A link that lies beside its place by half a step of the one before explains less of the mask than a wrong
     one: structures would be told apart by where the steps fall.
     """
     poses, costs = found
-    step = (values[1] - values[0]) / FINER if len(values) > 1 else 0.0
     parent = int(rig.parent[link])
     moves = np.zeros((1, poses.shape[1]))
     for joint in (link, parent):
@@ -87,12 +92,12 @@ def _between(
             shifts = np.zeros((3, poses.shape[1]))
             shifts[:, joint] = [0.0, -step, step]
             moves = (moves[:, np.newaxis] + shifts).reshape(-1, poses.shape[1])
-    tried = (poses[:, np.newaxis] + moves[1:]).reshape(-1, poses.shape[1])
+    tried = np.clip(poses[:, np.newaxis] + moves, *limits)
     geoms = int(np.sum(rig.link <= link))
-    others = pose_balance(frame.balance, rig, tried, geoms).reshape(len(poses), -1)
-    every = np.column_stack([costs, others])
-    best = every.argmin(axis=1)
-    return poses + moves[best], every[np.arange(len(poses)), best]
+    others = pose_balance(frame.balance, rig, tried[:, 1:].reshape(-1, poses.shape[1]), geoms)
+    every = np.column_stack([costs, others.reshape(len(poses), -1)])
+    rows, best = np.arange(len(poses)), every.argmin(axis=1)
+    return tried[rows, best], every[rows, best]
 
 
 def slide_places(frame: KeyFrame, rig: Rig, row: int, count: int) -> np.ndarray:

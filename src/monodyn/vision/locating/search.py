@@ -26,6 +26,7 @@ from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
 from monodyn.vision.locating.settle import settled
 from monodyn.vision.locating.thin import LEAST_WIDTH_PX, thickened
+from monodyn.vision.locating.unit import drawn
 
 WIDE = Beam(24, 72, 64)
 """Poses kept per link, positions tried per hinge and per slide, when the pose of a known mechanism is looked
@@ -94,7 +95,9 @@ def search_scene(frames: KeyFrames, start: SceneStart, count: int = 7) -> list[S
     guesses = []
     for structure in grown(few, start, roots)[:FINALISTS]:
         better = settled(few, whole(structure, start), start)
-        mechanism = thinned(chosen, better.mechanism, better.camera)
+        held = {p.name: p.value for p in drawn(better.mechanism) if p.name in start.pinned}
+        # what may not change was never made thicker
+        mechanism = thinned(chosen, better.mechanism, better.camera).with_values(held)
         guesses.append(search_poses(chosen, mechanism, better.camera))
     return sorted(guesses, key=lambda guess: guess.score)
 
