@@ -73,3 +73,21 @@ def test_a_motion_that_only_one_number_of_steps_follows_is_not_trusted():
         "motion still grows beyond all bounds, as with a joint that is damped so much that it hardly turns; "
         "check that the mechanism is the one in the record, without joints that it has not."
     )
+
+
+def test_a_length_at_the_limit_of_what_is_tried_is_not_trusted():
+    from monodyn.stages import identify
+
+    single = load("single")
+    times = 0.1 * np.arange(120)
+    # a rod of 1200 times the length in the file would swing as slowly: sqrt(1.5 g / L)
+    rate = np.sqrt(1.5 * 9.81 / (1200.0 * single.values["link1.length"]))
+    slow = record(single, times, (-0.5 * np.pi + 0.1 * np.sin(rate * times))[:, None], noise=5e-3)
+    found = identify(slow, single, IdentifySettings(starts=1))
+    assert not found.ok
+    assert found.status == (
+        "link1.length ended at the limit of what is tried: the motion is not that of the mechanism, or does "
+        "not determine its size; check the mechanism file, or set the limits with --bounds."
+    )
+    wider = single.with_choices(bounds={"link1.length": (0.01, 1e4)})
+    assert identify(slow, wider, IdentifySettings(starts=1)).ok

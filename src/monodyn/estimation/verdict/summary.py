@@ -20,6 +20,7 @@ from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined, refine
 from monodyn.estimation.verdict.trust import LOST_SHARE, verdict
 from monodyn.estimation.verdict.uncertainty import Knowledge
+from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism, Parameter
 from monodyn.types import Poses
 
@@ -62,11 +63,30 @@ def summarize(
     if ok and not np.isfinite(found.error):
         # small residuals with one number of steps only: neither a prediction nor a simulator follows
         status, ok = UNSTABLE, False
+    ended = _at_limit(fit, found.problem.mechanism)
+    if ok and ended:
+        ok = False
+        status = (
+            f"{listed(ended)} ended at the limit of what is tried: the motion is not that of the mechanism, "
+            "or does not determine its size; check the mechanism file, or set the limits with --bounds."
+        )
     fit = replace(fit, status=status, ok=ok, stamp_error=found.noise.stamps)
     # of a motion that is refused it does not matter how exactly it was integrated
     accuracy = advice.integration(found.substeps, found.error, settings.error_bound) if ok else []
     sentences = (*solution.advice, *accuracy, *_advice(found, fit, records))
     return replace(fit, advice=(*sentences, *advice.search_end(found.optimum.converged, solution.tried)))
+
+
+def _at_limit(fit: Fit, mechanism: Mechanism) -> list[str]:
+    """Name the lengths and masses that ended on a bound which the user did not set."""
+    ended, table = [], mechanism.plan.table
+    for p in fit.parameters:
+        if p.at_bound and p.value != 0.0 and mechanism.parameter(p.name).kind in ("length", "mass"):
+            row = table.names.index(p.name)
+            bounds = mechanism.lower[row], mechanism.upper[row]
+            if bounds == (table.lower[row], table.upper[row]):
+                ended.append(p.name)
+    return ended
 
 
 def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:
