@@ -18,7 +18,7 @@ from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.soft import SoftMasks
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.settings import LocateSettings, SegmentSettings, TrackSettings
-from monodyn.vision.track import Follower
+from monodyn.vision.track import Follower, _have_own_planes
 from support import EXAMPLES, ClipMaker, refuses
 
 
@@ -228,3 +228,11 @@ def test_a_clip_of_another_size_is_refused(scene: Scene, make_clip: ClipMaker) -
         "clip.",
     ):
         monodyn.track(masks, scene)
+
+
+def test_a_link_has_a_plane_of_its_own_where_no_other_link_shows_in_it() -> None:
+    part, link = np.array([0, 1, 1, 2, 3]), np.array([0, 1, 1, 2, 2])
+    assert _have_own_planes(part, link, 3).tolist() == [True, True, True]
+    assert _have_own_planes(np.array([0, 1, 0, 2, 3]), link, 3).tolist() == [False, False, True]
+    # a geom that is left out, and a link without any
+    assert _have_own_planes(np.array([0, -1, 1, 2, 3]), link, 4).tolist() == [True, False, True, False]

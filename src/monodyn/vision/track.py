@@ -34,7 +34,7 @@ LEAST_SAMPLES = 8
 """Outline samples below which a link was not seen."""
 LEAST_SHOWN = 0.25
 """Share of a link's outline that stands out from the other links below which the link was not seen: where
-they cover it, it seems to lie on the mask whatever its pose."""
+they cover it, it seems to lie on the mask whatever its pose, unless it has a colour of its own."""
 OF_A_LINK = 0.8
 """Share of ``matched`` and ``inside`` that a single link must reach: it varies more than the whole."""
 DETERMINED = 0.3
@@ -162,6 +162,7 @@ class Follower:
         step = float(np.median(np.diff(scene.masks.video.times)))
         self._motion = Motion(np.where(self._hinge, np.pi, reach), step)
         self._drawn = np.isin(np.arange(len(self._lower)), self._rig.link)
+        self._coloured = _have_own_planes(self._view.part, self._rig.link, len(self._lower))
         self._reduced = replace(no_frames(scene.masks, self._view), thicker=scene.thicker)
         thick = as_thick(self._reduced, scene.mechanism, scene.camera)
         self._coarse = rig_of(thick, scene.camera, shrink=self._reduced.shrink)
@@ -245,7 +246,7 @@ class Follower:
         s, trust = self._settings, np.maximum(links[:, TRUST], 1e-9)
         return (
             (links[:, SAMPLES] >= LEAST_SAMPLES)
-            & (links[:, SAMPLES] >= LEAST_SHOWN * (links[:, SAMPLES] + links[:, BEHIND]))
+            & (self._coloured | (links[:, SAMPLES] >= LEAST_SHOWN * (links[:, SAMPLES] + links[:, BEHIND])))
             & (links[:, NEAR] >= OF_A_LINK * s.matched * trust)
             & (links[:, COVERED] >= OF_A_LINK * s.inside * trust)
         )
@@ -296,6 +297,17 @@ class Follower:
     def _explained(self, frame: KeyFrame, position: np.ndarray) -> float:
         """Return the foreground that a pose covers [reduced px^2]."""
         return covered_area(frame.sums, self._coarse, position)
+
+
+def _have_own_planes(part: np.ndarray, link: np.ndarray, links: int) -> np.ndarray:
+    """Return which links show in planes that no other link shows in, bool (dof,), from both by geom."""
+    shown = [set(part[link == i].tolist()) for i in range(links)]
+    return np.array(
+        [
+            bool(own) and min(own) >= 0 and not any(own & other for k, other in enumerate(shown) if k != i)
+            for i, own in enumerate(shown)
+        ]
+    )
 
 
 def _better(found: Sighting | None, candidate: Sighting) -> Sighting:
