@@ -93,6 +93,11 @@ class Structure:
         return better_mean(np.array(self.shares))
 
     @property
+    def is_measured(self) -> bool:
+        """Whether it is a first link alone whose length was measured."""
+        return len(self.steps) == 1 and self.steps[0] % 1.0 > 0.0
+
+    @property
     def strict_score(self) -> float:
         """The same where what is not explained counts twice if the links laid so far could reach it.
 
@@ -293,7 +298,8 @@ def _raced(
     every = range(len(frames.frames))
     begun = [_laid(one, frames, amounts[one.root], link, every[:FIRST_FRAMES]) for one in tried]
     most = max(LEFT, round(LEFT_SHARE * len(begun)))
-    left = _alternately(begun)[:most]
+    left = _alternately(begun)
+    left = left[:most] + [one for one in left[most:] if one.is_measured]
     return _best([_laid(one, frames, amounts[one.root], link, every[FIRST_FRAMES:]) for one in left])
 
 
@@ -353,6 +359,14 @@ def _best(tried: list[Structure]) -> list[Structure]:
         chosen.append(one)
         if len(chosen) == more * KEPT:
             break
+    # a body before its own picture explains next to nothing, and the others hang on it all the same
+    roots = {one.root for one in chosen if one.is_measured}
+    for one in tried:
+        if one.is_measured and one.root not in roots:
+            chosen.append(
+                min((o for o in tried if o.is_measured and o.root == one.root), key=lambda o: o.score)
+            )
+            roots.add(one.root)
     return chosen
 
 

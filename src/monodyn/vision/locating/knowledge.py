@@ -52,9 +52,10 @@ def _known(bundle: Bundle, *, scale_free: bool) -> tuple[tuple[str, ...], np.nda
     shown = variables.is_size | variables.is_place
     sizes, others = np.flatnonzero(shown), np.flatnonzero(~shown)
     # The Schur complement of the others: what is known of the sizes when the others are free to follow.
-    rest = bundle.information[np.ix_(others, others)] + 1e-9 * np.eye(len(others))
+    # What no picture shows of these has no part in it, and may leave their matrix singular.
+    rest = np.linalg.pinv(bundle.information[np.ix_(others, others)], hermitian=True)
     cross = bundle.information[np.ix_(sizes, others)]
-    known = bundle.information[np.ix_(sizes, sizes)] - cross @ np.linalg.solve(rest, cross.T)
+    known = bundle.information[np.ix_(sizes, sizes)] - cross @ rest @ cross.T
     # Adding the same number to all logarithms is the common scale; places are ratios and do not change by it.
     # Eliminating that direction, instead of setting it to zero, keeps what is known of the ratios and makes
     # the matrix exactly blind to it.
