@@ -118,6 +118,19 @@ class SceneVariables:
         return np.array([kind in (*SIZE_KINDS, SIDES, *LOG_CAMERA) for kind in self.kinds], dtype=bool)
 
     @cached_property
+    def creeps(self) -> np.ndarray:
+        """True for what may be hidden inside of another geom of its body, bool (param,): not the ends of a
+        body of one geom."""
+        several = {name.split(".")[0] for name in self.names if name.count(".") == 2}
+        return np.array(
+            [
+                kind not in ("tail", "tip") or name.split(".")[0] in several
+                for name, kind in zip(self.names, self.kinds, strict=True)
+            ],
+            dtype=bool,
+        )
+
+    @cached_property
     def is_place(self) -> np.ndarray:
         """True for places, bool (param,)."""
         return np.array([kind in PLACE_KINDS for kind in self.kinds], dtype=bool)
@@ -210,7 +223,7 @@ def refine(
         mechanism, camera = variables.write(x, mechanism, camera)
         rig, shifts = _shifted_rigs(variables, x, mechanism, camera, masks.shrink)
         terms = _normal_equations(masks, rig, shifts, q, (reach, search.spacing))
-        step, q_step = _step(terms, x, *_springs(variables, x))
+        step, q_step = _step(terms, x, variables.creeps, *_springs(variables, x))
         x = x + step
         x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
@@ -327,7 +340,7 @@ def _springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _step(
-    terms: _Terms, x: np.ndarray, anchor: np.ndarray, stiffness: np.ndarray
+    terms: _Terms, x: np.ndarray, creeps: np.ndarray, anchor: np.ndarray, stiffness: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve the damped normal equations by eliminating the poses."""
     weight = 1.0 / NOISE_PX**2
@@ -350,7 +363,7 @@ def _step(
     step = np.linalg.solve(system, weight * right + stiffness * (anchor - x))
     # What no edge shows, such as an end inside of another geom, follows its spring a little at a time: else
     # it would leap out of there, be drawn back by the edges, and leap again.
-    hidden = weight * np.diag(xx) < stiffness
+    hidden = creeps & (weight * np.diag(xx) < stiffness)
     step[hidden] = np.clip(step[hidden], -HIDDEN_STEP, HIDDEN_STEP)
     # the poses follow the step that is taken, so it is cut off before they are computed
     step = np.clip(step, -MOST_STEP, MOST_STEP)
