@@ -147,12 +147,17 @@ def test_masses_are_those_of_mujoco_at_any_sizes(name: str, free: bool, tmp_path
     assert about == pytest.approx(row[INERTIA], rel=1e-6)
 
 
-@pytest.mark.parametrize("name", BODIES)
-def test_written_geoms_look_the_same(name: str, tmp_path: Path) -> None:
-    mechanism = body(BODIES[name], tmp_path)
+def disarranged(name: str, folder: Path) -> Mechanism:
+    """Return a body every part of which has a size, a place and a turn of its own."""
+    mechanism = body(BODIES[name], folder)
     mechanism = wrong(mechanism.with_choices(free=sorted(following(mechanism))), 5)
     turns = [p.name for p in mechanism.parameters if p.kind == "turn"]
-    mechanism = mechanism.with_values({turn: mechanism.values[turn] - 0.5 for turn in turns})
+    return mechanism.with_values({turn: mechanism.values[turn] - 0.5 for turn in turns})
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_written_geoms_look_the_same(name: str, tmp_path: Path) -> None:
+    mechanism = disarranged(name, tmp_path)
     write_mjcf(mechanism, tmp_path / "model.xml")
     ours, theirs = mechanism.shapes, load(tmp_path / "model.xml").shapes
     for g in range(len(ours.body)):
@@ -180,10 +185,7 @@ def shadow(mechanism: Mechanism) -> np.ndarray:
 
 @pytest.mark.parametrize("name", BODIES)
 def test_a_urdf_shows_the_same_body_with_the_same_inertia(name: str, tmp_path: Path) -> None:
-    mechanism = body(BODIES[name], tmp_path)
-    mechanism = wrong(mechanism.with_choices(free=sorted(following(mechanism))), 5)
-    turns = [p.name for p in mechanism.parameters if p.kind == "turn"]
-    mechanism = mechanism.with_values({turn: mechanism.values[turn] - 0.5 for turn in turns})
+    mechanism = disarranged(name, tmp_path)
     write_urdf(mechanism, tmp_path / "model.urdf")
     again = load(tmp_path / "model.urdf")
     ours, theirs = shadow(mechanism), shadow(again)

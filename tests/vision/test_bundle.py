@@ -97,3 +97,9 @@ def test_widths_are_right_where_the_sides_of_the_bodies_show(tmp_path: Path) -> 
     # 0.05 px of 6 px; held at the start, the thickness takes 20 % of the widths
     assert found["a.width"] * scale == pytest.approx(0.03, rel=0.01)
     assert found["b.width"] * scale == pytest.approx(0.03, rel=0.01)
+
+
+def test_only_what_another_geom_may_hide_creeps() -> None:
+    names = ["link1.length", "link1.tail", "link1.tip", "camera.x"]
+    assert scene_variables(load("double"), names).creeps.tolist() == [True, False, False, True]
+    assert scene_variables(load("bob"), ["link1.length", "link1.sphere.width"]).creeps.all()

@@ -6,6 +6,7 @@ eliminated frame by frame (Schur complement), so a step costs little more than t
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -98,6 +99,8 @@ class SceneVariables:
         thick: Names of the thicknesses that keep their proportions to the one among the variables.
         start: Values of the mechanism file by name, to which weak springs hold what the masks do not show.
         length: Mean length of the bodies in the file [m]; 0 without any.
+        creeps: True for what may be hidden inside of another geom of its body, bool (param,): not the ends of
+            a body of one geom.
     """
 
     names: tuple[str, ...]
@@ -106,6 +109,7 @@ class SceneVariables:
     thick: tuple[str, ...]
     start: dict[str, float]
     length: float
+    creeps: np.ndarray
 
     @cached_property
     def is_size(self) -> np.ndarray:
@@ -116,19 +120,6 @@ class SceneVariables:
     def log(self) -> np.ndarray:
         """True for what is refined as a logarithm, bool (param,)."""
         return np.array([kind in (*SIZE_KINDS, SIDES, *LOG_CAMERA) for kind in self.kinds], dtype=bool)
-
-    @cached_property
-    def creeps(self) -> np.ndarray:
-        """True for what may be hidden inside of another geom of its body, bool (param,): not the ends of a
-        body of one geom."""
-        several = {name.split(".")[0] for name in self.names if name.count(".") == 2}
-        return np.array(
-            [
-                kind not in ("tail", "tip") or name.split(".")[0] in several
-                for name, kind in zip(self.names, self.kinds, strict=True)
-            ],
-            dtype=bool,
-        )
 
     @cached_property
     def is_place(self) -> np.ndarray:
@@ -196,7 +187,12 @@ def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariable
     kinds, against = tuple(kinds[i] for i in single), tuple(against[i] for i in single)
     lengths = [p.value for p in mechanism.parameters if p.kind == "length"]
     mean = float(np.mean(lengths or [0.0]))
-    return SceneVariables(tuple(names[i] for i in single), kinds, against, thick, mechanism.values, mean)
+    names = tuple(names[i] for i in single)
+    geoms = Counter(p.owner for p in mechanism.parameters if p.kind == "width")
+    ends = [n for n, kind in zip(names, kinds, strict=True) if kind in ("tail", "tip")]
+    alone = [n for n in ends if geoms[known[n].owner] < 2]
+    creeps = np.array([n not in alone for n in names], dtype=bool)
+    return SceneVariables(names, kinds, against, thick, mechanism.values, mean, creeps)
 
 
 def refine(

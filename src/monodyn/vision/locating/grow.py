@@ -44,8 +44,7 @@ THREAD_PX = 0.2
 END = 0.5
 """How far a body reaches beyond its hinges before it is known, in its widths."""
 ALL_TRIED = 2
-"""Links up to which all lengths are tried with all others; of more links only the best go on, and the file's
-proportions are tried besides."""
+"""Links up to which about all lengths are tried with all others; of more links only the best go on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,20 +132,7 @@ def grown(frames: KeyFrames, start: SceneStart, roots: list[Root]) -> list[Struc
             ]
         wide = [widened for one in tried for widened in _widened(one, start, link, widths)]
         structures = _raced(wide, quick, amounts, link)
-    if len(start.mechanism.joints) > ALL_TRIED:
-        structures = _best([*structures, *_as_filed(quick, start, roots, amounts)])
     return structures
-
-
-def _as_filed(
-    frames: KeyFrames, start: SceneStart, roots: list[Root], amounts: list[list[np.ndarray]]
-) -> list[Structure]:
-    """Return the best structures that have the file's proportions, at any scale."""
-    tried = [seed for i in range(len(roots)) for seed in _seeds(start, i, roots[i])]
-    for link in range(len(start.mechanism.joints)):
-        later = [replace(one, steps=(*one.steps, *one.steps[:1])) if link else one for one in tried]
-        tried = _raced(later, frames, amounts, link)
-    return tried
 
 
 def typical_widths(frames: KeyFrames) -> list[float]:
