@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from monodyn.types import FULL, Frame
@@ -13,11 +14,15 @@ from monodyn.vision.foreground.shadow import find_shadow, in_shadow
 H, W, LINK, RATIO = 240, 320, 60.0, 0.6
 
 
-def swinging(*, shadow: bool, second: float = LINK, checker: float = 30.0) -> list[Frame]:
-    """Paint two links that turn apart before a wall, with a shadow of them 44 px to the right and 36 down."""
+def swinging(
+    *, shadow: bool, second: float = LINK, checker: float = 30.0, soft: float = 0.0, grain: float = 0.0
+) -> list[Frame]:
+    """Paint two links that turn apart before a wall, with a shadow of them 44 px to the right and 36 down;
+    its border is ``soft`` [px], and the wall has a ``grain`` [grey levels]."""
     rng = np.random.default_rng(5)
     y, x = np.indices((H, W)).astype(float)
     wall = 190.0 - checker * (((x // 40) + (y // 40)) % 2)
+    wall += grain * cv2.GaussianBlur(rng.normal(size=wall.shape), (0, 0), 2.0) * 7.0
     frames = []
     for i in range(40):
         first, other = 0.2 + 0.07 * i, 2.4 - 0.13 * i
@@ -30,7 +35,11 @@ def swinging(*, shadow: bool, second: float = LINK, checker: float = 30.0) -> li
                 along = (x - cx - right) * np.cos(angle) + (y - cy - down) * np.sin(angle)
                 across = (y - cy - down) * np.cos(angle) - (x - cx - right) * np.sin(angle)
                 inside = (along > 0) & (along < 60) & (np.abs(across) < 8)
-                picture[inside] = RATIO * wall[inside] if dark else level
+                if dark:
+                    deep = cv2.GaussianBlur(inside.astype(float), (0, 0), soft) if soft else inside
+                    picture = np.minimum(picture, wall * (1.0 - (1.0 - RATIO) * deep))
+                else:
+                    picture[inside] = level
         noisy = picture + rng.normal(scale=1.0, size=picture.shape)
         frames.append(Frame(i, i / 30, np.round(noisy).clip(0, 255).astype(np.uint8)))
     return frames
@@ -68,6 +77,15 @@ def test_before_a_plain_wall_what_is_hidden_more_often_is_the_shadow() -> None:
     shadow = find_shadow(made, background_of_all(made), 14.0)
     assert shadow is not None
     assert shadow.low < RATIO < shadow.high
+
+
+def test_a_soft_shadow_shows_the_grain_of_the_wall() -> None:
+    made = swinging(shadow=True, checker=0.0, soft=4.0, grain=4.0)
+    shadow = find_shadow(made, background_of_all(made), 14.0)
+    assert shadow is not None
+    assert shadow.low < RATIO + 0.1 < shadow.high
+    links = swinging(shadow=False, second=110.0, checker=0.0, grain=4.0)
+    assert find_shadow(links, background_of_all(links), 14.0) is None
 
 
 def test_a_still_clip_has_no_shadow() -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +25,9 @@ TINT = 5.0
 """Distance of a shadow's tint from that of the darkened background, at most [grey levels]."""
 BINS = 50
 """Bins of the histogram of ratios from 0 to 1."""
+PROMINENT, MATTERS = 0.3, 0.15
+"""Share of its height by which a peak of that histogram stands out, at least, and down to which its slopes
+count."""
 LEAST_SHARE = 0.1
 """Share of what moves that a shadow has at least, and that is left without it."""
 COPY, PLAIN_COPY = 0.6, 0.85
@@ -33,11 +37,13 @@ TURNED = 0.1
 """That correlation is better by this, at least, than the one of what moves with itself in other frames."""
 APART = 0.02
 """Least offset of a shadow, as a share of the picture's longer side."""
-FOLLOWS = 0.6
-"""A shadow's grey levels lie this much nearer to the darkened background, at most, than to one colour."""
-VARIES = 3.0
-"""Typical deviation of the background behind a shadow from which it shows whether the shadow follows it
-[grey levels]."""
+FOLLOWS = 0.5
+"""Share of the background's detail that a shadow lacks, at most: a body shows none of it, a shadow all."""
+DETAIL = 4
+"""Half of the window over which grey levels are compared with those around them, in reduced pixels."""
+SIGMAS = 2.5
+"""Standard deviations by which the share is off from that, at least; else the background is too plain to
+say."""
 FRAMES = 12
 """Samples in which a shadow is looked for."""
 WIDE_PX = 360
@@ -205,19 +211,18 @@ def _keeps_tint(chroma: Sequence[np.ndarray], behind: Sequence[np.ndarray], rati
 def _modes(ratios: np.ndarray, least: float) -> list[tuple[float, float]]:
     """Return the least and the largest ratio around each mode of their histogram that holds enough pixels."""
     import cv2
+    from scipy.signal import find_peaks
 
     counts, edges = np.histogram(ratios, BINS, (0.0, 1.0))
     smooth = cv2.GaussianBlur(counts.astype(np.float32)[None], (7, 1), 1.2).ravel()
+    peaks, about = find_peaks(smooth, prominence=0.0)
+    # the soft border of a shadow has all ratios, and many a peak of chance
+    peaks = peaks[about["prominences"] >= PROMINENT * smooth[peaks]]
+    valleys = [a + int(np.argmin(smooth[a:b])) for a, b in pairwise(peaks)]
     modes = []
-    for k in range(1, BINS - 1):
-        if not smooth[k - 1] <= smooth[k] > smooth[k + 1]:
-            continue
-        low, high = k, k
-        # downhill to either side, as long as it matters
-        while low > 0 and smooth[low - 1] < smooth[low] and smooth[low] > 0.02 * smooth[k]:
-            low -= 1
-        while high < BINS - 1 and smooth[high + 1] < smooth[high] and smooth[high] > 0.02 * smooth[k]:
-            high += 1
+    for k, first, last in zip(peaks, [0, *valleys], [*valleys, BINS - 1], strict=False):
+        matters = first + np.flatnonzero(smooth[first : last + 1] > MATTERS * smooth[k])
+        low, high = matters[0], matters[-1]
         if counts[low : high + 1].sum() >= least:
             modes.append((float(edges[low]), float(edges[high + 1])))
     return modes
@@ -255,16 +260,9 @@ def _unlikeness(samples: list[_Sample], others: list[np.ndarray], shadows: list[
     """
     near = max(2, round(APART * max(others[0].shape) / 2))
     copied = _correlation(others, shadows, near)
-    pairs = list(zip(samples, shadows, strict=True))
-    rows = [np.column_stack([*np.nonzero(shadow), s.behind[shadow], s.ratio[shadow]]) for s, shadow in pairs]
-    y, x, behind, ratio = np.concatenate(rows).T
-    level = ratio * behind
-    if float(np.median(np.abs(behind - np.median(behind)))) > VARIES:
-        # light falls off across a wall: both the darkening and the colour may change linearly over the
-        # picture
-        plane = np.column_stack([np.ones(len(x)), x / max(x.max(), 1), y / max(y.max(), 1)])
-        follows = _rest(plane * behind[:, None], level) / max(_rest(plane, level), 1e-6)
-        return follows if copied > COPY else np.inf
+    shown, std = _detail_shown(samples, shadows)
+    if abs(1.0 - shown - FOLLOWS) > SIGMAS * std:
+        return 1.0 - shown if copied > COPY else np.inf
     # What only shifts from frame to frame, such as two parts of a cart, correlates with anything that
     # shifts too.
     half = len(others) // 2
@@ -276,7 +274,24 @@ def _unlikeness(samples: list[_Sample], others: list[np.ndarray], shadows: list[
     return FOLLOWS / (1.001 + float(areas.std() / max(areas.mean(), 1.0)))
 
 
-def _rest(terms: np.ndarray, level: np.ndarray) -> float:
-    """Return the typical distance of levels (pixel,) from their least-squares fit by terms (pixel, term)."""
-    found = np.linalg.lstsq(terms, level)[0]
-    return float(np.median(np.abs(level - terms @ found)))
+def _detail_shown(samples: list[_Sample], shadows: list[np.ndarray]) -> tuple[float, float]:
+    """Return how much of the darkened background's detail the pixels show, as a share, and its standard
+    deviation.
+
+    What a pixel differs by from the shadow around it is compared: a soft border and light that falls off
+    across a wall change grey levels more than any detail does, but not from one pixel to the next.
+    """
+    import cv2
+
+    size, pairs, ratios = (2 * DETAIL + 1, 2 * DETAIL + 1), [], []
+    for s, shadow in zip(samples, shadows, strict=True):
+        weight = shadow.astype(np.float32)
+        around = np.maximum(cv2.blur(weight, size), 1e-6)
+        pairs.append(
+            [(v - cv2.blur(weight * v, size) / around)[shadow] for v in (s.ratio * s.behind, s.behind)]
+        )
+        ratios.append(s.ratio[shadow])
+    level, behind = (np.concatenate(values) for values in zip(*pairs, strict=True))
+    power, ratio = max(float(behind @ behind), 1e-9), float(np.median(np.concatenate(ratios)))
+    slope = float(level @ behind) / power
+    return slope / ratio, float(np.std(level - slope * behind)) / np.sqrt(power) / ratio
