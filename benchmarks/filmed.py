@@ -1,8 +1,9 @@
 """Run the program with default settings on made clips of everything that happens while people film.
 
-``python benchmarks/filmed.py [--only NAME ...] [--runs FOLDER] [--gate]``. A clip of ``cases.py``'s kind is
-drawn, and something is done to it: a hand holds and lets go, a post stands before it, the pivot is above the
-picture. A run is right, refused, or wrong and called ok, which none may be. The truth only judges.
+``python benchmarks/filmed.py [--only NAME ...] [--random N [--first SEED]] [--runs FOLDER] [--gate]``. A clip
+of ``cases.py``'s kind is drawn, and something is done to it: a hand holds and lets go, a post stands before
+it, the pivot is above the picture; or mechanism, picture, file and what happens are drawn at random. A run
+is right, refused, or wrong and called ok, which none may be. The truth only judges.
 """
 
 from __future__ import annotations
@@ -185,6 +186,65 @@ TAKES = {
 """The clips by name."""
 
 
+SHADES: tuple[Colour, ...] = (
+    RED, BLUE, DARK, (240, 238, 230), (176, 126, 78), (52, 120, 70), (226, 190, 60), (128, 130, 134)
+)  # fmt: skip
+"""Colours of random mechanisms, RGB."""
+WALLS: tuple[Colour, ...] = ((190, 184, 170), (228, 226, 220), (128, 128, 126), (96, 104, 116))
+"""Colours of the walls behind them."""
+BY_CHANCE: tuple[Effect, ...] = (_hand, _post, _passer_by, _clock, _fade, _lamp, _shadow, _pane)
+"""What may happen to a random clip."""
+START_FACTOR = 4.0
+"""How far the sizes of a random clip's file are off, at most, either way."""
+
+
+def at_random(seed: int) -> tuple[Take, tuple[Part, ...]]:
+    """Draw a clip and a mechanism file to start from.
+
+    Args:
+        seed: Which one.
+
+    Returns:
+        The clip, and the parts with sizes that are off, each by a factor of its own.
+    """
+    rng = np.random.default_rng(seed)
+    shades = [SHADES[i] for i in rng.choice(len(SHADES), 3, replace=False)]
+    lengths = 0.2 * rng.uniform(0.6, 1.5, 3)
+    widths = lengths.mean() * rng.uniform(0.06, 0.14, 3)
+    hinged = chain(tuple(lengths), tuple(widths), tuple(shades))
+    angles = rng.uniform(-1.8, 1.8, 3)
+    kind = str(rng.choice(["single", "double", "double", "triple", "bob", "ball", "cart"]))
+    parts = hinged[: {"single": 1, "double": 2, "triple": 3}.get(kind, 1)]
+    start = tuple(angles[: len(parts)] + np.where(np.arange(len(parts)) == 0, -np.pi / 2, 0.0))
+    pivot, fill = (float(rng.uniform(0.35, 0.65)), float(rng.uniform(0.35, 0.55))), rng.uniform(0.55, 0.85)
+    if kind == "bob":
+        parts = (replace(parts[0], width=0.4 * widths[0], shape="capsule", ball=widths[0]),)
+    elif kind == "ball":
+        parts = _thread(float(lengths[0]), float(widths[0]), shades[0])
+        pivot, fill, start = (0.5, -0.1), 1.8, (-np.pi / 2 + 0.5 * angles[0],)
+    elif kind == "cart":
+        cart = Part(0.12, 0.06, 0.02, shades[1], kind="slide", mass=0.4, damping=0.06)
+        parts, start = (
+            (cart, replace(parts[0], parent=0, layer=0.02)),
+            (float(rng.uniform(-0.1, 0.1)), *start),
+        )
+    case = Case(
+        f"random_{seed}_{kind}", parts, start,
+        size=((640, 360), (720, 480), (480, 640), (854, 480), (1280, 720))[rng.integers(5)],
+        rate=int(rng.choice([24, 25, 30, 50, 60])), seconds=5.0, fovy=float(rng.uniform(28, 60)),
+        fill=float(fill), pivot=pivot, base=WALLS[rng.integers(len(WALLS))],
+        wall=("plain", "mottled", "checker", "stripes", "room")[rng.integers(5)],
+        noise=float(rng.uniform(1.0, 4.0)), crf=int(rng.integers(18, 30)), seed=seed,
+    )  # fmt: skip
+    effects = tuple(BY_CHANCE[i] for i in rng.choice(len(BY_CHANCE), rng.integers(3), replace=False))
+    factors = START_FACTOR ** rng.uniform(-1.0, 1.0, (len(parts), 2))
+    off = tuple(
+        replace(part, length=part.length * a, width=part.width * b, ball=part.ball * b)
+        for part, (a, b) in zip(parts, factors, strict=True)
+    )
+    return Take(case, effects, held=1.2 if _hand in effects else 0.0), off
+
+
 def main() -> int:
     """Run what was asked for and print the table.
 
@@ -193,34 +253,44 @@ def main() -> int:
     """
     parser = command_line(__doc__, tuple(TAKES))
     parser.add_argument("--runs", type=Path, metavar="FOLDER", help="keep clips and run folders there")
+    parser.add_argument("--random", type=int, metavar="N", help="N random clips in place of the named ones")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first of them")
     options = parser.parse_args()
+    if options.random:
+        drawn = [at_random(seed) for seed in range(options.first, options.first + options.random)]
+    else:
+        named = [
+            replace(take, case=replace(take.case, name=name, seed=number))
+            for number, (name, take) in enumerate(TAKES.items(), start=1)
+            if not options.only or name in options.only
+        ]
+        drawn = [(take, tuple(wrong(part) for part in take.case.parts)) for take in named]
     figures: list[Figure] = []
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.runs or Path(temporary)
-        for number, name in enumerate(TAKES):
-            if not options.only or name in options.only:
-                figures += judged(name, number, folder / name)
+        for take, start in drawn:
+            figures += judged(take, start, folder / take.case.name)
     print(table(figures))
     right = sum(f.value for f in figures if f.name == "right")
-    print(f"{right:.0f} of {len(options.only or TAKES)} are right, each other one is refused or missed above")
+    print(f"{right:.0f} of {len(drawn)} are right, each other one is refused or missed above")
     return finish(figures, to=options.json, gate=options.gate)
 
 
-def judged(name: str, seed: int, folder: Path) -> list[Figure]:
+def judged(take: Take, start: tuple[Part, ...], folder: Path) -> list[Figure]:
     """Make a clip, run it with default settings and compare with the truth.
 
     Args:
-        name: Of the clip.
-        seed: Of its noise.
+        take: What the clip shows.
+        start: The mechanism of the file that is given.
         folder: Where clip and run folder go.
 
     Returns:
         Whether it is right, whether it is wrong and called ok, and the errors.
     """
-    take = replace(TAKES[name], case=replace(TAKES[name].case, seed=seed + 1))
+    name = take.case.name
     folder.mkdir(parents=True, exist_ok=True)
     clip, truth = folder / "clip.mp4", filmed(take, folder / "clip.mp4")
-    (folder / "model.xml").write_text(mjcf(tuple(wrong(part) for part in take.case.parts)))
+    (folder / "model.xml").write_text(mjcf(start))
     began = time.perf_counter()
     try:
         outcome = monodyn.run(clip, folder / "model.xml", folder / "run", force=True)
