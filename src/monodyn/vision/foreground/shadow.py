@@ -25,9 +25,9 @@ TINT = 5.0
 """Distance of a shadow's tint from that of the darkened background, at most [grey levels]."""
 BINS = 50
 """Bins of the histogram of ratios from 0 to 1."""
-PROMINENT, MATTERS = 0.3, 0.15
-"""Share of its height by which a peak of that histogram stands out, at least, and down to which its slopes
-count."""
+VALLEY, MATTERS = 0.7, 0.15
+"""Height of a valley of that histogram over its lower side, at most, and of the slopes that count over their
+peak, at least."""
 LEAST_SHARE = 0.1
 """Share of what moves that a shadow has at least, and that is left without it."""
 COPY, PLAIN_COPY = 0.6, 0.85
@@ -211,13 +211,18 @@ def _keeps_tint(chroma: Sequence[np.ndarray], behind: Sequence[np.ndarray], rati
 def _modes(ratios: np.ndarray, least: float) -> list[tuple[float, float]]:
     """Return the least and the largest ratio around each mode of their histogram that holds enough pixels."""
     import cv2
-    from scipy.signal import find_peaks
 
     counts, edges = np.histogram(ratios, BINS, (0.0, 1.0))
     smooth = cv2.GaussianBlur(counts.astype(np.float32)[None], (7, 1), 1.2).ravel()
-    peaks, about = find_peaks(smooth, prominence=0.0)
-    # the soft border of a shadow has all ratios, and many a peak of chance
-    peaks = peaks[about["prominences"] >= PROMINENT * smooth[peaks]]
+    peaks: list[int] = []
+    for k in range(1, BINS - 1):
+        if not smooth[k - 1] <= smooth[k] > smooth[k + 1]:
+            continue
+        # the soft border of a shadow has all ratios, and many a peak of chance: of two without a valley
+        # between them the higher one stands for both
+        while peaks and smooth[peaks[-1] : k].min() > VALLEY * min(smooth[peaks[-1]], smooth[k]):
+            k = max(k, peaks.pop(), key=lambda at: smooth[at])
+        peaks.append(k)
     valleys = [a + int(np.argmin(smooth[a:b])) for a, b in pairwise(peaks)]
     modes = []
     for k, first, last in zip(peaks, [0, *valleys], [*valleys, BINS - 1], strict=False):
