@@ -76,18 +76,30 @@ def _variances(squares: np.ndarray, design: np.ndarray) -> tuple[np.ndarray, np.
     Returns:
         The variances (sample,) and the coefficients (column,).
     """
-    from scipy.optimize import nnls
-
     size = np.sqrt(np.mean(design**2, axis=0))
     design = design / np.where(size > 0, size, 1.0)
     found, variance = np.zeros(design.shape[1]), np.full(len(squares), max(float(np.mean(squares)), 1e-300))
     for _ in range(ROUNDS):
         # the variance of a square is twice its squared mean
-        before, found = found, nnls(design / variance[:, None], squares / variance)[0]
+        before, found = found, _not_negative(design / variance[:, None], squares / variance)
         variance = np.maximum(design @ found, 1e-3 * float(np.mean(design @ found)) + 1e-300)
         if np.all(np.abs(found - before) <= SETTLED * np.maximum(found, before)):
             break
     return variance, found / np.where(size > 0, size, 1.0)
+
+
+def _not_negative(design: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return least-squares coefficients (column,) of a design (sample, column), the most negative one set to
+    zero until none is."""
+    # for so few columns; importing a library's solver takes longer than the whole fit
+    found, kept = np.zeros(design.shape[1]), np.ones(design.shape[1], dtype=bool)
+    while kept.any():
+        found[kept] = np.linalg.lstsq(design[:, kept], values, rcond=None)[0]
+        if found.min() >= 0.0:
+            break
+        kept[np.argmin(found)] = False
+        found[~kept] = 0.0
+    return found
 
 
 def _unlikely(squares: np.ndarray, variance: np.ndarray) -> float:
