@@ -190,6 +190,7 @@ def _reduced(frame: Frame, background: Background, contrast: float, step: int) -
     ratio = luma / np.maximum(behind, 1.0)
     noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[::step, ::step]
     moves = np.abs(luma - behind) > np.maximum(contrast, CHANGED_NOISE * noise)
+    moves &= background.counts[::step, ::step]
     darkened = moves & (ratio > DEEPEST) & (ratio < LIT)
     if frame.chroma is not None and background.chroma is not None:
         darkened &= _keeps_tint(frame.chroma, background.chroma, ratio)

@@ -269,8 +269,9 @@ def _widened(structure: Structure, start: SceneStart, link: int, widths: list[fl
     # further geoms of a body share the second width: all combinations of many would be too many
     tried = list(itertools.product(widths, repeat=min(len(names), 2)))
     if len(names) > 1:
-        # the masks may show one part of the body alone
-        tried += [(THREAD_PX, width) for width in widths]
+        # the masks may show one part of the body alone; which of them the file takes for its main part
+        # depends on its sizes
+        tried += [pair for width in widths for pair in ((THREAD_PX, width), (width, THREAD_PX))]
     for chosen in tried:
         sizes = {name: chosen[min(i, 1)] * per_px for i, name in enumerate(names)}
         sizes |= dict.fromkeys(ends, END * (chosen[0] if chosen else widths[0]) * per_px)
