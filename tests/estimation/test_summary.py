@@ -91,3 +91,19 @@ def test_a_length_at_the_limit_of_what_is_tried_is_not_trusted():
     )
     wider = single.with_choices(bounds={"link1.length": (0.01, 1e4)})
     assert identify(slow, wider, IdentifySettings(starts=1)).ok
+
+
+def test_a_length_as_uncertain_as_its_value_is_not_trusted():
+    from monodyn.stages import identify
+
+    single, times = load("single"), np.arange(60) / 30.0
+    # a pendulum that creeps shows its damping over its length, and neither alone
+    creep = record(single, times, (-0.5 * np.pi + 0.5 * np.exp(-times))[:, None], noise=5e-3)
+    found = identify(creep, single, IdentifySettings(starts=1))
+    assert not found.ok
+    assert found.status == (
+        "The motion does not determine link1.length: the error is as large as the value. A longer record or "
+        "a livelier motion would help, or a measured length, given with --fix."
+    )
+    known = single.with_choices(fix={"link1.length": single.values["link1.length"]})
+    assert identify(creep, known, IdentifySettings(starts=1)).ok

@@ -70,6 +70,13 @@ def summarize(
             f"{listed(ended)} ended at the limit of what is tried: the motion is not that of the mechanism, "
             "or does not determine its size; check the mechanism file, or set the limits with --bounds."
         )
+    unsure = _undetermined(fit, found.problem.mechanism)
+    if ok and unsure:
+        ok = False
+        status = (
+            f"The motion does not determine {listed(unsure)}: the error is as large as the value. A longer "
+            "record or a livelier motion would help, or a measured length, given with --fix."
+        )
     fit = replace(fit, status=status, ok=ok, stamp_error=found.noise.stamps)
     # of a motion that is refused it does not matter how exactly it was integrated
     accuracy = advice.integration(found.substeps, found.error, settings.error_bound) if ok else []
@@ -87,6 +94,13 @@ def _at_limit(fit: Fit, mechanism: Mechanism) -> list[str]:
             if bounds == (table.lower[row], table.upper[row]):
                 ended.append(p.name)
     return ended
+
+
+def _undetermined(fit: Fit, mechanism: Mechanism) -> list[str]:
+    """Name the lengths whose interval reaches as far as their value, which is no scale left open: that of all
+    lengths, which a choice of gravity or time leaves, has no interval at all."""
+    hardly = [p.name for p in fit.parameters if p.free and np.isfinite(p.std) and not p.identifiable]
+    return [name for name in hardly if mechanism.parameter(name).kind == "length"]
 
 
 def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:
