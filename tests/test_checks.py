@@ -166,7 +166,8 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
     assert doubt(sight, poses(25, 100)) is None  # type: ignore[arg-type]
     assert doubt(sight, poses(24, 100)) == (  # type: ignore[arg-type]
         "Only 24 of the 100 frames to fit were tracked: too few to trust that the mechanism was followed and "
-        "not something like it; diagnosis.png shows what was seen."
+        "not something like it; diagnosis.png shows what was seen. --time-range A:B and --roi X,Y,W,H choose "
+        "frames and a part of the picture in which it shows."
     )
     video = SimpleNamespace(repeats=SimpleNamespace(frames=tuple(range(50, 60))))
     repeated = SimpleNamespace(
@@ -177,7 +178,8 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
     assert doubt(sight, poses(100, 100)) == (  # type: ignore[arg-type]
         "The mechanism as it was located differs from what stands out from the background by 83% of its "
         "area: it is in the wrong place, of the wrong size or blurred by its motion, or other things move "
-        "with it; diagnosis.png shows what was seen."
+        "with it; diagnosis.png shows what was seen. --roi X,Y,W,H and --time-range A:B leave other things "
+        "out."
     )
     assert doubt(SimpleNamespace(mismatch=float("nan"), scene=None), poses(9, 9)) is None  # type: ignore[arg-type]
     scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={"link1": 0.02, "link2": 0.12})

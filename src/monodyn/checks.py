@@ -258,13 +258,15 @@ def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
     if seen < LEAST_SEEN * count:
         return (
             f"Only {seen} of the {count} frames to fit were tracked: too few to trust that the mechanism was "
-            "followed and not something like it; diagnosis.png shows what was seen."
+            "followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
+            "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
         )
     if sight.mismatch > MOST_MISMATCH:
         return (
             "The mechanism as it was located differs from what stands out from the background by "
             f"{sight.mismatch:.0%} of its area: it is in the wrong place, of the wrong size or blurred by "
-            "its motion, or other things move with it; diagnosis.png shows what was seen."
+            "its motion, or other things move with it; diagnosis.png shows what was seen. --roi X,Y,W,H and "
+            "--time-range A:B leave other things out."
         )
     beside = {} if sight.scene is None else sight.scene.beside
     body = max(beside, key=lambda name: beside[name], default="")
