@@ -12,7 +12,7 @@ from monodyn.mechanism import load
 from monodyn.types import Frame
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background, Window
-from monodyn.vision.foreground.masks import VARIED
+from monodyn.vision.foreground.masks import NOT_SHOWN, VARIED
 from monodyn.vision.locating import colours
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.search import SceneGuess
@@ -74,6 +74,25 @@ def test_the_light_on_a_geom_is_measured_beyond_the_noise() -> None:
     assert found is not None
     assert found.light is not None
     assert found.light[found.part] == pytest.approx([0.17, 0.0], abs=0.03)
+
+
+@pytest.mark.parametrize("stripes", [0, 5])
+def test_a_geom_that_shows_the_wall_alone_is_not_shown(stripes: int) -> None:
+    """The second link is a thread that the camera does not see, before a wall with a pattern of its own."""
+    wall = np.where(np.indices(SIZE)[1] // 12 % 2, 150, 160).astype(np.uint8)
+    frames = []
+    for frame in painted(60, 160):
+        luma = np.where(frame.luma == 60, 60, wall).astype(np.uint8)
+        if stripes:
+            luma[(luma == 60) & ((np.indices(SIZE).sum(axis=0) // stripes) % 2 == 0)] = 230
+        frames.append(Frame(frame.index, frame.time, luma))
+    found = geom_colours(frames, replace(BACKGROUND, luma=wall.astype(np.float32)), GUESS, np.ones(3, bool))
+    assert found is not None
+    assert found.part.tolist() == [VARIED if stripes else 0, NOT_SHOWN]
+    nothing = geom_colours(painted(160, 160), BACKGROUND, GUESS, np.ones(3, bool))
+    # where nothing stands out, noise may hide all, and all may be there
+    assert nothing is not None
+    assert (nothing.part >= 0).all()
 
 
 def test_geoms_alike_share_a_colour() -> None:

@@ -290,7 +290,8 @@ def _mismatch(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray
         own = [corners for corners, of in zip(outlines, parts, strict=True) if of == plane]
         drawn = _drawn(own, window)
         model = np.maximum(model, drawn)
-        expected = np.maximum(expected, np.where(trust[plane] >= TRUSTED, drawn, 0))
+        if plane >= 0:
+            expected = np.maximum(expected, np.where(trust[plane] >= TRUSTED, drawn, 0))
     missing, more = np.maximum(expected - covered, 0), np.maximum(covered - model, 0)
     area = float(covered[known].sum())
     return (float(missing.sum()) + float(more[known].sum())) / max(area, float(FULL))

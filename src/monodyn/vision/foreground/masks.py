@@ -17,10 +17,10 @@ from monodyn.types import Frame, Mask
 from monodyn.vision.clip.video import Video
 from monodyn.vision.foreground.background import Background, Samples
 
-VARIED = -1
-"""Stands for the colour of a geom that has no single colour."""
+NOT_SHOWN, VARIED = -2, -1
+"""Stand for the colour of a geom that the camera does not see, and of one that has no single colour."""
 LEFT_OUT = -1
-"""Stands for the plane of a geom that is hidden."""
+"""Stands for the plane of a geom that is hidden or that the camera does not see."""
 
 
 class View(NamedTuple):
@@ -56,7 +56,8 @@ class GeomColours:
 
     Attributes:
         colours: Grey level, blue and red difference of each colour, (colour, 3).
-        part: Colour of each geom, int64 (geom,); ``VARIED`` for one without a single colour.
+        part: Colour of each geom, int64 (geom,); ``VARIED`` for one without a single colour, ``NOT_SHOWN``
+            for one that looks like what is behind it everywhere.
         shaded: True for geoms that show it at many levels, bool (geom,).
         camouflaged: True where a geom often has the colour of what is behind it, so that at most its
             borders show.

@@ -25,7 +25,7 @@ from monodyn.vision.foreground.changes import (
     moving_pixels,
     surroundings,
 )
-from monodyn.vision.foreground.masks import VARIED, GeomColours, View, plain_view
+from monodyn.vision.foreground.masks import LEFT_OUT, NOT_SHOWN, VARIED, GeomColours, View, plain_view
 from monodyn.vision.foreground.shadow import Shadow, find_shadow
 
 CHROMA_WEIGHT = 0.25
@@ -167,6 +167,7 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
     found = _palette(measured.colours, background, palette.grey_only, any_trust, measured.light)
     # the plane of any difference comes after those of the colours
     part = np.where(measured.part == VARIED, len(measured.colours), measured.part)
+    part = np.where(measured.part == NOT_SHOWN, LEFT_OUT, part)
     return replace(
         found,
         varied=varied,

@@ -10,7 +10,7 @@ from monodyn.types import Frame
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
 from monodyn.vision.foreground.changes import BEHIND, SHOWN
-from monodyn.vision.foreground.masks import VARIED, GeomColours
+from monodyn.vision.foreground.masks import NOT_SHOWN, VARIED, GeomColours
 from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT
 from monodyn.vision.locating.search import SceneGuess
 
@@ -38,7 +38,9 @@ HIDDEN_NOISE = 6.0
 """Contrast over the noise below which a geom does not stand out from the background."""
 CAMOUFLAGED_SHARE = 0.1
 """Share of the pixels of a geom that do not stand out from which its borders are looked for too."""
-UNSEEN = -2
+NOT_SHOWN_PERCENT = 80.0
+"""A geom of which this share of pixels does not stand out from what is behind it is not shown at all."""
+UNSEEN = -3
 """Stands for the colour of a geom that shows too few pixels to measure it."""
 HALF_WIDTH = 6
 """Column of a table of pixels, after ``SHOWN`` and ``BEHIND``: the geom's half width in the picture
@@ -74,16 +76,17 @@ def geom_colours(
         for g, found in enumerate(_inner_pixels(samples[i], background, outlines)):
             rows[g].append(found)
     pixels = [np.concatenate(own) if own else np.zeros((0, PIXEL_COLUMNS)) for own in rows]
-    part, colours, owners = _joined(pixels, background.noise)
+    shown = _shown(pixels, background.noise)
+    part, colours, owners = _joined(pixels, shown, background.noise)
     if not colours:
         return None
     light = [
         _light_spread(pixels[g], colour, background.noise) for g, colour in zip(owners, colours, strict=True)
     ]
     part[part == UNSEEN] = 0
-    shaded = np.array([part[g] != VARIED and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
+    shaded = np.array([part[g] >= 0 and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
     hidden = any(
-        part[g] != VARIED and _hidden_share(pixels[g], colours[part[g]], background.noise) > CAMOUFLAGED_SHARE
+        part[g] >= 0 and _hidden_share(pixels[g], colours[part[g]], background.noise) > CAMOUFLAGED_SHARE
         for g in range(geoms)
     )
     return GeomColours(np.array(colours), part, shaded, hidden, np.array(light))
@@ -94,9 +97,25 @@ def _hidden_share(pixels: np.ndarray, colour: np.ndarray, noise: float) -> float
     return float(np.mean(_contrast(pixels, colour) < HIDDEN_NOISE * noise)) if len(pixels) else 0.0
 
 
-def _joined(pixels: list[np.ndarray], noise: float) -> tuple[np.ndarray, list[np.ndarray], list[int]]:
+def _shown(pixels: list[np.ndarray], noise: float) -> np.ndarray:
+    """Return which geoms stand out from what is behind them, bool (geom,); all where none does.
+
+    A thread that the camera does not see has the colours of the wall: of a wall with a pattern, many.
+    """
+    stands_out = [
+        len(own) < LEAST_GEOM_PIXELS
+        or np.percentile(_contrast(own, own[:, SHOWN]), NOT_SHOWN_PERCENT) > SHOWN_NOISE * noise
+        for own in pixels
+    ]
+    seen = np.array([len(own) >= LEAST_GEOM_PIXELS for own in pixels]) & stands_out
+    return np.array(stands_out) | ~seen.any()
+
+
+def _joined(
+    pixels: list[np.ndarray], shown: np.ndarray, noise: float
+) -> tuple[np.ndarray, list[np.ndarray], list[int]]:
     """Return the colour of each geom, (geom,), the colours, and the geom that shows each, from the inner
-    pixels of the geoms."""
+    pixels of the geoms and which of these are shown at all, bool (geom,)."""
     medians = [_colour(own, noise) for own in pixels]
     colours: list[np.ndarray] = []
     owners: list[int] = []
@@ -104,7 +123,9 @@ def _joined(pixels: list[np.ndarray], noise: float) -> tuple[np.ndarray, list[np
     depth = [float(np.median(own[:, HALF_WIDTH])) if len(own) else 0.0 for own in pixels]
     # the widest geom first: its colour is the purest, and a thinner one of nearly that colour takes it over
     for g in np.argsort(depth)[::-1]:
-        if len(pixels[g]) >= LEAST_GEOM_PIXELS and _is_varied(pixels[g], noise):
+        if not shown[g]:
+            part[g] = NOT_SHOWN
+        elif len(pixels[g]) >= LEAST_GEOM_PIXELS and _is_varied(pixels[g], noise):
             part[g] = VARIED
         elif np.isfinite(medians[g][0]):
             alike = min(SHARED_COLOUR, SHARED_SHARE * float(np.median(_contrast(pixels[g], medians[g]))))
@@ -113,6 +134,10 @@ def _joined(pixels: list[np.ndarray], noise: float) -> tuple[np.ndarray, list[np
                 colours.append(medians[g])
                 owners.append(int(g))
             part[g] = near[0] if near else len(colours) - 1
+    if not colours and not shown.all():
+        # what is left out is left out of the plane of any difference too, which comes with some colour
+        g = int(np.argmax(np.where(shown, depth, -1.0)))
+        colours, owners = [medians[g]], [g]
     return part, colours, owners
 
 

@@ -57,6 +57,8 @@ advice."""
 LEAST_MATCHED, LEAST_INSIDE = 0.55, 0.65
 """Share of outline samples on an edge and coverage inside of the outline above which a pose lies on its
 mask."""
+FEWEST = 3
+"""Frames, besides a quarter of all, without which a choice of frames says nothing."""
 LEAST_FITTING = 0.7
 """Share of the key frames in which the mechanism should lie on its mask."""
 REFINED = 3
@@ -216,6 +218,9 @@ def _with_background(masks: Masks, frames: KeyFrames, bundle: Bundle) -> tuple[M
     """Take the background again without the mechanism, and the colours over it."""
     mechanism, camera = bundle.mechanism, bundle.camera
     positions, fits = _all_poses(frames, bundle)
+    if fits.sum() < max(FEWEST, len(fits) // 4):
+        # so few frames show no background, and nothing would be left of the mechanism before it
+        return masks, frames, SceneGuess(mechanism, camera, positions, np.zeros(len(positions)))
     # a frame in which the mechanism was not found shows nothing that is surely background
     everything = np.ones(frames.view.trust.shape[1:], dtype=bool)
     masks = masks.refined(
@@ -255,7 +260,8 @@ def _refined_whole(
     # A frame with a wrong pose pulls at sizes and camera. It shows by agreeing much less than the typical
     # frame does; where most would be left out the measure itself is in doubt, and all stay.
     good = (first.matched > 0.6 * np.median(first.matched)) & (first.inside > 0.6 * np.median(first.inside))
-    kept = np.flatnonzero(good) if good.sum() >= max(3, len(rows) // 4) else np.arange(len(rows))
+    enough = good.sum() >= max(FEWEST, len(rows) // 4)
+    kept = np.flatnonzero(good) if enough else np.arange(len(rows))
     masks = replace(masks, planes=[masks.planes[int(i)] for i in kept])
     again = SceneGuess(first.mechanism, first.camera, first.positions[kept], guess.mismatch)
     rest = search._replace(reaches=search.reaches[half:])

@@ -101,7 +101,7 @@ def _note(
     if not draw(rig, position, outlines):
         return
     for g in range(rig.radius.shape[0]):
-        if not links[rig.link[g]] or outlines.first[g + 1] - outlines.first[g] < 3:
+        if not links[rig.link[g]] or view.part[g] < 0 or outlines.first[g + 1] - outlines.first[g] < 3:
             continue
         left, right, top, bottom = _box(outlines, g, hits.shape)
         plane, trust = planes[view.part[g]], view.trust[view.part[g]]
