@@ -9,7 +9,8 @@ import pytest
 
 from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
-from monodyn.vision.locating.arrange import arranged, followers, further_geoms
+from monodyn.vision.locating.arrange import LEFT_OVER, arranged, followers, further_geoms
+from monodyn.vision.locating.body import beside, left_over
 from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.search import SceneGuess
 from pictures import drawn_frames
@@ -113,3 +114,30 @@ def test_geoms_of_one_kind_keep_their_names(tmp_path: Path) -> None:
     values = found(true, pair((0.05, -0.06), (0.22, 0.07))).values
     assert (values["a.one.along"], values["a.one.across"]) == pytest.approx((0.08, 0.05), abs=0.005)
     assert (values["a.two.along"], values["a.two.across"]) == pytest.approx((0.18, -0.05), abs=0.005)
+
+
+def test_geoms_of_masks_made_thicker_are_as_wide_as_they_are(tmp_path: Path) -> None:
+    """A rod of 1.6 px and an arm of 2 px on it, in masks in which both are 4 px wider."""
+    rod = '<geom type="box" size=".12 .003 .004" pos=".12 0 0"/>'
+    arm = '<geom name="arm" type="box" size=".005 .003 {0}" pos="{1} 0 {2}"/>'
+    true = body(tmp_path, rod + arm.format(0.05, 0.12, 0.054))
+    start = body(tmp_path, rod + arm.format(0.04, 0.235, 0.044))
+    frames = drawn_frames(true, CAMERA, POSES).thickened(2)
+    guess = SceneGuess(start, CAMERA, POSES, np.zeros(len(POSES)))
+    values = arranged(frames, guess, SceneStart(start, CAMERA, NONE)).mechanism.values
+    assert values["a.arm.along"] * PX == pytest.approx(24.0, abs=1.0)
+    assert values["a.width"] * PX == pytest.approx(1.6, abs=1.0)
+    assert values["a.arm.width"] * PX == pytest.approx(2.0, abs=1.0)
+
+
+def test_a_disc_that_shows_by_three_pixels_is_found_although_it_hides_in_the_start(tmp_path: Path) -> None:
+    true, start = body(tmp_path, BAR + disc(0.16, 0.0, 0.026)), body(tmp_path, BAR + disc(0.05, 0.0, 0.008))
+    frames = drawn_frames(true, CAMERA, POSES)
+    guess = SceneGuess(start, CAMERA, POSES, np.zeros(len(POSES)))
+    assert beside(frames, guess) == {"a": 0.0}
+    assert left_over(frames, guess)["a"] > LEFT_OVER
+    right = SceneGuess(true, CAMERA, POSES, np.zeros(len(POSES)))
+    assert left_over(frames, right)["a"] < 0.1 * LEFT_OVER
+    values = found(true, start).values
+    assert values["a.disc.along"] == pytest.approx(0.16, abs=0.005)
+    assert values["a.disc.width"] == pytest.approx(0.052, abs=0.006)

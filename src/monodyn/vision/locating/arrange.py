@@ -18,16 +18,19 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.solids import SPHERE, Solid
 from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import rig_of
-from monodyn.vision.locating.body import BodyView, beside, best_bar, best_disc
+from monodyn.vision.locating.body import BodyView, best_bar, best_disc, left_over
 from monodyn.vision.locating.grow import SceneStart, Structure
 from monodyn.vision.locating.keyframes import KeyFrames
-from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.search import SceneGuess, as_thick, thinned
 from monodyn.vision.locating.settle import frames_cost, settled
+from monodyn.vision.locating.unit import drawn
 
 BETTER = 0.01
 """Share of the foreground that has to be explained in addition for a geom to stand elsewhere."""
 LEFT_SHARE = 0.05
 """The same as a share of what is left unexplained: faint and blurred parts leave much."""
+LEFT_OVER = 0.5 * BETTER
+"""Share of the foreground right beside a body below which no other place of its geoms is looked for."""
 ROUNDS = 2
 """How often each geom is placed among the others."""
 
@@ -78,8 +81,21 @@ def arranged(frames: KeyFrames, guess: SceneGuess, start: SceneStart) -> SceneGu
     geoms = further_geoms(guess.mechanism, start.pinned)
     as_filed = replace(guess, mechanism=_lengthwise(guess.mechanism, geoms))
     # where the outlines leave nothing over that moves along there is nothing to place
-    if not geoms or max(beside(frames, guess).values()) < BETTER:
+    if not geoms or max(left_over(frames, guess).values()) < LEFT_OVER:
         return as_filed
+    # in masks that are made thicker every geom is looked for as thick as these
+    thick = replace(guess, mechanism=as_thick(frames, guess.mechanism, guess.camera))
+    found = _placed_anew(frames, thick, start, geoms)
+    if found is None:
+        return as_filed
+    held = {p.name: p.value for p in drawn(guess.mechanism) if p.name in start.pinned}
+    return replace(found, mechanism=thinned(frames, found.mechanism, found.camera).with_values(held))
+
+
+def _placed_anew(
+    frames: KeyFrames, guess: SceneGuess, start: SceneStart, geoms: list[Placed]
+) -> SceneGuess | None:
+    """Return a guess with its geoms where they explain more of the masks, None where they do so nowhere."""
     tied = followers(guess.mechanism, geoms, start.pinned)
     free = guess.mechanism.with_following(tied, follow=False)
     # what the same search of sizes reaches while every geom stays with the parts that it follows
@@ -93,7 +109,7 @@ def arranged(frames: KeyFrames, guess: SceneGuess, start: SceneStart) -> SceneGu
     left = frames_cost(frames, kept.mechanism, kept.camera, kept.positions)
     drop = left - frames_cost(frames, best.mechanism, best.camera, best.positions)
     if min(drop, _covered(frames, best) - _covered(frames, kept)) < max(BETTER, LEFT_SHARE * left):
-        return as_filed
+        return None
     best = replace(best, mechanism=_named(_lengthwise(best.mechanism, geoms), geoms))
     return replace(best, mechanism=_tied_again(frames, best, tied, start.pinned))
 
