@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ import pytest
 from films import film
 from monodyn.errors import VideoError
 from monodyn.mechanism import Mechanism, load
-from monodyn.types import Frame
+from monodyn.types import FULL, Frame
+from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.foreground.background import Samples
 from monodyn.vision.foreground.parts import Parts
 from monodyn.vision.foreground.thumbnails import Thumbnails, Window
@@ -47,6 +49,15 @@ def test_frames_that_are_fuller_than_usual_are_left_out() -> None:
     # with a hand in nearly all frames there is no telling what is usual
     assert without_fuller(samples_of([20] * 8 + [80] * 10)) is None
     assert without_fuller(replace(samples_of(usual), thumbnails=None)) is None
+    # what moves elsewhere does not count
+    nowhere = np.zeros((40, 60), dtype=np.bool_)
+    assert without_fuller(samples_of([80] * 12 + usual), nowhere) is None
+
+
+def test_a_part_is_tried_without_the_hand_that_holds_it() -> None:
+    one = Parts(np.ones((40, 60), dtype=np.int64), 1, (240, 160))
+    part = list(candidates(samples_of([80] * 12 + [20] * 40, one)))[-1]
+    assert [frame.index for frame in part.frames] == list(range(12, 52))
 
 
 def test_the_whole_comes_first_then_the_frames_then_the_parts() -> None:
@@ -128,3 +139,24 @@ def test_agreement_is_high_at_the_truth_and_low_elsewhere(tmp_path: Path) -> Non
     assert agreement(true) > 0.95
     wrong = replace(true, key_positions=true.key_positions + 0.5)
     assert agreement(wrong) < 0.7
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.5, 1.0), (0.1, 0.4)])
+def test_a_sliver_of_something_large_agrees_less(tmp_path: Path, share: float, expected: float) -> None:
+    scene, _ = film(tmp_path)
+    camera = replace(scene.camera, x=0.0, y=0.0)
+    # the bar lies level, and begins in the middle of the picture
+    half = 0.5 * camera.width * camera.depth / camera.focal
+    sizes = {"link1.length": half / share, "link1.width": 0.1 * half, "link1.thickness": 1e-4}
+    bar = load("single").with_values({**sizes, "link1.tail": 0.0})
+    shown = covered_pixels(bar, camera, np.zeros(1), margin=0.0)
+    mask = SimpleNamespace(coverage=np.where(shown, FULL, 0))
+    masks = SimpleNamespace(
+        samples=SimpleNamespace(frames=(SimpleNamespace(index=0),)),
+        background=SimpleNamespace(known=np.ones(shown.shape, dtype=np.bool_)),
+        of=lambda frame: mask,
+    )
+    large = SimpleNamespace(
+        mechanism=bar, camera=camera, masks=masks, key_frames=(0,), key_positions=np.zeros((1, 1))
+    )
+    assert agreement(large) == pytest.approx(expected, rel=0.08)  # type: ignore[arg-type]

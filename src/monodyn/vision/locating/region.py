@@ -13,7 +13,7 @@ import numpy as np
 
 from monodyn.errors import MonodynError
 from monodyn.types import FULL
-from monodyn.vision.drawing.outline import covered_pixels
+from monodyn.vision.drawing.outline import covered_pixels, outline
 from monodyn.vision.foreground.background import Samples
 from monodyn.vision.locating.locate import Sought
 from monodyn.vision.locating.scene import Scene
@@ -31,6 +31,8 @@ JUDGED_FRAMES = 8
 """Key frames in which mechanism and foreground are compared."""
 NEAR_PX = 3.0
 """Distance within which an edge of one lies on the other [px]."""
+LEAST_INSIDE = 0.25
+"""Share of the mechanism's area inside of the picture below which what agrees is a sliver of it."""
 
 Find = Callable[[Sought], Scene]
 
@@ -81,7 +83,7 @@ def candidates(samples: Samples) -> Iterator[Samples]:
 
     Yields:
         All of it; the frames that are not fuller than usual, where a hand may hold the mechanism in the
-        others; the parts of the picture that move apart from one another.
+        others; the parts of the picture that move apart from one another, without such frames too.
     """
     yield samples
     emptier = without_fuller(samples)
@@ -92,14 +94,17 @@ def candidates(samples: Samples) -> Iterator[Samples]:
         return
     for number in range(1, min(parts.count, MOST_PARTS) + 1):
         window, others = parts.window([number]), parts.others([number])
-        yield replace(samples, window=window, others=others, parts=None)
+        part = replace(samples, window=window, others=others, parts=None)
+        # a hand that lets go is in the part that it held
+        yield without_fuller(part, parts.labels == number) or part
 
 
-def without_fuller(samples: Samples) -> Samples | None:
+def without_fuller(samples: Samples, cells: np.ndarray | None = None) -> Samples | None:
     """Return the samples without those of much more foreground than usual.
 
     Args:
         samples: Frames of the clip.
+        cells: Which cells of the thumbnails count, bool (height, width); None stands for all.
 
     Returns:
         The others, or None where all are usual or too few would be left.
@@ -110,7 +115,8 @@ def without_fuller(samples: Samples) -> Samples | None:
     planes = samples.thumbnails.planes[rows]
     usual = np.median(planes, axis=0).astype(np.uint8)
     differs = np.maximum(planes, usual) - np.minimum(planes, usual) > samples.thumbnails.still
-    area = differs.any(axis=1).sum(axis=(1, 2))
+    shown = differs.any(axis=1) if cells is None else differs.any(axis=1) & cells
+    area = shown.sum(axis=(1, 2))
     # the quarter with the least foreground has no hand in it, unless all have
     kept = area <= FULLER * np.percentile(area, 25.0)
     if kept.all() or kept.sum() < max(LEAST_FRAMES, len(kept) // 4):
@@ -122,7 +128,8 @@ def agreement(scene: Scene) -> float:
     """Return how well mechanism and foreground agree in the key frames.
 
     The share of the foreground that the mechanism covers and that of the mechanism on the foreground, the
-    lesser of the two, each with the other made wider by ``NEAR_PX``; the median over the frames.
+    lesser of the two, each with the other made wider by ``NEAR_PX``; the median over the frames. It is lower
+    where most of the mechanism is outside of the picture: a sliver of something large lies on anything.
 
     Args:
         scene: A located mechanism.
@@ -138,10 +145,14 @@ def agreement(scene: Scene) -> float:
     shares = []
     for i in rows[:: max(1, len(rows) // JUDGED_FRAMES)]:
         shown = scene.masks.of(frames[scene.key_frames[i]]).coverage > FULL // 2
-        drawn = covered_pixels(scene.mechanism, scene.camera, scene.key_positions[i], margin=0.0)
-        known = scene.masks.background.known
+        position, known = scene.key_positions[i], scene.masks.background.known
+        drawn = covered_pixels(scene.mechanism, scene.camera, position, margin=0.0)
+        outlines = [polygon for _, polygon in outline(scene.mechanism, scene.camera, position)]
+        area = sum(cv2.contourArea(polygon.astype(np.float32)) for polygon in outlines)
+        inside = min(1.0, float(np.sum(drawn)) / max(1.0, LEAST_INSIDE * area))
         shown, drawn = shown & known, drawn & known
         explained = shown & (cv2.dilate(drawn.astype(np.uint8), wider) > 0)
         met = drawn & (cv2.dilate(shown.astype(np.uint8), wider) > 0)
-        shares.append(min(np.sum(explained) / max(1, np.sum(shown)), np.sum(met) / max(1, np.sum(drawn))))
+        agrees = min(np.sum(explained) / max(1, np.sum(shown)), np.sum(met) / max(1, np.sum(drawn)))
+        shares.append(inside * agrees)
     return float(np.median(shares)) if shares else 0.0
