@@ -80,16 +80,22 @@ def test_the_light_on_a_geom_is_measured_beyond_the_noise() -> None:
 def test_a_geom_that_shows_the_wall_alone_is_not_shown(stripes: int) -> None:
     """The second link is a thread that the camera does not see, before a wall with a pattern of its own."""
     wall = np.where(np.indices(SIZE)[1] // 12 % 2, 150, 160).astype(np.uint8)
+    thread = replace(GUESS, mechanism=MECHANISM.with_values({"link2.width": 0.01}))
     frames = []
     for frame in painted(60, 160):
         luma = np.where(frame.luma == 60, 60, wall).astype(np.uint8)
         if stripes:
-            luma[(luma == 60) & ((np.indices(SIZE).sum(axis=0) // stripes) % 2 == 0)] = 230
+            luma[(luma == 60) & ((np.indices(SIZE).sum(axis=0) // stripes) % 3 == 0)] = 230
         frames.append(Frame(frame.index, frame.time, luma))
-    found = geom_colours(frames, replace(BACKGROUND, luma=wall.astype(np.float32)), GUESS, np.ones(3, bool))
+    behind = replace(BACKGROUND, luma=wall.astype(np.float32))
+    found = geom_colours(frames, behind, thread, np.ones(3, bool))
     assert found is not None
     assert found.part.tolist() == [VARIED if stripes else 0, NOT_SHOWN]
-    nothing = geom_colours(painted(160, 160), BACKGROUND, GUESS, np.ones(3, bool))
+    # something wide that looks like what is behind it stands before its own picture
+    wide = geom_colours(frames, behind, GUESS, np.ones(3, bool))
+    assert wide is not None
+    assert wide.part[1] != NOT_SHOWN
+    nothing = geom_colours(painted(160, 160), BACKGROUND, thread, np.ones(3, bool))
     # where nothing stands out, noise may hide all, and all may be there
     assert nothing is not None
     assert (nothing.part >= 0).all()

@@ -42,8 +42,9 @@ FOLLOWS = 0.5
 DETAIL = 4
 """Half of the window over which grey levels are compared with those around them, in reduced pixels."""
 SIGMAS = 2.5
-"""Standard deviations by which the share is off from that, at least; else the background is too plain to
-say."""
+"""Standard deviations by which a shadow shows more than that, at least."""
+LEAST_DETAIL = 1.0
+"""Standard deviation of the background's detail below which it is too plain to say [grey levels]."""
 FRAMES = 12
 """Samples in which a shadow is looked for."""
 WIDE_PX = 360
@@ -252,8 +253,10 @@ def _correlation(others: list[np.ndarray], shadows: list[np.ndarray], near: int)
         product += one.conj() * two
         power = [p + float(np.sum(m**2)) for p, m in zip(power, small, strict=True)]
     found = np.fft.irfft2(product, shape) / max(np.sqrt(power[0] * power[1]), 1e-9)
-    if near:  # the borders of a link are not its shadow
-        found[:near, :near] = found[-near:, :near] = found[:near, -near:] = found[-near:, -near:] = 0.0
+    if near:  # the borders of a link are not its shadow, nor what it leaves in pictures that blur as it moves
+        beside = np.zeros(shape, dtype=np.bool_)
+        beside[:near, :near] = beside[-near:, :near] = beside[:near, -near:] = beside[-near:, -near:] = True
+        return float(found[~beside].max()) if found[~beside].max() > found[beside].max() else 0.0
     return float(found.max())
 
 
@@ -266,9 +269,9 @@ def _unlikeness(samples: list[_Sample], others: list[np.ndarray], shadows: list[
     """
     near = max(2, round(APART * max(others[0].shape) / 2))
     copied = _correlation(others, shadows, near)
-    shown, std = _detail_shown(samples, shadows)
-    if abs(1.0 - shown - FOLLOWS) > SIGMAS * std:
-        return 1.0 - shown if copied > COPY else np.inf
+    shown, std, detail = _detail_shown(samples, shadows)
+    if detail > LEAST_DETAIL:
+        return 1.0 - shown if copied > COPY and shown - SIGMAS * std > 1.0 - FOLLOWS else np.inf
     # What only shifts from frame to frame, such as two parts of a cart, correlates with anything that
     # shifts too.
     half = len(others) // 2
@@ -280,9 +283,9 @@ def _unlikeness(samples: list[_Sample], others: list[np.ndarray], shadows: list[
     return FOLLOWS / (1.001 + float(areas.std() / max(areas.mean(), 1.0)))
 
 
-def _detail_shown(samples: list[_Sample], shadows: list[np.ndarray]) -> tuple[float, float]:
-    """Return how much of the darkened background's detail the pixels show, as a share, and its standard
-    deviation.
+def _detail_shown(samples: list[_Sample], shadows: list[np.ndarray]) -> tuple[float, float, float]:
+    """Return how much of the darkened background's detail the pixels show, as a share, its standard
+    deviation, and that detail [grey levels].
 
     What a pixel differs by from the shadow around it is compared: a soft border and light that falls off
     across a wall change grey levels more than any detail does, but not from one pixel to the next.
@@ -300,4 +303,5 @@ def _detail_shown(samples: list[_Sample], shadows: list[np.ndarray]) -> tuple[fl
     level, behind = (np.concatenate(values) for values in zip(*pairs, strict=True))
     power, ratio = max(float(behind @ behind), 1e-9), float(np.median(np.concatenate(ratios)))
     slope = float(level @ behind) / power
-    return slope / ratio, float(np.std(level - slope * behind)) / np.sqrt(power) / ratio
+    error = float(np.std(level - slope * behind)) / np.sqrt(power)
+    return slope / ratio, error / ratio, float(np.std(behind))

@@ -100,15 +100,16 @@ def _hidden_share(pixels: np.ndarray, colour: np.ndarray, noise: float) -> float
 def _shown(pixels: list[np.ndarray], noise: float) -> np.ndarray:
     """Return which geoms stand out from what is behind them, bool (geom,); all where none does.
 
-    A thread that the camera does not see has the colours of the wall: of a wall with a pattern, many.
+    A thread that the camera does not see has the colours of the wall: of a wall with a pattern, many. What is
+    wider is seen, and where it looks like what is behind it, it stands before its own picture.
     """
-    stands_out = [
-        len(own) < LEAST_GEOM_PIXELS
-        or np.percentile(_contrast(own, own[:, SHOWN]), NOT_SHOWN_PERCENT) > SHOWN_NOISE * noise
-        for own in pixels
+    enough = np.array([len(own) >= LEAST_GEOM_PIXELS for own in pixels])
+    thin = np.array([np.median(own[:, HALF_WIDTH]) < THIN_PX if len(own) else False for own in pixels])
+    contrasts = [
+        np.percentile(_contrast(o, o[:, SHOWN]), NOT_SHOWN_PERCENT) if len(o) else 0.0 for o in pixels
     ]
-    seen = np.array([len(own) >= LEAST_GEOM_PIXELS for own in pixels]) & stands_out
-    return np.array(stands_out) | ~seen.any()
+    apart = np.array(contrasts) > SHOWN_NOISE * noise
+    return ~enough | ~thin | apart | (not (enough & apart).any())
 
 
 def _joined(
