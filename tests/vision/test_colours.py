@@ -101,6 +101,25 @@ def test_a_geom_that_shows_the_wall_alone_is_not_shown(stripes: int) -> None:
     assert (nothing.part >= 0).all()
 
 
+@pytest.mark.parametrize(("light", "shared"), [(0.25, True), (0.02, False)])
+def test_what_the_light_on_a_geom_explains_is_no_other_colour(light: float, shared: bool) -> None:
+    """The second link is lit by an eighth more than the first, on which the light differs by ``light``."""
+    rng = np.random.default_rng(0)
+    frames = []
+    for frame in painted(60, 230):
+        lit = np.where(frame.luma == 60, 1.0 + light * rng.uniform(-1.0, 1.0, SIZE), 1.125)
+        inside = frame.luma != 160
+        luma = np.where(inside, np.round(16 + 100 * lit), 160).astype(np.uint8)
+        blue, red = (
+            np.where(inside, np.round(128 + tint * lit), 128).astype(np.uint8)[::2, ::2] for tint in (60, -40)
+        )
+        frames.append(Frame(frame.index, frame.time, luma, (blue, red)))
+    grey = np.full((SIZE[0] // 2, SIZE[1] // 2), 128, np.float32)
+    found = geom_colours(frames, replace(BACKGROUND, chroma=(grey, grey)), GUESS, np.ones(3, bool))
+    assert found is not None
+    assert (found.part[0] == found.part[1]) == shared
+
+
 def test_geoms_alike_share_a_colour() -> None:
     found = geom_colours(painted(60, 65), BACKGROUND, GUESS, np.ones(3, bool))
     assert found is not None

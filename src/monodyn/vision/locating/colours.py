@@ -77,12 +77,9 @@ def geom_colours(
             rows[g].append(found)
     pixels = [np.concatenate(own) if own else np.zeros((0, PIXEL_COLUMNS)) for own in rows]
     shown = _shown(pixels, background.noise)
-    part, colours, owners = _joined(pixels, shown, background.noise)
+    part, colours, light = _joined(pixels, shown, background.noise)
     if not colours:
         return None
-    light = [
-        _light_spread(pixels[g], colour, background.noise) for g, colour in zip(owners, colours, strict=True)
-    ]
     part[part == UNSEEN] = 0
     shaded = np.array([part[g] >= 0 and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
     hidden = any(
@@ -114,12 +111,12 @@ def _shown(pixels: list[np.ndarray], noise: float) -> np.ndarray:
 
 def _joined(
     pixels: list[np.ndarray], shown: np.ndarray, noise: float
-) -> tuple[np.ndarray, list[np.ndarray], list[int]]:
-    """Return the colour of each geom, (geom,), the colours, and the geom that shows each, from the inner
-    pixels of the geoms and which of these are shown at all, bool (geom,)."""
+) -> tuple[np.ndarray, list[np.ndarray], list[float]]:
+    """Return the colour of each geom, (geom,), the colours, and the light on each, from the inner pixels of
+    the geoms and which of these are shown at all, bool (geom,)."""
     medians = [_colour(own, noise) for own in pixels]
     colours: list[np.ndarray] = []
-    owners: list[int] = []
+    light: list[float] = []
     part = np.full(len(pixels), UNSEEN, dtype=np.int64)
     depth = [float(np.median(own[:, HALF_WIDTH])) if len(own) else 0.0 for own in pixels]
     # the widest geom first: its colour is the purest, and a thinner one of nearly that colour takes it over
@@ -130,16 +127,19 @@ def _joined(
             part[g] = VARIED
         elif np.isfinite(medians[g][0]):
             alike = min(SHARED_COLOUR, SHARED_SHARE * float(np.median(_contrast(pixels[g], medians[g]))))
-            near = [k for k, other in enumerate(colours) if _apart(other, medians[g]) < alike]
+            own = _light_spread(pixels[g], medians[g], noise)
+            near = [
+                k for k, other in enumerate(colours) if _apart(other, medians[g], max(light[k], own)) < alike
+            ]
             if not near:
                 colours.append(medians[g])
-                owners.append(int(g))
+                light.append(own)
             part[g] = near[0] if near else len(colours) - 1
     if not colours and not shown.all():
         # what is left out is left out of the plane of any difference too, which comes with some colour
         g = int(np.argmax(np.where(shown, depth, -1.0)))
-        colours, owners = [medians[g]], [g]
-    return part, colours, owners
+        colours, light = [medians[g]], [0.0]
+    return part, colours, light
 
 
 def _light_spread(pixels: np.ndarray, colour: np.ndarray, noise: float) -> float:
@@ -183,9 +183,14 @@ def _contrast(pixels: np.ndarray, colours: np.ndarray) -> np.ndarray:
     return np.sqrt(np.nansum((colours - pixels[:, BEHIND]) ** 2, axis=1))
 
 
-def _apart(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the distance of two colours [grey levels]; channels that are missing do not count."""
-    return float(np.sqrt(np.nansum((one - other) ** 2)))
+def _apart(one: np.ndarray, other: np.ndarray, light: float) -> float:
+    """Return the distance of two colours [grey levels], but for what so much light on the first one
+    explains; channels that are missing do not count."""
+    lit, off = np.nan_to_num(one - BLACK), np.nan_to_num(one - other)
+    size = max(float(np.linalg.norm(lit)), 1.0)
+    along = float(off @ lit) / size
+    beyond = max(abs(along) - light * size, 0.0)
+    return float(np.sqrt(max(off @ off - along**2, 0.0) + beyond**2))
 
 
 def _is_varied(pixels: np.ndarray, noise: float) -> bool:
