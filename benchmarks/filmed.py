@@ -32,7 +32,7 @@ SKIN, POST, COAT = (214, 168, 140), (96, 120, 88), (40, 60, 110)
 ANGLE_DEG, LENGTH = 0.5, 1.5
 """Errors up to which a run is right: of the seen angles, rms [deg], and of the lengths [%]."""
 SIGMAS = 4.0
-"""What is off by more is no wrong answer within so many of its standard deviations."""
+"""A length off by more than ``LENGTH`` is no wrong answer within so many of its standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,10 +298,10 @@ def judged(take: Take, start: tuple[Part, ...], folder: Path) -> list[Figure]:
         say(f"{name}: {time.perf_counter() - began:.1f} s, refused: {error}")
         return [Figure(name, "right", 0.0, ""), Figure(name, "wrong and called ok", 0.0, "", 0.0)]
     ok = bool(outcome.document["ok"])
-    angle, angle_sigmas, share = _angles(take, outcome.poses, truth)
+    angle, share = _angles(take, outcome.poses, truth)
     length, sigmas = _lengths(take, outcome.document)
     right = ok and angle <= ANGLE_DEG and length <= LENGTH
-    off = (angle > ANGLE_DEG and angle_sigmas > SIGMAS) or (length > LENGTH and sigmas > SIGMAS)
+    off = angle > ANGLE_DEG or (length > LENGTH and sigmas > SIGMAS)
     say(f"{name}: {time.perf_counter() - began:.1f} s, {outcome.document['status']}")
     return [
         Figure(name, "right", float(right), ""),
@@ -347,21 +347,19 @@ def filmed(take: Take, path: Path) -> np.ndarray:
     return states[:, 0]
 
 
-def _angles(take: Take, poses: monodyn.Poses, truth: np.ndarray) -> tuple[float, float, float]:
-    """Return the largest rms error of a hinge over the seen free frames [deg], the largest in standard
-    deviations, and the share of these frames [%]."""
+def _angles(take: Take, poses: monodyn.Poses, truth: np.ndarray) -> tuple[float, float]:
+    """Return the largest rms error of a hinge over the seen free frames [deg], and the share of these [%]."""
     free = poses.frame >= round(take.held * take.case.rate)
     fresh = np.ones(len(poses), dtype=bool)
     if take.repeated:
         fresh = poses.frame % take.repeated != take.repeated - 1
     seen = poses.seen & free & fresh
-    errors, sigmas = [], []
-    for dof, part in enumerate(take.case.parts):
-        if part.kind == "hinge":
-            off = differences(poses.position[seen, dof], truth[poses.frame[seen], dof], turns=True)
-            errors.append(rms(np.degrees(off)))
-            sigmas.append(rms(off / np.sqrt(poses.covariance[seen, dof, dof])))
-    return max(errors), max(sigmas), 100.0 * float(np.mean(poses.seen[free & fresh]))
+    errors = [
+        rms(np.degrees(differences(poses.position[seen, dof], truth[poses.frame[seen], dof], turns=True)))
+        for dof, part in enumerate(take.case.parts)
+        if part.kind == "hinge"
+    ]
+    return max(errors), 100.0 * float(np.mean(poses.seen[free & fresh]))
 
 
 def _lengths(take: Take, document: dict) -> tuple[float, float]:

@@ -147,7 +147,7 @@ def test_a_sliver_of_something_large_agrees_less(tmp_path: Path, share: float, e
     camera = replace(scene.camera, x=0.0, y=0.0)
     # the bar lies level, and begins in the middle of the picture
     half = 0.5 * camera.width * camera.depth / camera.focal
-    sizes = {"link1.length": half / share, "link1.width": 0.1 * half, "link1.thickness": 1e-4}
+    sizes = {"link1.length": half / share, "link1.width": 0.5 * half, "link1.thickness": 1e-4}
     bar = load("single").with_values({**sizes, "link1.tail": 0.0})
     shown = covered_pixels(bar, camera, np.zeros(1), margin=0.0)
     mask = SimpleNamespace(coverage=np.where(shown, FULL, 0))
@@ -159,4 +159,4 @@ def test_a_sliver_of_something_large_agrees_less(tmp_path: Path, share: float, e
     large = SimpleNamespace(
         mechanism=bar, camera=camera, masks=masks, key_frames=(0,), key_positions=np.zeros((1, 1))
     )
-    assert agreement(large) == pytest.approx(expected, rel=0.08)  # type: ignore[arg-type]
+    assert agreement(large) == pytest.approx(expected, rel=0.03)  # type: ignore[arg-type]

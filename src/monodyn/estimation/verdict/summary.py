@@ -60,28 +60,34 @@ def summarize(
     found = refine(problem, optimum, settings)
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
     status, ok = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
-    if ok and not np.isfinite(found.error):
-        # small residuals with one number of steps only: neither a prediction nor a simulator follows
-        status, ok = UNSTABLE, False
-    ended = _at_limit(fit, found.problem.mechanism)
-    if ok and ended:
-        ok = False
-        status = (
-            f"{listed(ended)} ended at the limit of what is tried: the motion is not that of the mechanism, "
-            "or does not determine its size; check the mechanism file, or set the limits with --bounds."
-        )
-    unsure = _undetermined(fit, found.problem.mechanism)
-    if ok and unsure:
-        ok = False
-        status = (
-            f"The motion does not determine {listed(unsure)}: the error is as large as the value. A longer "
-            "record or a livelier motion would help, or a measured length, given with --fix."
-        )
+    reason = _unlikely(found, fit) if ok else None
+    if reason is not None:
+        status, ok = reason, False
     fit = replace(fit, status=status, ok=ok, stamp_error=found.noise.stamps)
     # of a motion that is refused it does not matter how exactly it was integrated
     accuracy = advice.integration(found.substeps, found.error, settings.error_bound) if ok else []
     sentences = (*solution.advice, *accuracy, *_advice(found, fit, records))
     return replace(fit, advice=(*sentences, *advice.search_end(found.optimum.converged, solution.tried)))
+
+
+def _unlikely(found: Refined, fit: Fit) -> str | None:
+    """Return why a fit whose residuals are small is not that of the mechanism, a sentence; None for no
+    reason."""
+    mechanism = found.problem.mechanism
+    if not np.isfinite(found.error):
+        # small residuals with one number of steps only: neither a prediction nor a simulator follows
+        return UNSTABLE
+    if ended := _at_limit(fit, mechanism):
+        return (
+            f"{listed(ended)} ended at the limit of what is tried: the motion is not that of the mechanism, "
+            "or does not determine its size; check the mechanism file, or set the limits with --bounds."
+        )
+    if unsure := _undetermined(fit, mechanism):
+        return (
+            f"The motion does not determine {listed(unsure)}: the error is as large as the value. A longer "
+            "record or a livelier motion would help, or a measured length, given with --fix."
+        )
+    return None
 
 
 def _at_limit(fit: Fit, mechanism: Mechanism) -> list[str]:

@@ -261,8 +261,8 @@ def _correlation(others: list[np.ndarray], shadows: list[np.ndarray], near: int)
 
 
 def _unlikeness(samples: list[_Sample], others: list[np.ndarray], shadows: list[np.ndarray]) -> float:
-    """Return how much worse than by a colour the pixels are explained by a darkened background; infinite
-    where they do not move along with the others.
+    """Return how much of the background's detail the pixels lack, as a share; infinite where they do not move
+    along with the others, or lack too much of it.
 
     Where the background is too plain to say, the copy has to be better, and what is hidden more often is the
     shadow.

@@ -31,7 +31,7 @@ JUDGED_FRAMES = 8
 """Key frames in which mechanism and foreground are compared."""
 NEAR_PX = 3.0
 """Distance within which an edge of one lies on the other [px]."""
-LEAST_INSIDE = 0.25
+LEAST_IN_PICTURE = 0.25
 """Share of the mechanism's area inside of the picture below which what agrees is a sliver of it."""
 
 Find = Callable[[Sought], Scene]
@@ -149,7 +149,7 @@ def agreement(scene: Scene) -> float:
         drawn = covered_pixels(scene.mechanism, scene.camera, position, margin=0.0)
         outlines = [polygon for _, polygon in outline(scene.mechanism, scene.camera, position)]
         area = sum(cv2.contourArea(polygon.astype(np.float32)) for polygon in outlines)
-        inside = min(1.0, float(np.sum(drawn)) / max(1.0, LEAST_INSIDE * area))
+        inside = min(1.0, float(np.sum(drawn)) / max(1.0, LEAST_IN_PICTURE * area))
         shown, drawn = shown & known, drawn & known
         explained = shown & (cv2.dilate(drawn.astype(np.uint8), wider) > 0)
         met = drawn & (cv2.dilate(shown.astype(np.uint8), wider) > 0)
