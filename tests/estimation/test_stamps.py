@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monodyn.estimation.record.samples import Data
-from monodyn.estimation.verdict.stamps import stamp_error
+from monodyn.estimation.verdict.stamps import _not_negative, stamp_error
 from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -83,3 +83,17 @@ def test_intervals_of_a_record_with_uneven_stamps_cover(error: float) -> None:
     for name in ("link1.length", "link2.length"):
         assert sigmas(fit.parameter(name), double.values[name]) < 3.0
     assert any(text.startswith("The time stamps are off by about ") for text in fit.advice)
+
+
+def test_variances_below_zero_are_left_out_as_a_library_does_it() -> None:
+    from scipy.optimize import nnls
+
+    rng = np.random.default_rng(0)
+    for joints in (1, 2, 4):
+        for _ in range(40):
+            design = np.zeros((60, joints + 1))
+            design[np.arange(60), rng.integers(joints, size=60)] = rng.uniform(0.5, 2.0, 60)
+            design[:, -1] = rng.exponential(size=60)
+            parts = np.where(rng.random(joints + 1) < 0.4, 0.0, rng.random(joints + 1))
+            squares = (design @ parts) * rng.normal(size=60) ** 2
+            np.testing.assert_allclose(_not_negative(design, squares), nnls(design, squares)[0], atol=1e-12)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from models import read
 from monodyn.mechanism import load
 from monodyn.types import Camera
 from monodyn.vision.locating.grow import (
@@ -103,3 +105,23 @@ def test_what_is_left_over_within_reach_counts_twice() -> None:
     assert short.strict_score < structure.strict_score
     dull = replace(structure, steps=(4,), shares=(0.9,), near=(0.9,))
     assert _alternately([dull, short, structure]) == [structure, short, dull]
+
+
+@pytest.mark.parametrize("radius", [0.02, 0.3])
+def test_a_ball_alone_is_found_whatever_part_the_file_takes_for_the_main_one(
+    tmp_path: Path, radius: float
+) -> None:
+    """The thread is not drawn; a ball that is wider than the thread is long is the main part of its body."""
+    text = """<mujoco><worldbody><body name="a"><joint name="j" axis="0 -1 0"/>
+<geom type="capsule" size="{0}" fromto="0 0 0 0.2 0 0"/><geom type="sphere" size="{1}" pos="0.2 0 0"/>
+</body></worldbody></mujoco>"""
+    frames = drawn_frames(read(tmp_path, text.format(1e-5, 0.03)), CAMERA, POSES[:, :1])
+    wrong = scaled(read(tmp_path, text.format(0.004, radius)), 5.0)
+    begun = SceneStart(wrong, Camera(160, 120, 150.0, depth=1.0), frozenset())
+    x, y = root_in(CAMERA)
+    found = settled(frames, whole(grown(frames, begun, [Root(x, y, 0.23 * PX)])[0], begun), begun).mechanism
+    ball = next(
+        p.name for p in found.parameters if p.kind == "width" and ("sphere" in p.name) == (radius < 0.1)
+    )
+    assert found.values["a.length"] * 150.0 == pytest.approx(0.2 * PX, abs=2.0)
+    assert found.values[ball] * 150.0 == pytest.approx(0.06 * PX, abs=2.0)

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from films import film
 from monodyn.mechanism import load
+from monodyn.vision.locating import locate
 from monodyn.vision.locating.bundle import Bundle, scene_variables
-from monodyn.vision.locating.locate import Sought, _refined_names, hidden_advice, scene_advice
+from monodyn.vision.locating.keyframes import key_frames
+from monodyn.vision.locating.locate import (
+    Sought,
+    _refined_names,
+    _with_background,
+    hidden_advice,
+    scene_advice,
+)
 from monodyn.vision.settings import LocateSettings
 from pictures import CAMERA
 
@@ -85,3 +96,19 @@ def test_what_is_fixed_is_not_refined_and_what_is_freed_is() -> None:
 def test_a_sliding_root_takes_the_cameras_place_along_it() -> None:
     names = _refined_names(sought("cartpole", {}, ()))
     assert [n for n in names if n.startswith("camera")] == ["camera.y", "camera.depth"]
+
+
+@pytest.mark.parametrize("fits", [False, True])
+def test_a_background_is_taken_again_only_where_frames_fit(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fits: bool
+) -> None:
+    """A frame in which the mechanism was not found shows no background: of none of them nothing is left."""
+    scene, poses = film(tmp_path)
+    frames = key_frames(scene.masks, len(scene.mechanism.shapes.radius))
+    numbers = [frame.index for frame in frames.frames]
+    every = poses.position[numbers], np.full(len(numbers), fits)
+    monkeypatch.setattr(locate, "_all_poses", lambda *args: every)
+    found = replace(bundle(), mechanism=scene.mechanism, camera=scene.camera)
+    masks = _with_background(scene.masks, frames, found)[0]
+    assert (masks is not scene.masks) == fits
+    assert masks.background.known.mean() > 0.9

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from monodyn.types import FULL, Frame
-from monodyn.vision.foreground.background import Background, Samples, Window, background_of
+from monodyn.vision.foreground.background import Background, Samples, Window, background_of, within
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.palette import choose_palette
 from monodyn.vision.foreground.shadow import find_shadow, in_shadow
@@ -15,17 +15,23 @@ H, W, LINK, RATIO = 240, 320, 60.0, 0.6
 
 
 def swinging(
-    *, shadow: bool, second: float = LINK, checker: float = 30.0, soft: float = 0.0, grain: float = 0.0
+    *,
+    shadow: bool,
+    second: float = LINK,
+    checker: float = 30.0,
+    soft: float = 0.0,
+    grain: float = 0.0,
+    late: float = 0.0,
 ) -> list[Frame]:
     """Paint two links that turn apart before a wall, with a shadow of them 44 px to the right and 36 down;
-    its border is ``soft`` [px], and the wall has a ``grain`` [grey levels]."""
+    its border is ``soft`` [px], the wall has a ``grain`` [grey levels], and all is some frames ``late``."""
     rng = np.random.default_rng(5)
     y, x = np.indices((H, W)).astype(float)
     wall = 190.0 - checker * (((x // 40) + (y // 40)) % 2)
     wall += grain * cv2.GaussianBlur(rng.normal(size=wall.shape), (0, 0), 2.0) * 7.0
     frames = []
     for i in range(40):
-        first, other = 0.2 + 0.07 * i, 2.4 - 0.13 * i
+        first, other = 0.2 + 0.07 * (i + late), 2.4 - 0.13 * (i + late)
         elbow = (140 + 60 * np.cos(first), 50 + 60 * np.sin(first))
         picture = wall.copy()
         for right, down, dark in ((44, 36, shadow), (0, 0, False)):
@@ -86,6 +92,29 @@ def test_a_soft_shadow_shows_the_grain_of_the_wall() -> None:
     assert shadow.low < RATIO + 0.1 < shadow.high
     links = swinging(shadow=False, second=110.0, checker=0.0, grain=4.0)
     assert find_shadow(links, background_of_all(links), 14.0) is None
+
+
+def test_what_moves_elsewhere_hides_no_shadow() -> None:
+    made = swinging(shadow=True, checker=0.0, soft=4.0, grain=4.0)
+    rng = np.random.default_rng(2)
+    for i, frame in enumerate(made):
+        # someone at the right edge, of many grey levels, who sways
+        frame.luma[:, 250 + round(15.0 * np.sin(0.9 * i)) :] = rng.integers(30, 150)
+    others = np.zeros((H, W), dtype=np.bool_)
+    others[:, 230:] = True
+    background = background_of_all(made)
+    assert find_shadow(made, background, 14.0) is None
+    assert find_shadow(made, within(background, background.window, others), 14.0) is not None
+
+
+def test_what_blurs_as_it_moves_casts_no_shadow() -> None:
+    """Over an exposure as long as the interval a link lets the wall through, as a shadow does."""
+    parts = [swinging(shadow=False, checker=0.0, grain=4.0, late=k / 8) for k in range(8)]
+    made = [
+        Frame(i, i / 30, np.mean([part[i].luma for part in parts], axis=0).round().astype(np.uint8))
+        for i in range(len(parts[0]))
+    ]
+    assert find_shadow(made, background_of_all(made), 14.0) is None
 
 
 def test_a_still_clip_has_no_shadow() -> None:
