@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import Background, Samples, Window, background_of, within
@@ -107,9 +108,10 @@ def test_what_moves_elsewhere_hides_no_shadow() -> None:
     assert find_shadow(made, within(background, background.window, others), 14.0) is not None
 
 
-def test_what_blurs_as_it_moves_casts_no_shadow() -> None:
-    """Over an exposure as long as the interval a link lets the wall through, as a shadow does."""
-    parts = [swinging(shadow=False, checker=0.0, grain=4.0, late=k / 8) for k in range(8)]
+@pytest.mark.parametrize("exposure", [1, 3, 4])
+def test_what_blurs_as_it_moves_casts_no_shadow(exposure: int) -> None:
+    """A link that moves while the shutter is open lets the wall through, as a shadow does."""
+    parts = [swinging(shadow=False, checker=0.0, grain=4.0, late=exposure * k / 8) for k in range(8)]
     made = [
         Frame(i, i / 30, np.mean([part[i].luma for part in parts], axis=0).round().astype(np.uint8))
         for i in range(len(parts[0]))
