@@ -1,6 +1,6 @@
 """Print what Monodyn costs: ratios within one process, and a whole run from a cold one.
 
-Run: ``python benchmarks/speed.py [--only NAME ...] [--json FILE] [--gate]``. With ``MONODYN_DATA`` set the
+Run: ``python benchmarks/speed.py [--only NAME ...] [--against CHECKOUT] [--json FILE] [--gate]``. With ``MONODYN_DATA`` set the
 clip is ``rendered/double_a.mp4`` there, else the demo clip.
 """
 
@@ -66,6 +66,12 @@ def main() -> int:
     parts = {"track": tracking, "fit": fitting, "run": running, "import": importing}
     parser = command_line(__doc__, tuple(parts))
     parser.add_argument("--repeats", type=int, default=7, metavar="N", help="repeats of everything (7)")
+    parser.add_argument(
+        "--against",
+        type=Path,
+        metavar="CHECKOUT",
+        help="run another checkout in turn, and print the ratio alone",
+    )
     options = parser.parse_args()
     data = os.environ.get("MONODYN_DATA")
     stem = Path(data) / "rendered" / "double_a" if data else ROOT / "examples" / "double"
@@ -74,8 +80,12 @@ def main() -> int:
         if not file.is_file():
             print(f"speed.py: expected {file}, found none; set MONODYN_DATA or unset it.", file=sys.stderr)
             return 2
+    if options.against is not None:
+        figures = compared(clip, options.against, max(options.repeats, 1))
+        print(table(figures))
+        return finish(figures, to=options.json, gate=options.gate)
     chosen = options.only or tuple(parts)
-    figures: list[Figure] = []
+    figures = []
     ready = None
     for name in chosen:
         say(f"{name} ...")
@@ -203,6 +213,36 @@ def running(clip: Clip, repeats: int) -> list[Figure]:
     ]
 
 
+def compared(clip: Clip, other: Path, repeats: int) -> list[Figure]:
+    """Time whole runs of this source and of another checkout's in turn, after one of each for the cache.
+
+    Args:
+        clip: The clip.
+        other: Folder of the other checkout.
+        repeats: Runs of each.
+
+    Returns:
+        The ratios of wall and CPU time, and the seconds of this one.
+    """
+    sources = {"this": ROOT / "src", "other": other.resolve() / "src"}
+    found: dict[str, list[tuple[float, float, float]]] = {name: [] for name in sources}
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = ["run", str(clip.video), "--model", str(clip.model), "--force", "--quiet"]
+        for _ in range(1 + repeats):
+            for name, source in sources.items():
+                command = [*_monodyn(), *arguments, "--out", f"{folder}/{name}"]
+                found[name].append(_process(command, {**os.environ, "PYTHONPATH": str(source)}))
+    this, before = (np.array(found[name][1:]) for name in ("this", "other"))
+    ratio = np.median(this, axis=0) / np.median(before, axis=0)
+    case = f"monodyn run {clip.video.name}, against {other.name}"
+    return [
+        Figure(case, "wall time, ratio of the medians", float(ratio[0]), "times", 1.1),
+        Figure(case, "CPU time, ratio of the medians", float(ratio[1]), "times"),
+        Figure(case, "wall time of this one", float(np.median(this[:, 0])), "s"),
+        Figure(case, "wall time of the other", float(np.median(before[:, 0])), "s"),
+    ]
+
+
 def importing(_: Clip, repeats: int) -> list[Figure]:
     """Time ``import monodyn`` in processes of its own.
 
@@ -251,10 +291,10 @@ def _monodyn() -> list[str]:
     return [sys.executable, "-c", "import sys; from monodyn.cli import main; sys.exit(main())"]
 
 
-def _process(command: list[str]) -> tuple[float, float, float]:
+def _process(command: list[str], environment: dict[str, str] | None = None) -> tuple[float, float, float]:
     """Run a command; wall time [s], CPU time [s] and peak memory [MB] of its process."""
     began = time.perf_counter()
-    child = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)
     _, status, usage = os.wait4(child.pid, 0)
     wall = time.perf_counter() - began
     child.returncode = os.waitstatus_to_exitcode(status)
