@@ -1,7 +1,7 @@
 """Print what Monodyn costs: ratios within one process, and a whole run from a cold one.
 
-Run: ``python benchmarks/speed.py [--only NAME ...] [--against CHECKOUT] [--json FILE] [--gate]``. With ``MONODYN_DATA`` set the
-clip is ``rendered/double_a.mp4`` there, else the demo clip.
+Run: ``python benchmarks/speed.py [--only NAME ...] [--against CHECKOUT] [--json FILE] [--gate]``. With
+``MONODYN_DATA`` set the clip is ``rendered/double_a.mp4`` there, else the demo clip.
 """
 
 from __future__ import annotations

@@ -31,8 +31,10 @@ def frozen(
         MonodynError: (or ``error``) the number of axes or a length differs.
     """
     array = np.array(values, dtype=dtype, order="C")
-    if array.ndim != len(shape) or any(
-        want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
+    # most arrays are right at first sight; a generator for each would cost more than its copy
+    if array.shape != shape and (
+        array.ndim != len(shape)
+        or any(want is not None and want != got for want, got in zip(shape, array.shape, strict=True))
     ):
         expected = ", ".join("any" if n is None else str(n) for n in shape)
         raise error(f"{where}: expected an array of shape ({expected}), got {array.shape}.")

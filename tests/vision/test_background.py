@@ -28,3 +28,21 @@ def test_within_a_part_nothing_is_known_of_what_else_moves() -> None:
     assert part.known[:30].all()
     # columns 20 to 70 and rows 10 to 50, without rows from 30 on of the columns before 40
     assert part.counts.sum() == 40 * 50 - 20 * 20
+
+
+def test_pixels_covered_in_a_frame_show_the_others_alone() -> None:
+    made = wandering(colour=(90, 80, 170), places=[10 + 2 * (i // 4) for i in range(24)])
+    covered = [frame.luma < 125 for frame in made]
+    found, plain = background_of(samples(made), covered), background_of(samples(made))
+    shown = np.ma.masked_array([frame.luma for frame in made], covered)
+    free = ~np.all(covered, axis=0)
+    # of an even number of samples any level between the middle two is a median
+    np.testing.assert_allclose(found.luma[free], np.ma.median(shown, axis=0).filled(0)[free], atol=1.01)
+    never = ~np.any(covered, axis=0)
+    np.testing.assert_array_equal(found.luma[never], plain.luma[never])
+    # columns 20 to 29 are dark in every frame, and nobody knows what is behind
+    assert not found.known[20:40, 20:30].any()
+    assert found.known[free].all()
+    assert found.chroma is not None
+    np.testing.assert_allclose(found.chroma[0][10:20, 5:9], 128, atol=0.51)
+    np.testing.assert_allclose(found.chroma[1][10:20, 16:19], 128, atol=0.51)

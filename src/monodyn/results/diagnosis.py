@@ -32,7 +32,7 @@ from monodyn.results.strip import strip
 
 HEADING = 0.9
 """Size of the heading's text."""
-PACKED = 3
+PACKED = 1
 """Compression of the picture, 0 to 9: more takes longer than it saves."""
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,6 +63,22 @@ class Background:
         return inside if self.others is None else inside & ~self.others
 
 
+class Medians(NamedTuple):
+    """What the pixels show over some frames.
+
+    Attributes:
+        luma: Median grey level, float32 (height, width).
+        deviation: Noise of each pixel [grey levels], float32 (height, width).
+        count: Samples that count, int32 (height, width).
+        chroma: Median blue and red difference, each float32 (row, column), or None for a grey clip.
+    """
+
+    luma: np.ndarray
+    deviation: np.ndarray
+    count: np.ndarray
+    chroma: tuple[np.ndarray, np.ndarray] | None
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Frames spread over the motion of a clip.
@@ -87,6 +105,11 @@ class Samples:
     others: np.ndarray | None = None
     given: bool = False
 
+    @cached_property
+    def medians(self) -> Medians:
+        """What the pixels show over all frames."""
+        return _medians(self.frames)
+
 
 def background_of(
     samples: Samples, covered: Sequence[np.ndarray] | None = None, *, fallback: Background | None = None
@@ -102,25 +125,11 @@ def background_of(
     Returns:
         The background with its noise level.
     """
-    from monodyn.vision.foreground.median import masked_median
-
-    frames = samples.frames
-    luma = np.stack([frame.luma for frame in frames])
-    hidden = np.zeros((0, 0, 0), dtype=np.bool_) if covered is None else np.stack(covered)
-    grey, deviation, count = masked_median(luma, hidden)
-    known = count >= max(2, len(frames) // 24)
-    deviation = _smooth_deviation(deviation)
+    found = samples.medians if covered is None else _uncovered(samples, covered)
+    grey, chroma = found.luma, found.chroma
+    known = found.count >= max(2, len(samples.frames) // 24)
+    deviation = _smooth_deviation(found.deviation)
     noise = float(np.median(deviation))
-    chroma = None
-    if all(frame.chroma is not None for frame in frames):
-        planes = []
-        for channel in range(2):
-            stack = np.stack([frame.chroma[channel] for frame in frames if frame.chroma is not None])
-            small = hidden
-            if covered is not None:
-                small = np.stack([_shrink(mask, stack.shape[1:]) for mask in covered])
-            planes.append(masked_median(stack, small)[0])
-        chroma = (planes[0], planes[1])
     # a pixel that is never seen uncovered keeps the first guess, which the palette then does not trust
     if fallback is not None:
         grey = np.where(known, grey, fallback.luma)
@@ -130,8 +139,50 @@ def background_of(
                 np.where(known_small, new, old) for new, old in zip(chroma, fallback.chroma, strict=True)
             )
             chroma = (blue, red)
-    found = Background(grey, chroma, noise, known, samples.window, deviation=deviation)
-    return within(found, samples.window, samples.others)
+    result = Background(grey, chroma, noise, known, samples.window, deviation=deviation)
+    return within(result, samples.window, samples.others)
+
+
+def _medians(frames: Sequence[Frame]) -> Medians:
+    """Return what the pixels show over all frames."""
+    from monodyn.vision.foreground.median import masked_median
+
+    every = np.zeros((0, 0, 0), dtype=np.bool_)
+    luma, deviation, count = masked_median(np.stack([frame.luma for frame in frames]), every)
+    colours = [frame.chroma for frame in frames if frame.chroma is not None]
+    if len(colours) < len(frames):
+        return Medians(luma, deviation, count, None)
+    blue, red = (masked_median(np.stack(planes), every)[0] for planes in zip(*colours, strict=True))
+    return Medians(luma, deviation, count, (blue, red))
+
+
+def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
+    """Return what the pixels show over the frames in which they are not covered.
+
+    Only the pixels that are covered in some frame are counted again.
+    """
+    from monodyn.vision.foreground.median import masked_median
+
+    frames, (luma, deviation, count, chroma) = samples.frames, samples.medians
+    luma, deviation, count = luma.copy(), deviation.copy(), count.copy()
+
+    def again(planes: Sequence[np.ndarray], hidden: Sequence[np.ndarray], at: np.ndarray) -> list[np.ndarray]:
+        """Return median, noise and count at some of the pixels, each (pixel,)."""
+        stack, masks = (np.stack([one[at] for one in ones])[:, np.newaxis] for ones in (planes, hidden))
+        return [found[0] for found in masked_median(stack, masks)]
+
+    somewhere = np.logical_or.reduce(covered)
+    luma[somewhere], deviation[somewhere], count[somewhere] = again(
+        [frame.luma for frame in frames], covered, somewhere
+    )
+    if chroma is not None:
+        small = [_shrink(mask, chroma[0].shape) for mask in covered]
+        somewhere = np.logical_or.reduce(small)
+        colours = [frame.chroma for frame in frames if frame.chroma is not None]
+        chroma = (chroma[0].copy(), chroma[1].copy())
+        for target, planes in zip(chroma, zip(*colours, strict=True), strict=True):
+            target[somewhere] = again(planes, small, somewhere)[0]
+    return Medians(luma, deviation, count, chroma)
 
 
 def _smooth_deviation(deviation: np.ndarray) -> np.ndarray:

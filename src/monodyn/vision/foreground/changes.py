@@ -82,10 +82,12 @@ def moving_pixels(
     for i in picks:
         frame = samples[i]
         planes = full_size(frame.luma, None if grey_only else frame.chroma)
-        moving = apart(planes, behind) > least
+        moving = (apart(planes, behind) > least) & counts
         # Where the first background shows the mechanism itself, what moves is its absence: such a pixel is
         # more like its surroundings than the background is, and does not count.
-        moving &= (apart(planes, around) > apart(behind, around)) & counts
+        y, x = np.nonzero(moving)
+        shown, back, near = ([plane[y, x] for plane in picture] for picture in (planes, behind, around))
+        moving[y, x] = apart(shown, near) > apart(back, near)
         if shadow is not None:
             moving &= ~in_shadow(frame, background, shadow)
         # pixels at an edge are mixed with the background; only a thin mechanism has no others
@@ -156,10 +158,14 @@ def apart(planes: list[np.ndarray], other: list) -> np.ndarray:
     """Compute the squared distance of colours.
 
     Args:
-        planes: A picture, (height, width) each.
+        planes: A picture, float32 (height, width) each, or some of its pixels, (pixel,) each.
         other: Another one, or one number for each plane; what there is more of either does not count.
 
     Returns:
-        The sum of the squares over the planes, (height, width) [grey levels squared].
+        The sum of the squares over the planes, of their shape [grey levels squared].
     """
-    return sum((plane - value) ** 2 for plane, value in zip(planes, other, strict=False))  # type: ignore[return-value]
+    squares = np.zeros(planes[0].shape, dtype=np.float32)
+    for plane, value in zip(planes, other, strict=False):
+        difference = plane - value
+        squares += np.square(difference, out=difference)
+    return squares

@@ -63,23 +63,28 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
         ``FULL`` where the mechanism covers the whole pixel; 0 outside of the background's window.
     """
     colours = palette.colours.astype(np.float32)
-    planes = np.zeros((len(colours), *frame.luma.shape), dtype=np.uint8)
+    count = len(colours) + palette.any_difference
+    planes = np.zeros((count, *frame.luma.shape), dtype=np.uint8)
     chroma = dimmed = np.zeros((0, 0, 0), dtype=np.float32)
     if not (palette.grey_only or frame.chroma is None or background.chroma is None):
-        dimmed = np.zeros(planes.shape, dtype=np.float32) if palette.dimmed is None else palette.dimmed[0]
+        dimmed = palette.dimmed[0] if palette.dimmed is not None else _undimmed(len(colours), frame.luma)
         chroma = _chroma_part(frame.chroma, background, palette)
     projection = _Projection(background.luma, colours, dimmed, palette.scale, background.window)
     _project(frame.luma, chroma, projection, planes)
     if palette.any_difference:
-        other = _any_difference(frame, background, palette)
+        _any_difference(frame, background, palette, planes[-1])
         if palette.varied:
-            other = _closed(np.maximum(planes.max(axis=0), other))
-        planes = np.concatenate([planes, other[np.newaxis]])
+            planes[-1] = _closed(planes.max(axis=0))
     if palette.shadow is not None:
         unshadowed(frame, background, palette.shadow, palette.colours, planes)
     if background.others is not None:
         planes[:, background.others] = 0
     return planes
+
+
+def _undimmed(colours: int, plane: np.ndarray) -> np.ndarray:
+    """Return that nothing is taken out of the colours, float32 (colour, height, width)."""
+    return np.zeros((colours, *plane.shape), dtype=np.float32)
 
 
 def _closed(coverage: np.ndarray) -> np.ndarray:
@@ -91,24 +96,34 @@ def _closed(coverage: np.ndarray) -> np.ndarray:
     return cv2.morphologyEx(coverage, cv2.MORPH_CLOSE, kernel)
 
 
-def _any_difference(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
-    """Return coverage from the size of the difference alone, beyond the noise, uint8 (height, width)."""
+def _any_difference(frame: Frame, background: Background, palette: Palette, out: np.ndarray) -> None:
+    """Fill ``out``, uint8 (height, width), with coverage from the size of the difference alone, beyond the
+    noise."""
     import cv2
 
-    squares = (frame.luma - background.luma) ** 2
+    chroma = np.zeros((0, 0), dtype=np.float32)
     if not palette.grey_only and frame.chroma is not None and background.chroma is not None:
-        size = (squares.shape[1], squares.shape[0])
-        blue, red = (plane - back for plane, back in zip(frame.chroma, background.chroma, strict=True))
-        small = blue**2 + red**2
-        squares = squares + CHROMA_WEIGHT * cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
-    beyond = np.sqrt(squares) - np.maximum(ANY_BEYOND * palette.contrast, ANY_NOISE * background.pixel_noise)
+        part, size = _at_chroma(background.window, frame.luma.shape, frame.chroma[0].shape)
+        pairs = zip(frame.chroma, background.chroma, strict=True)
+        blue, red = (plane[part] - back[part] for plane, back in pairs)
+        chroma = cv2.resize(blue**2 + red**2, size, interpolation=cv2.INTER_LINEAR)
     # borders that stand out more than the least contrast keep their profile up to twice the range
     full, most = (ANY_CONTRAST, FULL) if palette.varied else (2 * ANY_CONTRAST, 255)
-    share = np.clip(beyond * (FULL / (full * palette.contrast)), 0.0, most).astype(np.uint8)
-    top, bottom, left, right = background.window
-    out = np.zeros_like(share)
-    out[top:bottom, left:right] = share[top:bottom, left:right]
-    return out
+    noise = background.pixel_noise
+    if noise.shape != out.shape:
+        noise = np.full(out.shape, noise[0, 0])
+    levels = np.array([ANY_BEYOND * palette.contrast, FULL / (full * palette.contrast), most], np.float32)
+    _differing(frame.luma, chroma, (background.luma, noise), background.window, levels, out)
+
+
+def _at_chroma(
+    window: Window, shape: tuple[int, ...], small: tuple[int, ...]
+) -> tuple[tuple[slice, slice], tuple[int, int]]:
+    """Return the part of the chroma planes that shows a window, and the window's width and height."""
+    top, bottom, left, right = window
+    rows, columns = shape[0] / small[0], shape[1] / small[1]
+    across = slice(int(left / columns), int(np.ceil(right / columns)))
+    return (slice(int(top / rows), int(np.ceil(bottom / rows))), across), (right - left, bottom - top)
 
 
 def _chroma_part(
@@ -119,23 +134,15 @@ def _chroma_part(
 
     assert background.chroma is not None
     behind, colours, shape = background.chroma, palette.colours.astype(np.float32), background.luma.shape
-    dimmed = np.zeros((len(colours), *chroma[0].shape), dtype=np.float32)
-    if palette.dimmed is not None:
-        dimmed = palette.dimmed[1]
-    top, bottom, left, right = background.window
+    dimmed = palette.dimmed[1] if palette.dimmed is not None else _undimmed(len(colours), chroma[0])
     # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
-    rows, columns = shape[0] / chroma[0].shape[0], shape[1] / chroma[0].shape[1]
-    part = (
-        slice(int(top / rows), int(np.ceil(bottom / rows))),
-        slice(int(left / columns), int(np.ceil(right / columns))),
-    )
+    part, size = _at_chroma(background.window, shape, chroma[0].shape)
     small = np.empty(
         (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32
     )
     _project_chroma(
         chroma[0][part], chroma[1][part], behind[0][part], behind[1][part], colours, dimmed[:, *part], small
     )
-    size = (right - left, bottom - top)
     return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in small])
 
 
@@ -186,3 +193,30 @@ def _project(luma: np.ndarray, chroma: np.ndarray, projection: _Projection, out:
                     step = target - b - dimmed[k, y, x] * light
                     value = (np.float32(luma[y, x]) - b) * step + difference
                     out[k, y, x] = np.uint8(min(most, max(none, value * scale[k, y, x] + half)))
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _differing(
+    luma: np.ndarray,
+    chroma: np.ndarray,
+    behind: tuple[np.ndarray, np.ndarray],
+    window: Window,
+    levels: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Fill ``out`` with the size of the difference beyond the least that counts, times a scale.
+
+    ``chroma``, the squared difference of the colours in the window, has length 0 when grey alone counts;
+    ``behind`` holds background and noise, and ``levels`` the least difference, the scale and the most.
+    """
+    background, noise = behind
+    beyond, scale, most = levels[0], levels[1], levels[2]
+    none, weight, counts = np.float32(0.0), np.float32(CHROMA_WEIGHT), np.float32(ANY_NOISE)
+    for y in range(window.top, window.bottom):
+        for x in range(window.left, window.right):
+            difference = np.float32(luma[y, x]) - background[y, x]
+            square = difference * difference
+            if chroma.shape[0] > 0:
+                square += weight * chroma[y - window.top, x - window.left]
+            share = (np.sqrt(square) - max(beyond, counts * noise[y, x])) * scale
+            out[y, x] = np.uint8(min(most, max(none, share)))

@@ -146,11 +146,9 @@ def best_peaks(costs: np.ndarray, circular: bool, count: int) -> np.ndarray:
     Returns:
         Their indices, the least first, (entry,).
     """
-    if circular:
-        left, right = np.roll(costs, 1, axis=1), np.roll(costs, -1, axis=1)
-    else:
-        left = np.pad(costs, ((0, 0), (1, 0)), constant_values=np.inf)[:, :-1]
-        right = np.pad(costs, ((0, 0), (0, 1)), constant_values=np.inf)[:, 1:]
+    # beyond the ends of a row there is the other end, or nothing
+    ends = (costs[:, -1:], costs[:, :1]) if circular else (np.full((len(costs), 1), np.inf),) * 2
+    left, right = np.hstack([ends[0], costs[:, :-1]]), np.hstack([costs[:, 1:], ends[1]])
     # one of the two comparisons is strict: a plateau counts once
     peaks = np.nonzero(((costs <= left) & (costs < right)).ravel())[0]
     if not len(peaks):
