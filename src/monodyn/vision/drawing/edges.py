@@ -44,6 +44,11 @@ INSIDE_PX = 3.0
 """Depth at which the coverage inside of the outline is read, at most [px]."""
 POSE_STEP = 1e-6
 """Shift of a joint for the derivative of the outline [rad or m]."""
+COMMON = 1.0
+"""Variance of the error that the samples of an edge along the pixels' rows or columns have in common, over
+that of one sample: renderers and codecs place such an edge in steps of about a quarter pixel."""
+PHASE_PX = 0.25
+"""That step: an edge that crosses several of them averages the error out [px]."""
 MOST_SAMPLES = 4096
 """Outline samples of a mechanism that are used."""
 SAMPLES, TRUST, NEAR, SQUARES, COVERED, BEHIND = range(6)
@@ -214,7 +219,7 @@ def edge_kernel(
             row[j] = (dx * nx + dy * ny) / h
         # the robust weight changes as the outline comes near: it is for the step, and not for the agreement
         trusted = samples[s, WEIGHT]
-        w = trusted * robust_weight(away, scale)
+        w = trusted * robust_weight(away, scale) / _repeated(px[p], px[r], spacing)
         link[SAMPLES] += 1.0
         link[TRUST] += trusted
         if abs(away) < MATCHED_PX:
@@ -226,6 +231,14 @@ def edge_kernel(
             for k in range(size):
                 normal[j, k] += w * row[j] * row[k]
     return normal, right, found
+
+
+@njit(cache=True, inline="always")
+def _repeated(start: np.ndarray, end: np.ndarray, spacing: float) -> float:
+    """Return how many samples of the edge between two points, (2,) [px], know as much as one alone would."""
+    across, along = abs(end[0] - start[0]), abs(end[1] - start[1])
+    steps = min(across, along) / PHASE_PX
+    return 1.0 + COMMON * max(across, along) / spacing / (1.0 + steps * steps)
 
 
 @njit(cache=True, inline="always")
