@@ -11,8 +11,8 @@ from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict.summary import summarize
-from monodyn.mechanism import load
-from swings import record
+from monodyn.mechanism import Measured, load
+from swings import motion, record, white
 
 
 def test_a_start_that_cannot_be_simulated_is_a_status(poses, double):
@@ -107,3 +107,18 @@ def test_a_length_as_uncertain_as_its_value_is_not_trusted():
     )
     known = single.with_choices(fix={"link1.length": single.values["link1.length"]})
     assert identify(creep, known, IdentifySettings(starts=1)).ok
+
+
+def test_a_length_of_a_body_that_never_turns_may_be_unknown():
+    from monodyn.stages import identify
+
+    cart, times = load("cartpole"), np.arange(60) / 30.0
+    sizes = ("cart.length", "link1.length")
+    # the pictures know the cart's length within a factor of 4, and the rod's within a thousandth
+    cart = cart.with_measured(Measured(sizes, np.diag([1.4**-2, 1e6])))
+    swung = motion(cart, times, [0.1, 0.8], [0.2, 0.0])
+    found = identify(white(("slide", "joint1"), times, swung, 1e-4), cart, IdentifySettings(starts=1))
+    length = found.parameter("cart.length")
+    assert np.isfinite(length.std)
+    assert not length.identifiable
+    assert found.ok

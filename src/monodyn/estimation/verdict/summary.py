@@ -103,10 +103,19 @@ def _at_limit(fit: Fit, mechanism: Mechanism) -> list[str]:
 
 
 def _undetermined(fit: Fit, mechanism: Mechanism) -> list[str]:
-    """Name the lengths whose interval reaches as far as their value, which is no scale left open: that of all
-    lengths, which a choice of gravity or time leaves, has no interval at all."""
+    """Name the lengths of bodies that turn, on which the motion depends, whose interval reaches as far as
+    their value.
+
+    That is no scale left open: of all lengths together, which a choice of gravity or time leaves, none has
+    an interval at all.
+    """
+    turning: set[str] = set()
+    for joint, parent in zip(mechanism.joints, mechanism.tree.parent.tolist(), strict=True):
+        if joint.kind == "hinge" or (parent >= 0 and mechanism.joints[parent].body in turning):
+            turning.add(joint.body)
     hardly = [p.name for p in fit.parameters if p.free and np.isfinite(p.std) and not p.identifiable]
-    return [name for name in hardly if mechanism.parameter(name).kind == "length"]
+    sizes = [mechanism.parameter(name) for name in hardly]
+    return [p.name for p in sizes if p.kind == "length" and p.owner in turning]
 
 
 def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:
