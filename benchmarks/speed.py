@@ -27,6 +27,8 @@ FITTED = 40
 """Frames of the fit."""
 HELD = 120
 """Frames that are held in memory to time coverage and following alone."""
+EASY = ("double_a", "single", "double_b", "triple", "bob", "cartpole")
+"""Clips of ``MONODYN_DATA`` on which whole runs are compared; the first one is for the other figures."""
 
 
 @dataclass(frozen=True)
@@ -70,18 +72,23 @@ def main() -> int:
         "--against",
         type=Path,
         metavar="CHECKOUT",
-        help="run another checkout in turn, and print the ratio alone",
+        help="run another checkout in turn on the easy clips, and print the ratios alone",
     )
     options = parser.parse_args()
     data = os.environ.get("MONODYN_DATA")
-    stem = Path(data) / "rendered" / "double_a" if data else ROOT / "examples" / "double"
-    clip = Clip(stem.with_suffix(".mp4"), stem.with_suffix(".xml"))
-    for file in (clip.video, clip.model):
+    names = EASY if options.against is not None else EASY[:1]
+    stems = [Path(data) / "rendered" / name for name in names] if data else [ROOT / "examples" / "double"]
+    clips = [Clip(stem.with_suffix(".mp4"), stem.with_suffix(".xml")) for stem in stems]
+    for file in (file for clip in clips for file in (clip.video, clip.model)):
         if not file.is_file():
             print(f"speed.py: expected {file}, found none; set MONODYN_DATA or unset it.", file=sys.stderr)
             return 2
+    clip = clips[0]
     if options.against is not None:
-        figures = compared(clip, options.against, max(options.repeats, 1))
+        figures = []
+        for clip in clips:
+            say(f"{clip.video.name} ...")
+            figures += compared(clip, options.against, max(options.repeats, 1))
         print(table(figures))
         return finish(figures, to=options.json, gate=options.gate)
     chosen = options.only or tuple(parts)
@@ -234,7 +241,7 @@ def compared(clip: Clip, other: Path, repeats: int) -> list[Figure]:
                 found[name].append(_process(command, {**os.environ, "PYTHONPATH": str(source)}))
     this, before = (np.array(found[name][1:]) for name in ("this", "other"))
     ratio = np.median(this, axis=0) / np.median(before, axis=0)
-    case = f"monodyn run {clip.video.name}, against {other.name}"
+    case = f"{clip.video.stem}, against {other.name}"
     return [
         Figure(case, "wall time, ratio of the medians", float(ratio[0]), "times", 1.1),
         Figure(case, "CPU time, ratio of the medians", float(ratio[1]), "times"),
