@@ -30,7 +30,7 @@ LEAST_SEEN = 0.25
 """Share of the frames to fit that have to be tracked."""
 MOST_MISMATCH = 0.5
 """Mismatch of outline and mask, as a share of the mask's area, above which no fit is trusted: as much as the
-published method allows."""
+published method allows. Where only a part of the frames was tracked, only that part of it."""
 MOST_BESIDE = 0.05
 """What moves along with a body outside of its outline, as a share of the foreground, above which no fit of
 uniform bodies is trusted."""
@@ -261,7 +261,8 @@ def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
             "followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
             "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
         )
-    if sight.mismatch > MOST_MISMATCH:
+    # a mechanism that lies badly on its mask and was lost again and again is another one
+    if sight.mismatch > MOST_MISMATCH * min(seen / max(count, 1), 1.0):
         return (
             "The mechanism as it was located differs from what stands out from the background by "
             f"{sight.mismatch:.0%} of its area: it is in the wrong place, of the wrong size or blurred by "

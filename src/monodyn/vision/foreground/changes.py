@@ -162,7 +162,7 @@ def apart(planes: list[np.ndarray], other: list) -> np.ndarray:
         other: Another one, or one number for each plane; what there is more of either does not count.
 
     Returns:
-        The sum of the squares over the planes, of their shape [grey levels squared].
+        The sum of the squares over the planes, float32 (height, width) or (pixel,) [grey levels squared].
     """
     squares = np.zeros(planes[0].shape, dtype=np.float32)
     for plane, value in zip(planes, other, strict=False):

@@ -81,7 +81,13 @@ def geom_colours(
     if not colours:
         return None
     part[part == UNSEEN] = 0
-    shaded = np.array([part[g] >= 0 and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
+    # how much differs from the background where colours vary is not how much of a pixel is covered
+    shaded = np.array(
+        [
+            part[g] == VARIED or (part[g] >= 0 and _is_shaded(pixels[g], colours[part[g]]))
+            for g in range(geoms)
+        ]
+    )
     hidden = any(
         part[g] >= 0 and _hidden_share(pixels[g], colours[part[g]], background.noise) > CAMOUFLAGED_SHARE
         for g in range(geoms)
