@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from models import mjcf, read
 from monodyn.mechanism import Mechanism, load
 from monodyn.mechanism.tree import SLIDE
 from monodyn.vision.drawing.camera import X
@@ -146,3 +148,24 @@ def test_samples_that_another_geom_covers_are_counted() -> None:
     # folded back the shorter link lies within the longer one; at an angle only its hinge does
     assert counts[0][1] > 3.0 * counts[0][0]
     assert counts[1][1] < counts[1][0]
+
+
+def test_the_samples_of_an_edge_along_the_pixels_know_one_offset(tmp_path: Path) -> None:
+    joint, box = '<joint type="slide" axis="1 0 0"/>', '<geom type="box" size="0.06 0.01 0.03"/>'
+    cart = read(tmp_path, mjcf(f'<body name="cart">{joint}{box}</body>'))
+    normal, _, agreement = terms(cart, drawn_mask(cart, CAMERA, np.zeros(1)), np.zeros(1))
+    assert agreement.samples > 40
+    # each of the two upright sides is worth about one sample, whose normal moves with the cart
+    assert 1.8 < normal[0, 0] / (CAMERA.focal / CAMERA.depth) ** 2 < 2.0
+
+
+def test_an_edge_along_the_pixels_shows_its_direction_as_any_other() -> None:
+    single = load("single")
+
+    def information(angle: float) -> float:
+        return float(terms(single, drawn_mask(single, CAMERA, np.array([angle])), np.array([angle]))[0][0, 0])
+
+    # of many samples at x from the hinge, sum x^2 is known across the pixels, and what is left of it without
+    # the common offset, sum (x - mean)^2, along them: about a quarter
+    assert 0.2 < information(0.0) / information(0.4) < 0.35
+    assert information(0.4) == pytest.approx(information(0.7), rel=0.1)

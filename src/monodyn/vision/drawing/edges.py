@@ -203,6 +203,8 @@ def edge_kernel(
     count = edge_samples(planes, view, outlines, (reach, spacing), ends, samples, True)
     px, moved = outlines.px, _moved_points(rig, shifts, position, outlines)
     scale = max(0.35 * reach, 1.0)
+    # the edge that the samples before lie on, and the weighted sums over these
+    edge, edge_weight, edge_away, edge_row = (0, 0), 0.0, 0.0, np.zeros(size)
     for s in range(count):
         link = found[rig.link[int(samples[s, GEOM])]]
         if samples[s, REASON] != USED:
@@ -219,26 +221,52 @@ def edge_kernel(
             row[j] = (dx * nx + dy * ny) / h
         # the robust weight changes as the outline comes near: it is for the step, and not for the agreement
         trusted = samples[s, WEIGHT]
-        w = trusted * robust_weight(away, scale) / _repeated(px[p], px[r], spacing)
+        w = trusted * robust_weight(away, scale)
         link[SAMPLES] += 1.0
         link[TRUST] += trusted
         if abs(away) < MATCHED_PX:
             link[NEAR] += trusted
             link[SQUARES] += trusted * away * away
         link[COVERED] += trusted * _level_inside(planes, view, samples[s])
+        if edge != (p, r):
+            _take_out(normal, right, px[edge[0]], px[edge[1]], edge_weight, edge_row, edge_away)
+            edge, edge_weight, edge_away = (p, r), 0.0, 0.0
+            edge_row[:] = 0.0
+        edge_weight, edge_away = edge_weight + w, edge_away + w * away
         for j in range(size):
+            edge_row[j] += w * row[j]
             right[j] += w * row[j] * away
             for k in range(size):
                 normal[j, k] += w * row[j] * row[k]
+    _take_out(normal, right, px[edge[0]], px[edge[1]], edge_weight, edge_row, edge_away)
     return normal, right, found
 
 
 @njit(cache=True, inline="always")
-def _repeated(start: np.ndarray, end: np.ndarray, spacing: float) -> float:
-    """Return how many samples of the edge between two points, (2,) [px], know as much as one alone would."""
-    across, along = abs(end[0] - start[0]), abs(end[1] - start[1])
-    steps = min(across, along) / PHASE_PX
-    return 1.0 + COMMON * max(across, along) / spacing / (1.0 + steps * steps)
+def _take_out(
+    normal: np.ndarray,
+    right: np.ndarray,
+    start: np.ndarray,
+    end: np.ndarray,
+    weight: float,
+    row: np.ndarray,
+    away: float,
+) -> None:
+    """Take out of the normal equations what an error that the samples of an edge have in common adds to them.
+
+    The edge lies between two points, (2,) [px]; the rest are weighted sums over its samples. With the weights
+    w on a diagonal W and a common variance c, the inverse covariance is W - w w' c / (1 + c sum w).
+
+    Source:
+        Sherman and Morrison, "Adjustment of an inverse matrix", 1950.
+    """
+    steps = min(abs(end[0] - start[0]), abs(end[1] - start[1])) / PHASE_PX
+    common = COMMON / (1.0 + steps * steps)
+    share = common / (1.0 + common * weight)
+    for j in range(len(row)):
+        right[j] -= share * row[j] * away
+        for k in range(len(row)):
+            normal[j, k] -= share * row[j] * row[k]
 
 
 @njit(cache=True, inline="always")

@@ -82,12 +82,8 @@ def geom_colours(
         return None
     part[part == UNSEEN] = 0
     # how much differs from the background where colours vary is not how much of a pixel is covered
-    shaded = np.array(
-        [
-            part[g] == VARIED or (part[g] >= 0 and _is_shaded(pixels[g], colours[part[g]]))
-            for g in range(geoms)
-        ]
-    )
+    shaded = np.array([part[g] >= 0 and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
+    shaded |= part == VARIED
     hidden = any(
         part[g] >= 0 and _hidden_share(pixels[g], colours[part[g]], background.noise) > CAMOUFLAGED_SHARE
         for g in range(geoms)
