@@ -32,7 +32,7 @@ NARROW = Beam(8, 60, 144)
 KEPT, KEPT_A_ROOT = 12, 5
 """Structures kept per link, and most of them with the same root; twice as many of more than ``ALL_TRIED``
 links."""
-THIN, THICK = 30.0, 1.6
+THIN, THICK = 30.0, 1.35
 """Percentile of the widths of the foreground that counts as thin; wider parts are tried besides where they
 are wider than that by this factor."""
 GROWN_PX = 45
