@@ -13,6 +13,8 @@ from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, AXIS_X, AXIS_Y, SLIDE
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import X, Y, camera_array, shrunk
 
+RING, COARSE_RING = 32, 16
+"""Points on the outline of a ball, and in a reduced picture; the second divides the first."""
 SIZE_KINDS = ("length", "width", "tail", "tip", "extent")
 """Kinds of the parameters whose sizes a picture shows."""
 SHOWN_KINDS = (*SIZE_KINDS, *PLACE_KINDS, "turn", "offset")
@@ -31,6 +33,7 @@ class Rig(NamedTuple):
         points: Points of the geoms in their link's frame [m], (point, 3).
         radius: Radius around the points [m], (geom,).
         camera: Packed camera, (entry,).
+        ring: Points on the outline of a ball.
     """
 
     parent: np.ndarray
@@ -41,6 +44,7 @@ class Rig(NamedTuple):
     points: np.ndarray
     radius: np.ndarray
     camera: np.ndarray
+    ring: int
 
     def before(self, camera: np.ndarray) -> Rig:
         """Return the mechanism before another packed camera.
@@ -77,6 +81,7 @@ def altered(rig: Rig, links: np.ndarray, points: np.ndarray, radius: np.ndarray,
         points=points,
         radius=radius,
         camera=camera,
+        ring=rig.ring,
     )
 
 
@@ -103,6 +108,7 @@ def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
         points=shapes.points.copy(),
         radius=shapes.radius.copy(),
         camera=packed,
+        ring=RING if shrink == 1.0 else COARSE_RING,
     )
 
 

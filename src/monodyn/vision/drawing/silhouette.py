@@ -15,18 +15,14 @@ from numba import njit
 
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
 from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, ROTATION, X, Y
-from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.drawing.rig import RING, Rig
 
-RING = 32
-"""Points on the outline of a ball."""
 FARTHEST_PX = 1e6
 """Points farther out than this have no place in a picture [px]."""
 AROUND = np.stack(
     [np.cos(2.0 * np.pi / RING * np.arange(RING)), np.sin(2.0 * np.pi / RING * np.arange(RING))]
 )
 """Cosine and sine of the angle of each point on the outline of a ball, (2, ring)."""
-ROUNDING = math.sqrt(2.0 * math.pi / RING / math.sin(2.0 * math.pi / RING))
-"""Growth of the ring that gives the polygon the area of the circle."""
 LINK_X, LINK_Y, LINK_ANGLE = range(3)
 """Columns of a table of link frames: position in the plane [m] and angle [rad]."""
 
@@ -137,7 +133,7 @@ def outline_starts(rig: Rig, geoms: int) -> np.ndarray:
     starts = np.zeros(geoms + 1, dtype=np.int64)
     for g in range(geoms):
         own = rig.first[g + 1] - rig.first[g]
-        starts[g + 1] = starts[g] + own * (RING if rig.radius[g] > 0.0 else 1)
+        starts[g + 1] = starts[g] + own * (rig.ring if rig.radius[g] > 0.0 else 1)
     return starts
 
 
@@ -178,8 +174,8 @@ def project(rig: Rig, position: np.ndarray, px: np.ndarray) -> bool:
                 px[k, 1] = cy + focal * y / z
                 k += 1
                 continue
-            _project_ball((x, y, z), r, (focal, cx, cy), px[k : k + RING])
-            k += RING
+            _project_ball((x, y, z), r, (focal, cx, cy), px[k : k + rig.ring])
+            k += rig.ring
         g += 1
     return True
 
@@ -188,7 +184,7 @@ def project(rig: Rig, position: np.ndarray, px: np.ndarray) -> bool:
 def _project_ball(
     centre: tuple[float, float, float], r: float, lens: tuple[float, float, float], px: np.ndarray
 ) -> None:
-    """Fill ``px`` (RING, 2) with the outline of a ball: its centre before the camera [m], its radius [m], and
+    """Fill ``px`` (ring, 2) with the outline of a ball: its centre before the camera [m], its radius [m], and
     the camera's focal length and principal point [px]."""
     x, y, z = centre
     focal, cx, cy = lens
@@ -196,15 +192,18 @@ def _project_ball(
     # distance d (1 - r^2 / d^2), with the radius r sqrt(1 - r^2 / d^2).
     d2 = x * x + y * y + z * z
     shrink = 1.0 - r * r / d2
-    ring = r * math.sqrt(shrink) * ROUNDING
+    # a polygon of the circle's area
+    turn = 2.0 * math.pi / px.shape[0]
+    ring = r * math.sqrt(shrink * turn / math.sin(turn))
     # a = (ax, 0, az) and b are unit vectors across the line of sight u: a level, b = u x a
     n1 = math.sqrt(z * z + x * x)
     ax, az = z / n1, -x / n1
     d = math.sqrt(d2)
     ux, uy, uz = x / d, y / d, z / d
     bx, by, bz = uy * az, uz * ax - ux * az, -uy * ax
-    for j in range(RING):
-        cw, sw = ring * AROUND[0, j], ring * AROUND[1, j]
+    step = RING // px.shape[0]
+    for j in range(px.shape[0]):
+        cw, sw = ring * AROUND[0, j * step], ring * AROUND[1, j * step]
         qx = x * shrink + cw * ax + sw * bx
         qy = y * shrink + sw * by
         qz = z * shrink + cw * az + sw * bz
