@@ -100,8 +100,9 @@ class BodyView:
             y, x = np.nonzero((frame.coarse > FULL // 2) & ~self.frames.unknown)
             if len(x):
                 place = link_frames(self.rig, q)[self.link]
-                root = _project(self.rig, np.array([[place[LINK_X], place[LINK_Y], 0.0]]))[0]
-                far = max(far, float(np.percentile(np.hypot(x - root[0], y - root[1]), FARTHEST)))
+                root = _homography(self.rig, np.diag([place[LINK_X], place[LINK_Y], 0.0])) @ np.ones(3)
+                away = np.hypot(x - root[0] / root[2], y - root[1] / root[2])
+                far = max(far, float(np.percentile(away, FARTHEST)))
         return max(1.0, far / CELLS) * self._pixel
 
     @property
@@ -117,23 +118,25 @@ class BodyView:
 
         rig, geoms = self.rig, self.geoms
         height = float(np.mean([rig.points[rig.first[g], 2] for g in geoms])) if geoms else 0.0
-        v, u = np.mgrid[-CELLS : CELLS + 1, -CELLS : CELLS + 1] * self.cell
-        gain = np.zeros(u.shape, np.float32)
+        side = 2 * CELLS + 1
+        corner, gain = -CELLS * self.cell, np.zeros((side, side), np.float32)
+        place_of = np.array([[self.cell, 0.0, corner], [0.0, self.cell, corner], [0.0, 0.0, 1.0]])
         outlines = blank_outlines(rig, len(rig.radius))
         for frame, q in zip(self.frames.frames, self.guess.positions, strict=True):
             if not draw(rig, q, outlines):
                 continue
             x0, y0, angle = link_frames(rig, q)[self.link][[LINK_X, LINK_Y, LINK_ANGLE]]
             c, s = np.cos(angle), np.sin(angle)
-            points = np.stack([x0 + c * u - s * v, y0 + s * u + c * v, np.full(u.shape, height)], axis=-1)
-            px = _project(rig, points.reshape(-1, 3)).reshape(*u.shape, 2).astype(np.float32)
+            plane = np.array([[c, -s, x0], [s, c, y0], [0.0, 0.0, height]])
+            seen = _homography(rig, plane) @ place_of
             worth = 2.0 * np.minimum(frame.coarse, FULL).astype(np.float32) / FULL - 1.0
             worth[self.frames.unknown] = 0.0
             for g in np.flatnonzero(rig.link != self.link):
                 corners = outlines.px[outlines.hull[outlines.first[g] : outlines.first[g + 1]]]
                 cv2.fillPoly(worth, [np.round(corners * 16.0).astype(np.int32)], 0.0, cv2.LINE_8, 4)
             # outside of the picture nothing is known
-            gain += cv2.remap(worth, px[..., 0], px[..., 1], cv2.INTER_LINEAR, borderValue=0.0)
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            gain += cv2.warpPerspective(worth, seen, (side, side), flags=flags, borderValue=0.0)
         return gain / len(self.frames.frames)
 
     def covered(self, geoms: Sequence[int]) -> np.ndarray:
@@ -206,11 +209,15 @@ def _outside(frames: KeyFrames, guess: SceneGuess, near: int, least: float) -> d
     return shares
 
 
-def _project(rig: Rig, points: np.ndarray) -> np.ndarray:
-    """Return the reduced pixels at which points of the plane frame appear, (point, 2)."""
+def _homography(rig: Rig, plane: np.ndarray) -> np.ndarray:
+    """Return the map (3, 3) from (u, v, 1) to the reduced pixels, from that to points of the plane frame [m],
+    whose last row is their height."""
     camera = rig.camera
-    seen = (points - camera[[X, Y, DEPTH]]) @ camera[:ROTATION].reshape(3, 3).T
-    return camera[[CENTRE_X, CENTRE_Y]] + camera[FOCAL] * seen[:, :2] / seen[:, 2:]
+    before = plane - np.outer(camera[[X, Y, DEPTH]], [0.0, 0.0, 1.0])
+    lens = np.array(
+        [[camera[FOCAL], 0.0, camera[CENTRE_X]], [0.0, camera[FOCAL], camera[CENTRE_Y]], [0.0, 0.0, 1.0]]
+    )
+    return lens @ camera[:ROTATION].reshape(3, 3) @ before
 
 
 def _sizes(most: int) -> list[int]:
