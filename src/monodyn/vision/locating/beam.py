@@ -12,7 +12,6 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
-from monodyn.types import FULL
 from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, X, Y
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import Rig, joint_limits
@@ -112,13 +111,11 @@ def slide_places(frame: KeyFrame, rig: Rig, row: int, count: int) -> np.ndarray:
     Returns:
         The positions [m], (candidate,).
     """
-    rows, columns = (np.nonzero((frame.coarse > 0.5 * FULL).any(axis=axis))[0] for axis in (1, 0))
-    if not len(rows):
-        rows, columns = (np.array([0, size]) for size in frame.coarse.shape)
+    rows, columns = frame.extent
     camera, link = rig.camera, rig.links[row]
     per_px = camera[DEPTH] / camera[FOCAL]
-    x = (columns[[0, -1]] - camera[CENTRE_X]) * per_px + camera[X]
-    y = (camera[CENTRE_Y] - rows[[0, -1]]) * per_px + camera[Y]
+    x = (columns - camera[CENTRE_X]) * per_px + camera[X]
+    y = (camera[CENTRE_Y] - rows) * per_px + camera[Y]
     half = 0.5 * float(np.hypot(np.ptp(x), np.ptp(y)))
     if rig.parent[row] >= 0:
         return np.linspace(-2.0 * half, 2.0 * half, count)

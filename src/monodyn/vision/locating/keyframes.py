@@ -51,6 +51,16 @@ class KeyFrame:
         """What covering the pixels of ``coarse`` costs a pose, from ``row_balance``, (height, width + 1)."""
         return row_balance(self.sums)
 
+    @cached_property
+    def extent(self) -> tuple[np.ndarray, np.ndarray]:
+        """First and last row, then first and last column, of what is more than half covered [reduced px],
+        each (2,); those of the picture where nothing is."""
+        shown = self.coarse > 0.5 * FULL
+        rows, columns = (np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0))
+        if not len(rows):
+            rows, columns = (np.array([0, size]) for size in shown.shape)
+        return rows[[0, -1]], columns[[0, -1]]
+
 
 @dataclass(frozen=True, eq=False)
 class KeyFrames:
@@ -152,12 +162,12 @@ class KeyFrames:
         """How the one plane of the reduced masks is to be read."""
         return plain_view(self.coarse_trust, len(self.view.part))
 
-    @property
+    @cached_property
     def unknown(self) -> np.ndarray:
         """True where a reduced pixel carries no information, bool (height, width)."""
         return self.coarse_trust < UNKNOWN
 
-    @property
+    @cached_property
     def blind(self) -> np.ndarray:
         """True where it carries none of any colour, bool (height, width)."""
         return self.most_trust < UNKNOWN
@@ -253,10 +263,13 @@ def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
 
 def _filled(shown: np.ndarray, frames: KeyFrames) -> tuple[np.ndarray, float]:
     """Return a reduced mask and its area from what it shows, where it may not show all of the mechanism."""
+    area, unknown = float(shown.sum()) / FULL, frames.unknown
     # Half covered costs a pose the same whether it covers the pixel or not: 1 - 2 I_a is zero there. Where
     # some of the mechanism's colours cannot be seen, what shows is the mechanism all the same.
-    least = np.where(frames.blind, np.uint8(FULL // 2), np.maximum(shown, FULL // 2))
-    return np.where(frames.unknown, least, shown), float(shown.sum()) / FULL
+    seen = np.where(frames.blind[unknown], 0, shown[unknown])
+    filled = shown.copy()
+    filled[unknown] = np.maximum(seen, FULL // 2)
+    return filled, area
 
 
 def _averaged(picture: np.ndarray, factor: int) -> np.ndarray:

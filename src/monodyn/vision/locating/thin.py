@@ -46,12 +46,13 @@ def lacking(masks: Sequence[np.ndarray]) -> int | None:
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (int(MET_PX),) * 2)
     found = []
     for mask in masks:
-        level = _without_specks(mask) / FULL
+        pieces = _without_specks(mask)
+        level = pieces / FULL
         total = float(level.sum())
         if total > 0.0:
             wide = float(cv2.morphologyEx(level, cv2.MORPH_OPEN, disc).sum()) / total
             gained = float(np.maximum(2.0 * level - 1.0, 0.0).sum()) / total
-            found.append((wide, gained, _typical_width(evened(mask))))
+            found.append((wide, gained, _typical_width(_evened(pieces))))
     if not found:
         return None
     wide, gained, width = np.median(found, axis=0).tolist()
@@ -85,9 +86,13 @@ def evened(mask: np.ndarray) -> np.ndarray:
     Returns:
         The mask without specks, ``FULL`` on every ridge, uint8 (height, width).
     """
+    return _evened(_without_specks(mask))
+
+
+def _evened(level: np.ndarray) -> np.ndarray:
+    """Take every level, float32 (height, width), against the highest one next to it."""
     import cv2
 
-    level = _without_specks(mask)
     highest = cv2.dilate(level, np.ones((2 * NEAR_PX + 1,) * 2, np.uint8))
     return np.round(FULL * level / np.maximum(highest, 1.0)).astype(np.uint8)
 
