@@ -63,6 +63,8 @@ LEAST_FITTING = 0.7
 """Share of the key frames in which the mechanism should lie on its mask."""
 REFINED = 3
 """Guesses of the search that are refined on the reduced key frames."""
+SAME = 1e-3
+"""Difference of the shares of the foreground that two guesses leave, below which they ended in one place."""
 MARGIN_PX = 3.0
 """Band around the located mechanism that does not count as background either [px]."""
 COARSE = EdgeSearch(np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0]), 1.5)
@@ -140,7 +142,12 @@ def find_scene(sought: Sought) -> Scene:
     guesses = [_placed(sought, g) for g in search_scene(frames, start, settings.search_frames)]
     sought.progress("locate", 1, 4)
     few = frames.only(frames.most_distinct(settings.search_frames))
-    refined = [_refined_coarsely(few, g, start, names) for g in guesses[:REFINED]]
+    refined: list[SceneGuess] = []
+    for guess in guesses[:REFINED]:
+        refined.append(_refined_coarsely(few, guess, start, names))
+        # two starts that end in one place are enough
+        if len(refined) > 1 and abs(refined[0].score - refined[-1].score) < SAME:
+            break
     guess = min(refined, key=lambda g: g.score + BETTER * len(freed(g.mechanism, start.mechanism)))
     variables = _variables(guess, start, names)
     sought.progress("locate", 2, 4)

@@ -33,6 +33,8 @@ WIDE = Beam(24, 72, 64)
 for."""
 WHOLE_POSES = 3
 """Whole poses of the beam that are polished."""
+WORTH = 0.5
+"""Share of what the best of them explains from which the others are."""
 GROWN_FRAMES = 5
 """Key frames in which structures grow."""
 FINALISTS = 4
@@ -186,4 +188,7 @@ def _beam(frame: KeyFrame, rig: Rig, mechanism: Mechanism) -> np.ndarray:
     poses, costs = np.zeros((1, dofs)), np.zeros(1)
     for i in range(dofs):
         poses, costs = extended(frame, rig, mechanism, i, poses, WIDE)
-    return poses[np.argsort(costs, kind="stable")[:WHOLE_POSES]]
+    order = np.argsort(costs, kind="stable")[:WHOLE_POSES]
+    # what explains much less than the best pose does not overtake it by being polished
+    least = min(float(costs[order[0]]), 0.0)
+    return poses[order[costs[order] <= WORTH * least]] if least < 0.0 else poses[order]
