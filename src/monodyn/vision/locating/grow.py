@@ -37,8 +37,8 @@ THIN, THICK = 30.0, 1.35
 are wider than that by this factor."""
 GROWN_PX = 45
 """Reach of the mechanism in the picture in which structures grow [px]."""
-HEATS = ((2, 40, 0.25), (4, 20, 0.5))
-"""Frames after which structures are given up; how many are left at least, and which share of them."""
+FIRST_FRAMES, LEFT, LEFT_SHARE = 2, 40, 0.25
+"""Frames after which most structures are given up; how many are left, or which share of them."""
 THREAD_PX = 0.2
 """Width of a part of a body that the masks do not show [px]: wherever it is, it costs next to nothing."""
 END = 0.5
@@ -282,15 +282,12 @@ def _raced(
     tried: list[Structure], frames: KeyFrames, amounts: list[list[np.ndarray]], link: int
 ) -> list[Structure]:
     """Lay the next link into a few frames, and where that goes best into the others."""
-    laid = 0
-    for count, least, share in (*HEATS, (len(frames.frames), 0, 1.0)):
-        stop = min(count, len(frames.frames))
-        tried = [_laid(one, frames, amounts[one.root], link, range(laid, stop)) for one in tried]
-        laid, most = stop, max(least, round(share * len(tried)))
-        if most < len(tried):
-            order = _alternately(tried)
-            tried = order[:most] + [one for one in order[most:] if one.is_measured]
-    return _best(tried)
+    every = range(len(frames.frames))
+    begun = [_laid(one, frames, amounts[one.root], link, every[:FIRST_FRAMES]) for one in tried]
+    most = max(LEFT, round(LEFT_SHARE * len(begun)))
+    left = _alternately(begun)
+    left = left[:most] + [one for one in left[most:] if one.is_measured]
+    return _best([_laid(one, frames, amounts[one.root], link, every[FIRST_FRAMES:]) for one in left])
 
 
 def _laid(
