@@ -83,15 +83,18 @@ def main() -> int:
         if not file.is_file():
             print(f"speed.py: expected {file}, found none; set MONODYN_DATA or unset it.", file=sys.stderr)
             return 2
-    clip = clips[0]
     if options.against is not None:
+        other = options.against.resolve()
+        if not (other / "src" / "monodyn").is_dir():
+            print(f"speed.py: --against: expected a checkout with src/monodyn, got {other}.", file=sys.stderr)
+            return 2
         figures = []
         for clip in clips:
             say(f"{clip.video.name} ...")
-            figures += compared(clip, options.against, max(options.repeats, 1))
+            figures += compared(clip, other, max(options.repeats, 1))
         print(table(figures))
         return finish(figures, to=options.json, gate=options.gate)
-    chosen = options.only or tuple(parts)
+    chosen, clip = options.only or tuple(parts), clips[0]
     figures = []
     ready = None
     for name in chosen:
@@ -225,13 +228,13 @@ def compared(clip: Clip, other: Path, repeats: int) -> list[Figure]:
 
     Args:
         clip: The clip.
-        other: Folder of the other checkout.
+        other: Folder of the other checkout, whole.
         repeats: Runs of each.
 
     Returns:
         The ratios of wall and CPU time, and the seconds of this one.
     """
-    sources = {"this": ROOT / "src", "other": other.resolve() / "src"}
+    sources = {"this": ROOT / "src", "other": other / "src"}
     found: dict[str, list[tuple[float, float, float]]] = {name: [] for name in sources}
     with tempfile.TemporaryDirectory() as folder:
         arguments = ["run", str(clip.video), "--model", str(clip.model), "--force", "--quiet"]

@@ -261,13 +261,14 @@ def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
             "followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
             "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
         )
-    # a mechanism that lies badly on its mask and was lost again and again is another one
+    # what lies badly on its mask and was lost again and again may be something else
     if sight.mismatch > MOST_MISMATCH * min(seen / max(count, 1), 1.0):
+        lost = f", and {count - seen} of {count} frames were not tracked" if seen < count else ""
         return (
             "The mechanism as it was located differs from what stands out from the background by "
-            f"{sight.mismatch:.0%} of its area: it is in the wrong place, of the wrong size or blurred by "
-            "its motion, or other things move with it; diagnosis.png shows what was seen. --roi X,Y,W,H and "
-            "--time-range A:B leave other things out."
+            f"{sight.mismatch:.0%} of its area{lost}: it is in the wrong place, of the wrong size or blurred "
+            "by its motion, or other things move with it; diagnosis.png shows what was seen. --roi X,Y,W,H "
+            "and --time-range A:B leave other things out."
         )
     beside = {} if sight.scene is None else sight.scene.beside
     body = max(beside, key=lambda name: beside[name], default="")

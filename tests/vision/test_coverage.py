@@ -12,6 +12,7 @@ from monodyn.vision.foreground.background import background_of
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.masks import GeomColours
 from monodyn.vision.foreground.palette import BLACK, choose_palette, measured_palette
+from monodyn.vision.foreground.thumbnails import Window
 from pictures import H, W, samples, wandering
 
 
@@ -61,3 +62,39 @@ def test_colour_counts_where_grey_does_not_tell() -> None:
     assert mask[25:35, 29:41].min() > 0.9 * FULL
     assert mask[:15].max() < 0.1 * FULL
     assert choose_palette(wandering(), background_of(samples(wandering())), "auto", 14.0).grey_only
+
+
+@pytest.mark.parametrize("varied", [False, True])
+def test_a_window_may_begin_in_the_middle_of_a_chroma_pixel(varied: bool) -> None:
+    made = wandering(colour=(150, 90, 180), noise=0.5)
+    background = background_of(samples(made))
+    palette = choose_palette(made, background, "colour", 14.0)
+    colours = GeomColours(palette.colours, np.array([-1 if varied else 0]), np.zeros(1, bool), True)
+    palette = measured_palette(palette, background, colours)
+    assert palette.any_difference
+    # the square of frame 8 covers columns 21 to 40
+    part = slice(11, 49), slice(23, 71)
+    window = Window(part[0].start, part[0].stop, part[1].start, part[1].stop)
+    whole = coverage_of(made[8], background, palette)[:, *part]
+    cut = coverage_of(made[8], replace(background, window=window), palette)[:, *part]
+    # beyond the window the colours of its border are repeated
+    np.testing.assert_array_equal(cut[:, 2:-2, 2:-2], whole[:, 2:-2, 2:-2])
+    assert whole.max() > 0.8 * FULL
+
+
+def test_a_noise_that_is_one_number_counts_everywhere() -> None:
+    made = wandering(noise=0.5)
+    background = replace(background_of(samples(made)), deviation=None, noise=6.0)
+    palette = choose_palette(made, background, "grey", 14.0)
+    colours = GeomColours(palette.colours, np.zeros(1, int), np.zeros(1, bool), True)
+    other = coverage_of(made[8], background, measured_palette(palette, background, colours))[-1]
+    shown = {
+        int(noise): coverage_of(
+            made[8], replace(background, noise=noise), measured_palette(palette, background, colours)
+        )[-1].max()
+        for noise in (1.0, 30.0)
+    }
+    assert other[:, 60:].max() == 0
+    # 30 grey levels of noise hide a difference of 70
+    assert shown[1] > 0
+    assert shown[30] == 0

@@ -42,6 +42,13 @@ def test_a_frame_in_the_same_light_stays_as_it_is():
         assert light.evened(same) is same
 
 
+def test_two_grey_levels_are_another_light():
+    light, brighter = light_of(np.round(WALL)), frame(offset=2.0, place=70)
+    even = light.evened(brighter)
+    assert even is not brighter
+    assert abs(np.mean(even.luma.astype(float) - frame(place=70).luma)) < 0.3
+
+
 def test_a_flat_wall_shows_a_gain_alone():
     light = light_of(np.full((HEIGHT, WIDTH), 100.0))
     dim = Frame(0, 0.0, np.full((HEIGHT, WIDTH), 80, np.uint8))

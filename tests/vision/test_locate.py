@@ -16,11 +16,13 @@ from monodyn.vision.locating.bundle import Bundle, scene_variables
 from monodyn.vision.locating.keyframes import key_frames
 from monodyn.vision.locating.locate import (
     Sought,
+    _alike,
     _refined_names,
     _with_background,
     hidden_advice,
     scene_advice,
 )
+from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.settings import LocateSettings
 from pictures import CAMERA
 
@@ -112,3 +114,18 @@ def test_a_background_is_taken_again_only_where_frames_fit(
     masks = _with_background(scene.masks, frames, found)[0]
     assert (masks is not scene.masks) == fits
     assert masks.background.known.mean() > 0.9
+
+
+def test_two_guesses_are_one_place_if_lengths_and_scores_agree() -> None:
+    double, poses = load("double"), np.zeros((4, 2))
+    values = double.values
+
+    def guess(first: float, second: float, left: float) -> SceneGuess:
+        factors = {"link1.length": first, "link2.length": second}
+        sizes = {name: factor * values[name] for name, factor in factors.items()}
+        return SceneGuess(double.with_values(sizes), CAMERA, poses, np.full(4, left))
+
+    assert _alike(guess(1.0, 1.0, 0.2), guess(1.01, 0.99, 0.2005))
+    assert not _alike(guess(1.0, 1.0, 0.2), guess(1.0, 1.0, 0.202))
+    # one long and one short link may explain as much as the other way round
+    assert not _alike(guess(1.0, 1.0, 0.2), guess(1.05, 0.95, 0.2))

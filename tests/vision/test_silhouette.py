@@ -11,8 +11,8 @@ from monodyn.mechanism.tree import ANCHOR_X, AXIS_Y, HINGE, SLIDE
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import pixels, rotation
 from monodyn.vision.drawing.outline import outline
-from monodyn.vision.drawing.rig import rig_of
-from monodyn.vision.drawing.silhouette import RING, convex_hull, link_frames
+from monodyn.vision.drawing.rig import COARSE_RING, RING, rig_of
+from monodyn.vision.drawing.silhouette import blank_outlines, convex_hull, draw, link_frames
 from pictures import CAMERA
 
 
@@ -90,3 +90,17 @@ def test_convex_hull_against_opencv() -> None:
         assert size == len(expected)
         area = cv2.contourArea(points[hull[:size]].astype(np.float32))
         assert area == pytest.approx(cv2.contourArea(expected), rel=1e-5)
+
+
+def test_a_ball_in_a_reduced_picture_has_the_same_area() -> None:
+    bob = load("bob")
+    areas = []
+    for shrink in (1.0, 2.0):
+        rig = rig_of(bob, CAMERA, shrink=shrink)
+        outlines = blank_outlines(rig, len(rig.radius))
+        assert draw(rig, np.array([0.4]), outlines)
+        corners = outlines.px[outlines.hull[outlines.first[-2] : outlines.first[-1]]]
+        areas.append(shrink**2 * cv2.contourArea(corners.astype(np.float32)))
+    # both polygons have the area of the circle
+    assert areas[1] == pytest.approx(areas[0], rel=1e-3)
+    assert RING % COARSE_RING == 0

@@ -285,15 +285,15 @@ def _mismatch(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray
     outlines = outlines_of(scene.mechanism, scene.camera, position)
     # a geom behind the camera has no outline: then it is open which ones the others are
     parts = view.part if len(outlines) == len(view.part) else np.zeros(len(outlines), dtype=np.int64)
-    shaded = view.shaded if len(outlines) == len(view.part) else np.zeros(len(outlines), dtype=np.bool_)
     model, expected = np.zeros_like(covered), np.zeros_like(covered)
-    for plane, many in sorted({(int(plane), bool(dim)) for plane, dim in zip(parts, shaded, strict=True)}):
-        own = [o for o, of, dim in zip(outlines, parts, shaded, strict=True) if (of, dim) == (plane, many)]
+    for plane in np.unique(parts):
+        own = [corners for corners, of in zip(outlines, parts, strict=True) if of == plane]
         drawn = _drawn(own, window)
         model = np.maximum(model, drawn)
         if plane >= 0:
-            # what shows at many levels is all there at the least of them
-            level = drawn if not many else (LEAST_LEVEL * drawn).astype(np.int16)
+            # how much differs where colours vary is not how much is covered: it is there from a level on
+            varied = scene.masks.varied and plane == len(planes) - 1
+            level = (LEAST_LEVEL * drawn).astype(np.int16) if varied else drawn
             expected = np.maximum(expected, np.where(trust[plane] >= TRUSTED, level, 0))
     missing, more = np.maximum(expected - covered, 0), np.maximum(covered - model, 0)
     area = float(covered[known].sum())

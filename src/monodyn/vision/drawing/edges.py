@@ -92,7 +92,8 @@ def agreement_of(links: np.ndarray) -> Agreement:
 
 
 class EdgeTerms(NamedTuple):
-    """Normal equations of one mask over (pose, shared parameters), for unit noise of a sample.
+    """Normal equations of one mask over (pose, shared parameters), for unit noise of a sample
+    and the common error of an edge along the pixels.
 
     Attributes:
         normal: Normal matrix, (dof + param, dof + param).

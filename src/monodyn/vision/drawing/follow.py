@@ -55,7 +55,7 @@ def follow(
         search: How the edges are looked for.
 
     Returns:
-        Joint positions (dof,); information matrix for unit noise of a sample, (dof, dof); and how well the
+        Joint positions (dof,); information matrix as in ``edge_terms``, (dof, dof); and how well the
         outline lies on the mask in the end.
     """
     position, information, found = _follow(planes, view, rig, start, limits, search)

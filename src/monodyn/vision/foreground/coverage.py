@@ -83,7 +83,7 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
 
 
 def _undimmed(colours: int, plane: np.ndarray) -> np.ndarray:
-    """Return that nothing is taken out of the colours, float32 (colour, height, width)."""
+    """Return shares of zero: nothing is taken out of the colours, float32 (colour, height, width)."""
     return np.zeros((colours, *plane.shape), dtype=np.float32)
 
 
@@ -99,14 +99,12 @@ def _closed(coverage: np.ndarray) -> np.ndarray:
 def _any_difference(frame: Frame, background: Background, palette: Palette, out: np.ndarray) -> None:
     """Fill ``out``, uint8 (height, width), with coverage from the size of the difference alone, beyond the
     noise."""
-    import cv2
-
     chroma = np.zeros((0, 0), dtype=np.float32)
     if not palette.grey_only and frame.chroma is not None and background.chroma is not None:
-        part, size = _at_chroma(background.window, frame.luma.shape, frame.chroma[0].shape)
+        way = _enlarged(background.window, frame.luma.shape, frame.chroma[0].shape)
         pairs = zip(frame.chroma, background.chroma, strict=True)
-        blue, red = (plane[part] - back[part] for plane, back in pairs)
-        chroma = cv2.resize(blue**2 + red**2, size, interpolation=cv2.INTER_LINEAR)
+        blue, red = (plane[way.part] - back[way.part] for plane, back in pairs)
+        chroma = np.ascontiguousarray(way.cut(blue**2 + red**2))
     # borders that stand out more than the least contrast keep their profile up to twice the range
     full, most = (ANY_CONTRAST, FULL) if palette.varied else (2 * ANY_CONTRAST, 255)
     noise = background.pixel_noise
@@ -116,34 +114,60 @@ def _any_difference(frame: Frame, background: Background, palette: Palette, out:
     _differing(frame.luma, chroma, (background.luma, noise), background.window, levels, out)
 
 
-def _at_chroma(
-    window: Window, shape: tuple[int, ...], small: tuple[int, ...]
-) -> tuple[tuple[slice, slice], tuple[int, int]]:
-    """Return the part of the chroma planes that shows a window, and the window's width and height."""
-    top, bottom, left, right = window
-    rows, columns = shape[0] / small[0], shape[1] / small[1]
-    across = slice(int(left / columns), int(np.ceil(right / columns)))
-    return (slice(int(top / rows), int(np.ceil(bottom / rows))), across), (right - left, bottom - top)
+class _Enlarged(NamedTuple):
+    """How a window is cut out of chroma planes.
+
+    Attributes:
+        part: The pixels of the planes that show it, rows and columns.
+        size: Width and height that these cover in the full picture [px].
+        inside: Rows and columns of the window in that.
+    """
+
+    part: tuple[slice, slice]
+    size: tuple[int, int]
+    inside: tuple[slice, slice]
+
+    def cut(self, plane: np.ndarray) -> np.ndarray:
+        """Return the window of a part of a plane at its full size."""
+        import cv2
+
+        return cv2.resize(plane, self.size, interpolation=cv2.INTER_LINEAR)[self.inside]
+
+
+def _enlarged(window: Window, shape: tuple[int, ...], small: tuple[int, ...]) -> _Enlarged:
+    """Return how a window of a picture is cut out of chroma planes, the sizes being (height, width)."""
+    parts, sizes, insides = [], [], []
+    for first, stop, full, count in (
+        (window.top, window.bottom, shape[0], small[0]),
+        (window.left, window.right, shape[1], small[1]),
+    ):
+        # a window may begin in the middle of a chroma pixel
+        step = full / count
+        begin, end = int(first / step), int(np.ceil(stop / step))
+        start = round(begin * step)
+        parts.append(slice(begin, end))
+        sizes.append(round(end * step) - start)
+        insides.append(slice(first - start, stop - start))
+    return _Enlarged((parts[0], parts[1]), (sizes[1], sizes[0]), (insides[0], insides[1]))
 
 
 def _chroma_part(
     chroma: tuple[np.ndarray, np.ndarray], background: Background, palette: Palette
 ) -> np.ndarray:
     """Return the projection of the colour differences, for each colour at full size within the window."""
-    import cv2
-
     assert background.chroma is not None
     behind, colours, shape = background.chroma, palette.colours.astype(np.float32), background.luma.shape
     dimmed = palette.dimmed[1] if palette.dimmed is not None else _undimmed(len(colours), chroma[0])
     # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
-    part, size = _at_chroma(background.window, shape, chroma[0].shape)
+    way = _enlarged(background.window, shape, chroma[0].shape)
+    part = way.part
     small = np.empty(
         (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32
     )
     _project_chroma(
         chroma[0][part], chroma[1][part], behind[0][part], behind[1][part], colours, dimmed[:, *part], small
     )
-    return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in small])
+    return np.stack([way.cut(plane) for plane in small])
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")

@@ -58,7 +58,7 @@ class GeomColours:
         colours: Grey level, blue and red difference of each colour, (colour, 3).
         part: Colour of each geom, int64 (geom,); ``VARIED`` for one without a single colour, ``NOT_SHOWN``
             for one that looks like what is behind it everywhere.
-        shaded: True for geoms that show it at many levels, bool (geom,).
+        shaded: True for geoms that show it at many levels, or that have no single colour, bool (geom,).
         camouflaged: True where a geom often has the colour of what is behind it, so that at most its
             borders show.
         light: Standard deviation of the light on each colour, as a share of it, (colour,); None where

@@ -54,7 +54,7 @@ class KeyFrame:
     @cached_property
     def extent(self) -> tuple[np.ndarray, np.ndarray]:
         """First and last row, then first and last column, of what is more than half covered [reduced px],
-        each (2,); those of the picture where nothing is."""
+        each (2,); zero and the picture's sizes where nothing is."""
         shown = self.coarse > 0.5 * FULL
         rows, columns = (np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0))
         if not len(rows):

@@ -63,8 +63,9 @@ LEAST_FITTING = 0.7
 """Share of the key frames in which the mechanism should lie on its mask."""
 REFINED = 3
 """Guesses of the search that are refined on the reduced key frames."""
-SAME = 1e-3
-"""Difference of the shares of the foreground that two guesses leave, below which they ended in one place."""
+SAME_SHARE, SAME_LENGTH = 1e-3, 0.02
+"""Difference of the shares of the foreground that two guesses leave, and of their lengths as a share, up to
+which they ended in one place."""
 MARGIN_PX = 3.0
 """Band around the located mechanism that does not count as background either [px]."""
 COARSE = EdgeSearch(np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0]), 1.5)
@@ -146,7 +147,7 @@ def find_scene(sought: Sought) -> Scene:
     for guess in guesses[:REFINED]:
         refined.append(_refined_coarsely(few, guess, start, names))
         # two starts that end in one place are enough
-        if len(refined) > 1 and abs(refined[0].score - refined[-1].score) < SAME:
+        if len(refined) == 2 and _alike(*refined):
             break
     guess = min(refined, key=lambda g: g.score + BETTER * len(freed(g.mechanism, start.mechanism)))
     variables = _variables(guess, start, names)
@@ -162,6 +163,13 @@ def find_scene(sought: Sought) -> Scene:
     bundle, rows = _refined_whole(frames, guess, variables, LAST, settings.refine_frames)
     sought.progress("locate", 4, 4)
     return _scene(sought, masks, frames.only(rows), bundle)
+
+
+def _alike(one: SceneGuess, other: SceneGuess) -> bool:
+    """Return whether two guesses have the same lengths and leave as much of the foreground."""
+    names = [p.name for p in one.mechanism.parameters if p.kind == "length"]
+    mine, others = (np.array([guess.mechanism.values[name] for name in names]) for guess in (one, other))
+    return abs(one.score - other.score) < SAME_SHARE and np.allclose(mine, others, rtol=SAME_LENGTH, atol=0.0)
 
 
 def _placed(sought: Sought, guess: SceneGuess) -> SceneGuess:

@@ -32,9 +32,9 @@ WIDE = Beam(24, 72, 64)
 """Poses kept per link, positions tried per hinge and per slide, when the pose of a known mechanism is looked
 for."""
 WHOLE_POSES = 3
-"""Whole poses of the beam that are polished."""
+"""Most whole poses of the beam that are polished."""
 WORTH = 0.5
-"""Share of what the best of them explains from which the others are."""
+"""A whole pose is polished if it explains at least this share of what the best one explains."""
 GROWN_FRAMES = 5
 """Key frames in which structures grow."""
 FINALISTS = 4
@@ -190,5 +190,5 @@ def _beam(frame: KeyFrame, rig: Rig, mechanism: Mechanism) -> np.ndarray:
         poses, costs = extended(frame, rig, mechanism, i, poses, WIDE)
     order = np.argsort(costs, kind="stable")[:WHOLE_POSES]
     # what explains much less than the best pose does not overtake it by being polished
-    least = min(float(costs[order[0]]), 0.0)
-    return poses[order[costs[order] <= WORTH * least]] if least < 0.0 else poses[order]
+    limit = WORTH * costs[order[0]] if costs[order[0]] < 0.0 else np.inf
+    return poses[order[costs[order] <= limit]]
