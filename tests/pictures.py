@@ -10,7 +10,6 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.types import FULL, Camera, Frame
 from monodyn.vision.drawing.camera import pixels
-from monodyn.vision.drawing.mismatch import row_sums
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Samples, Window
 from monodyn.vision.foreground.masks import View, plain_view
@@ -74,7 +73,7 @@ def drawn_frames(mechanism: Mechanism, camera: Camera, poses: np.ndarray) -> Key
     for i, q in enumerate(poses):
         planes = drawn_mask(mechanism, camera, q)
         area = float(planes.sum()) / FULL
-        frames.append(KeyFrame(i, i / 30, planes, planes[0], row_sums(planes[0]), area))
+        frames.append(KeyFrame(i, i / 30, planes, planes[0], area))
     view = trusted(mechanism, camera)
     return KeyFrames(tuple(frames), 1, view, view.trust[0], view.trust[0])
 

@@ -10,7 +10,7 @@ import pytest
 from models import read
 from monodyn.mechanism import load
 from monodyn.types import FULL, Camera
-from monodyn.vision.drawing.mismatch import pose_balance, row_balance, row_sums
+from monodyn.vision.drawing.mismatch import pose_balance, row_balance
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.locating.beam import BEYOND, Beam, best_peaks, extended, slide_places
 from monodyn.vision.locating.keyframes import KeyFrame
@@ -20,7 +20,7 @@ CAMERA = Camera(160, 120, 150.0, x=0.05, y=-0.1, depth=0.9)
 
 
 def frame_of(planes: np.ndarray) -> KeyFrame:
-    return KeyFrame(0, 0.0, planes, planes[0], row_sums(planes[0]), float(planes.sum()) / FULL)
+    return KeyFrame(0, 0.0, planes, planes[0], float(planes.sum()) / FULL)
 
 
 def test_minima_of_a_table_are_kept_once_and_around_a_turn() -> None:

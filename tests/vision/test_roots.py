@@ -10,7 +10,6 @@ import pytest
 from models import read
 from monodyn.mechanism import load
 from monodyn.types import FULL, Camera
-from monodyn.vision.drawing.mismatch import row_sums
 from monodyn.vision.foreground.masks import plain_view
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
@@ -51,7 +50,7 @@ def test_the_line_of_a_cart(upright: bool) -> None:
     place = root_in(camera)[1]
     if upright:
         turned = [
-            KeyFrame(f.index, f.time, f.planes, coarse, row_sums(coarse), f.area)
+            KeyFrame(f.index, f.time, f.planes, coarse, f.area)
             for f in frames.frames
             for coarse in (np.ascontiguousarray(f.coarse.T),)
         ]
@@ -81,9 +80,7 @@ def test_a_cart_before_its_own_picture_shows_how_long_it_is(upright: bool) -> No
         frames, trust = [np.ascontiguousarray(f.T) for f in frames], np.ascontiguousarray(trust.T)
     view = plain_view(trust, 1)
     keys = KeyFrames(
-        tuple(
-            KeyFrame(i, 0.1 * i, f[None], f, row_sums(f), float(f.sum()) / FULL) for i, f in enumerate(frames)
-        ),
+        tuple(KeyFrame(i, 0.1 * i, f[None], f, float(f.sum()) / FULL) for i, f in enumerate(frames)),
         2,
         view,
         trust,

@@ -35,7 +35,6 @@ class KeyFrame:
         planes: Mask by colour, uint8 (colour, height, width); one plane until the geoms' colours are known.
         coarse: Reduced mask, half of ``FULL`` where the background is not known, uint8 (height,
             width).
-        sums: Row prefix sums of ``coarse``, float32 (height, width + 1).
         area: Covered area of the reduced mask [reduced px^2].
     """
 
@@ -43,8 +42,12 @@ class KeyFrame:
     time: float
     planes: np.ndarray
     coarse: np.ndarray
-    sums: np.ndarray
     area: float
+
+    @cached_property
+    def sums(self) -> np.ndarray:
+        """Row prefix sums of ``coarse``, float32 (height, width + 1)."""
+        return row_sums(self.coarse)
 
     @cached_property
     def balance(self) -> np.ndarray:
@@ -119,7 +122,7 @@ class KeyFrames:
         if factor == 1:
             return self
         frames = [
-            replace(frame, coarse=coarse, sums=row_sums(coarse), area=frame.area / factor**2)
+            replace(frame, coarse=coarse, area=frame.area / factor**2)
             for frame in self.frames
             for coarse in (_averaged(frame.coarse, factor),)
         ]
@@ -143,7 +146,7 @@ class KeyFrames:
         """
         thick = replace(self, thicker=float(by))
         frames = [
-            replace(frame, coarse=coarse, sums=row_sums(coarse), area=area)
+            replace(frame, coarse=coarse, area=area)
             for frame in self.frames
             for coarse, area in (_filled(thickened_mask(self.shown(frame), by), self),)
         ]
@@ -258,7 +261,7 @@ def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
         shown = thickened_mask(np.where(frames.blind, np.uint8(0), shown), round(frames.thicker))
     coarse, area = _filled(shown, frames)
     planes = planes_for(mask, frames.view)
-    return KeyFrame(mask.index, mask.time, planes, coarse, row_sums(coarse), area)
+    return KeyFrame(mask.index, mask.time, planes, coarse, area)
 
 
 def _filled(shown: np.ndarray, frames: KeyFrames) -> tuple[np.ndarray, float]:
