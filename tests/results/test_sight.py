@@ -80,6 +80,34 @@ def test_noise_and_what_cannot_show_are_no_mismatch(filmed: tuple[Scene, Poses])
         assert Sight(scene.masks.video, masks, faint, turned).mismatch > 0.5
 
 
+class Shiny:
+    """Masks in which what covers a pixel shows at less than half of its level."""
+
+    def __init__(self, masks: Any, *, varied: bool) -> None:
+        self._masks, self.varied = masks, varied
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._masks, name)
+
+    def of(self, frame: Frame) -> Mask:
+        mask = self._masks.of(frame)
+        return replace(mask, planes=(0.4 * mask.planes).astype(np.uint8))
+
+
+def test_where_colours_vary_the_level_is_not_the_coverage(filmed: tuple[Scene, Poses]) -> None:
+    scene, poses = filmed
+    turned = replace(poses, position=poses.position + 0.6)
+
+    def mismatch(varied: bool, of: Poses) -> float:
+        masks = Shiny(scene.masks, varied=varied)
+        return Sight(scene.masks.video, masks, replace(scene, masks=masks), of).mismatch
+
+    assert mismatch(True, poses) < 0.3
+    assert mismatch(True, turned) > 0.5
+    # a mechanism of one colour that shows so faintly is not all there
+    assert mismatch(False, poses) > 0.5
+
+
 @pytest.mark.parametrize("x", [1e3, 1e12, -1e12])
 def test_a_mechanism_far_outside_of_the_picture_misses_its_masks(
     filmed: tuple[Scene, Poses], x: float

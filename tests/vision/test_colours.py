@@ -131,6 +131,8 @@ def test_a_geom_that_often_looks_like_the_background_has_no_colour() -> None:
     found = geom_colours(painted(60, 230, stripes=2), BACKGROUND, GUESS, np.ones(3, bool))
     assert found is not None
     assert found.part[1] == VARIED
+    # its edges are taken against its own level
+    assert found.shaded.tolist() == [False, True]
 
 
 def test_noise_does_not_choose_the_colour_of_a_thin_geom() -> None:
