@@ -1,16 +1,18 @@
 """The optimum as a fit, or the reason why there is none."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
+from models import GEOM, HINGE, body_with, mjcf, read
 from monodyn.estimation.record.samples import Pieces, prepare
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.torque.task import TorqueSolution
-from monodyn.estimation.verdict.summary import summarize
+from monodyn.estimation.verdict.summary import _undetermined, summarize
 from monodyn.mechanism import Measured, load
 from swings import motion, record, white
 
@@ -107,6 +109,15 @@ def test_a_length_as_uncertain_as_its_value_is_not_trusted():
     )
     known = single.with_choices(fix={"link1.length": single.values["link1.length"]})
     assert identify(creep, known, IdentifySettings(starts=1)).ok
+
+
+def test_a_length_of_a_body_that_slides_on_one_that_turns_may_not(tmp_path):
+    slide = '<joint name="s" type="slide" axis="1 0 0"/>'
+    inner = f'<body name="bead" pos="0.05 0 0">{slide}{GEOM}</body>'
+    mechanism = read(tmp_path, mjcf(body_with(HINGE, inner)))
+    lengths = ("a.length", "bead.length")
+    hardly = [SimpleNamespace(name=name, free=True, std=1.0, identifiable=False) for name in lengths]
+    assert _undetermined(SimpleNamespace(parameters=hardly), mechanism) == list(lengths)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_length_of_a_body_that_never_turns_may_be_unknown():

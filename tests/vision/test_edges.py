@@ -169,3 +169,11 @@ def test_an_edge_along_the_pixels_shows_its_direction_as_any_other() -> None:
     # the common offset, sum (x - mean)^2, along them: about a quarter
     assert 0.2 < information(0.0) / information(0.4) < 0.35
     assert information(0.4) == pytest.approx(information(0.7), rel=0.1)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_a_shifted_mask_moves_the_pose_by_its_whole_shift(angle: float) -> None:
+    single, truth = load("single"), np.array([angle + 0.004])
+    normal, right, _ = terms(single, drawn_mask(single, CAMERA, truth), np.array([angle]))
+    # what the samples have in common is taken out of both sides of the equations
+    assert right[0] / normal[0, 0] == pytest.approx(0.004, rel=0.15)
