@@ -72,7 +72,7 @@ class Faint:
 def test_noise_and_what_cannot_show_are_no_mismatch(filmed: tuple[Scene, Poses]) -> None:
     scene, poses = filmed
     for hidden in (0, scene.masks.video.width // 2):
-        masks = Faint(scene.masks, hidden)
+        masks: Any = Faint(scene.masks, hidden)
         faint = replace(scene, masks=masks)
         good = Sight(scene.masks.video, masks, faint, poses)
         assert good.mismatch < 0.3
@@ -99,7 +99,7 @@ def test_where_colours_vary_the_level_is_not_the_coverage(filmed: tuple[Scene, P
     turned = replace(poses, position=poses.position + 0.6)
 
     def mismatch(varied: bool, of: Poses) -> float:
-        masks = Shiny(scene.masks, varied=varied)
+        masks: Any = Shiny(scene.masks, varied=varied)
         return Sight(scene.masks.video, masks, replace(scene, masks=masks), of).mismatch
 
     assert mismatch(True, poses) < 0.3
