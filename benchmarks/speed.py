@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,6 +43,22 @@ class Clip:
 
     video: Path
     model: Path
+
+
+class Process(NamedTuple):
+    """A process that has ended.
+
+    Attributes:
+        wall: Wall time [s].
+        cpu: CPU time [s].
+        peak: Peak memory [MB].
+        code: Exit code.
+    """
+
+    wall: float
+    cpu: float
+    peak: float
+    code: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,11 +226,11 @@ def running(clip: Clip, repeats: int) -> list[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         arguments = ["run", str(clip.video), "--model", str(clip.model), "--fit-frames", "0:40"]
         for i in range(1 + min(repeats, 3)):
-            wall, cpu, peak = _process([*_monodyn(), *arguments, "--out", f"{folder}/{i}", "--quiet"])
+            ended = _process([*_monodyn(), *arguments, "--out", f"{folder}/{i}", "--quiet"])
             if i > 0:
-                seconds.append(wall)
-                busy.append(cpu)
-                peaks.append(peak)
+                seconds.append(ended.wall)
+                busy.append(ended.cpu)
+                peaks.append(ended.peak)
     case = f"monodyn run {clip.video.name}, {monodyn.read(clip.video).count} frames"
     return [
         Figure(case, "wall time, cold process, warm cache", float(np.median(seconds)), "s", 12.0),
@@ -232,17 +249,24 @@ def compared(clip: Clip, other: Path, repeats: int) -> list[Figure]:
         repeats: Runs of each.
 
     Returns:
-        The ratios of wall and CPU time, and the seconds of this one.
+        The ratios of wall and CPU time, and the seconds of both.
+
+    Raises:
+        SystemExit: One of them ended otherwise than the other, or failed.
     """
     sources = {"this": ROOT / "src", "other": other / "src"}
-    found: dict[str, list[tuple[float, float, float]]] = {name: [] for name in sources}
+    found: dict[str, list[Process]] = {name: [] for name in sources}
     with tempfile.TemporaryDirectory() as folder:
         arguments = ["run", str(clip.video), "--model", str(clip.model), "--force", "--quiet"]
         for _ in range(1 + repeats):
             for name, source in sources.items():
                 command = [*_monodyn(), *arguments, "--out", f"{folder}/{name}"]
                 found[name].append(_process(command, {**os.environ, "PYTHONPATH": str(source)}))
-    this, before = (np.array(found[name][1:]) for name in ("this", "other"))
+    codes = {name: {run.code for run in found[name]} for name in sources}
+    if codes["this"] != codes["other"]:
+        # a run that is refused early is no faster
+        raise SystemExit(f"speed.py: {clip.video.name} ended with different exit codes: {codes}.")
+    this, before = (np.array([run[:2] for run in found[name][1:]]) for name in ("this", "other"))
     ratio = np.median(this, axis=0) / np.median(before, axis=0)
     case = f"{clip.video.stem}, against {other.name}"
     return [
@@ -301,8 +325,8 @@ def _monodyn() -> list[str]:
     return [sys.executable, "-c", "import sys; from monodyn.cli import main; sys.exit(main())"]
 
 
-def _process(command: list[str], environment: dict[str, str] | None = None) -> tuple[float, float, float]:
-    """Run a command; wall time [s], CPU time [s] and peak memory [MB] of its process."""
+def _process(command: list[str], environment: dict[str, str] | None = None) -> Process:
+    """Run a command to its end."""
     began = time.perf_counter()
     child = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)
     _, status, usage = os.wait4(child.pid, 0)
@@ -311,7 +335,7 @@ def _process(command: list[str], environment: dict[str, str] | None = None) -> t
     if child.returncode not in (0, 1):
         raise SystemExit(f"speed.py: monodyn run ended with exit code {child.returncode}.")
     kilobytes = usage.ru_maxrss / (1024.0 if sys.platform == "darwin" else 1.0)
-    return wall, usage.ru_utime + usage.ru_stime, kilobytes / 1024.0
+    return Process(wall, usage.ru_utime + usage.ru_stime, kilobytes / 1024.0, child.returncode)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,15 @@ import pytest
 from monodyn.mechanism import load
 from monodyn.mechanism.tree import SLIDE
 from monodyn.types import FULL, Frame
-from monodyn.vision.drawing.mismatch import blank_cuts, pose_mismatch, row_sums, silhouette_sums
+from monodyn.vision.drawing.mismatch import (
+    UNDRAWABLE,
+    blank_cuts,
+    pose_balance,
+    pose_mismatch,
+    row_balance,
+    row_sums,
+    silhouette_sums,
+)
 from monodyn.vision.drawing.normals import (
     AT_X,
     AT_Y,
@@ -181,6 +189,25 @@ def test_pose_mismatch_of_all_geoms_and_of_the_first_alone(name: str) -> None:
         found = pose_mismatch(sums, rig, q[None], geoms)[0]
         # a line's spans change by a few pixels from one end of a row to the other
         assert found == pytest.approx(slow_mismatch(mask, polygons[:geoms])[0], abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["triple", "cartpole", "bob"])
+def test_poses_that_share_their_first_joints_cost_what_each_costs_alone(name: str) -> None:
+    mechanism = load(name)
+    rng = np.random.default_rng(6)
+    soft = cv2.GaussianBlur((rng.random((240, 320)) > 0.5).astype(np.float32), (0, 0), 6.0)
+    mask = np.clip((soft - 0.45) * 10 * FULL, 0, FULL).astype(np.uint8)
+    rig, balance = rig_of(mechanism, CAMERA), row_balance(row_sums(mask))
+    slide = np.where(rig.kind == SLIDE, 0.1, 1.0)
+    parents = rng.normal(scale=0.8, size=(3, len(rig.parent))) * slide
+    positions = np.repeat(parents, 24, axis=0)
+    positions[:, -1] = np.tile(np.linspace(-3.0, 3.0, 24), 3)
+    # one that cannot be drawn stands between two others
+    positions[30, -1] = np.nan
+    together = pose_balance(balance, rig, positions, len(rig.radius))
+    alone = [pose_balance(balance, rig, q[None], len(rig.radius))[0] for q in positions]
+    assert together[30] == UNDRAWABLE
+    np.testing.assert_allclose(together, alone, rtol=0.0, atol=1e-6)
 
 
 def slow_median(samples: np.ndarray) -> tuple[float, float]:

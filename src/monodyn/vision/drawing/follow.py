@@ -62,7 +62,7 @@ def follow(
     return position, information, agreement_of(found)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _follow(
     planes: np.ndarray, view: View, rig: Rig, start: np.ndarray, limits: MoveLimits, search: EdgeSearch
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

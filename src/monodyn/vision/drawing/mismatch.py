@@ -16,7 +16,7 @@ from numba import njit
 
 from monodyn.types import FULL
 from monodyn.vision.drawing.rig import Rig
-from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw
+from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, fill_hulls, project
 
 UNDRAWABLE = 1e18
 """Mismatch of a pose that cannot be drawn [px^2]."""
@@ -87,21 +87,45 @@ def silhouette_sums(sums: np.ndarray, outlines: Outlines, cuts: np.ndarray, insi
     Returns:
         The area of the union, also outside of the pictures [px^2].
     """
-    px, hull, first = outlines.px, outlines.hull, outlines.first
-    _fill_places(outlines, cuts)
-    geoms, area = first.shape[0] - 1, 0.0
+    geoms = outlines.first.shape[0] - 1
+    _fill_places(outlines, cuts, 0)
     inside[:] = 0.0
+    return _add_sums(sums, outlines, cuts, (geoms, 0), inside, np.empty(0))
+
+
+@njit(cache=True)
+def _add_sums(
+    sums: np.ndarray,
+    outlines: Outlines,
+    cuts: np.ndarray,
+    counts: tuple[int, int],
+    inside: np.ndarray,
+    alone: np.ndarray,
+) -> float:
+    """Add the sums over the union of the first geoms to ``inside`` (picture,), and return its area [px^2].
+
+    ``counts`` has how many geoms, and how many of these are in the first sum of ``inside`` already, as if
+    there were no others: an edge of theirs is summed again where others may touch it. Where there are none
+    of these ``alone`` (entry of the hull, or 0,) takes the part of each edge in that sum, else it has them.
+    """
+    px, hull, first = outlines.px, outlines.hull, outlines.first
+    (geoms, same), area = counts, 0.0
     # the outline of a union is what lies of each geom's edges outside of all other geoms
     for g in range(geoms):
         for i in range(first[g], first[g + 1]):
             p, q = hull[i], hull[i + 1] if i + 1 < first[g + 1] else hull[first[g]]
             xp, yp, xq, yq = px[p, 0], px[p, 1], px[q, 0], px[q, 1]
+            before = inside[0]
+            if g < same:
+                touched = False
+                for h in range(same, geoms):
+                    touched |= not _is_beside(cuts, h, xp, yp, xq, yq)
+                if not touched:
+                    continue
+                inside[0] -= alone[i]
             found = 0
             for h in range(geoms):
-                # most geoms are far from most edges
-                if h == g or cuts[h, LEFT] > max(xp, xq) or cuts[h, RIGHT] < min(xp, xq):
-                    continue
-                if cuts[h, TOP] > max(yp, yq) or cuts[h, BOTTOM] < min(yp, yq):
+                if h == g or _is_beside(cuts, h, xp, yp, xq, yq):
                     continue
                 x, y, inner = cuts[h, CENTRE_X], cuts[h, CENTRE_Y], cuts[h, INNER]
                 if (xp - x) ** 2 + (yp - y) ** 2 < inner and (xq - x) ** 2 + (yq - y) ** 2 < inner:
@@ -129,14 +153,24 @@ def silhouette_sums(sums: np.ndarray, outlines: Outlines, cuts: np.ndarray, insi
                         inside[m] += _along_edge(sums[m], x0, y0, x1, y1)
                 if k < found:
                     begun = max(begun, cuts[k, TO])
+            if same == 0 and alone.shape[0] > 0:
+                alone[i] = inside[0] - before
     return area
 
 
+@njit(cache=True, inline="always")
+def _is_beside(cuts: np.ndarray, h: int, xp: float, yp: float, xq: float, yq: float) -> bool:
+    """Return whether an edge lies beside the box of a geom, ``cuts`` (geom, 10): most are far from most."""
+    if cuts[h, LEFT] > max(xp, xq) or cuts[h, RIGHT] < min(xp, xq):
+        return True
+    return cuts[h, TOP] > max(yp, yq) or cuts[h, BOTTOM] < min(yp, yq)
+
+
 @njit(cache=True)
-def _fill_places(outlines: Outlines, cuts: np.ndarray) -> None:
-    """Fill the box around each geom and a circle inside of it into ``cuts`` (geom, 10)."""
+def _fill_places(outlines: Outlines, cuts: np.ndarray, begin: int) -> None:
+    """Fill the box around each geom from ``begin`` on and a circle inside of it into ``cuts`` (geom, 10)."""
     px, hull, first = outlines.px, outlines.hull, outlines.first
-    for g in range(first.shape[0] - 1):
+    for g in range(begin, first.shape[0] - 1):
         a, b = first[g], first[g + 1]
         left, right, top, bottom = 1e18, -1e18, 1e18, -1e18
         x, y = 0.0, 0.0
@@ -302,11 +336,13 @@ def _covered_area(sums: np.ndarray, rig: Rig, position: np.ndarray) -> float:
     return inside[0]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def pose_balance(balance: np.ndarray, rig: Rig, positions: np.ndarray, geoms: int) -> np.ndarray:
     """Evaluate the mismatch of many poses as ``pose_mismatch`` does, but inside of the picture alone.
 
-    Nobody knows whether the mechanism is outside of it: that counts neither for a pose nor against it.
+    Nobody knows whether the mechanism is outside of it: that counts neither for a pose nor against it. Poses
+    in which all joints but the last one that counts are where they are in the pose before cost less: of the
+    geoms before it only what the others touch is summed again.
 
     Args:
         balance: From ``row_balance``, (height, width + 1).
@@ -321,9 +357,26 @@ def pose_balance(balance: np.ndarray, rig: Rig, positions: np.ndarray, geoms: in
     outlines, cuts, inside = blank_outlines(rig, geoms), blank_cuts(geoms), np.empty(1)
     pictures = balance.reshape((1, balance.shape[0], balance.shape[1]))
     costs = np.empty(positions.shape[0])
+    last = rig.link[geoms - 1] if geoms > 0 else 0
+    same = int(np.sum(rig.link[:geoms] < last))
+    # what each edge of these geoms costs as long as no other geom touches it, and all of them
+    alone, together = np.empty(outlines.hull.shape[0]), 0.0
+    is_known = False
     for i in range(positions.shape[0]):
         costs[i] = UNDRAWABLE
-        if draw(rig, positions[i], outlines):
-            silhouette_sums(pictures, outlines, cuts, inside)
-            costs[i] = inside[0]
+        for joint in range(last):
+            is_known = is_known and positions[i, joint] == positions[i - 1, joint]
+        if not project(rig, positions[i], outlines.px):
+            is_known = False
+            continue
+        begin = same if is_known else 0
+        fill_hulls(outlines, begin)
+        _fill_places(outlines, cuts, begin)
+        if not is_known:
+            inside[0] = 0.0
+            _add_sums(pictures, outlines, cuts, (same, 0), inside, alone)
+            together, is_known = inside[0], True
+        inside[0] = together
+        _add_sums(pictures, outlines, cuts, (geoms, same), inside, alone)
+        costs[i] = inside[0]
     return costs

@@ -76,12 +76,22 @@ def draw(rig: Rig, position: np.ndarray, outlines: Outlines) -> bool:
     """
     if not project(rig, position, outlines.px):
         return False
+    fill_hulls(outlines, 0)
+    return True
+
+
+@njit(cache=True)
+def fill_hulls(outlines: Outlines, begin: int) -> None:
+    """Find the corners of the geoms' outlines among their points.
+
+    Args:
+        outlines: With the points from ``project``; their corners are filled.
+        begin: The first geom; the corners of those before it are there.
+    """
     px, hull, first = outlines.px, outlines.hull, outlines.first
-    first[0] = 0
-    for g in range(outlines.starts.shape[0] - 1):
+    for g in range(begin, outlines.starts.shape[0] - 1):
         at = first[g]
         first[g + 1] = at + convex_hull(px, outlines.starts[g], outlines.starts[g + 1], hull[at:])
-    return True
 
 
 @njit(cache=True)

@@ -86,7 +86,7 @@ def _between(
     poses, costs = found
     parent = int(rig.parent[link])
     moves = np.zeros((1, poses.shape[1]))
-    for joint in (link, parent):
+    for joint in (parent, link):  # the last joint changes from pose to pose: that costs least
         if joint >= 0 and rig.kind[joint] == rig.kind[link]:
             shifts = np.zeros((3, poses.shape[1]))
             shifts[:, joint] = [0.0, -step, step]

@@ -20,6 +20,7 @@ from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
 from monodyn.types import FULL, Camera
 from monodyn.vision.drawing.rig import SIZE_KINDS, longest_reach, rig_of
 from monodyn.vision.locating.beam import Beam, extended
+from monodyn.vision.locating.cores import on_all_cores
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import Root
 from monodyn.vision.locating.unit import drawn, growth, scaled
@@ -283,11 +284,13 @@ def _raced(
 ) -> list[Structure]:
     """Lay the next link into a few frames, and where that goes best into the others."""
     every = range(len(frames.frames))
-    begun = [_laid(one, frames, amounts[one.root], link, every[:FIRST_FRAMES]) for one in tried]
+    begun = on_all_cores(lambda one: _laid(one, frames, amounts[one.root], link, every[:FIRST_FRAMES]), tried)
     most = max(LEFT, round(LEFT_SHARE * len(begun)))
     left = _alternately(begun)
     left = left[:most] + [one for one in left[most:] if one.is_measured]
-    return _best([_laid(one, frames, amounts[one.root], link, every[FIRST_FRAMES:]) for one in left])
+    return _best(
+        on_all_cores(lambda one: _laid(one, frames, amounts[one.root], link, every[FIRST_FRAMES:]), left)
+    )
 
 
 def _laid(

@@ -21,6 +21,7 @@ from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of, root_slides
 from monodyn.vision.locating.beam import Beam, extended, slide_places
+from monodyn.vision.locating.cores import on_all_cores
 from monodyn.vision.locating.grow import SceneStart, better_mean, grown, whole
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
@@ -151,10 +152,10 @@ def search_poses(
     """
     rig = rig_of(as_thick(frames, mechanism, camera), camera, shrink=frames.shrink)
     further = itertools.repeat(None) if near is None else iter(near)
-    found = [
-        search_pose(frame, frames, rig, mechanism, near=pose)
-        for frame, pose in zip(frames.frames, further, strict=False)
-    ]
+    found = on_all_cores(
+        lambda pair: search_pose(pair[0], frames, rig, mechanism, near=pair[1]),
+        zip(frames.frames, further, strict=False),
+    )
     positions, mismatch = np.array([q for q, _ in found]), np.array([share for _, share in found])
     return SceneGuess(mechanism, camera, positions, mismatch)
 

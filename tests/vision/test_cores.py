@@ -1,0 +1,29 @@
+"""Work on all cores: order, errors, more than one thread."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from monodyn.vision.locating import cores
+from monodyn.vision.locating.cores import on_all_cores
+
+
+def test_results_come_in_the_order_of_the_items(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cores, "_cores", lambda: 2)
+    both = threading.Barrier(2, timeout=20.0)
+
+    def square(number: int) -> int:
+        # neither of the first two ends before the other has begun
+        if number < 2:
+            both.wait()
+        return number * number
+
+    assert on_all_cores(square, iter(range(50))) == [number * number for number in range(50)]
+    assert on_all_cores(square, []) == []
+
+
+def test_an_error_of_the_function_is_raised() -> None:
+    with pytest.raises(ZeroDivisionError):
+        on_all_cores(lambda number: 1 // number, [2, 1, 0, 3])
