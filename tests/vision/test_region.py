@@ -19,7 +19,7 @@ from monodyn.vision.foreground.background import Samples
 from monodyn.vision.foreground.parts import Parts
 from monodyn.vision.foreground.thumbnails import Thumbnails, Window
 from monodyn.vision.locating import region
-from monodyn.vision.locating.region import agreement, candidates, find_in_region, without_fuller
+from monodyn.vision.locating.region import agreement, candidates, find_in_region, is_cut_off, without_fuller
 from support import refuses
 
 
@@ -100,6 +100,7 @@ def found_with(
         return shares[len(tried) - 1]
 
     monkeypatch.setattr(region, "agreement", lambda share: share)
+    monkeypatch.setattr(region, "is_cut_off", lambda whole, part: (whole, part) == (0.41, 0.99))
     sought = Sought(Tried(samples), mechanism or load("double"), frozenset())
     return find_in_region(sought, find), tried  # type: ignore[arg-type]
 
@@ -118,6 +119,13 @@ def test_parts_are_tried_until_one_is_explained(monkeypatch: pytest.MonkeyPatch)
 def test_of_poor_explanations_the_best_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, tried = found_with(monkeypatch, [0.4, 0.6, None, 0.2])
     assert (scene, len(tried)) == (0.6, 4)
+
+
+def test_a_part_that_cuts_the_scene_off_is_not_taken_for_agreeing_better(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene, tried = found_with(monkeypatch, [0.41, 0.99, 0.3, 0.2])
+    assert (scene, len(tried)) == (0.41, 4)
 
 
 def test_usual_proportions_are_tried_before_parts_of_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,3 +168,25 @@ def test_a_sliver_of_something_large_agrees_less(tmp_path: Path, share: float, e
         mechanism=bar, camera=camera, masks=masks, key_frames=(0,), key_positions=np.zeros((1, 1))
     )
     assert agreement(large) == pytest.approx(expected, rel=0.03)  # type: ignore[arg-type]
+
+
+def test_half_of_the_picture_cuts_off_a_mechanism_that_swings_through_both(tmp_path: Path) -> None:
+    scene, poses = film(tmp_path)
+    whole = replace(scene, key_positions=poses.position[::4])
+    drawn = np.any(
+        [covered_pixels(scene.mechanism, scene.camera, q, margin=0.0) for q in poses.position], axis=0
+    )
+    columns = np.flatnonzero(drawn.any(axis=0))
+    rows = np.flatnonzero(drawn.any(axis=1))
+    middle = int(columns.mean())
+    around = Window(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1)
+
+    def part(window: Window) -> Any:
+        background = replace(scene.masks.background, window=window, others=None)
+        return replace(whole, masks=replace(scene.masks, background=background))
+
+    assert not is_cut_off(whole, part(around))
+    assert is_cut_off(whole, part(around._replace(right=middle)))
+    # another scene there is another matter
+    other = replace(part(around._replace(right=middle)), camera=replace(scene.camera, x=scene.camera.x + 0.1))
+    assert not is_cut_off(whole, other)

@@ -34,6 +34,12 @@ NEAR_PX = 3.0
 LEAST_IN_PICTURE = 0.25
 """Share of the mechanism's area inside of the picture below which what agrees is a sliver of it."""
 
+ONE_SHARE = 0.03
+"""Difference of places and lengths, as a share of the longest, up to which two scenes are one."""
+LEFT_SHARE, LEFT_FRAMES = 0.1, 0.1
+"""Share of the mechanism outside of a part of the picture from which it leaves the part in a frame, and
+share of the key frames from which it is cut off there."""
+
 Find = Callable[[Sought], Scene]
 
 
@@ -56,7 +62,7 @@ def find_in_region(sought: Sought, find: Find) -> Scene:
             refusals.append(refusal)
             continue
         agrees = agreement(scene)
-        if agrees > share:
+        if agrees > share and not (best and is_cut_off(best, scene)):
             best, share = scene, agrees
         if share >= EXPLAINED:
             break
@@ -124,6 +130,27 @@ def without_fuller(samples: Samples, cells: np.ndarray | None = None) -> Samples
     return replace(samples, frames=tuple(f for f, keep in zip(samples.frames, kept, strict=True) if keep))
 
 
+def is_cut_off(whole: Scene, part: Scene) -> bool:
+    """Return whether a part of the picture holds the same scene as a larger one, and less of its motion.
+
+    A post that the mechanism passes behind parts the motion: on either side of it the mechanism agrees with
+    all that moves there, and on the other side it would be lost.
+
+    Args:
+        whole: The scene in the larger part of the picture.
+        part: The scene in the smaller one.
+
+    Returns:
+        True where both are one, and the mechanism leaves the smaller part in more than a few key frames.
+    """
+    if not _are_one(whole, part):
+        return False
+    inside = part.masks.background.counts
+    drawn = (covered_pixels(whole.mechanism, whole.camera, q, margin=0.0) for q in whole.key_positions)
+    left = [np.sum(pixels & ~inside) > LEFT_SHARE * np.sum(pixels) for pixels in drawn]
+    return float(np.mean(left)) > LEFT_FRAMES
+
+
 def agreement(scene: Scene) -> float:
     """Return how well mechanism and foreground agree in the key frames.
 
@@ -156,3 +183,14 @@ def agreement(scene: Scene) -> float:
         agrees = min(np.sum(explained) / max(1, np.sum(shown)), np.sum(met) / max(1, np.sum(drawn)))
         shares.append(inside * agrees)
     return float(np.median(shares)) if shares else 0.0
+
+
+def _are_one(one: Scene, other: Scene) -> bool:
+    """Return whether two scenes show the same lengths before the same camera, the common scale aside."""
+    names = [p.name for p in one.mechanism.parameters if p.kind == "length"]
+    sizes = []
+    for scene in (one, other):
+        values, camera = scene.mechanism.values, scene.camera
+        sizes.append(np.array([camera.x, camera.y, *(values[name] for name in names)]) / camera.depth)
+    near = ONE_SHARE * float(np.abs(sizes[0][2:]).max(initial=0.0))
+    return bool(np.all(np.abs(sizes[0] - sizes[1]) <= near))
