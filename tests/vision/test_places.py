@@ -10,8 +10,9 @@ import pytest
 from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.foreground.masks import LEFT_OUT
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, SceneVariables, refine, scene_variables
-from monodyn.vision.locating.places import with_departed, with_names
+from monodyn.vision.locating.places import with_departed, with_names, without_unseen
 from monodyn.vision.locating.search import SceneGuess
 from pictures import drawn_mask, trusted
 
@@ -77,3 +78,35 @@ def test_springs_of_further_variables_hold_them_where_they_are(tmp_path: Path) -
     assert variables.names == ("a.length", "a.head.along")
     assert variables.start["a.head.along"] == pytest.approx(0.24, rel=1e-12)
     assert variables.read(larger, CAMERA)[1] == pytest.approx(1.0, rel=1e-12)
+
+
+def on_a_rod(folder: Path) -> Mechanism:
+    """Return a ball at the end of a rod."""
+    (folder / "ball.xml").write_text(
+        '<mujoco><worldbody><body name="a"><joint name="j" axis="0 -1 0"/>'
+        '<geom type="capsule" size=".004" fromto="0 0 0 .2 0 0"/>'
+        '<geom name="ball" type="sphere" size=".03" pos=".2 0 0"/></body></worldbody></mujoco>'
+    )
+    return load(folder / "ball.xml")
+
+
+@pytest.mark.parametrize("shown", [False, True])
+def test_a_thread_that_no_picture_shows_ends_at_its_ball(tmp_path: Path, shown: bool) -> None:
+    file = on_a_rod(tmp_path)
+    poses = np.random.default_rng(4).uniform(-2.5, -0.5, (10, 1))
+    # half as long, and the ball beyond its end
+    wrong = file.with_following(["a.ball.along"], follow=False).with_values({"a.length": 0.1})
+    start = wrong.with_values({"a.ball.along": 0.2})
+    view = trusted(file)
+    if not shown:
+        view = view._replace(part=np.array([LEFT_OUT, 0]))
+    masks = KeyMasks([drawn_mask(start, CAMERA, q) for q in poses], view)
+    names = ["a.length", "a.width", "a.ball.width", "a.ball.along", "camera.x", "camera.y", "camera.depth"]
+    variables = scene_variables(start, names)
+    bundle = refine(masks, SceneGuess(start, CAMERA, poses, np.zeros(10)), variables, SEARCH)
+    found = without_unseen(bundle, file)
+    assert (found is bundle) == shown
+    values = found.mechanism.values
+    assert found.mechanism.parameter("a.ball.along").follows != shown
+    assert values["a.ball.along"] == pytest.approx(bundle.mechanism.values["a.ball.along"], rel=1e-9)
+    assert values["a.length"] / values["a.ball.along"] == pytest.approx(0.5 if shown else 1.0, rel=0.05)

@@ -42,7 +42,7 @@ from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
 from monodyn.vision.locating.knowledge import camera_std, hidden_places, size_information
-from monodyn.vision.locating.places import with_departed, with_names
+from monodyn.vision.locating.places import with_departed, with_names, without_unseen
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess, as_thick, search_poses, search_scene, thinned
 from monodyn.vision.locating.unit import growth, in_metres, scaled, units_per_metre
@@ -158,8 +158,10 @@ def find_scene(sought: Sought) -> Scene:
     bundle, rows = _refined_whole(frames, guess, variables, FINE, settings.refine_frames)
     whole = KeyMasks([frames.frames[i].planes for i in rows], frames.view)
     bundle, variables = with_departed(whole, bundle, variables, FINE)
+    tied = without_unseen(bundle, start.mechanism)
     sought.progress("locate", 3, 4)
-    masks, frames, guess = _with_background(masks, frames, bundle)
+    masks, frames, guess = _with_background(masks, frames, tied)
+    variables = variables if tied is bundle else _variables(guess, start, names)
     bundle, rows = _refined_whole(frames, guess, variables, LAST, settings.refine_frames)
     sought.progress("locate", 4, 4)
     return _scene(sought, masks, frames.only(rows), bundle)

@@ -14,6 +14,7 @@ from monodyn.mechanism import Mechanism, Parameter
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SHOWN_KINDS
 from monodyn.vision.locating.bundle import (
+    LOG_STD,
     Bundle,
     KeyMasks,
     SceneVariables,
@@ -70,6 +71,36 @@ def with_names(variables: SceneVariables, mechanism: Mechanism, names: list[str]
         size = mechanism.parameter(name).against
         start[name] = now[name] * (start[size] / now[size] if size else 1.0)
     return replace(more, start=start, length=variables.length, thick=variables.thick)
+
+
+def without_unseen(bundle: Bundle, file: Mechanism) -> Bundle:
+    """Return a bundle in which what is placed along a body that no picture shows is where the file has it.
+
+    A ball on a thread that cannot be seen tells where the thread ends: of the thread's length and the ball's
+    place on it, the pictures determine one.
+
+    Args:
+        bundle: The refined mechanism.
+        file: The mechanism with the proportions of its file.
+
+    Returns:
+        The bundle, its unseen lengths such that these places follow them.
+    """
+    variables, mechanism = bundle.variables, bundle.mechanism
+    x = variables.read(mechanism, bundle.camera)
+    known, values, names = file.values, mechanism.values, variables.names
+    for name, size in zip(names, variables.against, strict=True):
+        if not (name.endswith(".along") and size in names and file.parameter(name).follows):
+            continue
+        # the length grows, and the place on it stays where it is: what do the pictures say to that?
+        i, k = names.index(size), names.index(name)
+        grow = np.zeros(len(x))
+        grow[i], grow[k] = 1.0, -x[k]
+        if grow @ bundle.information @ grow < 1.0 / LOG_STD**2 and known[name] * values[name] > 0.0:
+            sizes = {size: values[name] * known[size] / known[name]}
+            mechanism = mechanism.with_values(sizes).with_following([name], follow=True)
+            return replace(bundle, mechanism=mechanism)
+    return bundle
 
 
 def _following(mechanism: Mechanism) -> list[str]:
