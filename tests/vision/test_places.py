@@ -80,33 +80,41 @@ def test_springs_of_further_variables_hold_them_where_they_are(tmp_path: Path) -
     assert variables.read(larger, CAMERA)[1] == pytest.approx(1.0, rel=1e-12)
 
 
-def on_a_rod(folder: Path) -> Mechanism:
-    """Return a ball at the end of a rod."""
-    (folder / "ball.xml").write_text(
-        '<mujoco><worldbody><body name="a"><joint name="j" axis="0 -1 0"/>'
-        '<geom type="capsule" size=".004" fromto="0 0 0 .2 0 0"/>'
-        '<geom name="ball" type="sphere" size=".03" pos=".2 0 0"/></body></worldbody></mujoco>'
-    )
-    return load(folder / "ball.xml")
+def on_rods(folder: Path, count: int) -> Mechanism:
+    """Return rods on one pivot, each turning on the one before, with a ball at the end of each."""
+    text = "</body>" * count
+    for i in reversed(range(count)):
+        text = (
+            f'<body name="{"ab"[i]}"><joint name="j{i}" axis="0 -1 0"/>'
+            '<geom type="capsule" size=".004" fromto="0 0 0 .2 0 0"/>'
+            f'<geom name="ball{i}" type="sphere" size=".03" pos=".2 0 0"/>{text}'
+        )
+    (folder / "balls.xml").write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
+    return load(folder / "balls.xml")
 
 
-@pytest.mark.parametrize("shown", [False, True])
-def test_a_thread_that_no_picture_shows_ends_at_its_ball(tmp_path: Path, shown: bool) -> None:
-    file = on_a_rod(tmp_path)
-    poses = np.random.default_rng(4).uniform(-2.5, -0.5, (10, 1))
-    # half as long, and the ball beyond its end
-    wrong = file.with_following(["a.ball.along"], follow=False).with_values({"a.length": 0.1})
-    start = wrong.with_values({"a.ball.along": 0.2})
+@pytest.mark.parametrize(("count", "shown"), [(1, False), (1, True), (2, False)])
+def test_a_thread_that_no_picture_shows_ends_at_its_ball(tmp_path: Path, count: int, shown: bool) -> None:
+    file = on_rods(tmp_path, count)
+    poses = np.random.default_rng(4).uniform(-2.5, -0.5, (10, count))
+    bodies = [("a", "a.ball0"), ("b", "b.ball1")][:count]
+    # every thread is half as long, and its ball beyond its end
+    start = file.with_following([f"{ball}.along" for _, ball in bodies], follow=False)
+    start = start.with_values({f"{body}.length": 0.1 for body, _ in bodies})
+    start = start.with_values({f"{ball}.along": 0.2 for _, ball in bodies})
     view = trusted(file)
     if not shown:
-        view = view._replace(part=np.array([LEFT_OUT, 0]))
+        view = view._replace(part=np.array([LEFT_OUT, 0] * count))
     masks = KeyMasks([drawn_mask(start, CAMERA, q) for q in poses], view)
-    names = ["a.length", "a.width", "a.ball.width", "a.ball.along", "camera.x", "camera.y", "camera.depth"]
-    variables = scene_variables(start, names)
+    names = [f"{one}.{size}" for one, _ in bodies for size in ("length", "width")]
+    names += [f"{ball}.{size}" for _, ball in bodies for size in ("width", "along")]
+    variables = scene_variables(start, [*names, "camera.x", "camera.y", "camera.depth"])
     bundle = refine(masks, SceneGuess(start, CAMERA, poses, np.zeros(10)), variables, SEARCH)
     found = without_unseen(bundle, file)
     assert (found is bundle) == shown
-    values = found.mechanism.values
-    assert found.mechanism.parameter("a.ball.along").follows != shown
-    assert values["a.ball.along"] == pytest.approx(bundle.mechanism.values["a.ball.along"], rel=1e-9)
-    assert values["a.length"] / values["a.ball.along"] == pytest.approx(0.5 if shown else 1.0, rel=0.05)
+    values, before = found.mechanism.values, bundle.mechanism.values
+    for body, ball in bodies:
+        assert found.mechanism.parameter(f"{ball}.along").follows != shown
+        assert values[f"{ball}.along"] == pytest.approx(before[f"{ball}.along"], rel=1e-9)
+        share = values[f"{body}.length"] / values[f"{ball}.along"]
+        assert share == pytest.approx(0.5 if shown else 1.0, rel=0.05)

@@ -8,9 +8,19 @@ import pytest
 from monodyn.errors import VideoError
 from monodyn.mechanism import load
 from monodyn.types import Camera
+from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.locating.grow import SceneStart
-from monodyn.vision.locating.search import SceneGuess, as_thick, search_pose, search_scene, thinned
+from monodyn.vision.locating.search import (
+    WHOLE_POSES,
+    WORTH,
+    SceneGuess,
+    _beam,
+    as_thick,
+    search_pose,
+    search_scene,
+    thinned,
+)
 from monodyn.vision.locating.thin import lacking
 from pictures import drawn_frames
 from support import refuses
@@ -105,3 +115,14 @@ def test_a_mechanism_is_drawn_as_thick_as_its_masks_are() -> None:
     assert wider == pytest.approx(4.0 * SMALL.depth / SMALL.focal)
     back = thinned(thick, as_thick(thick, mechanism, SMALL), SMALL)
     assert back.values == pytest.approx(mechanism.values)
+
+
+def test_poses_that_explain_much_less_than_the_best_are_not_polished() -> None:
+    mechanism = load("single")
+    camera = Camera(160, 120, 150.0, depth=0.9)
+    rig = rig_of(mechanism, camera)
+    frames = drawn_frames(mechanism, camera, np.array([[-0.9]]))
+    poses = _beam(frames.frames[0], rig, mechanism)
+    costs = pose_balance(frames.frames[0].balance, rig, poses, len(rig.radius))
+    assert len(poses) < WHOLE_POSES
+    assert costs.max() <= WORTH * costs.min() < 0.0

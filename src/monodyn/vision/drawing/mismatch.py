@@ -367,7 +367,6 @@ def pose_balance(balance: np.ndarray, rig: Rig, positions: np.ndarray, geoms: in
         for joint in range(last):
             is_known = is_known and positions[i, joint] == positions[i - 1, joint]
         if not project(rig, positions[i], outlines.px):
-            is_known = False
             continue
         begin = same if is_known else 0
         fill_hulls(outlines, begin)

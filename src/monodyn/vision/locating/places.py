@@ -89,18 +89,21 @@ def without_unseen(bundle: Bundle, file: Mechanism) -> Bundle:
     variables, mechanism = bundle.variables, bundle.mechanism
     x = variables.read(mechanism, bundle.camera)
     known, values, names = file.values, mechanism.values, variables.names
+    sizes: dict[str, float] = {}
+    tied = []
     for name, size in zip(names, variables.against, strict=True):
-        if not (name.endswith(".along") and size in names and file.parameter(name).follows):
+        if not (name.endswith(".along") and size in names and file.parameter(name).follows) or size in sizes:
             continue
         # the length grows, and the place on it stays where it is: what do the pictures say to that?
         i, k = names.index(size), names.index(name)
         grow = np.zeros(len(x))
         grow[i], grow[k] = 1.0, -x[k]
         if grow @ bundle.information @ grow < 1.0 / LOG_STD**2 and known[name] * values[name] > 0.0:
-            sizes = {size: values[name] * known[size] / known[name]}
-            mechanism = mechanism.with_values(sizes).with_following([name], follow=True)
-            return replace(bundle, mechanism=mechanism)
-    return bundle
+            sizes[size] = values[name] * known[size] / known[name]
+            tied.append(name)
+    if not tied:
+        return bundle
+    return replace(bundle, mechanism=mechanism.with_values(sizes).with_following(tied, follow=True))
 
 
 def _following(mechanism: Mechanism) -> list[str]:

@@ -33,7 +33,6 @@ NEAR_PX = 3.0
 """Distance within which an edge of one lies on the other [px]."""
 LEAST_IN_PICTURE = 0.25
 """Share of the mechanism's area inside of the picture below which what agrees is a sliver of it."""
-
 ONE_SHARE = 0.03
 """Difference of places and lengths, as a share of the longest, up to which two scenes are one."""
 LEFT_SHARE, LEFT_FRAMES = 0.1, 0.1
@@ -62,7 +61,7 @@ def find_in_region(sought: Sought, find: Find) -> Scene:
             refusals.append(refusal)
             continue
         agrees = agreement(scene)
-        if agrees > share and not (best and is_cut_off(best, scene)):
+        if agrees > share and (best is None or not is_cut_off(best, scene)):
             best, share = scene, agrees
         if share >= EXPLAINED:
             break
