@@ -33,26 +33,19 @@ def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, A
     Raises:
         VideoError: The folder has fewer than two pictures.
     """
-    files, numbers = _series(path)
+    files, numbers = series(path)
     if len(files) < 2:
         raise VideoError(
             f"clip '{path}': expected a folder of at least two numbered pictures, got one; add the others."
         )
-    notes = []
+    steps, notes = steps_of(numbers)
     if rate is None:
-        notes.append(
+        notes.insert(
+            0,
             f"A folder of pictures has no time stamps: {DEFAULT_RATE:g} pictures a second assumed; "
-            "give --rate if it differs."
+            "give --rate if it differs.",
         )
-    # numbers in steps of ten are a series of every picture: the unit is their greatest common divisor
-    steps = np.diff(numbers)
-    unit = int(np.gcd.reduce(steps))
-    if np.any(steps != unit):
-        gaps = int(np.sum(steps != unit))
-        notes.append(
-            f"The numbers of the pictures jump {gaps} times; a missing number is taken as a missing picture."
-        )
-    times = (np.array(numbers) - numbers[0]) / unit / (rate or DEFAULT_RATE)
+    times = steps / (rate or DEFAULT_RATE)
     luma, _ = load_picture(files[0], "picture")
     height, width = luma.shape
 
@@ -109,8 +102,36 @@ def load_picture(path: Path, what: str) -> Planes:
     return upright_planes(frame, VideoReformatter(), (frame.width, frame.height), Turn())
 
 
-def _series(path: Path) -> tuple[list[Path], list[int]]:
-    """Return the pictures in the order of their last number, and these numbers."""
+def steps_of(numbers: list[int]) -> tuple[np.ndarray, list[str]]:
+    """Return at which step each picture of a series was taken, from 0 on.
+
+    Args:
+        numbers: Their numbers, in order.
+
+    Returns:
+        The steps, int (picture,), and a note where numbers are missing.
+    """
+    # numbers in steps of ten are a series of every picture: the unit is their greatest common divisor
+    apart = np.diff(numbers)
+    unit = max(int(np.gcd.reduce(apart)), 1)
+    notes = []
+    if np.any(apart != unit):
+        gaps = int(np.sum(apart != unit))
+        notes.append(
+            f"The numbers of the pictures jump {gaps} times; a missing number is taken as a missing picture."
+        )
+    return (np.array(numbers) - numbers[0]) // unit, notes
+
+
+def series(path: Path) -> tuple[list[Path], list[int]]:
+    """Return the pictures in the order of their last number, and these numbers.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        VideoError: there is no numbered picture, more than one series, or a number twice.
+    """
     found: dict[str, list[tuple[int, Path]]] = {}
     for file in path.iterdir():
         # the last number of the name counts; what is around it names the series

@@ -17,6 +17,7 @@ from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
 from monodyn.types import Frame
 from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
+from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.settings import RATES
 
 Decode = Callable[[int, int], Iterator[Frame]]
@@ -37,6 +38,11 @@ class Video:
         remarks: Where the notes are collected.
         tick: Unit to which the stamps are rounded [s]; 0 where they are exact.
         repeats: Pictures that repeat the one before; ``frames`` leaves them out.
+        camera_path: The way of a camera that moves: ``frames`` gives what it would have filmed at rest; None
+            for one that stands still.
+        bare: True where too little shows of the still scene to tell whether the camera moves.
+        straight: What puts a frame of the same camera straight that is no part of the clip; None where its
+            pictures are as the camera took them. ``decode`` has done so with its own.
     """
 
     path: Path
@@ -47,6 +53,9 @@ class Video:
     remarks: list[str] = field(default_factory=list, repr=False)
     tick: float = 0.0
     repeats: Repeats = NO_REPEATS
+    camera_path: CameraPath | None = None
+    bare: bool = False
+    straight: Callable[[Frame], Frame] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         times = frozen("Video.times", self.times, (None,), error=VideoError)
@@ -66,7 +75,8 @@ class Video:
         """Decode frames ``start`` to ``stop - 1``, one at a time.
 
         A frame that cannot be decoded is left out (its number is skipped) and counted in ``notes``; so is one
-        of ``repeats``. A frame's arrays stay valid for as long as they are held; they are read-only.
+        of ``repeats``, and one in which it is not known where a camera that moves was. A frame's arrays stay
+        valid for as long as they are held; they are read-only.
 
         Args:
             start: First frame number.
@@ -84,8 +94,29 @@ class Video:
                 f"frames: expected a range within 0:{self.count}, got {start}:{end}; "
                 f"clip '{self.path}' has {self.count} frames."
             )
-        left_out = frozenset(self.repeats.frames)
-        return (frame for frame in self.decode(start, end) if frame.index not in left_out)
+        left_out, path = frozenset(self.repeats.frames), self.camera_path
+        frames = (frame for frame in self.decode(start, end) if frame.index not in left_out)
+        if path is None:
+            return frames
+        return (steady for frame in frames if (steady := path.steady(frame)) is not None)
+
+    @property
+    def as_filmed(self) -> Video:
+        """The clip with its pictures as they are, whether or not the camera moves."""
+        return replace(self, camera_path=None)
+
+    def within(self, top: int, bottom: int, left: int, right: int) -> Video:
+        """Return the clip for somebody who looks at a window of the pictures alone: before a moving camera
+        the rest need not be registered.
+
+        Args:
+            top: First row [px].
+            bottom: Row below the last one [px].
+            left: First column [px].
+            right: Column to the right of the last one [px].
+        """
+        path = self.camera_path
+        return self if path is None else replace(self, camera_path=path.within(top, bottom, left, right))
 
     def without(self, repeats: Repeats) -> Video:
         """Return the clip without pictures that repeat the one before, and note them.
@@ -136,10 +167,7 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
         >>> video.width, video.height, video.count  # doctest: +SKIP
         (720, 480, 300)
     """
-    if rate is not None and not RATES[0] <= rate <= RATES[1]:
-        raise VideoError(
-            f"rate: expected {RATES[0]:g} to {RATES[1]:g} frames a second, got {rate:g}; give the true rate."
-        )
+    check_rate(rate)
     path = Path(path)
     if still:
         from monodyn.vision.clip.folder import read_still
@@ -160,3 +188,18 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
     from monodyn.vision.clip.container import read_container
 
     return Video(path, *read_container(path, rate))
+
+
+def check_rate(rate: float | None) -> None:
+    """Refuse a rate that no camera has.
+
+    Args:
+        rate: Frames a second [Hz]; None is none.
+
+    Raises:
+        VideoError: it is out of range, or no number.
+    """
+    if rate is not None and not RATES[0] <= rate <= RATES[1]:
+        raise VideoError(
+            f"rate: expected {RATES[0]:g} to {RATES[1]:g} frames a second, got {rate:g}; give the true rate."
+        )

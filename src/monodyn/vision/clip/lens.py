@@ -1,0 +1,176 @@
+"""What a lens bends is put straight, once, before anything looks at the pictures.
+
+Behind it every line of the scene is a line in the picture, as the pinhole camera has it: background, masks,
+edges, overlay all live in straight pictures, and nothing else knows of the lens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from monodyn.errors import SettingsError
+from monodyn.types import Frame
+from monodyn.vision.clip.video import Video
+
+ROUNDS = 20
+"""Newton steps by which a place in a straight picture is found."""
+GRID = 33
+"""Places along a side of the picture at which it is tried whether the lens folds it."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """How a lens bends the picture: the radial and tangential model of Brown, as OpenCV has it.
+
+    Attributes:
+        coefficients: ``k1, k2, p1, p2`` and, if there is one, ``k3``, in OpenCV's order.
+        focal: The focal length that they were found with [px].
+        width: Width of the pictures [px].
+        height: Height of the pictures [px]; the principal point is in their middle.
+    """
+
+    coefficients: tuple[float, ...]
+    focal: float
+    width: int
+    height: int
+
+    def frame(self, frame: Frame) -> Frame:
+        """Return a frame as a lens that bends nothing would show it.
+
+        Args:
+            frame: A frame of the clip; masks of several objects stand one below the other.
+        """
+        luma = [self._plane(part) for part in np.split(frame.luma, len(frame.luma) // self.height)]
+        chroma = None if frame.chroma is None else tuple(self._plane(plane) for plane in frame.chroma)
+        whole = luma[0] if len(luma) == 1 else np.concatenate(luma)
+        return replace(frame, luma=whole, chroma=chroma)
+
+    def points(self, px: np.ndarray) -> np.ndarray:
+        """Return places in the picture as a lens that bends nothing would show them.
+
+        Args:
+            px: Places [px], (..., 2); NaN stays.
+
+        Returns:
+            Places in the straight picture [px], (..., 2).
+        """
+        bent = (np.asarray(px, dtype=np.float64) - self.centre) / self.focal
+        straight = bent.copy()
+        for _ in range(ROUNDS):
+            there, slope = _bent(self.coefficients, straight)
+            # NaN passes through, where a solver would stop at a singular matrix
+            straight = straight - np.einsum("...ij,...j->...i", _inverse(slope), there - bent)
+        return self.centre + self.focal * straight
+
+    @property
+    def centre(self) -> np.ndarray:
+        """The principal point [px], (2,)."""
+        return np.array([(self.width - 1) / 2.0, (self.height - 1) / 2.0])
+
+    def _plane(self, plane: np.ndarray) -> np.ndarray:
+        """Return one plane of a picture, of any size, put straight."""
+        import cv2
+
+        # linear: what it blurs, it blurs alike on both sides of an edge
+        straight = cv2.remap(
+            plane, *_places(self, plane.shape[1], plane.shape[0]), cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+        straight.flags.writeable = False
+        return straight
+
+
+@cache
+def _places(lens: Lens, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return where each pixel of a straight plane comes from, as OpenCV's fixed-point maps."""
+    import cv2
+
+    # pixel c of a reduced plane covers what pixels of the picture around ``step (c + 1/2) - 1/2`` do
+    step = np.array([lens.width / width, lens.height / height])
+    cells = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    px = step * (cells + 0.5) - 0.5
+    bent, _ = _bent(lens.coefficients, (px - lens.centre) / lens.focal)
+    source = ((lens.centre + lens.focal * bent + 0.5) / step - 0.5).astype(np.float32)
+    return cv2.convertMaps(source[..., 0], source[..., 1], cv2.CV_16SC2)
+
+
+def _bent(coefficients: Sequence[float], straight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where a lens shows directions (..., 2) [focal lengths], and the derivative by them (..., 2, 2).
+
+    Source:
+        D. C. Brown, "Decentering distortion of lenses", 1966, with the signs and names of OpenCV.
+    """
+    k1, k2, p1, p2, k3 = (*coefficients, 0.0)[:5]
+    x, y = straight[..., 0], straight[..., 1]
+    square = x * x + y * y
+    radial = 1.0 + square * (k1 + square * (k2 + square * k3))
+    slope = 2.0 * (k1 + square * (2.0 * k2 + square * 3.0 * k3))
+    bent = straight * radial[..., None] + np.stack(
+        [2.0 * p1 * x * y + p2 * (square + 2.0 * x * x), p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y], -1
+    )
+    xy = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
+    rows = [
+        [radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x, xy],
+        [xy, radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x],
+    ]
+    return bent, np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Invert matrices, (..., 2, 2)."""
+    (a, b), (c, d) = np.moveaxis(matrix, (-2, -1), (0, 1))
+    adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+    return adjugate / (a * d - b * c)[..., None, None]
+
+
+def lens_of(coefficients: Sequence[float], focal: float, width: int, height: int) -> Lens:
+    """Return the lens of given coefficients.
+
+    Args:
+        coefficients: ``k1, k2, p1, p2[, k3]`` as OpenCV has them.
+        focal: The focal length that they were found with, in pixels of these pictures; 0 where none is given.
+        width: Width of the pictures [px].
+        height: Height of the pictures [px].
+
+    Raises:
+        SettingsError: there is no focal length, or the coefficients would fold the picture.
+    """
+    if not focal > 0.0:
+        raise SettingsError(
+            "camera.distortion: expected the focal length that the coefficients were found with, got none; "
+            "give --locate.focal PX."
+        )
+    lens = Lens(tuple(map(float, coefficients)), float(focal), width, height)
+    if not _is_one_to_one(lens):
+        raise SettingsError(
+            f"camera.distortion: expected coefficients that bend a picture of {width}x{height} px at a focal "
+            f"length of {focal:g} px, got some that fold it; give K1,K2,P1,P2[,K3] in the order of OpenCV, "
+            "and the focal length in pixels of this clip."
+        )
+    return lens
+
+
+def _is_one_to_one(lens: Lens) -> bool:
+    """Return whether neighbours in the straight picture are neighbours in the same order in the bent one."""
+    sides = (np.linspace(-0.5, 0.5, GRID) * side / lens.focal for side in (lens.width, lens.height))
+    _, slope = _bent(lens.coefficients, np.stack(np.meshgrid(*sides), axis=-1))
+    # written so that what is no number, NaN, is refused
+    return bool(np.all(slope[..., 0, 0] > 0.0) and np.all(np.linalg.det(slope) > 0.0))
+
+
+def straightened(video: Video, lens: Lens) -> Video:
+    """Return the clip as a lens that bends nothing would show it.
+
+    Args:
+        video: The clip.
+        lens: Its lens.
+    """
+
+    def decode(start: int, stop: int) -> Iterator[Frame]:
+        return map(lens.frame, video.decode(start, stop))
+
+    return replace(video, decode=decode, straight=lens.frame)

@@ -1,0 +1,381 @@
+"""numba kernels: a picture aligned with a key picture of the same scene, by the grey levels at its edges.
+
+Inverse compositional alignment (Gauss-Newton with the gradients of the key picture) over points of strong
+gradient, spread evenly over the picture, from coarse to fine. The one idea: what a point is worth is limited
+by how far off an edge may be, not by its contrast, and a point that is off by more does not count. So a dark
+mechanism does not outweigh a pale wall, and wherever it moves it drops out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from monodyn.vision.clip.homography import Homography
+
+FINEST_PX = 640
+"""Longer side of the finest picture that is aligned, at most [px]."""
+COARSEST_PX = 48
+"""Shorter side of the coarsest one, at least [px]."""
+CELLS = (24, 16)
+"""Columns and rows of cells over which the points are spread."""
+POINTS_A_CELL = 6
+"""Points of a cell, at most."""
+BLOCKS = (4, 3)
+"""Columns and rows of blocks, each of which is left out once to see how much hangs on it."""
+CLEAR_EDGE, FAINT_EDGE = 5.0, 2.0
+"""Least gradient of a point over the noise, and in a picture without as many edges [1 / px of the level]."""
+CODEC = 3.0
+"""Standard deviation of a difference of grey levels over the noise: what a codec leaves of it is blobs, each
+of which counts as many points."""
+LEAST_NOISE = 0.3
+"""Least noise of a picture: what rounding makes [grey levels]."""
+ROUNDS = 8
+"""Iterations at each size of the picture, at most."""
+WIDE = 2
+"""The first of them, in which every edge may be far off."""
+SETTLED_PX = 1e-2
+"""Displacement below which the alignment has settled [px of the level]."""
+OFF_PX, OFF_COARSE_PX = 0.15, 0.6
+"""How far off an edge of the still scene may be at the finest size and at the others [px of the level]."""
+CUTOFF = 3.0
+"""Times that, beyond which a point does not count."""
+UNKNOWNS = 8
+"""Displacement to the right and down, zoom, turn, perspective across and down, gain and offset."""
+BENT = slice(4, 6)
+"""The two of perspective."""
+BENDING, BENDING_PX = 0.1, 0.05
+"""Standard deviation of the perspective before the picture is looked at, as what it makes halfway to a
+corner: as a share of the displacement, as a turn of a usual camera has it, and least [px]."""
+LEAST_BLOCKS = 5
+"""Blocks that must hold a picture: what a mechanism covers are fewer."""
+LEAST_AGREEING = 0.4
+"""Share of the points that must agree."""
+MOST_STD = 1.0
+"""Standard deviation of a displacement above which it is not known [px]."""
+LEAST_POINTS = 5
+"""Agreeing points with which a block holds the picture."""
+
+
+class Level(NamedTuple):
+    """Points of a key picture at one size.
+
+    Attributes:
+        scale: Pixels of the clip per pixel.
+        points: Place from the middle of the clip's picture, grey level and its gradient to the right and down
+            [per px of the clip], float32 (point, column).
+        block: Block of each point, int64 (point,).
+        noise: Standard deviation of a difference of two grey levels [grey levels].
+    """
+
+    scale: float
+    points: np.ndarray
+    block: np.ndarray
+    noise: float
+
+
+class Key(NamedTuple):
+    """A key picture: what others are aligned with.
+
+    Attributes:
+        levels: Its points at each size, the coarsest first.
+        at: Where the scene appears in it.
+    """
+
+    levels: tuple[Level, ...]
+    at: Homography
+
+    @property
+    def holds(self) -> bool:
+        """Whether it shows enough, in enough parts, to align a picture with."""
+        counts = np.bincount(self.levels[-1].block, minlength=1)
+        return int(np.sum(counts >= LEAST_POINTS)) >= LEAST_BLOCKS
+
+
+class Alignment(NamedTuple):
+    """How a picture lies on a key picture.
+
+    Attributes:
+        at: Map from the key picture to the picture.
+        agreeing: Share of the points within the picture that agree.
+        within: Share of the points that are within the picture.
+        blocks: Number of blocks that hold it.
+        std: Standard deviation of a displacement, by leaving out each block once [px]; infinite without hold.
+    """
+
+    at: Homography
+    agreeing: float
+    within: float
+    blocks: int
+    std: float
+
+    @property
+    def known(self) -> bool:
+        """Whether the picture shows the scene of the key picture there."""
+        return self.std <= MOST_STD and self.agreeing >= LEAST_AGREEING and self.blocks >= LEAST_BLOCKS
+
+
+def pyramid(luma: np.ndarray) -> list[np.ndarray]:
+    """Return a picture at the sizes at which it is aligned, the coarsest first, each uint8 (height, width).
+
+    Args:
+        luma: Grey levels, uint8 (height, width).
+    """
+    import cv2
+
+    picture = luma
+    while max(picture.shape) > FINEST_PX:
+        picture = cv2.pyrDown(picture)
+    levels = [picture]
+    while min(levels[-1].shape) >= 2 * COARSEST_PX:
+        levels.append(cv2.pyrDown(levels[-1]))
+    return levels[::-1]
+
+
+def key_of(
+    pictures: Sequence[np.ndarray], at: Homography, noise: Sequence[float] = (), *, faint: bool = True
+) -> Key:
+    """Make a key picture.
+
+    Args:
+        pictures: From ``pyramid``, each uint8 (height, width).
+        at: Where the scene appears in it.
+        noise: Standard deviation by which pictures of the scene differ from it at each size [grey levels];
+            empty for a single picture, whose noise is looked for in it.
+        faint: False where clear edges alone may count.
+
+    Returns:
+        The key picture.
+    """
+    # each halving rounds an odd side up
+    finest = 1.0
+    while max(at.size) / finest > FINEST_PX:
+        finest *= 2.0
+    key = Key((), at)
+    # What a codec makes of noise are blobs that stay where they are while the scene moves. Where there are
+    # clear edges, they alone count.
+    for clear in (CLEAR_EDGE, FAINT_EDGE) if faint else (CLEAR_EDGE,):
+        levels = []
+        for i, picture in enumerate(pictures):
+            scale, grey = finest * 2.0 ** (len(pictures) - 1 - i), picture.astype(np.float32)
+            own = max(LEAST_NOISE, noise[i]) if len(noise) else _noise(grey)
+            levels.append(_level(grey, scale, at.middle, (CODEC * own, clear * own)))
+        key = Key(tuple(levels), at)
+        if key.holds:
+            break
+    return key
+
+
+def _level(grey: np.ndarray, scale: float, middle: np.ndarray, noise: tuple[float, float]) -> Level:
+    """Choose the points of a picture: in each cell those of the strongest gradient.
+
+    ``noise`` has that of a difference of grey levels, and the least gradient.
+    """
+    right = 0.5 * (grey[1:-1, 2:] - grey[1:-1, :-2])
+    down = 0.5 * (grey[2:, 1:-1] - grey[:-2, 1:-1])
+    size = right * right + down * down
+    size[size < noise[1] ** 2] = 0.0
+    height, width = size.shape
+    rows = pairwise(np.linspace(0, height, CELLS[1] + 1).astype(int).tolist())
+    columns = pairwise(np.linspace(0, width, CELLS[0] + 1).astype(int).tolist())
+    chosen = []
+    for (top, bottom), (left, end) in product(rows, columns):
+        cell = size[top:bottom, left:end].ravel()
+        best = np.argsort(-cell, kind="stable")[:POINTS_A_CELL]
+        best = best[cell[best] > 0.0]
+        y, x = np.divmod(best, max(1, end - left))
+        chosen.append(np.stack([y + top, x + left], axis=1))
+    y, x = np.concatenate(chosen).T
+    place_x, place_y = (x + 1) * scale - middle[0], (y + 1) * scale - middle[1]
+    points = np.stack([place_x, place_y, grey[y + 1, x + 1], right[y, x] / scale, down[y, x] / scale], axis=1)
+    block = (x * BLOCKS[0] // width) + BLOCKS[0] * (y * BLOCKS[1] // height)
+    return Level(scale, points.astype(np.float32), block.astype(np.int64), noise[0])
+
+
+def _noise(grey: np.ndarray) -> float:
+    """Return the noise of a single picture [grey levels].
+
+    Source:
+        Immerkaer, "Fast noise variance estimation", 1996, with a median in place of the mean.
+    """
+    import cv2
+
+    # differences of neighbours across both axes leave the noise alone
+    fine = cv2.filter2D(grey, cv2.CV_32F, np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32))
+    return max(LEAST_NOISE, float(np.median(np.abs(fine[1:-1, 1:-1]))) / 0.6745 / 6.0)
+
+
+def align(pictures: Sequence[np.ndarray], key: Key, start: Homography) -> Alignment:
+    """Find where the scene of a key picture appears in a picture.
+
+    Args:
+        pictures: From ``pyramid``, each uint8 (height, width).
+        key: The key picture.
+        start: Map from the key picture to the picture, to start from.
+
+    Returns:
+        The map, and how well it is known.
+    """
+    middle, blocks = start.middle, BLOCKS[0] * BLOCKS[1]
+    entries, light = start.entries.copy(), np.array([1.0, 0.0])
+    normal, right = np.zeros((blocks, UNKNOWNS, UNKNOWNS)), np.zeros((blocks, UNKNOWNS))
+    counts = np.zeros((blocks, 2))
+    for picture, level in zip(pictures, key.levels, strict=True):
+        off = OFF_PX if level is key.levels[-1] else OFF_COARSE_PX
+        _align(picture, level, middle, off, entries, light, normal, right, counts)
+    at = Homography(entries / entries[2, 2], start.size)
+    agreeing, within = counts.sum(axis=0).tolist()
+    share, overlap = agreeing / max(within, 1.0), within / max(len(key.levels[-1].points), 1)
+    held = int(np.sum(counts[:, 0] >= LEAST_POINTS))
+    bending = BENDING * float(np.hypot(*at.shift)) + BENDING_PX
+    return Alignment(at, share, overlap, held, _spread(normal, right, bending))
+
+
+def difference(picture: np.ndarray, level: Level, at: Homography) -> float:
+    """Return how far a picture is from the points of a key picture, the median [grey levels].
+
+    Args:
+        picture: A picture at the size of the level, uint8 (height, width).
+        level: The points.
+        at: Map from the key picture to the picture.
+    """
+    import cv2
+
+    places = (at.of(level.points[:, :2] + at.middle) / level.scale).astype(np.float32)
+    shown = cv2.remap(picture, places[:, np.newaxis], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+    off = shown[:, 0].astype(np.float64) - level.points[:, 2]
+    return float(np.median(np.abs(off - np.median(off))))
+
+
+def _spread(normal: np.ndarray, right: np.ndarray, bending: float) -> float:
+    """Return the standard deviation of a displacement [px], by leaving out each block once.
+
+    Args:
+        normal: Normal matrix of each block, (block, unknown, unknown).
+        right: Right side of each, (block, unknown).
+        bending: Standard deviation of the perspective before the picture is looked at [px].
+
+    Source:
+        The delete-one-group jackknife: Shao and Tu, "The Jackknife and Bootstrap", 1995.
+    """
+    shown = normal[:, 0, 0] + normal[:, 1, 1] > 0.0
+    count = int(np.sum(shown))
+    if count < 3:
+        return math.inf
+    known = np.full(UNKNOWNS, 1e-9)
+    known[BENT] += 1.0 / bending**2
+    without = normal.sum(axis=0) - normal[shown] + np.diag(known)
+    inverse = np.linalg.inv(without)
+    steps = np.einsum("bij,bj->bi", inverse, right.sum(axis=0) - right[shown])
+    # zoom and turn count as what they do halfway to a corner, perspective, which hardly shows in the middle,
+    # does not; what is left without the most important block must determine the displacement too
+    spread = float(np.sum(steps[:, :4] ** 2)) * (count - 1) / count
+    noise = float(np.trace(inverse[:, :4, :4], axis1=1, axis2=2).max())
+    variance = spread + noise
+    return math.sqrt(variance) if 0.0 < variance < math.inf else math.inf
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _align(
+    picture: np.ndarray,
+    level: Level,
+    middle: np.ndarray,
+    off: float,
+    entries: np.ndarray,
+    light: np.ndarray,
+    normal: np.ndarray,
+    right: np.ndarray,
+    counts: np.ndarray,
+) -> None:
+    """Change the map ``entries`` (3, 3) and the light (gain, offset) until the picture agrees.
+
+    ``normal`` (block, unknown, unknown) and ``right`` (block, unknown) become the last normal equations, each
+    block's own; ``counts`` (block, 2) the points that agree and those within the picture.
+    """
+    height, width = picture.shape
+    points, scale = level.points, level.scale
+    # all unknowns but the light are what they displace halfway to a corner [px]
+    reach = 0.5 * math.sqrt(middle[0] ** 2 + middle[1] ** 2)
+    row, change = np.empty(UNKNOWNS), np.zeros((3, 3))
+    grey = 0.0
+    for i in range(points.shape[0]):
+        grey += points[i, 2]
+    grey /= max(1, points.shape[0])
+    for done in range(ROUNDS):
+        # what is off at first may only not have been met yet
+        far = off if done >= WIDE else max(off, OFF_COARSE_PX)
+        normal[:] = 0.0
+        right[:] = 0.0
+        counts[:] = 0.0
+        agreeing = 0
+        gain, offset = light[0], light[1]
+        h = entries
+        for i in range(points.shape[0]):
+            x, y, gx, gy = points[i, 0], points[i, 1], points[i, 3], points[i, 4]
+            z = (h[2, 0] * x + h[2, 1] * y + h[2, 2]) * scale
+            u = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / z + middle[0] / scale
+            v = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / z + middle[1] / scale
+            if not (u >= 0.0 and v >= 0.0 and u < width - 1.001 and v < height - 1.001):
+                continue
+            b = level.block[i]
+            counts[b, 1] += 1.0
+            iu, iv = int(u), int(v)
+            fu, fv = u - iu, v - iv
+            top = (1.0 - fu) * picture[iv, iu] + fu * picture[iv, iu + 1]
+            low = (1.0 - fu) * picture[iv + 1, iu] + fu * picture[iv + 1, iu + 1]
+            shown = (1.0 - fv) * top + fv * low
+            r = shown - (gain * (points[i, 2] - grey) + grey + offset)
+            slack = level.noise**2 + (far * scale) ** 2 * (gx * gx + gy * gy)
+            share = r * r / (slack * CUTOFF**2)
+            if share >= 1.0:
+                continue
+            counts[b, 0] += 1.0
+            agreeing += 1
+            w = (1.0 - share) ** 2 / slack
+            outward = (gx * x + gy * y) / reach
+            row[0] = gx
+            row[1] = gy
+            row[2] = outward
+            row[3] = (gy * x - gx * y) / reach
+            row[4] = outward * x / reach
+            row[5] = outward * y / reach
+            row[6] = points[i, 2] - grey
+            row[7] = 1.0
+            for j in range(UNKNOWNS):
+                right[b, j] += w * row[j] * r
+                for k in range(j + 1):
+                    normal[b, j, k] += w * row[j] * row[k]
+        for b in range(normal.shape[0]):
+            for j in range(UNKNOWNS):
+                for k in range(j):
+                    normal[b, k, j] = normal[b, j, k]
+        if agreeing < 2 * UNKNOWNS:
+            return
+        whole, g = normal.sum(axis=0), right.sum(axis=0)
+        for j in range(UNKNOWNS):
+            whole[j, j] += 1e-9 + 1e-6 * whole[j, j]
+        # only a turn makes perspective, and it displaces: the few edges of a bare wall say little of it
+        bending = BENDING * math.sqrt(entries[0, 2] ** 2 + entries[1, 2] ** 2) + BENDING_PX
+        for j in range(2):
+            bent = -entries[2, j] * reach * reach
+            whole[4 + j, 4 + j] += 1.0 / bending**2
+            g[4 + j] += bent / bending**2
+        step = np.linalg.solve(whole, g)
+        # The picture shows at W(z) what the key picture shows at z moved by the step: W is taken back by it.
+        change[0, 0] = change[1, 1] = 1.0 + step[2] / reach
+        change[1, 0], change[0, 1] = step[3] / reach, -step[3] / reach
+        change[0, 2], change[1, 2] = step[0], step[1]
+        change[2, 0], change[2, 1] = -step[4] / reach**2, -step[5] / reach**2
+        change[2, 2] = 1.0
+        entries[:] = entries @ np.linalg.inv(change)
+        entries[:] = entries / entries[2, 2]
+        light[0] += step[6]
+        light[1] += step[7]
+        moved = np.abs(step[0]) + np.abs(step[1]) + np.abs(step[2]) + np.abs(step[3])
+        if far == off and moved + np.abs(step[4]) + np.abs(step[5]) < SETTLED_PX * scale:
+            return
