@@ -16,6 +16,7 @@ from monodyn import stages
 from monodyn.mechanism import load
 from monodyn.types import FULL, Frame, Mask, Progress
 from monodyn.vision import settings as vision_settings
+from monodyn.vision.clip.steady import NO_PARALLAX, Parallax
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background, Samples, background_of
 from monodyn.vision.foreground.masks import GeomColours, Masks, View, plain_view
@@ -52,6 +53,16 @@ class DifferenceMasks:
 
     def refined(self, covered: Sequence[np.ndarray]) -> DifferenceMasks:
         return self
+
+    @property
+    def parallax(self) -> Parallax:
+        return NO_PARALLAX
+
+    def nearer(self, parallax: Parallax) -> DifferenceMasks:
+        return self
+
+    def away(self, frame: int) -> np.ndarray:
+        return np.zeros(2)
 
     def coloured(self, colours: GeomColours | None) -> DifferenceMasks:
         return self

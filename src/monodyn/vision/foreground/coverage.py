@@ -74,7 +74,9 @@ def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.nd
     if palette.any_difference:
         _any_difference(frame, background, palette, planes[-1])
         if palette.varied:
-            planes[-1] = _closed(planes.max(axis=0))
+            top, bottom, left, right = background.window
+            inside = planes[:, top:bottom, left:right]
+            planes[-1, top:bottom, left:right] = _closed(inside.max(axis=0), max(frame.luma.shape))
     if palette.shadow is not None:
         unshadowed(frame, background, palette.shadow, palette.colours, planes)
     if background.others is not None:
@@ -87,11 +89,12 @@ def _undimmed(colours: int, plane: np.ndarray) -> np.ndarray:
     return np.zeros((colours, *plane.shape), dtype=np.float32)
 
 
-def _closed(coverage: np.ndarray) -> np.ndarray:
-    """Fill the gaps between the bright and the dark edge of a shiny rod, which look like the background."""
+def _closed(coverage: np.ndarray, longer: int) -> np.ndarray:
+    """Fill the gaps between the bright and the dark edge of a shiny rod, which look like the background, in a
+    picture whose longer side is given [px]."""
     import cv2
 
-    size = 2 * round(CLOSING * max(coverage.shape)) + 1
+    size = 2 * round(CLOSING * longer) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return cv2.morphologyEx(coverage, cv2.MORPH_CLOSE, kernel)
 

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.types import Frame
+from monodyn.vision.clip.steady import light_grid
 
-COLUMNS, ROWS = 32, 24
-"""Places of the grid."""
 LEAST_GREY = 1.0
 """Difference of the usual grey level below which the light is the same [grey levels]."""
 UNCHANGED = 0.5
@@ -100,9 +99,7 @@ def light_of(luma: np.ndarray) -> Light:
     Returns:
         Its light.
     """
-    height, width = luma.shape
-    row = np.linspace(0, height - 1, ROWS + 2).round().astype(np.intp)[1:-1].repeat(COLUMNS)
-    column = np.tile(np.linspace(0, width - 1, COLUMNS + 2).round().astype(np.intp)[1:-1], ROWS)
+    row, column = light_grid(*luma.shape)
     order = np.argsort(luma[row, column], kind="stable")
     row, column = row[order], column[order]
     return Light(row, column, luma[row, column].astype(np.float32))

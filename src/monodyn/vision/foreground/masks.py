@@ -14,6 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from monodyn.types import Frame, Mask
+from monodyn.vision.clip.steady import Parallax
 from monodyn.vision.clip.video import Video
 from monodyn.vision.foreground.background import Background, Samples
 
@@ -102,6 +103,11 @@ class Masks(Protocol):
         """
         ...
 
+    @property
+    def parallax(self) -> Parallax:
+        """By how much more the mechanism moves than the registered scene before a camera that moves."""
+        ...
+
     def of(self, frame: Frame) -> Mask:
         """Return the mask of one frame.
 
@@ -148,6 +154,28 @@ class Masks(Protocol):
 
         Returns:
             Masks of the same clip, without measured colours.
+        """
+        ...
+
+    def nearer(self, parallax: Parallax) -> Masks:
+        """Return the masks that follow a mechanism nearer to a moving camera than the scene behind it.
+
+        Args:
+            parallax: By how much more it moves in the pictures than the registered scene.
+
+        Returns:
+            Masks of the same clip.
+        """
+        ...
+
+    def away(self, frame: int) -> np.ndarray:
+        """Return where the mechanism is in a frame of the clip against where its masks show it.
+
+        Args:
+            frame: Frame number.
+
+        Returns:
+            To the right and down [px], (2,); zero for a camera that stands still.
         """
         ...
 

@@ -16,12 +16,14 @@ import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.types import Frame, Mask, Progress
+from monodyn.vision.clip.steady import NO_PARALLAX, Parallax, displaced
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background, Samples, background_of, within
 from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
 from monodyn.vision.foreground.palette import Palette, choose_palette, lingering, measured_palette
 from monodyn.vision.foreground.sampling import sample_frames
+from monodyn.vision.registration.register import onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
 
 
@@ -35,6 +37,8 @@ class SoftMasks:
         palette: Colours of the mechanism and each pixel's gain.
         samples: Frames spread over the motion, from which the background was taken.
         settings: How the foreground was found.
+        parallax: By how much more the mechanism moves than the registered scene before a camera that moves;
+            the masks follow the mechanism.
     """
 
     video: Video
@@ -42,6 +46,7 @@ class SoftMasks:
     palette: Palette
     samples: Samples = field(repr=False)
     settings: SegmentSettings
+    parallax: Parallax = NO_PARALLAX
 
     @property
     def varied(self) -> bool:
@@ -70,7 +75,8 @@ class SoftMasks:
         from monodyn.vision.foreground.coverage import coverage_of
 
         even = self.light.evened(frame)
-        return Mask(frame.index, frame.time, coverage_of(even, self.background, self.palette))
+        planes = coverage_of(even, self.background, self.palette)
+        return Mask(frame.index, frame.time, displaced(planes, -self.away(frame.index)))
 
     def view(self, geoms: int) -> View:
         """Return how the planes of the masks are to be read.
@@ -111,7 +117,30 @@ class SoftMasks:
         given = None
         if self.background.given:
             given = within(self.background, samples.window, samples.others)
-        return _masks_over(self.video, samples, self.settings, given)
+        return replace(_masks_over(self.video, samples, self.settings, given), parallax=self.parallax)
+
+    def nearer(self, parallax: Parallax) -> SoftMasks:
+        """Return the masks that follow a mechanism nearer to a moving camera than the scene behind it.
+
+        Args:
+            parallax: By how much more it moves in the pictures.
+
+        Returns:
+            New masks of the same clip.
+        """
+        return replace(self, parallax=parallax)
+
+    def away(self, frame: int) -> np.ndarray:
+        """Return where the mechanism is in a frame of the clip against where its masks show it.
+
+        Args:
+            frame: Frame number.
+
+        Returns:
+            To the right and down [px], (2,).
+        """
+        path = self.video.camera_path
+        return np.zeros(2) if path is None else path.sway(frame, self.parallax)
 
     def refined(self, covered: Sequence[np.ndarray]) -> SoftMasks:
         """Return the masks over a background from which the mechanism is taken out.
@@ -123,6 +152,11 @@ class SoftMasks:
             New masks of the same clip, the colours looked for anew; a background that was given stays.
         """
         background = self.background
+        if self.parallax != NO_PARALLAX:
+            covered = [
+                displaced(one[np.newaxis].astype(np.uint8), self.away(frame.index))[0] > 0
+                for frame, one in zip(self.samples.frames, covered, strict=True)
+            ]
         if not background.given:
             background = background_of(self.samples, covered, fallback=self.background)
         frames, settings = self.samples.frames, self.settings
@@ -146,7 +180,11 @@ def soft_masks(
         The masks, computed frame by frame as they are iterated over.
     """
     samples = sample_frames(video, settings, progress=progress)
-    video = video.without(samples.repeats)
+    steady = steadied(video, samples.frames, progress)
+    if steady.camera_path is not None:
+        # what moved in the pictures was the camera: where and when the mechanism moves shows only afterwards
+        samples = sample_frames(steady, settings, progress=progress)
+    video = steady.without(samples.repeats)
     samples = replace(samples, frames=in_one_light(samples.frames))
     given = None if background is None else _given(background, video, samples)
     if given is not None:
@@ -174,6 +212,9 @@ def _given(picture: str | Path, video: Video, samples: Samples) -> Background:
             f"{picture}: expected a background of {video.width}x{video.height} like the clip, "
             f"got {width}x{height}; give a frame of the same camera without the mechanism."
         )
+    frame = frame if video.straight is None else video.straight(frame)
+    if video.camera_path is not None:
+        frame = onto_scene(frame, str(picture), video.camera_path)
     measured = background_of(samples)
     chroma = None
     if frame.chroma is not None and measured.chroma is not None:

@@ -1,0 +1,142 @@
+"""What a run looks at: a clip, or points or masks of another tool in its place, opened with its mechanism.
+
+Everything here is refused before anything is written.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from monodyn.checks import chosen_mechanism, clip_and_mechanism, drawn_mechanism
+from monodyn.errors import SettingsError, VideoError
+from monodyn.settings import RunSettings
+from monodyn.vision.clip.lens import Lens, lens_of, straightened
+from monodyn.vision.clip.video import Video, read
+from monodyn.vision.foreground.mask_files import OpenedMasks, opened_masks
+from monodyn.vision.points.marks import marks_of
+from monodyn.vision.points.read import read_points
+from monodyn.vision.points.tracks import PointTracks, without_pictures
+
+if TYPE_CHECKING:
+    from monodyn.mechanism import Mechanism
+
+
+def opened(
+    clip: str | Path | None, model: str | Path, settings: RunSettings
+) -> tuple[Video, PointTracks | OpenedMasks | None, Mechanism]:
+    """Return the clip, what takes the place of its pictures, and the mechanism.
+
+    Args:
+        clip: Video file or folder of pictures; None where points or masks take its place.
+        model: Mechanism file or bundled name.
+        settings: The user's choices.
+
+    Returns:
+        The clip, tracked points or masks of another tool or None, and the mechanism with the choices.
+
+    Raises:
+        VideoError: there is no clip, and nothing in its place.
+    """
+    if settings.points is not None:
+        tracks, video, mechanism = points_and_mechanism(clip, model, settings)
+        return _straight(video, settings), _straight_points(tracks, settings), mechanism
+    if settings.masks is not None:
+        opened, video, mechanism = masks_and_mechanism(clip, model, settings)
+        masks = replace(opened, objects=_straight(opened.objects, settings))
+        return (masks.objects if video is opened.objects else _straight(video, settings)), masks, mechanism
+    if clip is None:
+        raise VideoError("clip: expected a video file or a folder of pictures, got none; name one.")
+    video, mechanism = clip_and_mechanism(clip, model, settings)
+    return _straight(video, settings), None, mechanism
+
+
+def _lens(settings: RunSettings, width: int, height: int) -> Lens | None:
+    """Return the lens that the user gave, None without one."""
+    bends = settings.distortion
+    if bends is None:
+        return None
+    return lens_of(bends, settings.fix.get("camera.focal", settings.locate.focal), width, height)
+
+
+def _straight(video: Video, settings: RunSettings) -> Video:
+    """Return a clip as a lens that bends nothing would show it."""
+    lens = _lens(settings, video.width, video.height)
+    return video if lens is None else straightened(video, lens)
+
+
+def _straight_points(tracks: PointTracks, settings: RunSettings) -> PointTracks:
+    """Return points where a lens that bends nothing would show them."""
+    lens = _lens(settings, tracks.width, tracks.height)
+    if lens is None:
+        return tracks
+    if not tracks.in_picture:
+        raise SettingsError(
+            "camera.distortion: expected points in pixels, got lengths of a scene; leave one of them out."
+        )
+    return replace(tracks, px=lens.points(tracks.px))
+
+
+def input_files(clip: str | Path | None, model: str | Path, settings: RunSettings) -> dict[str, str | Path]:
+    """Return the files of a run by their part.
+
+    Args:
+        clip: Video file or folder of pictures, or None.
+        model: Mechanism file or bundled name.
+        settings: The user's choices.
+    """
+    given = {"clip": clip, "points": settings.points, "masks": settings.masks, "model": model}
+    return {part: path for part, path in given.items() if path is not None}
+
+
+def points_and_mechanism(
+    clip: str | Path | None, model: str | Path, settings: RunSettings
+) -> tuple[PointTracks, Video, Mechanism]:
+    """Return tracked points, the clip that they are from, and the mechanism with the user's choices.
+
+    Args:
+        clip: Video file or folder of pictures; None for a clip without pictures.
+        model: Mechanism file or bundled name.
+        settings: The user's choices, with the file of the points.
+
+    Raises:
+        SettingsError: there is no file of points, or a setting of the pictures is given.
+    """
+    mechanism = chosen_mechanism(model, settings)
+    for name, given in (("background", settings.background), ("roi", settings.roi)):
+        if given is not None:
+            raise SettingsError(
+                f"{name}: expected nothing next to --points, which take the place of the pictures."
+            )
+    if settings.points is None:
+        raise SettingsError("points: expected a file of tracked points, got none; name one.")
+    film = None if clip is None else read(clip, rate=settings.rate)
+    tracks = read_points(
+        settings.points, rate=settings.rate, clip=film, size=settings.points_size, axis=settings.points_axis
+    )
+    marks_of(mechanism, tracks.names, settings.points_map)
+    return tracks, film or without_pictures(tracks), mechanism
+
+
+def masks_and_mechanism(
+    clip: str | Path | None, model: str | Path, settings: RunSettings
+) -> tuple[OpenedMasks, Video, Mechanism]:
+    """Return masks that another tool made, the clip that they are of, and the mechanism.
+
+    Args:
+        clip: Video file or folder of pictures; None takes the masks as pictures.
+        model: Mechanism file or bundled name.
+        settings: The user's choices, with the masks.
+
+    Raises:
+        SettingsError: there are no masks, or a background is given.
+    """
+    mechanism = drawn_mechanism(model, settings)
+    if settings.background is not None:
+        raise SettingsError("background: expected nothing next to --masks, which have none; leave it out.")
+    if settings.masks is None:
+        raise SettingsError("masks: expected a folder, a film or an NPZ file, got none; name one.")
+    film = None if clip is None else read(clip, rate=settings.rate)
+    opened = opened_masks(settings.masks, mechanism, rate=settings.rate, clip=film)
+    return opened, film or opened.objects, mechanism

@@ -1,0 +1,1 @@
+"""Tables of tracked points as other tools write them: one reader a tool."""

@@ -1,0 +1,62 @@
+"""Analysis files of SLEAP: HDF5 with ``tracks`` (track, xy, node, frame), ``node_names`` and
+``point_scores``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from monodyn.errors import VideoError
+from monodyn.vision.formats.table import PointTable
+
+
+def from_hdf5(path: Path, file: Any) -> PointTable:
+    """Read an analysis file.
+
+    Args:
+        path: The file, for messages.
+        file: The opened file.
+
+    Returns:
+        The table; tracks that never show in the same frame are one.
+
+    Raises:
+        VideoError: the arrays have other shapes than those of SLEAP.
+    """
+    nodes = [_word(name) for name in file["node_names"][:]]
+    tracks = np.array(file["tracks"][:], dtype=float)
+    shape = tracks.shape
+    scores = np.array(file["point_scores"][:], dtype=float) if "point_scores" in file else None
+    if tracks.ndim == 4 and shape[1:3] != (2, len(nodes)):
+        # as it is in Python, before SLEAP turns it round for Matlab: (frame, node, 2, track)
+        tracks = np.transpose(tracks)
+        scores = None if scores is None else np.transpose(scores)
+    if tracks.ndim != 4 or tracks.shape[1:3] != (2, len(nodes)):
+        raise VideoError(
+            f"{path.name}: expected 'tracks' as (track, 2, {len(nodes)}, frame), got {shape}; export the "
+            "analysis HDF5 of SLEAP."
+        )
+    if scores is None or scores.shape != (len(tracks), len(nodes), tracks.shape[3]):
+        scores = np.ones((len(tracks), len(nodes), tracks.shape[3]))
+    # labels made by hand have no score
+    scores = np.where(np.isfinite(scores), np.clip(scores, 0.0, 1.0), 1.0)
+    shown = np.isfinite(tracks).any(axis=(1, 2))
+    if np.all(shown.sum(axis=0) <= 1):
+        # a tracker that loses the animal begins another track: they are one
+        which = np.argmax(shown, axis=0)
+        frames = np.arange(tracks.shape[3])
+        px = tracks[which, :, :, frames].transpose(0, 2, 1)
+        return PointTable("SLEAP", tuple(nodes), px, scores[which, :, frames], frame=frames)
+    names = [_word(name) for name in file["track_names"][:]] if "track_names" in file else []
+    names = names if len(names) == len(tracks) else [f"track{i}" for i in range(len(tracks))]
+    px = tracks.transpose(3, 0, 2, 1).reshape(tracks.shape[3], -1, 2)
+    return PointTable(
+        "SLEAP", tuple(f"{name}.{node}" for name in names for node in nodes), px,
+        scores.transpose(2, 0, 1).reshape(tracks.shape[3], -1), frame=np.arange(tracks.shape[3]),
+    )  # fmt: skip
+
+
+def _word(value: Any) -> str:
+    return value.decode("utf-8") if isinstance(value, bytes) else str(value)

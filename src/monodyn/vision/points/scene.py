@@ -1,0 +1,73 @@
+"""A mechanism before a camera, as tracked points show it: what ``locate`` hands to ``track``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from monodyn.mechanism import Mechanism
+from monodyn.types import Camera
+from monodyn.vision.clip.video import Video
+from monodyn.vision.points.adjust import Adjustment, Fitted, Seen
+from monodyn.vision.points.drift import Drift
+from monodyn.vision.points.marks import Mark
+from monodyn.vision.points.shown import project
+from monodyn.vision.points.tracks import PointTracks, without_pictures
+
+
+@dataclass(frozen=True, eq=False)
+class PointScene:
+    """A mechanism before a camera, as tracked points show it.
+
+    Attributes:
+        mechanism: With sizes in the start scale and the points' information about them (``measured``).
+        camera: The camera, in the start scale.
+        tracks: The points.
+        marks: What they are, points of the scene included.
+        adjustment: The marks of the mechanism, and what was refined.
+        fitted: Mechanism, camera and poses as they were refined.
+        drift: How the camera moved, or None.
+        seen: The points by mark of the adjustment, names that were exchanged put right, as a camera at rest
+            shows them.
+        lying: True where a point lies on its mark, bool (frame, point).
+        camera_std: Standard deviations of the refined camera parameters by name [m, rad, px], the common
+            scale held.
+        rms_px: Root mean square distance between marks and the points that lie on them [px].
+        outside: Share of the found points that do not lie on their mark.
+        extent_px: Extent of the mechanism in the picture: the longer side of the box around its marks in all
+            frames [px].
+        advice: Sentences for the user.
+    """
+
+    mechanism: Mechanism
+    camera: Camera
+    tracks: PointTracks = field(repr=False)
+    marks: tuple[Mark, ...]
+    adjustment: Adjustment = field(repr=False)
+    fitted: Fitted = field(repr=False)
+    drift: Drift | None = field(repr=False)
+    seen: Seen = field(repr=False)
+    lying: np.ndarray = field(repr=False)
+    camera_std: Mapping[str, float]
+    rms_px: float
+    outside: float
+    extent_px: float
+    advice: tuple[str, ...]
+
+    @property
+    def video(self) -> Video:
+        """The clip of the points; of those of a table one without pictures."""
+        return self.tracks.clip or without_pictures(self.tracks)
+
+    @property
+    def found_px(self) -> np.ndarray:
+        """Where the points of the marks are in the picture [px], (frame, point, 2)."""
+        return self.seen.px if self.drift is None else self.drift.added(self.seen.px)
+
+    @property
+    def marked_px(self) -> np.ndarray:
+        """Where the marks of the adjustment are in the picture [px], (frame, point, 2)."""
+        px = project(self.adjustment.shown(self.fitted), self.fitted.position)
+        return px if self.drift is None else self.drift.added(px)
