@@ -33,6 +33,34 @@ def drawn_mask(mechanism: Mechanism, camera: Camera, q: np.ndarray, blur: float 
     return np.round(cv2.GaussianBlur(mask, (0, 0), blur)).astype(np.uint8)[None]
 
 
+def exposed_mask(
+    mechanism: Mechanism,
+    camera: Camera,
+    q: np.ndarray,
+    *,
+    sweep: np.ndarray | float = 0.0,
+    skew: np.ndarray | float = 0.0,
+    count: int = 25,
+) -> np.ndarray:
+    """Draw a mask while the joints move by ``sweep`` in the exposure of a row and by ``skew`` from the first
+    row to the last; ``q`` is the middle of it all: (1, height, width)."""
+    fine, height = 16, camera.height
+    total = np.zeros((height, camera.width))
+    rows = np.arange(height) / (height - 1) - 0.5
+    for time in (np.arange(count) + 0.5) / count - 0.5:
+        # bands of rows stand for single ones: between their times the outline moves by less than a tenth
+        bands = np.array_split(np.arange(height), 1 if np.all(np.asarray(skew) == 0.0) else 60)
+        for band in bands:
+            pose = q + time * np.asarray(sweep) + rows[band].mean() * np.asarray(skew)
+            big = np.zeros((height * fine, camera.width * fine), np.uint8)
+            for _, polygon in outline(mechanism, camera, pose):
+                corners = np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)
+                cv2.fillPoly(big, [corners], FULL, cv2.LINE_8, 4)
+            part = big[band[0] * fine : (band[-1] + 1) * fine]
+            total[band] += cv2.resize(part, (camera.width, len(band)), interpolation=cv2.INTER_AREA)
+    return np.round(cv2.GaussianBlur(total / count, (0, 0), 0.8)).astype(np.uint8)[None]
+
+
 def trusted(mechanism: Mechanism, camera: Camera = CAMERA) -> View:
     """Read one plane for all geoms, trusted everywhere."""
     return plain_view(np.ones((camera.height, camera.width), np.float32), len(mechanism.shapes.radius))

@@ -18,17 +18,9 @@ from monodyn.vision.drawing.mismatch import (
     row_sums,
     silhouette_sums,
 )
-from monodyn.vision.drawing.normals import (
-    AT_X,
-    AT_Y,
-    AWAY,
-    INNER,
-    NORMAL_X,
-    NORMAL_Y,
-    SAMPLE_COLUMNS,
-    edge_samples,
-)
+from monodyn.vision.drawing.normals import edge_samples
 from monodyn.vision.drawing.outline import outline
+from monodyn.vision.drawing.probe import AT_X, AT_Y, AWAY, INNER, NORMAL_X, NORMAL_Y, SAMPLE_COLUMNS
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.silhouette import (
     Outlines,
@@ -288,7 +280,7 @@ def test_an_edge_sample_is_the_area_under_the_coverage_along_its_normal() -> Non
     outlines = blank_outlines(rig, len(rig.radius))
     assert draw(rig, np.array([-0.505]), outlines)
     ends, samples = np.empty((400, 2), np.int64), np.empty((400, SAMPLE_COLUMNS))
-    count = edge_samples(mask, trusted(mechanism), outlines, (4.0, 5.0), ends, samples)
+    count = edge_samples(mask, trusted(mechanism), outlines, np.empty((0, 7)), (4.0, 5.0), ends, samples)
     assert count > 10
     for sample in samples[:count]:
         t = np.arange(-sample[INNER], 4.0, 0.01) + 0.005

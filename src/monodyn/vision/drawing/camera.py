@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.mechanism.upright import ROLL_STD
 from monodyn.types import Camera
 
 
@@ -33,6 +34,17 @@ PARAMETERS = {
 }
 """The camera's parameters by name."""
 
+CAMERA_TURNS = ("camera.roll", "camera.pitch", "camera.yaw")
+"""Turns of the camera, which is assumed to look about squarely at the plane of the mechanism."""
+CAMERA_STD = {
+    "camera.roll": ROLL_STD,
+    "camera.pitch": float(np.radians(6.0)),
+    "camera.yaw": float(np.radians(6.0)),
+    "camera.focal": 0.25,
+}
+"""Standard deviations of what is assumed of a camera of which nothing is known: turns about zero [rad], and
+the logarithm of the focal length about its start."""
+
 ROTATION = 9
 """The first entries of a packed camera, this many, are its rotation ``R_camera_plane``, row by row."""
 X, Y, DEPTH, FOCAL, CENTRE_X, CENTRE_Y = range(ROTATION, 15)
@@ -56,6 +68,52 @@ def rotation(camera: Camera) -> np.ndarray:
     yaw = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
     # the last factor turns y down and z away from the camera: the rest is the identity for a level camera
     return roll @ pitch @ yaw @ np.diag([1.0, -1.0, -1.0])
+
+
+def turned(camera: Camera, angle: float, about: np.ndarray) -> Camera:
+    """Return the same camera in a plane frame that is turned, so that the picture stays as it is.
+
+    Args:
+        camera: The camera.
+        angle: Turn of what the mechanism's frame calls a direction, counter-clockwise [rad].
+        about: Point that keeps its place in the frame [m], (2,).
+
+    Returns:
+        The camera before points that are turned by ``angle`` about ``about``.
+    """
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = about + np.array([[c, -s], [s, c]]) @ (np.array([camera.x, camera.y]) - about)
+    # R_camera_turned = R_camera_plane R_plane_turned, and its angles from the order roll, pitch, yaw
+    whole = rotation(camera) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    whole = whole @ np.diag([1.0, -1.0, -1.0])
+    pitch = float(np.arcsin(np.clip(whole[2, 1] * -1.0, -1.0, 1.0)))
+    roll = float(np.arctan2(-whole[0, 1], whole[1, 1]))
+    yaw = float(np.arctan2(whole[2, 0], whole[2, 2]))
+    return replace(camera, x=float(x), y=float(y), roll=roll, pitch=pitch, yaw=yaw)
+
+
+def around_origin(camera: Camera) -> Camera:
+    """Return the camera with its place told by where the mechanism's origin is before it.
+
+    Args:
+        camera: The camera.
+
+    Returns:
+        The same turns; ``x``, ``y`` and ``depth`` are how far the camera would stand to the right, above and
+        before the origin if it looked along -z and saw the origin in the same place.
+    """
+    x, y, z = -rotation(camera) @ [camera.x, camera.y, camera.depth] * [-1.0, 1.0, 1.0]
+    return replace(camera, x=float(x), y=float(y), depth=float(z))
+
+
+def from_origin(camera: Camera) -> Camera:
+    """Return the camera whose place is told by where the mechanism's origin is before it.
+
+    Args:
+        camera: As ``around_origin`` returns it.
+    """
+    x, y, z = -rotation(camera).T @ (np.array([camera.x, camera.y, camera.depth]) * [-1.0, 1.0, 1.0])
+    return replace(camera, x=float(x), y=float(y), depth=float(z))
 
 
 def camera_array(camera: Camera) -> np.ndarray:
@@ -130,3 +188,18 @@ def with_values(camera: Camera, values: dict[str, float]) -> Camera:
         The new camera.
     """
     return replace(camera, **{PARAMETERS[name].field: float(value) for name, value in values.items()})
+
+
+def displaced_camera(packed: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Displace the picture of a packed camera.
+
+    Args:
+        packed: The camera as the kernels take it, (entry,).
+        by: To the right and down [px], (2,).
+
+    Returns:
+        The camera whose picture is displaced, (entry,).
+    """
+    out = packed.copy()
+    out[[CENTRE_X, CENTRE_Y]] += by
+    return out

@@ -10,11 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from monodyn.vision.drawing.edges import MATCHED_PX, MOST_SAMPLES
-from monodyn.vision.drawing.normals import (
+from monodyn.vision.drawing.normals import edge_samples
+from monodyn.vision.drawing.probe import (
     AT_X,
     AT_Y,
     AWAY,
+    END_COLUMNS,
     FAINT,
+    GAIN,
     HIDDEN,
     INNER,
     NORMAL_X,
@@ -22,9 +25,9 @@ from monodyn.vision.drawing.normals import (
     OUTSIDE,
     REASON,
     SAMPLE_COLUMNS,
-    edge_samples,
 )
 from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.drawing.shutter import swept_points
 from monodyn.vision.drawing.silhouette import blank_outlines, draw
 from monodyn.vision.foreground.masks import View
 
@@ -70,14 +73,16 @@ def contour(
     count = 0
     samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
     if draw(rig, np.array(position, dtype=np.float64), outlines):
-        ends = np.empty((MOST_SAMPLES, 2), dtype=np.int64)
-        count = edge_samples(planes, view, outlines, (reach, spacing), ends, samples, True)
+        ends = np.empty((MOST_SAMPLES, END_COLUMNS), dtype=np.int64)
+        swept = swept_points(rig, np.array(position, dtype=np.float64), outlines)
+        count = edge_samples(planes, view, outlines, swept, (reach, spacing), ends, samples, True)
     samples = samples[:count]
     place, reason = samples[:, [AT_X, AT_Y]], samples[:, REASON]
     left_out = [reason == OUTSIDE, reason == HIDDEN, reason == FAINT]
     # displacement and depth are not filled in for what is left out
-    away = np.where(np.any(left_out, axis=0), 0.0, samples[:, AWAY])
-    inner = np.where(np.any(left_out, axis=0), 1.0, samples[:, INNER])
+    judged = ~np.any(left_out, axis=0)
+    away = np.where(judged, samples[:, AWAY], 0.0) / np.where(judged, samples[:, GAIN], 1.0)
+    inner = np.where(judged, samples[:, INNER], 1.0)
     none = (away > END * reach) | (away < -END * inner)
     fate = np.select(
         [*left_out, np.abs(away) < MATCHED_PX, none],

@@ -14,12 +14,22 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
-from monodyn.vision.drawing.normals import (
+from monodyn.vision.drawing.camera import displaced_camera
+from monodyn.vision.drawing.normals import edge_samples
+from monodyn.vision.drawing.probe import (
     AT_X,
     AT_Y,
     AWAY,
     BORDER,
+    DEEP_PX,
+    END_COLUMNS,
+    FAR_FROM,
+    FAR_SHARE,
+    FAR_TO,
+    FAR_X,
+    FAR_Y,
     FROM,
+    GAIN,
     GEOM,
     HIDDEN,
     INNER,
@@ -29,21 +39,22 @@ from monodyn.vision.drawing.normals import (
     REASON,
     SAMPLE_COLUMNS,
     SHARE,
+    SHOWN,
     TO,
     USED,
     WEIGHT,
-    edge_samples,
 )
 from monodyn.vision.drawing.rig import Rig, altered
+from monodyn.vision.drawing.shutter import swept_points
 from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, project
 from monodyn.vision.foreground.masks import View
 
 MATCHED_PX = 1.5
 """An outline sample whose edge is closer than this lies on it [px]."""
-INSIDE_PX = 3.0
-"""Depth at which the coverage inside of the outline is read, at most [px]."""
 POSE_STEP = 1e-6
 """Shift of a joint for the derivative of the outline [rad or m]."""
+PICTURE_STEP = 1e-3
+"""Shift of the whole picture for the same [px]."""
 COMMON = 1.0
 """Variance of the error that the samples of an edge along the pixels' rows or columns have in common, over
 that of one sample: renderers and codecs place such an edge in steps of about a quarter pixel."""
@@ -140,6 +151,22 @@ def no_shifts(rig: Rig) -> Shifts:
     return Shifts(links, points, np.empty((0, rig.radius.shape[0])), cameras, np.empty(0))
 
 
+def picture_shifts(rig: Rig) -> Shifts:
+    """Return the shifts of a displacement of the whole picture, to the right and down [px].
+
+    Args:
+        rig: The mechanism.
+
+    Returns:
+        Shifts whose param axis has length 2.
+    """
+    links, points, radius = (
+        np.repeat(part[np.newaxis], 2, axis=0) for part in (rig.links, rig.points, rig.radius)
+    )
+    cameras = np.stack([displaced_camera(rig.camera, by) for by in PICTURE_STEP * np.eye(2)])
+    return Shifts(links, points, radius, cameras, np.full(2, PICTURE_STEP))
+
+
 def edge_terms(
     planes: np.ndarray,
     view: View,
@@ -199,10 +226,11 @@ def edge_kernel(
     outlines = blank_outlines(rig, geoms)
     if not draw(rig, position, outlines):
         return normal, right, found
-    ends = np.empty((MOST_SAMPLES, 2), dtype=np.int64)
+    ends = np.empty((MOST_SAMPLES, END_COLUMNS), dtype=np.int64)
     samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
-    count = edge_samples(planes, view, outlines, (reach, spacing), ends, samples, True)
-    px, moved = outlines.px, _moved_points(rig, shifts, position, outlines)
+    swept = swept_points(rig, position, outlines)
+    count = edge_samples(planes, view, outlines, swept, (reach, spacing), ends, samples, True)
+    px, moved = outlines.px, moved_points(rig, shifts, position, outlines)
     scale = max(0.35 * reach, 1.0)
     # the edge that the samples before lie on, and the weighted sums over these
     edge, edge_weight, edge_away, edge_row = (0, 0), 0.0, 0.0, np.zeros(size)
@@ -213,13 +241,19 @@ def edge_kernel(
             continue
         p, r = ends[s, FROM], ends[s, TO]
         share, nx, ny, away = samples[s, SHARE], samples[s, NORMAL_X], samples[s, NORMAL_Y], samples[s, AWAY]
+        gain, a, b, other = samples[s, GAIN], ends[s, FAR_FROM], ends[s, FAR_TO], samples[s, FAR_SHARE]
+        far = samples[s, FAR_X] != 0.0 or samples[s, FAR_Y] != 0.0
         # A sample lies at a fixed share of its edge, and moves with the edge's two points. Only what moves
         # it along the normal can be seen: along itself an edge looks the same.
         for j in range(size):
             h = POSE_STEP if j < dofs else shifts.steps[j - dofs]
             dx = (1.0 - share) * (moved[j, p, 0] - px[p, 0]) + share * (moved[j, r, 0] - px[r, 0])
             dy = (1.0 - share) * (moved[j, p, 1] - px[p, 1]) + share * (moved[j, r, 1] - px[r, 1])
-            row[j] = (dx * nx + dy * ny) / h
+            row[j] = gain * (dx * nx + dy * ny) / h
+            if far:
+                dx = (1.0 - other) * (moved[j, a, 0] - px[a, 0]) + other * (moved[j, b, 0] - px[b, 0])
+                dy = (1.0 - other) * (moved[j, a, 1] - px[a, 1]) + other * (moved[j, b, 1] - px[b, 1])
+                row[j] += (dx * samples[s, FAR_X] + dy * samples[s, FAR_Y]) / h
         # the robust weight changes as the outline comes near: it is for the step, and not for the agreement
         trusted = samples[s, WEIGHT]
         w = trusted * robust_weight(away, scale)
@@ -275,21 +309,30 @@ def _level_inside(planes: np.ndarray, view: View, sample: np.ndarray) -> float:
     """Return the coverage just inside of a sample (column,), as a share of what counts as whole there."""
     if sample[BORDER] > 0.0:  # that the rest of the geom does not show is why it was looked for
         return 1.0
-    deep = min(INSIDE_PX, sample[INNER])
+    deep = min(DEEP_PX, sample[INNER])
     ix = int(sample[AT_X] - deep * sample[NORMAL_X] + 0.5)
     iy = int(sample[AT_Y] - deep * sample[NORMAL_Y] + 0.5)
     g = int(sample[GEOM])
-    whole = LEAST_LEVEL * FULL if view.shaded[g] else FULL
+    whole = sample[SHOWN] * (LEAST_LEVEL * FULL if view.shaded[g] else FULL)
     return min(planes[view.part[g], iy, ix] / whole, 1.0)
 
 
 @njit(cache=True)
-def _moved_points(rig: Rig, shifts: Shifts, position: np.ndarray, outlines: Outlines) -> np.ndarray:
+def moved_points(rig: Rig, shifts: Shifts, position: np.ndarray, outlines: Outlines) -> np.ndarray:
     """Return the outline points with each joint, then each shared parameter, shifted by its step.
 
     Forward differences are exact enough: 1e-6 of a mechanism's size moves a point by less than a thousandth
     of a pixel, over which its path is straight. A shift keeps the number of points, because no radius
-    becomes zero by it. Shape (dof + param, outline point, 2) [px].
+    becomes zero by it.
+
+    Args:
+        rig: The mechanism and its camera.
+        shifts: The same with each shared parameter shifted.
+        position: Joint positions [rad or m], (dof,).
+        outlines: The outlines of the pose.
+
+    Returns:
+        The points [px], (dof + param, outline point, 2).
     """
     dofs = position.shape[0]
     moved = np.empty((dofs + shifts.steps.shape[0], outlines.px.shape[0], 2))

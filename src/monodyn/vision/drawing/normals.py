@@ -10,12 +10,45 @@ displacement is an area, not a threshold, and linear in the picture.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
+from monodyn.vision.drawing.blurred import LEAST_SWEEP_PX, find_blurred_edge
+from monodyn.vision.drawing.probe import (
+    AT_X,
+    AT_Y,
+    AWAY,
+    BORDER,
+    FAINT,
+    FAR_X,
+    FAR_Y,
+    FLAT_PX,
+    FROM,
+    GAIN,
+    GEOM,
+    HIDDEN,
+    INNER,
+    LEAST_LEVEL,
+    NORMAL_X,
+    NORMAL_Y,
+    OUTSIDE,
+    REASON,
+    SHARE,
+    SHOWN,
+    STEP_PX,
+    TO,
+    TRUSTED,
+    USED,
+    WEIGHT,
+    Normal,
+    bilinear,
+    depth_inside,
+    is_covered,
+    least_trust,
+)
+from monodyn.vision.drawing.shutter import BEGIN_X, BEGIN_Y, DURING_X, DURING_Y, END_X, END_Y, WHEN
 from monodyn.vision.drawing.silhouette import Outlines
 from monodyn.vision.foreground.coverage import CHANGED_LEVEL
 from monodyn.vision.foreground.masks import View
@@ -26,45 +59,12 @@ LEAST_EDGE_PX = 3.0
 """Length of an edge between two sharp corners from which blur leaves its middle in place [px]."""
 SHARP = math.cos(math.radians(35.0))
 """Edges that turn by more than 35 degrees meet in a corner."""
-STEP_PX = 0.5
-"""Distance of the picture samples along a normal [px]."""
-FLAT_PX = 3.0
-"""Search length inwards from which the coverage levels off; an edge is taken against its own level
-there."""
-LEAST_LEVEL = 0.35
-"""Coverage inside of an edge below which the edge is looked for against full coverage: it is not where it
-was expected."""
-TRUSTED = 0.09
-"""Least trust of the picture along a normal."""
 OVERFULL = 1.3
 """Coverage of a border (a side that is darker than the front), over that of the rest, from which the edge
 is taken against the border's own level."""
 BLURRED_PX2 = 0.5
 """Squared distance from the middle of a thin line at which blur halves it: sqrt(2 ln 2) standard deviations
 of 0.6 px [px^2]."""
-COVERED_PX = 0.75
-"""A place this close to another outline, or inside of it, is taken as covered by it [px]."""
-
-FROM, TO = range(2)
-"""Columns of a sample's edge: the outline points between which it lies."""
-SHARE, NORMAL_X, NORMAL_Y, AWAY, WEIGHT, INNER, AT_X, AT_Y, GEOM, REASON, BORDER = range(11)
-"""Columns of a sample: share of the second point of its edge; outward normal; displacement t* of the edge
-of the mask [px]; weight; length of the search inwards [px]; its place [px]; its geom; why it is left out; 1
-where only a border of the geom shows, else 0."""
-SAMPLE_COLUMNS = BORDER + 1
-"""Number of these columns."""
-USED, OUTSIDE, HIDDEN, FAINT = range(4)
-"""Why a sample is left out: it is not; its normal leaves the picture; another geom covers it; the
-background cannot be distinguished from the mechanism."""
-
-
-class _Normal(NamedTuple):
-    """A place on an outline [px] and the outward unit normal there."""
-
-    x: float
-    y: float
-    nx: float
-    ny: float
 
 
 @njit(cache=True)
@@ -72,6 +72,7 @@ def edge_samples(
     planes: np.ndarray,
     view: View,
     outlines: Outlines,
+    swept: np.ndarray,
     search: tuple[float, float],
     ends: np.ndarray,
     samples: np.ndarray,
@@ -86,8 +87,10 @@ def edge_samples(
         planes: Mask by colour, uint8 (colour, height, width).
         view: How its planes are to be read.
         outlines: The outlines of the pose.
+        swept: How each outline point moves during the exposure, (outline point, column), from
+            ``swept_points``; of no points for a sharp picture.
         search: Length of the search to either side and distance between samples [px].
-        ends: Filled with the two outline points of each sample's edge, (sample, 2).
+        ends: Filled with the outline points of each sample's edges, (sample, column).
         samples: Filled with what is found, (sample, column), in the columns named above.
         left_out: Fill in the samples that are left out too, but for the corners; without displacement.
 
@@ -97,7 +100,7 @@ def edge_samples(
     count = 0
     for g in range(outlines.first.shape[0] - 1):
         if view.part[g] >= 0 and outlines.first[g + 1] - outlines.first[g] >= 3:
-            count = _geom_samples(planes, view, outlines, search, g, ends, samples, count, left_out)
+            count = _geom_samples(planes, view, outlines, swept, search, g, ends, samples, count, left_out)
     return count
 
 
@@ -106,6 +109,7 @@ def _geom_samples(
     planes: np.ndarray,
     view: View,
     outlines: Outlines,
+    swept: np.ndarray,
     search: tuple[float, float],
     g: int,
     ends: np.ndarray,
@@ -145,10 +149,34 @@ def _geom_samples(
             if count >= samples.shape[0]:
                 return count
             # the hull turns so that (ey, -ex) points outwards
-            at = _Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
-            reason = _find_edge(
-                coverage, known, borders, borders_known, shaded, px, hull, first, g, at, reach, samples[count]
-            )
+            at = Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
+            path = 0.0, 0.0, 0.0, 0.0
+            if swept.shape[0] > 0:
+                one, two = 1.0 - along / length, along / length
+                path = (
+                    one * swept[p, BEGIN_X] + two * swept[q, BEGIN_X],
+                    one * swept[p, BEGIN_Y] + two * swept[q, BEGIN_Y],
+                    one * swept[p, END_X] + two * swept[q, END_X],
+                    one * swept[p, END_Y] + two * swept[q, END_Y],
+                )
+                # Rows that are exposed one after the other bend an edge that turns: a place on it has both
+                # the rate and the row between those of its ends, and moves by their product.
+                bow = one * two * (swept[q, WHEN] - swept[p, WHEN])
+                at = Normal(
+                    at.x - bow * (swept[q, DURING_X] - swept[p, DURING_X]),
+                    at.y - bow * (swept[q, DURING_Y] - swept[p, DURING_Y]),
+                    ey,
+                    -ex,
+                )
+            if (path[2] - path[0]) ** 2 + (path[3] - path[1]) ** 2 > LEAST_SWEEP_PX * LEAST_SWEEP_PX:
+                reason = find_blurred_edge(
+                    coverage, known, shaded, px, hull, first, g, at, path, reach, ends[count], samples[count]
+                )
+            else:
+                reason = _find_edge(
+                    coverage, known, borders, borders_known, shaded, px, hull, first, g, at, reach,
+                    samples[count],
+                )  # fmt: skip
             if reason == USED or left_out:
                 samples[count, REASON] = reason
                 ends[count, FROM], ends[count, TO] = p, q
@@ -177,7 +205,7 @@ def _find_edge(
     hull: np.ndarray,
     first: np.ndarray,
     own: int,
-    at: _Normal,
+    at: Normal,
     reach: float,
     sample: np.ndarray,
 ) -> int:
@@ -192,17 +220,17 @@ def _find_edge(
     sample[NORMAL_X], sample[NORMAL_Y] = nx, ny
     sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
     # no farther inwards than the middle of the body: beyond it the other side's edge would be integrated
-    inner = min(reach, 0.5 * _depth_inside(px, hull, first[own], first[own + 1], at))
+    inner = min(reach, 0.5 * depth_inside(px, hull, first[own], first[own + 1], at))
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return OUTSIDE
     # where another geom covers the outer side the mask has no edge: it goes on in the other geom
-    if _is_covered(px, hull, first, own, at, reach):
+    if is_covered(px, hull, first, own, at, reach):
         return HIDDEN
-    weight = _least_trust(known, at, inner, reach)
+    weight = least_trust(known, at, inner, reach)
     border = weight < TRUSTED
     if border:
-        coverage, weight = borders, _least_trust(borders_known, at, inner, reach)
+        coverage, weight = borders, least_trust(borders_known, at, inner, reach)
     if weight < TRUSTED:
         return FAINT
     steps = max(2, math.ceil((inner + reach) / STEP_PX))
@@ -211,7 +239,7 @@ def _find_edge(
     most, envelope, peak, within = 0.0, 0.0, reach, 0.0
     for k in range(steps, -1, -1):
         t = -inner + k * step
-        c = _bilinear(coverage, x + t * nx, y + t * ny)
+        c = bilinear(coverage, x + t * nx, y + t * ny)
         if c > most:
             most, peak = c, t
         envelope += 0.5 * most if k == 0 or k == steps else most
@@ -239,79 +267,5 @@ def _find_edge(
     sample[AWAY] = away
     sample[WEIGHT] = weight * weight
     sample[INNER] = inner
+    sample[GAIN], sample[SHOWN], sample[FAR_X], sample[FAR_Y] = 1.0, 1.0, 0.0, 0.0
     return USED
-
-
-@njit(cache=True, inline="always")
-def _least_trust(known: np.ndarray, at: _Normal, inner: float, reach: float) -> float:
-    """Return the least trust of a plane (height, width) at five places along the searched normal."""
-    weight = 1.0
-    for t in (-inner, -0.5 * inner, 0.0, 0.5 * reach, reach):
-        weight = min(weight, known[int(at.y + t * at.ny + 0.5), int(at.x + t * at.nx + 0.5)])
-    return weight
-
-
-@njit(cache=True, inline="always")
-def _is_covered(
-    px: np.ndarray, hull: np.ndarray, first: np.ndarray, own: int, at: _Normal, reach: float
-) -> bool:
-    """Return whether another geom than ``own`` covers a place or what lies outwards of it.
-
-    Four places along the normal find every geom that is wider than a third of the search length.
-    """
-    covered = False
-    for g in range(first.shape[0] - 1):
-        if g == own:
-            continue
-        for k in range(4):
-            t = k * reach / 3.0
-            away = _outside(px, hull, first[g], first[g + 1], at.x + t * at.nx, at.y + t * at.ny)
-            if away < COVERED_PX:
-                covered = True
-                break
-        if covered:
-            break
-    return covered
-
-
-@njit(cache=True)
-def _outside(px: np.ndarray, hull: np.ndarray, a: int, b: int, x: float, y: float) -> float:
-    """Return how far a point lies outside of the outline ``hull[a:b]``, negative inside [px]."""
-    # of a convex outline: the largest of the distances from the lines through its edges
-    most = -1e18
-    for i in range(a, b):
-        p = hull[i]
-        q = hull[i + 1] if i + 1 < b else hull[a]
-        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
-        length = math.sqrt(ex * ex + ey * ey)
-        if length < 1e-9:
-            continue
-        most = max(most, ((x - px[p, 0]) * ey - (y - px[p, 1]) * ex) / length)
-    return most
-
-
-@njit(cache=True)
-def _depth_inside(px: np.ndarray, hull: np.ndarray, a: int, b: int, at: _Normal) -> float:
-    """Return the width of the outline ``hull[a:b]`` from a place on it against the normal [px]."""
-    far = 1e18
-    for i in range(a, b):
-        p = hull[i]
-        q = hull[i + 1] if i + 1 < b else hull[a]
-        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
-        # the line against the normal leaves the outline through the first edge that it crosses outwards
-        across = -at.nx * ey + at.ny * ex
-        if across > 1e-9:
-            away = ((px[p, 0] - at.x) * ey - (px[p, 1] - at.y) * ex) / across
-            if away > 0.0:
-                far = min(far, away)
-    return far
-
-
-@njit(cache=True)
-def _bilinear(picture: np.ndarray, x: float, y: float) -> float:
-    """Return the picture's value between pixels; the caller keeps (x, y) inside."""
-    ix, iy = int(x), int(y)
-    fx, fy = x - ix, y - iy
-    top = picture[iy, ix] * (1.0 - fx) + picture[iy, ix + 1] * fx
-    low = picture[iy + 1, ix] * (1.0 - fx) + picture[iy + 1, ix + 1] * fx
-    return top * (1.0 - fy) + low * fy

@@ -34,6 +34,9 @@ class Rig(NamedTuple):
         radius: Radius around the points [m], (geom,).
         camera: Packed camera, (entry,).
         ring: Points on the outline of a ball.
+        sweep: How far each joint moves while a row of the picture is exposed [rad or m], (dof,).
+        skew: How far each joint moves between the exposures of the first row and of the last [rad or m],
+            (dof,).
     """
 
     parent: np.ndarray
@@ -45,6 +48,8 @@ class Rig(NamedTuple):
     radius: np.ndarray
     camera: np.ndarray
     ring: int
+    sweep: np.ndarray
+    skew: np.ndarray
 
     def before(self, camera: np.ndarray) -> Rig:
         """Return the mechanism before another packed camera.
@@ -82,6 +87,8 @@ def altered(rig: Rig, links: np.ndarray, points: np.ndarray, radius: np.ndarray,
         radius=radius,
         camera=camera,
         ring=rig.ring,
+        sweep=rig.sweep,
+        skew=rig.skew,
     )
 
 
@@ -109,6 +116,8 @@ def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
         radius=shapes.radius.copy(),
         camera=packed,
         ring=RING if shrink == 1.0 else COARSE_RING,
+        sweep=np.zeros(len(tree.parent)),
+        skew=np.zeros(len(tree.parent)),
     )
 
 

@@ -25,6 +25,8 @@ AROUND = np.stack(
 """Cosine and sine of the angle of each point on the outline of a ball, (2, ring)."""
 LINK_X, LINK_Y, LINK_ANGLE = range(3)
 """Columns of a table of link frames: position in the plane [m] and angle [rad]."""
+CAUGHT = 3
+"""Times that the row in which a point is caught is looked for: a point moves much slower than the rows."""
 
 
 class Outlines(NamedTuple):
@@ -153,12 +155,42 @@ def project(rig: Rig, position: np.ndarray, px: np.ndarray) -> bool:
 
     Args:
         rig: The mechanism and its camera.
-        position: Joint positions [rad or m], (dof,).
+        position: Joint positions in the middle of the picture's exposure [rad or m], (dof,).
         px: Filled with pixel coordinates, (outline point, 2).
 
     Returns:
         False when a point lies behind the camera, absurdly far out of the picture, or nowhere (NaN).
     """
+    if not _project_at_once(rig, position, px):
+        return False
+    still = True
+    for j in range(rig.skew.shape[0]):
+        still = still and rig.skew[j] == 0.0
+    if still:
+        return True
+    before, after = np.empty_like(px), np.empty_like(px)
+    if not (
+        _project_at_once(rig, position - 0.5 * rig.skew, before)
+        and _project_at_once(rig, position + 0.5 * rig.skew, after)
+    ):
+        return False
+    middle = rig.camera[CENTRE_Y]
+    for k in range(px.shape[0]):
+        # a point is caught in the row that is exposed when the point is there
+        y = px[k, 1]
+        for _ in range(CAUGHT):
+            time = min(max(0.5 * (y - middle) / middle, -0.5), 0.5)
+            # the parabola through the places at the beginning, in the middle and at the end
+            one, two = time * (2.0 * time - 1.0), time * (2.0 * time + 1.0)
+            y = px[k, 1] + one * (before[k, 1] - px[k, 1]) + two * (after[k, 1] - px[k, 1])
+        px[k, 0] += one * (before[k, 0] - px[k, 0]) + two * (after[k, 0] - px[k, 0])
+        px[k, 1] = y
+    return True
+
+
+@njit(cache=True)
+def _project_at_once(rig: Rig, position: np.ndarray, px: np.ndarray) -> bool:
+    """Do the work of ``project`` for a picture whose rows are exposed together."""
     frames = link_frames(rig, position)
     camera = rig.camera
     focal, cx, cy = camera[FOCAL], camera[CENTRE_X], camera[CENTRE_Y]

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
-from monodyn.vision.drawing.normals import TRUSTED
+from monodyn.vision.drawing.probe import TRUSTED
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw
 from monodyn.vision.foreground.masks import View

@@ -1,0 +1,104 @@
+"""Clips whose pictures are not of one instant: followed once more, with the motion in each exposure known.
+
+A clip is located and followed as if its pictures were sharp. Where the edges are as wide as the motion would
+blur them, the poses determine how, and scene and poses are found again with outlines that move meanwhile.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monodyn.checks import camera_choices
+from monodyn.settings import RunSettings
+from monodyn.stages import track_freely
+from monodyn.types import Poses, Progress
+from monodyn.vision.foreground.given import GivenMasks
+from monodyn.vision.locating.again import find_again
+from monodyn.vision.locating.locate import Sought
+from monodyn.vision.locating.scene import Scene
+from monodyn.vision.release import FreeSpan
+from monodyn.vision.settings import CameraSettings
+from monodyn.vision.tracking.exposure import SHARP, Exposure, exposure_of, with_shutter
+
+if TYPE_CHECKING:
+    from monodyn.mechanism import Mechanism
+
+ROUNDS = 3
+"""Times that scene and poses are found again, at most: each time the motion is known better."""
+SAME = 0.05
+"""Difference of two exposures, as a share, that makes no difference to poses and sizes."""
+
+
+def follow_exposed(
+    found: tuple[Scene, Poses, FreeSpan],
+    mechanism: Mechanism,
+    settings: RunSettings,
+    progress: Progress | None = None,
+) -> tuple[Scene, Poses, FreeSpan]:
+    """Find scene and poses again where the pictures are not of one instant.
+
+    Args:
+        found: The scene, the poses, and the frames in which the mechanism moves freely, as found for sharp
+            pictures.
+        mechanism: The mechanism with the user's choices.
+        settings: Those of the run; ``camera.exposure`` and ``camera.readout`` where they are known.
+        progress: Called with the frames done by each step.
+
+    Returns:
+        The same three; ``found`` itself where the pictures are sharp, where the camera moves, whose own blur
+        is not known, or where the published method is chosen, which knows no exposure.
+    """
+    methods = settings.camera.method, settings.locate.method, settings.track.method
+    if "paper" in methods or found[0].video.camera_path is not None:
+        return found
+    fix, free = camera_choices(settings)
+    given, readout = settings.camera.exposure, settings.camera.readout
+    report = progress or (lambda step, done, total: None)
+    last = None
+    for _ in range(ROUNDS):
+        scene, poses, _ = found
+        exposure = _estimated(scene, poses) if given is None else Exposure(given)
+        if not (exposure.seconds or readout) or (last is not None and _alike(last, exposure)):
+            break
+        sought = Sought(scene.masks, mechanism, settings.locate, fix, free, report)
+        scene = find_again(sought, with_shutter(scene, poses, exposure, readout), poses)
+        found = (scene, *track_freely(scene.masks, scene, settings.track, progress=progress))
+        last = exposure
+    return found
+
+
+def blurred(scene: Scene, times: np.ndarray, camera: CameraSettings) -> list[str]:
+    """Return the note on how the pictures were exposed; nothing where they are of one instant.
+
+    Args:
+        scene: The scene.
+        times: Time stamps of the frames [s], (frame,).
+        camera: What was given of the camera.
+    """
+    shutter = scene.shutter
+    if shutter is None and (camera.exposure or camera.readout):
+        return [
+            "The camera moves: its pictures are taken as of one instant each, and --camera.exposure and "
+            "--camera.readout do not count."
+        ]
+    if shutter is None or not shutter.exposure:
+        return []
+    known = f" ± {1000.0 * shutter.std:.2g}" if shutter.std else ""
+    share = shutter.exposure / float(np.median(np.diff(times)))
+    return [
+        f"Motion blurs the pictures: each is exposed for {1000.0 * shutter.exposure:.3g}{known} ms, "
+        f"{share:.0%} of the time between two frames. Outlines that move meanwhile are compared with them; "
+        "the poses are those in the middle of the exposures."
+    ]
+
+
+def _estimated(scene: Scene, poses: Poses) -> Exposure:
+    """Return the exposure of a clip; masks of other tools, mostly cut off at a threshold, show none."""
+    return SHARP if isinstance(scene.masks, GivenMasks) else exposure_of(scene, poses)
+
+
+def _alike(one: Exposure, other: Exposure) -> bool:
+    """Return whether two exposures leave the pictures the same."""
+    return abs(one.seconds - other.seconds) <= SAME * other.seconds

@@ -1,0 +1,131 @@
+"""Clips whose pictures are exposed while the mechanism moves, from locating to tracking."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+import monodyn
+from monodyn import blur
+from monodyn.blur import blurred, follow_exposed
+from monodyn.mechanism import load
+from monodyn.mechanism.simulate import rollout
+from monodyn.settings import RunSettings
+from monodyn.stages import track_freely
+from monodyn.types import FULL
+from monodyn.vision.drawing.shutter import Shutter
+from monodyn.vision.settings import CameraSettings, TrackSettings
+from monodyn.vision.tracking.exposure import Exposure
+from pictures import CAMERA, exposed_mask
+
+SHUTTER = Shutter(0.0584, 0.0018, 0.0, np.zeros((3, 1)), np.zeros((3, 1)))
+
+
+def film(folder: Path, rate: float, exposure: float, readout: float, count: int) -> tuple[Any, np.ndarray]:
+    """Film a swinging bob; return the clip and the true joint positions (frame, dof)."""
+    mechanism = load("bob")
+    times = np.arange(count) / rate
+    q, v = rollout(mechanism.tree, times, np.array([-0.3]), np.array([0.0]), substeps=32)
+    y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
+    wall = 165.0 + 20.0 * np.sin(x / 9.0) * np.cos(y / 11.0)
+    rng = np.random.default_rng(3)
+    folder.mkdir()
+    for k, (pose, speed) in enumerate(zip(q, v, strict=True)):
+        mask = exposed_mask(
+            mechanism, CAMERA, pose, sweep=exposure * speed, skew=readout * speed, count=17 if exposure else 1
+        )
+        picture = wall + mask[0] / FULL * (60.0 - wall) + rng.normal(size=wall.shape)
+        cv2.imwrite(str(folder / f"{k:03d}.png"), np.clip(picture, 0, 255).round().astype(np.uint8))
+    return monodyn.read(folder, rate=rate), q
+
+
+def errors(found: Any, q: np.ndarray) -> np.ndarray:
+    """Return the errors of the seen poses [deg]."""
+    poses = found[1]
+    wrong = (poses.position - q[poses.frame] + np.pi) % (2.0 * np.pi) - np.pi
+    return np.degrees(wrong[poses.seen, 0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rate", "exposure", "readout", "given"),
+    [(12.0, 0.05, 0.0, CameraSettings()), (30.0, 0.0, 0.03, CameraSettings(exposure=0.0, readout=0.03))],
+)
+def test_poses_are_those_of_the_middle_of_the_exposure(
+    tmp_path: Path, rate: float, exposure: float, readout: float, given: CameraSettings
+) -> None:
+    video, q = film(tmp_path / "film", rate, exposure, readout, 40)
+    mechanism = load("bob")
+    masks = monodyn.segment(video)
+    scene = monodyn.locate(masks, mechanism)
+    sharp = (scene, *track_freely(scene.masks, scene))
+    found = follow_exposed(sharp, mechanism, RunSettings(camera=given))
+    assert found[0].shutter is not None
+    assert found[0].shutter.exposure == pytest.approx(exposure, rel=0.1)
+    assert found[1].seen.mean() > 0.95
+    rms = float(np.sqrt(np.mean(errors(found, q) ** 2)))
+    assert rms < 0.3
+    assert rms < 0.6 * float(np.sqrt(np.mean(errors(sharp, q) ** 2)))
+
+
+def test_sharp_pictures_are_left_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    still = SimpleNamespace(masks=None, video=SimpleNamespace(camera_path=None))
+    found: Any = (still, None, None)
+    monkeypatch.setattr(blur, "exposure_of", lambda *given: Exposure(0.0))
+    assert follow_exposed(found, load("bob"), RunSettings()) is found
+    # the published method knows no exposure, and a user may know that there is none
+    monkeypatch.setattr(blur, "exposure_of", lambda *given: Exposure(0.05))
+    assert follow_exposed(found, load("bob"), RunSettings(track=TrackSettings(method="paper"))) is found
+    none = RunSettings(camera=CameraSettings(exposure=0.0))
+    assert follow_exposed(found, load("bob"), none) is found
+    # a camera that moves blurs the pictures in its own way
+    still.video.camera_path = "its way"
+    assert follow_exposed(found, load("bob"), RunSettings()) is found
+
+
+@pytest.mark.parametrize(
+    ("estimates", "rounds"), [([0.04, 0.055, 0.056, 0.056], 2), ([0.04, 0.05, 0.06, 0.07], 3)]
+)
+def test_scene_and_poses_are_found_again_until_the_exposure_stays(
+    monkeypatch: pytest.MonkeyPatch, estimates: list[float], rounds: int
+) -> None:
+    left, found_again = list(estimates), []
+    again: Callable[..., Any] = lambda sought, scene, poses: found_again.append(scene) or sought.masks  # noqa: E731
+    monkeypatch.setattr(blur, "exposure_of", lambda *given: Exposure(left.pop(0)))
+    monkeypatch.setattr(blur, "with_shutter", lambda scene, poses, exposure, readout: exposure.seconds)
+    monkeypatch.setattr(blur, "find_again", again)
+    monkeypatch.setattr(blur, "track_freely", lambda *given, **more: (None, None))
+    scene = SimpleNamespace()
+    scene.masks, scene.video = scene, SimpleNamespace(camera_path=None)
+    follow_exposed((scene, None, None), load("bob"), RunSettings())  # pyright: ignore
+    assert found_again == estimates[:rounds]
+
+
+def test_the_note_says_how_pictures_were_exposed() -> None:
+    times = np.arange(3) / 10.0
+    scene: Any = SimpleNamespace(shutter=SHUTTER)
+    assert blurred(scene, times, CameraSettings()) == [
+        "Motion blurs the pictures: each is exposed for 58.4 ± 1.8 ms, 58% of the time between two frames. "
+        "Outlines that move meanwhile are compared with them; the poses are those in the middle of the "
+        "exposures."
+    ]
+    scene.shutter = replace(SHUTTER, exposure=0.05, std=0.0)
+    assert blurred(scene, times, CameraSettings()) == [
+        "Motion blurs the pictures: each is exposed for 50 ms, 50% of the time between two frames. Outlines "
+        "that move meanwhile are compared with them; the poses are those in the middle of the exposures."
+    ]
+    scene.shutter = replace(SHUTTER, exposure=0.0, readout=0.02)
+    assert blurred(scene, times, CameraSettings()) == []
+    scene.shutter = None
+    assert blurred(scene, times, CameraSettings()) == []
+    assert blurred(scene, times, CameraSettings(readout=0.02)) == [
+        "The camera moves: its pictures are taken as of one instant each, and --camera.exposure and "
+        "--camera.readout do not count."
+    ]

@@ -1,0 +1,81 @@
+"""Edges of a picture in which the outline moves while it is exposed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monodyn.mechanism import load
+from monodyn.vision.drawing.blurred import covered_part, times_of
+from monodyn.vision.drawing.edges import edge_terms, no_shifts
+from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
+from monodyn.vision.drawing.probe import Normal
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.drawing.shutter import Shutter
+from monodyn.vision.locating.bundle import KeyMasks, refine, scene_variables
+from monodyn.vision.locating.search import SceneGuess
+from pictures import CAMERA, exposed_mask, trusted
+
+SEARCH = EdgeSearch(np.array([8.0, 6.0, 5.0, 4.0, 4.0, 4.0]), 3.0)
+
+
+@pytest.mark.parametrize("name", ["single", "double", "bob"])
+@pytest.mark.parametrize("turn", [0.05, 0.2, -0.35])
+def test_the_middle_of_the_motion_is_found(name: str, turn: float) -> None:
+    mechanism = load(name)
+    q = np.array([-1.1, 0.6])[: len(mechanism.joints)]
+    sweep = np.array([turn, 0.8 * turn])[: len(q)]
+    mask = exposed_mask(mechanism, CAMERA, q, sweep=sweep)
+    rig = rig_of(mechanism, CAMERA)._replace(sweep=sweep)
+    limits = MoveLimits(q - 1.0, q + 1.0, np.full(len(q), 1.0))
+    found, _, agreement = follow(mask, trusted(mechanism), rig, q + 0.02, limits, SEARCH)
+    # what sharp pictures reach, or a hundredth of the blur: a curved path is taken for a parabola
+    assert np.abs(found - q).max() < max(np.radians(0.07), np.abs(sweep).sum() / 100.0)
+    assert agreement.matched > 0.9
+    assert agreement.inside > 0.9
+
+
+def test_sizes_come_from_blurred_pictures() -> None:
+    """No picture is sharp: the rod is blurred over many times its width, but for what is near the pivot."""
+    mechanism = load("bob")
+    turns = np.array([0.1, 0.15, -0.2, 0.3, -0.3, 0.2])
+    q = np.linspace(-2.3, -0.6, len(turns))[:, None]
+    planes = [exposed_mask(mechanism, CAMERA, p, sweep=t) for p, t in zip(q, turns, strict=True)]
+    rates = turns[:, None] / 0.05
+    shutter = Shutter(0.05, 0.0, 0.0, q, rates)
+    masks = KeyMasks(planes, trusted(mechanism), shutter=shutter)
+    sizes = {name: mechanism.values[name] for name in ("link1.width", "link1.sphere.width")}
+    start = mechanism.with_values({name: 1.1 * size for name, size in sizes.items()})
+    guess = SceneGuess(start, CAMERA, q + 0.01, np.zeros(len(q)))
+    variables = scene_variables(start, list(sizes))
+    found = refine(masks, guess, variables, SEARCH, settle=20).mechanism
+    for name, size in sizes.items():
+        assert found.values[name] == pytest.approx(size, rel=0.02)
+
+
+def test_what_a_picture_knows_of_a_pose_falls_with_the_blur() -> None:
+    mechanism, q = load("bob"), np.array([-1.1])
+    known = []
+    for turn in (0.0, 0.15, 0.3):
+        rig = rig_of(mechanism, CAMERA)._replace(sweep=np.array([turn]))
+        mask = exposed_mask(mechanism, CAMERA, q, sweep=turn)
+        known.append(edge_terms(mask, trusted(mechanism), rig, no_shifts(rig), q, 4.0, 3.0).normal[0, 0])
+    assert known[0] > 1.5 * known[1] > 2.0 * known[2] > 0.0
+
+
+def test_how_much_of_a_normal_a_moving_square_covers() -> None:
+    """A square of 4 px that moves along the normal, then across it until it is beyond."""
+    px = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
+    # the hull turns so that (dy, -dx) of an edge points outwards
+    hull = np.arange(4)
+    at = Normal(4.0, 2.0, 1.0, 0.0)
+    along = (-3.0, 0.0, 3.0, 0.0)
+    for time in (-0.5, -0.1, 0.0, 0.4):
+        low, high = covered_part(px, hull, 0, 4, at, along, time)
+        assert (low, high) == pytest.approx((-4.0 + 6.0 * time, 6.0 * time), abs=1e-12)
+    across = (0.0, -3.0, 0.0, 3.0)
+    ends = [covered_part(px, hull, 0, 4, at, across, time) for time in (-0.4, 0.0, 0.4)]
+    covered = [high - low for low, high in ends]
+    assert covered[1] == pytest.approx(4.0)
+    assert max(covered[0], covered[2]) < 0.0
+    assert [times_of(path) for path in (along, (0.0, 0.0, 90.0, 0.0), (0.0, 0.0, 0.5, 0.0))] == [6, 32, 4]
