@@ -52,6 +52,19 @@ def test_a_short_gap_with_a_turn_too_much_does():
     np.testing.assert_allclose(np.where(poses.measured, found.position - truth, 0.0), 0.0, atol=0.01)
 
 
+def test_noise_and_gaps_on_either_side_leave_no_doubt():
+    poses, truth = spun(slice(50, 51), 0, rate=6.0)
+    noise = np.radians(1.0) * np.random.default_rng(1).normal(size=truth.shape)
+    covariance = np.tile(np.radians(1.0) ** 2 * np.eye(2), (len(truth), 1, 1))
+    joint_seen = poses.measured.copy()
+    joint_seen[[1, 9, 40, 43, 46, 53, 90], 1] = False
+    noisy = replace(
+        poses, position=np.where(joint_seen, truth + noise, np.nan), covariance=covariance,
+        seen=joint_seen.all(axis=1), joint_seen=joint_seen,
+    )  # fmt: skip
+    assert doubtful_gaps(noisy, FREE) == []
+
+
 def test_a_gap_after_the_fitted_rows_is_crossed_by_prediction():
     poses, truth = spun(slice(80, 92), -1)
     found, notes = with_right_turns(poses, (0, 70), load("double"), IdentifySettings())

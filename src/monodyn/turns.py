@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from monodyn.errors import VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.fill import fill
+from monodyn.results.trace import metric
 from monodyn.stages import identify
 from monodyn.types import Poses, Progress
 
@@ -32,6 +33,10 @@ LONGER = 1.5
 """Times the usual time between two measurements from which there is a gap."""
 HARDEST = 95.0
 """Percentile of the accelerations of a joint that bounds what it does out of sight."""
+HARDER = 2.0
+"""Times that another number of turns is farther from the expected rate before the nearest one is certain."""
+UNLIKELY = 3.0
+"""Standard deviations of a rate that noise rarely exceeds."""
 LEAST_ROWS = 12
 """Rows of the shortest stretch that is identified."""
 MOST_STRETCHES = 4
@@ -115,7 +120,9 @@ def _turns_across(
     if not before:
         return None
     motion = fill(fit, poses.time[[gap.after]], record=before[-1])
-    off = float(motion.position[0, gap.dof] - poses.position[gap.after, gap.dof])
+    # the motion is against gravity, the record as the camera had it
+    measured = metric(poses.part(gap.after, gap.after + 1), fit.mechanism, fit.scale)
+    off = float(motion.position[0, gap.dof] - measured.position[0, gap.dof])
     turns = float(np.round(off / TURN))
     if abs(off - TURN * turns) > CERTAIN or not motion.std[0, gap.dof] < CERTAIN:
         return None
@@ -126,7 +133,8 @@ def doubtful_gaps(poses: Poses, joints: np.ndarray) -> list[Gap]:
     """Find gaps across which the rates on both sides leave more than one number of turns.
 
     A joint whose acceleration is at most ``a`` crosses a gap of length T at a mean rate within ``a T / 4`` of
-    the mean of the rates at its ends; one turn more or less changes that rate by ``2 pi / T``.
+    the mean of the rates at its ends, or within ``a T / 2`` of that at one end; one turn more or less changes
+    it by ``2 pi / T``. The noise of the angles adds its own.
 
     Args:
         poses: The record.
@@ -139,18 +147,19 @@ def doubtful_gaps(poses: Poses, joints: np.ndarray) -> list[Gap]:
     for dof in np.flatnonzero(joints):
         rows = np.flatnonzero(poses.measured[:, dof])
         time, angle = poses.time[rows], poses.position[rows, dof]
+        std = np.sqrt(poses.covariance[rows, dof, dof])
         # repeated pictures, too, leave rows without a measurement: a gap is longer than usual
         breaks = np.flatnonzero(np.diff(time) > LONGER * np.median(np.diff(time))) if len(rows) > 1 else []
         together = np.cumsum(np.isin(np.arange(len(rows)), np.add(breaks, 1)))
         hardest = _hardest(time, angle, together)
         for i in breaks:
             apart = time[i + 1] - time[i]
-            one = _rate(time, angle, together, int(i), -1)
-            other = _rate(time, angle, together, int(i) + 1, 1)
-            off = abs((angle[i + 1] - angle[i]) / apart - 0.5 * (one + other))
-            slack = 0.25 * hardest * apart
-            # written so that a rate that is not known, NaN, leaves a doubt
-            if not (off <= slack and TURN / apart - off > slack):
+            mean, slack = _mean_rate(_Record(time, angle, std, together, hardest), int(i))
+            off = abs((angle[i + 1] - angle[i]) / apart - mean)
+            other = TURN / apart - off
+            # a rare acceleration is no doubt where another number of turns takes a much harder one; written
+            # so that a rate that is not known, NaN, leaves a doubt
+            if not (other > slack and (off <= slack or other > HARDER * off)):
                 found.append(Gap(int(dof), int(rows[i]), int(rows[i + 1])))
     return sorted(found, key=lambda gap: (gap.after, gap.dof))
 
@@ -166,13 +175,42 @@ def _hardest(time: np.ndarray, angle: np.ndarray, together: np.ndarray) -> float
     return float(np.percentile(known, HARDEST)) if len(known) else np.inf
 
 
-def _rate(time: np.ndarray, angle: np.ndarray, together: np.ndarray, at: int, side: int) -> float:
-    """Return the rate at one end of a gap by a parabola through the samples on its side; NaN if few."""
-    near = np.flatnonzero(together == together[at])
+class _Record(NamedTuple):
+    """The measurements of a joint: time [s], angle [rad], its standard deviation, and the number of the
+    stretch, each (sample,); and the acceleration that it rarely exceeds [rad/s^2]."""
+
+    time: np.ndarray
+    angle: np.ndarray
+    std: np.ndarray
+    together: np.ndarray
+    hardest: float
+
+
+def _mean_rate(record: _Record, before: int) -> tuple[float, float]:
+    """Return the mean rate across the gap after a sample by the rates at its ends, and how far off it may be
+    [rad/s]; NaN where neither end shows its rate."""
+    apart = record.time[before + 1] - record.time[before]
+    ends = [_rate(record, before, -1), _rate(record, before + 1, 1)]
+    known = [end for end in ends if np.isfinite(end[0])]
+    if not known:
+        return np.nan, np.nan
+    mean = float(np.mean([rate for rate, _ in known]))
+    spread = float(np.linalg.norm([std for _, std in known])) / len(known)
+    noise = float(np.hypot(record.std[before], record.std[before + 1])) / apart
+    slack = record.hardest * apart / (4.0 if len(known) == 2 else 2.0)
+    return mean, slack + UNLIKELY * float(np.hypot(spread, noise))
+
+
+def _rate(record: _Record, at: int, side: int) -> tuple[float, float]:
+    """Return the rate at one end of a gap by a parabola through the samples on its side, a line through
+    two, and its standard deviation; NaN if fewer."""
+    near = np.flatnonzero(record.together == record.together[at])
     near = near[:NEAR_FRAMES] if side > 0 else near[-NEAR_FRAMES:]
-    if len(near) < 3:
-        return np.nan
-    return float(np.polyfit(time[near] - time[at], angle[near], 2)[1])
+    if len(near) < 2:
+        return np.nan, np.nan
+    powers = np.vander(record.time[near] - record.time[at], min(len(near), 3))
+    solve = np.linalg.pinv(powers)[-2]
+    return float(solve @ record.angle[near]), float(np.linalg.norm(solve * record.std[near]))
 
 
 def _stretches(poses: Poses, gaps: Sequence[Gap], fitted: tuple[int, int]) -> list[tuple[int, int]]:

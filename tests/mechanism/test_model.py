@@ -232,7 +232,7 @@ SINGLE_NAMES = (
     "'link1.mass', 'link1.com_x', "
     "'link1.com_y', 'link1.inertia', 'joint1.damping', 'joint1.friction', 'joint1.stiffness', "
     "'joint1.armature', 'joint1.drag', "
-    "'gravity', 'time_scale'"
+    "'gravity', 'time_scale', 'camera.roll'"
 )
 
 

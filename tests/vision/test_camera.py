@@ -19,6 +19,7 @@ from monodyn.vision.drawing.camera import (
     pixels,
     rotation,
     shrunk,
+    turned,
     value_of,
     with_values,
 )
@@ -68,3 +69,16 @@ def test_parameters_by_name() -> None:
     assert (changed.depth, changed.yaw, changed.x) == (2.0, 0.1, CAMERA.x)
     assert [value_of(changed, name) for name in ("camera.depth", "camera.yaw")] == [2.0, 0.1]
     assert all(hasattr(CAMERA, parameter.field) for parameter in PARAMETERS.values())
+
+
+@pytest.mark.parametrize("turn", [{}, {"roll": 0.3}, {"pitch": -0.2, "yaw": 0.4, "roll": -0.1}])
+def test_a_turned_camera_sees_turned_points_where_they_were(turn: dict[str, float]) -> None:
+    camera = Camera(720, 480, 700.0, x=0.1, y=-0.2, depth=1.5, **turn)
+    points, about, angle = np.random.default_rng(0).normal(size=(6, 3)) * 0.2, np.array([0.05, 0.3]), 0.7
+    c, s = np.cos(angle), np.sin(angle)
+    moved = points.copy()
+    moved[:, :2] = about + (points[:, :2] - about) @ np.array([[c, s], [-s, c]])
+    found = turned(camera, angle, about)
+    np.testing.assert_allclose(pixels(found, moved), pixels(camera, points), atol=1e-9)
+    if not turn:
+        assert (found.roll, found.pitch, found.yaw) == pytest.approx((angle, 0.0, 0.0))

@@ -78,6 +78,17 @@ def test_widths_are_those_of_the_foreground() -> None:
     assert thick == pytest.approx(values["link1.sphere.width"] * PX, abs=1.5)
 
 
+def test_what_is_not_known_makes_nothing_thin() -> None:
+    wide = load("double").with_values({"link1.width": 0.05, "link2.width": 0.05})
+    frames = drawn_frames(wide, CAMERA, POSES)
+    (width,) = typical_widths(frames)
+    trust = np.ones_like(frames.coarse_trust)
+    # lines of the scene behind it cut the foreground into strips
+    trust[::8] = 0.0
+    cut = replace(frames, coarse_trust=trust)
+    assert typical_widths(cut) == pytest.approx([width, width], abs=3.0)
+
+
 def test_thickness_is_not_more_than_the_width() -> None:
     begun = start()
     thick = begun.mechanism.with_values({"link1.thickness": 50.0})

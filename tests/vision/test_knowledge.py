@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
-from monodyn.vision.locating.knowledge import camera_std, hidden_places, size_information
+from monodyn.vision.locating.knowledge import camera_std, hidden_places, shifted_turn, size_information
 from monodyn.vision.locating.search import SceneGuess
 from pictures import drawn_mask, trusted
 
@@ -31,6 +32,21 @@ def test_camera_std_is_held_to_the_common_scale() -> None:
     # 0.3 px of noise and a few hundred samples on links of 60 px
     assert held["camera.depth"] < 0.01
     assert free["camera.depth"] > 1.5 * held["camera.depth"]
+
+
+def test_a_shifted_edge_looks_like_a_turn_of_the_camera() -> None:
+    """A camera turned by as much, about the hinge, sees the end of the link 0.2 px off."""
+    mechanism = load("single")
+    bundle = SimpleNamespace(mechanism=mechanism, camera=CAMERA)
+    assert shifted_turn(bundle, "camera.focal") == 0.0
+    # the corner of the link
+    end = np.hypot(mechanism.values["link1.length"], 0.5 * mechanism.values["link1.width"])
+    square = CAMERA.focal * end / CAMERA.depth
+    for name in ("camera.yaw", "camera.pitch"):
+        angle = shifted_turn(bundle, name)
+        aside = CAMERA.focal * end * np.cos(angle) / (CAMERA.depth - end * np.sin(angle))
+        assert aside - square == pytest.approx(0.2, rel=0.05)
+    assert square * np.tan(shifted_turn(bundle, "camera.roll")) == pytest.approx(0.2, rel=0.05)
 
 
 def hammer(folder: Path, *, length: float, head: float, aside: float, short: float = 0.03) -> Mechanism:

@@ -12,15 +12,15 @@ import pytest
 from films import film
 from monodyn.mechanism import load
 from monodyn.vision.locating import locate
+from monodyn.vision.locating.advice import scene_advice
 from monodyn.vision.locating.bundle import Bundle, scene_variables
 from monodyn.vision.locating.keyframes import key_frames
+from monodyn.vision.locating.knowledge import hidden_advice
 from monodyn.vision.locating.locate import (
     Sought,
     _alike,
-    _refined_names,
     _with_background,
-    hidden_advice,
-    scene_advice,
+    refined_names,
 )
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.settings import LocateSettings
@@ -87,8 +87,8 @@ def sought(name: str, fix: Mapping[str, float], free: tuple[str, ...]) -> Sought
 
 
 def test_what_is_fixed_is_not_refined_and_what_is_freed_is() -> None:
-    names = _refined_names(sought("double", {"camera.depth": 1.0}, ("camera.yaw",)))
-    assert [n for n in names if n.startswith("camera")] == ["camera.x", "camera.y", "camera.yaw"]
+    names = refined_names(sought("double", {"camera.depth": 1.0, "camera.pitch": 0.1}, ("camera.yaw",)))
+    assert [n for n in names if n.startswith("camera")] == ["camera.x", "camera.y"]
     assert "link1.length" in names
     # how far the sides of the bodies show
     assert "link1.thickness" in names
@@ -96,7 +96,7 @@ def test_what_is_fixed_is_not_refined_and_what_is_freed_is() -> None:
 
 
 def test_a_sliding_root_takes_the_cameras_place_along_it() -> None:
-    names = _refined_names(sought("cartpole", {}, ()))
+    names = refined_names(sought("cartpole", {}, ()))
     assert [n for n in names if n.startswith("camera")] == ["camera.y", "camera.depth"]
 
 

@@ -12,7 +12,7 @@ from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.foreground.masks import LEFT_OUT
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, SceneVariables, refine, scene_variables
-from monodyn.vision.locating.places import with_departed, with_names, without_unseen
+from monodyn.vision.locating.places import with_departed, with_names, without_names, without_unseen
 from monodyn.vision.locating.search import SceneGuess
 from pictures import drawn_mask, trusted
 
@@ -52,9 +52,31 @@ def test_a_head_that_is_not_centred_is_freed(tmp_path: Path) -> None:
     assert not freed.mechanism.parameter("a.head.across").follows
 
 
+def test_variables_go_as_they_came(tmp_path: Path) -> None:
+    start = hammer(tmp_path, 0.0)
+    variables = scene_variables(start, ["a.length", "a.width", "camera.x", "camera.depth"])
+    freed = start.with_following(["a.head.across"], follow=False)
+    more = with_names(variables, freed, ["a.head.across"])
+    back = without_names(more, ["a.head.across"])
+    assert back.names == variables.names
+    assert np.array_equal(back.read(start, CAMERA), variables.read(start, CAMERA))
+    assert back.is_size.tolist() == variables.is_size.tolist()
+    assert len(back.creeps) == len(back.against) == 4
+    assert without_names(variables, []).names == variables.names
+
+
 def test_a_head_where_the_file_has_it_stays_there(tmp_path: Path) -> None:
     true = hammer(tmp_path, 0.0)
     masks, bundle, variables = refined(true, true)
+    assert with_departed(masks, bundle, variables, SEARCH) == (bundle, variables)
+
+
+def test_a_departure_by_which_the_edges_agree_no_better_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    masks, bundle, variables = refined(hammer(tmp_path, 0.012), hammer(tmp_path, 0.0))
+    # more than any outline can gain
+    monkeypatch.setattr("monodyn.vision.locating.places.MORE_AGREE", 1.0)
     assert with_departed(masks, bundle, variables, SEARCH) == (bundle, variables)
 
 

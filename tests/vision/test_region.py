@@ -19,7 +19,14 @@ from monodyn.vision.foreground.background import Samples
 from monodyn.vision.foreground.parts import Parts
 from monodyn.vision.foreground.thumbnails import Thumbnails, Window
 from monodyn.vision.locating import region
-from monodyn.vision.locating.region import agreement, candidates, find_in_region, is_cut_off, without_fuller
+from monodyn.vision.locating.region import (
+    agreement,
+    candidates,
+    find_in_region,
+    is_cut_off,
+    least_blurred,
+    without_fuller,
+)
 from support import refuses
 
 
@@ -52,6 +59,19 @@ def test_frames_that_are_fuller_than_usual_are_left_out() -> None:
     # what moves elsewhere does not count
     nowhere = np.zeros((40, 60), dtype=np.bool_)
     assert without_fuller(samples_of([80] * 12 + usual), nowhere) is None
+
+
+def test_frames_that_motion_blurs_least_are_those_of_the_least_foreground() -> None:
+    assert least_blurred(samples_of([20 + i % 3 for i in range(40)])) is None
+    swing = [20 + round(36 * abs(np.sin(0.37 * i))) for i in range(40)]
+    calm = least_blurred(samples_of(swing))
+    assert calm is not None
+    kept = {frame.index for frame in calm.frames}
+    assert kept == {i for i, area in enumerate(swing) if area <= np.quantile(swing, 0.4)}
+    # too few to locate anything in, and samples without thumbnails
+    assert least_blurred(samples_of(swing[:20])) is None
+    assert least_blurred(replace(samples_of(swing), thumbnails=None)) is None
+    assert [frame.index for frame in list(candidates(samples_of(swing)))[-1].frames] == sorted(kept)
 
 
 def test_a_part_is_tried_without_the_hand_that_holds_it() -> None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
 from films import COUNT, film
+from monodyn.mechanism import load
 from monodyn.types import Poses
-from monodyn.vision.release import FreeSpan, blanked, free_span, longest_free, released, touching
+from monodyn.vision.release import FreeSpan, blanked, free_span, hangs, longest_free, released, touching
 
 STD = 5e-4
 """Noise of the poses [rad]."""
@@ -74,6 +76,52 @@ def test_a_rest_in_the_end_is_friction() -> None:
     assert released(still, 0, 120) == 0
 
 
+def test_a_mechanism_hangs_where_its_energy_is_least() -> None:
+    double = load("double")
+    down = np.zeros(2) if hangs(double, np.zeros(2)) else np.array([-np.pi / 2, 0.0])
+    assert hangs(double, down)
+    # a camera out of level turns the whole mechanism
+    assert hangs(double, down + np.array([0.08, 0.0]))
+    assert not hangs(double, down + np.array([0.2, 0.0]))
+    assert not hangs(double, down + np.array([0.0, 0.3]))
+    assert not hangs(double, down + np.array([np.pi, 0.0]))
+    # a cart stays wherever it is, its pole only below it
+    pole = load("cartpole")
+    low = next(q for q in np.linspace(-np.pi, np.pi, 5) if hangs(pole, np.array([0.0, q])))
+    assert hangs(pole, np.array([0.1, low]))
+    assert not hangs(pole, np.array([0.1, low + np.pi]))
+
+
+def test_frames_in_which_it_hangs_stay_seen() -> None:
+    poses = blanked(poses_of(swing(0)), FreeSpan(30, 100, (), 10))
+    assert poses.seen.tolist() == [20 <= k < 100 for k in range(120)]
+
+
+def test_a_rest_at_the_lowest_place_is_no_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It swings up from where it hangs; the same motion from a raised place was held."""
+    mechanism = load("single")
+    low = next(q for q in np.linspace(-np.pi, np.pi, 5) if hangs(mechanism, np.array([q])))
+    t = np.maximum(np.arange(COUNT) - 16, 0) / 30.0
+    for rest, hanging in ((low, True), (low + 1.0, False)):
+        poses = poses_of((rest + 0.8 * np.sin(2.0 * t) ** 2)[:, None])
+        thumbnails = SimpleNamespace(number=np.arange(COUNT))
+        samples = SimpleNamespace(span=None, given=False, thumbnails=thumbnails, frames=())
+        scene = SimpleNamespace(mechanism=mechanism)
+        monkeypatch.setattr("monodyn.vision.release.touching", lambda *_: np.zeros(COUNT, dtype=bool))
+        span = free_span(SimpleNamespace(samples=samples), scene, poses)  # type: ignore[arg-type]
+        assert abs(span.first - 17) <= 2
+        assert span.hanging == (span.first if hanging else 0)
+        begin, end = span.first / 30.0, (COUNT - 1) / 30.0
+        said = (
+            f"The mechanism hangs at rest before frame {span.first}; the fit begins there (--fit-frames A:B "
+            "gives another range)."
+            if hanging
+            else f"The mechanism moves freely in frames {span.first}:{COUNT}, {begin:.3f} to {end:.3f} s; "
+            "outside of these something touches or holds it (--time-range A:B [s] gives another range)."
+        )
+        assert span.notes == (said,)
+
+
 def test_the_longest_stretch_between_two_touches() -> None:
     seen = np.ones(100, dtype=bool)
     touched = np.zeros(100, dtype=bool)
@@ -128,7 +176,8 @@ def test_what_lies_against_the_mechanism_touches_it(tmp_path: Path, until: int, 
 def test_a_range_that_is_given_is_obeyed(tmp_path: Path) -> None:
     scene, poses = film(tmp_path, with_arm(12))  # type: ignore[arg-type]
     given = replace(scene.masks.samples, given=True, span=(4, 30))
-    assert free_span(replace(scene.masks, samples=given), scene, poses) == (4, 30, ())  # type: ignore[type-var]
+    span = free_span(replace(scene.masks, samples=given), scene, poses)  # type: ignore[type-var]
+    assert span == FreeSpan(4, 30, ())
 
 
 def test_a_prelude_is_named(tmp_path: Path) -> None:

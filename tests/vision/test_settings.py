@@ -55,6 +55,21 @@ def test_locate_settings() -> None:
         LocateSettings(search_frames=1)
 
 
+def test_camera_settings() -> None:
+    with refuses(
+        SettingsError,
+        "camera.exposure: expected 0 to 10 s, got -0.01; give how long each picture is exposed, in seconds.",
+    ):
+        CameraSettings(exposure=-0.01)
+    with refuses(
+        SettingsError,
+        "camera.readout: expected -10 to 10 s, got 33.0; give the time from the first row of a picture to "
+        "the last, in seconds.",
+    ):
+        CameraSettings(readout=33.0)
+    assert CameraSettings(readout=-0.02).exposure is None
+
+
 def test_track_settings() -> None:
     with refuses(SettingsError, "track.move: expected 0.001 to 10, got -1.0."):
         TrackSettings(move=-1.0)

@@ -163,7 +163,7 @@ def extent(geom: Geom, direction: np.ndarray) -> tuple[float, float]:
 
 
 def main_geom(profiles: list[Profile]) -> Profile | None:
-    """Return the longest geom (the first of equals), visible ones before hidden ones.
+    """Return the longest geom (the first of equals, of equal balls the farthest), visible ones before hidden.
 
     Args:
         profiles: The geoms of one body.
@@ -173,6 +173,8 @@ def main_geom(profiles: list[Profile]) -> Profile | None:
     for p in seen:
         if best is None or p.half[0] > best.half[0] * (1 + TINY):
             best = p
+        elif p.long is None and best.long is None and p.half[0] >= best.half[0] * (1 - TINY):
+            best = p if np.hypot(*p.centre) > np.hypot(*best.centre) * (1 + TINY) else best
     return best
 
 
@@ -327,7 +329,10 @@ def long_axis(link: Link, anchors: list[np.ndarray], profiles: list[Profile]) ->
     if reach > TINY * size:
         return far / reach, reach
     if main is None:
-        return np.array([1.0, 0.0]), 0.0
+        # a body without geoms reaches to what marks it farthest from its hinge
+        marked = max((site.place for site in link.sites), key=lambda p: math.hypot(*p), default=np.zeros(2))
+        reach = math.hypot(*marked)
+        return (marked / reach, reach) if reach > 0.0 else (np.array([1.0, 0.0]), 0.0)
     if main.long is None:
         away = float(np.hypot(*main.centre))
         return (main.centre / away, away) if away > TINY * size else (np.array([1.0, 0.0]), 0.0)

@@ -56,6 +56,7 @@ DIMENSIONS = {
     "along": _LENGTH,
     "across": _LENGTH,
     "turn": Dimensions(),
+    "roll": Dimensions(),
     "offset": _LENGTH,
     "com_x": _LENGTH,
     "com_y": _LENGTH,

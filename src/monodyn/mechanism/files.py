@@ -22,7 +22,7 @@ MAX_DEPTH = 100
 UNUSED = {
     "actuator", "sensor", "keyframe", "custom", "visual", "statistic", "size", "contact", "texture",
     "material",
-    "transmission", "gazebo", "camera", "light", "site",
+    "transmission", "gazebo", "camera", "light",
 }  # fmt: skip
 """Elements that cannot change the motion or the shapes; they are dropped, with the files they name."""
 

@@ -244,8 +244,9 @@ class Mechanism:
         numbers, free, own = self.numbers.copy(), self.free.copy(), self.own.copy()
         owned = {row for rows in self.plan.owned if rows is not None for row in rows}
         for row, name in enumerate(table.names):
-            # what the user chose stays, and so does a place that a picture has shown to be another
-            if name in self.chosen or table.tie[row] is not None:
+            # what the user chose stays, and so does a place that a picture has shown to be another, and
+            # whether there is a camera
+            if name in self.chosen or table.tie[row] is not None or table.kind[row] == "roll":
                 continue
             if bodies == "uniform":
                 free[row], own[row] = table.free[row], False

@@ -114,6 +114,21 @@ class Given:
 
 
 @dataclass(frozen=True, eq=False)
+class Site:
+    """A marked point of a link.
+
+    Attributes:
+        name: Name in the file.
+        place: Its place in the link's frame [m], (2,).
+        ahead: How far it stands before the plane of the link's body, toward the camera [m].
+    """
+
+    name: str
+    place: np.ndarray
+    ahead: float
+
+
+@dataclass(frozen=True, eq=False)
 class Link:
     """What one joint moves. Of a body with several joints only the last joint's link ``carries`` it.
 
@@ -129,6 +144,7 @@ class Link:
         givens: Inertials stated for its body or for bodies welded to it.
         rest: Position at which the spring is slack [rad or m].
         terms: Start values of the joint's own parameters by kind (``plan.JOINT``): damping, friction, ...
+        sites: Marked points of its body.
     """
 
     joint: Joint
@@ -142,6 +158,7 @@ class Link:
     givens: tuple[Given, ...]
     rest: float
     terms: Mapping[str, float]
+    sites: tuple[Site, ...] = ()
 
 
 PLACE_KINDS = ("along", "across")

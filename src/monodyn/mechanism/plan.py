@@ -183,6 +183,9 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
         none = Entry("gravity", "gravity", "", 0.0, "m/s^2", bounds=(0.0, math.inf), sign=NOT_NEGATIVE)
         table.add(none)
     table.add(Entry("time_scale", "time_scale", "", 1.0, "1"))
+    # gravity's direction in a picture: no part of the mechanism, but an unknown of its motion there
+    turns = (-math.pi, math.pi)
+    table.add(Entry("camera.roll", "roll", "", 0.0, "rad", bounds=turns, sign=ANY))
     return _stack(links, table, anchors, solids, joints, depths)
 
 

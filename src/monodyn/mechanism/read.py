@@ -13,7 +13,7 @@ from monodyn.mechanism.assemble import links_of
 from monodyn.mechanism.bundled import BUNDLED, bundled
 from monodyn.mechanism.files import read_mechanism
 from monodyn.mechanism.model import Mechanism
-from monodyn.mechanism.parts import Geom, Given, Joint, Link
+from monodyn.mechanism.parts import Geom, Given, Joint, Link, Site
 from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, make_plan
 from monodyn.mechanism.plane import Plane, find_plane
 from monodyn.mechanism.supported import refuse_unsupported
@@ -114,7 +114,7 @@ class _File:
     """A compiled model while it is read, with its joints at zero."""
 
     def __init__(self, mujoco: Any, spec: Any, model: Any, where: str, urdf: bool) -> None:
-        self.model, self.where, self.urdf = model, where, urdf
+        self.mujoco, self.model, self.where, self.urdf = mujoco, model, where, urdf
         self.data = mujoco.MjData(model)
         self.bodies = {body.id: body for body in spec.bodies}
         self.geoms = {geom.id: geom for body in spec.bodies for geom in body.geoms}
@@ -208,6 +208,7 @@ class _File:
                 "armature": float(model.dof_armature[j]),
                 "drag": float(model.dof_dampingpoly[j, 0]) if damper else 0.0,
             },
+            sites=self._sites(body, frame) if carries else (),
         )
 
     def _welded(self, body: int) -> list[int]:
@@ -262,10 +263,22 @@ class _File:
             axes=turn @ axes,
             size=np.array(model.geom_size[g]),
             vertices=vertices,
-            drawn=True,
+            # MuJoCo shows no geom without opacity either
+            drawn=float(model.geom_rgba[g, 3]) > 0.0,
             density=density if weighs and np.isnan(given.mass) else None,
             mass=float(given.mass) if weighs and not np.isnan(given.mass) else None,
         )
+
+    def _sites(self, body: int, frame: _Frame) -> tuple[Site, ...]:
+        """Return the named sites that move with a body, in the frame of its link."""
+        model, found = self.model, []
+        for s in np.flatnonzero(np.isin(model.site_bodyid, self._welded(body))):
+            name = self.mujoco.mj_id2name(model, self.mujoco.mjtObj.mjOBJ_SITE, int(s))
+            place = self.plane.place(self.data.site_xpos[s])
+            if name:
+                in_link = _turned(place[:2] - frame.origin, -frame.angle)
+                found.append(Site(name, in_link, float(place[2]) - frame.height))
+        return tuple(found)
 
     def _givens(self, body: int, frame: _Frame) -> tuple[Given, ...]:
         """Return the inertials stated for a body and what is welded to it."""

@@ -88,6 +88,7 @@ def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
         places[group[-1]] = body
         for look in _looks(mechanism, group[-1]):
             _mjcf_geom(look, body, asset)
+        _mjcf_sites(mechanism, group[-1], body)
     if len(asset):
         root.append(asset)
     root.append(world)
@@ -179,6 +180,16 @@ def _mjcf_geom(look: _Look, body: ET.Element, asset: ET.Element) -> None:
         angle = math.atan2(look.direction[1], look.direction[0])
         if angle:
             geom.set("quat", _quaternion(angle))
+
+
+def _mjcf_sites(mechanism: Mechanism, link: int, body: ET.Element) -> None:
+    """Add the sites of a link, which grow with its length."""
+    part, table = mechanism.plan.links[link], mechanism.plan.table
+    length = f"{part.joint.body}.length"
+    grown = mechanism.values[length] / table.start[mechanism.row(length)] if length in table.names else 1.0
+    for site in part.sites:
+        place = _world(np.array([[*site.place, site.ahead]]) * grown)[0]
+        ET.SubElement(body, "site", name=site.name, pos=_numbers(*place))
 
 
 def _looks(mechanism: Mechanism, link: int) -> list[_Look]:

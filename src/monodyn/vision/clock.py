@@ -71,6 +71,7 @@ def _to_the_end(poses: Poses, video: Video) -> Poses:
         covariance=np.concatenate([poses.covariance, np.full((len(more), dofs, dofs), np.nan)]),
         seen=np.concatenate([poses.seen, np.zeros(len(more), dtype=bool)]),
         joint_seen=np.concatenate([poses.measured, np.zeros((len(more), dofs), dtype=bool)]),
+        shifts=None if poses.shifts is None else np.pad(poses.shifts, ((0, 0), (0, len(more)), (0, 0))),
     )
 
 

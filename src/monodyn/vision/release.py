@@ -13,10 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.simulate import energy
 from monodyn.types import Poses
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.foreground.sampling import frames_between
 from monodyn.vision.foreground.thumbnails import Thumbnails
 from monodyn.vision.locating.scene import Scene
 
@@ -36,6 +39,12 @@ DEPARTED = 4.0
 LEAST_REST = 3
 """Frames by which a rest must be longer than free motion explains."""
 
+OUT_OF_LEVEL = 0.1
+"""Angle off its lowest place at which a mechanism still hangs: a camera held by hand is out of level by less,
+about twice the standard deviation of its roll [rad]."""
+BY = 1e-3
+"""Step of the joints by which that is found [rad or m]."""
+
 
 class FreeSpan(NamedTuple):
     """Where the mechanism moves freely.
@@ -44,11 +53,13 @@ class FreeSpan(NamedTuple):
         first: Number of the first such frame.
         stop: Number of the frame after the last one.
         notes: Sentences for the user; none where that is the whole clip.
+        hanging: Number of frames before the first one in which it hangs at rest, though nothing holds it.
     """
 
     first: int
     stop: int
     notes: tuple[str, ...]
+    hanging: int = 0
 
 
 def free_span(masks: Masks, scene: Scene, poses: Poses) -> FreeSpan:
@@ -75,8 +86,57 @@ def free_span(masks: Masks, scene: Scene, poses: Poses) -> FreeSpan:
     touched[rows] = touching(samples.thumbnails, sampled, scene, poses)
     first, stop = longest_free(_lasting(touched[:count], poses.time), poses.seen, span)
     slides = np.array([joint.kind == "slide" for joint in scene.mechanism.joints])
-    first = max(first, released(poses, first, stop, slides=slides))
-    return FreeSpan(first, stop, tuple(_notes(poses, span, (first, stop))))
+    begin = released(poses, first, stop, slides=slides)
+    hanging = _hung(scene.mechanism, poses, first, begin)
+    free = FreeSpan(begin, stop, (), hanging * (begin - first))
+    return free._replace(notes=tuple(_notes(poses, span, free)))
+
+
+def _hung(mechanism: Mechanism, poses: Poses, first: int, begin: int) -> bool:
+    """Return whether the mechanism hangs in the rows of a rest: what sets it in motion then is none of what
+    held it."""
+    rows = first + np.flatnonzero(poses.seen[first:begin])
+    return len(rows) > 0 and hangs(mechanism, np.median(poses.position[rows], axis=0))
+
+
+def hangs(mechanism: Mechanism, position: np.ndarray) -> bool:
+    """Return whether a mechanism at rest stays where it is without being held: its energy of height and
+    springs is least there, but for a camera that may be out of level.
+
+    Args:
+        mechanism: The mechanism, its masses those of its sizes.
+        position: Joint positions [rad or m], (dof,).
+    """
+    dofs = len(position)
+    around = np.concatenate([[position], *(position + sign * BY * np.eye(dofs) for sign in (1.0, -1.0))])
+    height = energy(mechanism.tree, around, np.zeros_like(around))
+    up, down = height[1 : dofs + 1], height[dofs + 1 :]
+    slope, bend = (up - down) / (2.0 * BY), (up - 2.0 * height[0] + down) / BY**2
+    # a level slide has neither
+    least = 1e-6 * float(np.abs(bend).max(initial=0.0))
+    return bool(np.all(bend >= -least) and np.all(np.abs(slope) <= OUT_OF_LEVEL * bend + least))
+
+
+def span_of_poses(poses: Poses, mechanism: Mechanism, given: tuple[float, float | None] | None) -> FreeSpan:
+    """Find the stretch in which the mechanism moves freely from its poses alone.
+
+    Args:
+        poses: The poses of a whole clip.
+        mechanism: The mechanism.
+        given: Begin and end that the user gave [s]; None finds the end of a rest at the begin.
+
+    Returns:
+        The stretch; the user's own as it is.
+    """
+    whole = (int(poses.frame[0]), int(poses.frame[-1]) + 1)
+    if given is not None:
+        first, stop = frames_between(poses.time, given)
+        return FreeSpan(int(poses.frame[first]), int(poses.frame[stop - 1]) + 1, ())
+    slides = np.array([joint.kind == "slide" for joint in mechanism.joints])
+    row = released(poses, 0, len(poses), slides=slides)
+    first = int(poses.frame[min(row, len(poses) - 1)]) if row else whole[0]
+    free = FreeSpan(first, whole[1], (), _hung(mechanism, poses, 0, row) * (first - whole[0]))
+    return free._replace(notes=tuple(_notes(poses, whole, free)))
 
 
 def blanked(poses: Poses, span: FreeSpan) -> Poses:
@@ -86,7 +146,7 @@ def blanked(poses: Poses, span: FreeSpan) -> Poses:
         poses: Poses of a whole clip.
         span: The stretch.
     """
-    outside = (poses.frame < span.first) | (poses.frame >= span.stop)
+    outside = (poses.frame < span.first - span.hanging) | (poses.frame >= span.stop)
     position, covariance = poses.position.copy(), poses.covariance.copy()
     position[outside], covariance[outside] = np.nan, np.nan
     joint_seen = None if poses.joint_seen is None else poses.joint_seen & ~outside[:, np.newaxis]
@@ -252,7 +312,7 @@ def _without_short(states: np.ndarray, short: int, *, value: bool) -> np.ndarray
     return out
 
 
-def _notes(poses: Poses, shown: tuple[int, int], free: tuple[int, int]) -> list[str]:
+def _notes(poses: Poses, shown: tuple[int, int], free: FreeSpan) -> list[str]:
     """Write the sentences about the frames that do not count."""
     whole = (int(poses.frame[0]), int(poses.frame[-1]) + 1)
     notes = []
@@ -261,10 +321,16 @@ def _notes(poses: Poses, shown: tuple[int, int], free: tuple[int, int]) -> list[
             f"The scene shows in frames {shown[0]}:{shown[1]} only; the clip fades there, or shows something "
             "else at first or in the end."
         )
-    if free != shown:
-        begin, end = (float(poses.time[row]) for row in (free[0], free[1] - 1))
+    if free.hanging:
         notes.append(
-            f"The mechanism moves freely in frames {free[0]}:{free[1]}, {begin:.3f} to {end:.3f} s; outside "
-            "of these something touches or holds it (--time-range A:B [s] gives another range)."
+            f"The mechanism hangs at rest before frame {free.first}; the fit begins there (--fit-frames A:B "
+            "gives another range)."
+        )
+    if (free.first - free.hanging, free.stop) != shown:
+        rows = np.searchsorted(poses.frame, [free.first, free.stop])
+        begin, end = (float(poses.time[row]) for row in (rows[0], rows[1] - 1))
+        notes.append(
+            f"The mechanism moves freely in frames {free.first}:{free.stop}, {begin:.3f} to {end:.3f} s; "
+            "outside of these something touches or holds it (--time-range A:B [s] gives another range)."
         )
     return notes

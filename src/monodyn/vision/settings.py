@@ -11,10 +11,16 @@ from monodyn.errors import SettingsError
 
 RATES = (1e-3, 1e6)
 """Least and most frames a second [Hz] that a clip can be given."""
+LONGEST = 10.0
+"""Longest exposure, and longest readout of a picture [s]."""
 LEAST_SIDE = 16
 """Least side of a region of the picture [px]."""
+MOST_SIDE = 65_535
+"""Most side of a picture [px]; no format has more."""
 Colour = Literal["auto", "grey", "colour"]
 """Whether the foreground is found by grey level alone or by colour."""
+Axis = Literal["auto", "down", "up"]
+"""Where the second coordinate of a table of points goes."""
 SegmentMethod = Literal["fast"]
 """What the method of the segmentation can be called."""
 SEGMENT_METHOD_NAMES: tuple[str, ...] = get_args(SegmentMethod)
@@ -70,12 +76,28 @@ class CameraSettings:
         method: ``fast``: refined on the edges together with sizes and poses; ``paper``: depth from the
             silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; None takes that
             of the whole run, or fast outside of a run.
+        exposure: How long each picture is exposed [s]; 0 for pictures of one instant, None finds it from the
+            blur that motion leaves.
+        readout: From the exposure of the first row of a picture to that of the last [s], of a rolling
+            shutter; negative where the last row comes first.
     """
 
     method: Method | None = None
+    exposure: float | None = None
+    readout: float = 0.0
 
     def __post_init__(self) -> None:
         check_choice("camera.method", self.method, (*METHOD_NAMES, None))
+        if self.exposure is not None and not 0.0 <= self.exposure <= LONGEST:
+            raise SettingsError(
+                f"camera.exposure: expected 0 to {LONGEST:g} s, got {self.exposure}; give how long each "
+                "picture is exposed, in seconds."
+            )
+        if not -LONGEST <= self.readout <= LONGEST:
+            raise SettingsError(
+                f"camera.readout: expected {-LONGEST:g} to {LONGEST:g} s, got {self.readout}; give the time "
+                "from the first row of a picture to the last, in seconds."
+            )
 
 
 @dataclass(frozen=True)
@@ -86,7 +108,8 @@ class LocateSettings:
         method: ``fast``: a global search, then a refinement on sub-pixel edges over key frames; ``paper``:
             pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; None takes that of
             the whole run, or fast outside of a run.
-        focal: Focal length [px]; 0 takes the picture's longer side, which a common lens has within a third.
+        focal: Focal length [px], which is then held; 0 begins with the picture's longer side, which a common
+            lens has within a third.
             A camera square to the plane does not show it.
         search_frames: Key frames of the global search.
         refine_frames: Key frames of the joint refinement.

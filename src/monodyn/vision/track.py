@@ -18,6 +18,7 @@ from monodyn.vision.drawing.edges import BEHIND, COVERED, NEAR, SAMPLES, TRUST
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of
+from monodyn.vision.drawing.shutter import SLOW_PX, way
 from monodyn.vision.foreground.masks import LEFT_OUT, Masks, View, planes_for
 from monodyn.vision.locating.keyframes import KeyFrame, key_frame, no_frames
 from monodyn.vision.locating.scene import Scene
@@ -25,6 +26,7 @@ from monodyn.vision.locating.search import as_thick, search_pose
 from monodyn.vision.settings import TrackSettings
 from monodyn.vision.tracking.motion import PREDICTED_FRAMES, Motion
 from monodyn.vision.tracking.occluders import Occluders, without
+from monodyn.vision.tracking.registered import displaced_pose
 
 CORRELATION = 2.0
 """Neighbouring edge samples share the codec's blocks: their errors count as if there were half as many."""
@@ -107,7 +109,9 @@ def follow_clip(
     # with those places left out of the picture.
     if first.unusual and hidden.any():
         poses = _followed(masks, Follower(scene, settings, hidden), progress)
-    return poses
+    if scene.doubt is None:
+        return poses
+    return scene.doubt.with_shifts(poses, np.array([j.kind == "slide" for j in scene.mechanism.joints]))
 
 
 def _followed(masks: Masks, follower: Follower, progress: Progress | None) -> Poses:
@@ -116,7 +120,7 @@ def _followed(masks: Masks, follower: Follower, progress: Progress | None) -> Po
     count, dofs = video.count, len(scene.mechanism.joints)
     position, covariance = np.full((count, dofs), np.nan), np.full((count, dofs, dofs), np.nan)
     joints, rows = np.zeros((count, dofs), dtype=bool), 0
-    for frame in video.frames():
+    for frame in video.within(*scene.masks.background.window).frames():
         found = follower.step(scene.masks.of(frame))
         position[frame.index] = np.where(found.joints, found.position, np.nan)
         covariance[frame.index], joints[frame.index] = found.covariance, found.joints
@@ -130,6 +134,7 @@ def _followed(masks: Masks, follower: Follower, progress: Progress | None) -> Po
     return Poses(
         names, np.arange(rows), video.times[:rows], position[:rows], covariance[:rows], whole,
         metric=False, joint_seen=None if np.all(whole == joints.any(axis=1)) else joints,
+        roll=scene.camera.roll,
     )  # fmt: skip
 
 
@@ -150,7 +155,8 @@ class Follower:
     def __init__(self, scene: Scene, settings: TrackSettings, hidden: np.ndarray | None = None) -> None:
         self.scene = scene
         self._settings = settings
-        self._rig: Rig = rig_of(scene.mechanism, scene.camera)
+        self._still: Rig = rig_of(scene.mechanism, scene.camera)
+        self._rig = self._still
         view = scene.masks.view(len(self._rig.radius))
         self._view: View = view if hidden is None else without(view, hidden)
         self.occluders, self.unusual = Occluders(self._rig, view), 0
@@ -178,6 +184,9 @@ class Follower:
         Returns:
             What was found.
         """
+        shutter = self.scene.shutter
+        if shutter is not None:
+            self._rig = shutter.of(self._still, mask.index)
         # without measured colours there is one plane for all geoms, whatever a mask has
         mask = replace(mask, planes=planes_for(mask, self._view))
         found = self._along(mask)
@@ -189,14 +198,26 @@ class Follower:
             self.unusual += self._motion.begun
         if found is not None and found.fits:
             found = self._judged(found, mask.time)
-            if not usual or mask.index % NOTED_FRAMES == 0:
+            # what a picture shows faintly because it moves is not hidden
+            if (not usual or mask.index % NOTED_FRAMES == 0) and not self._blurred(found.position):
                 known = np.sqrt(np.diag(found.covariance)) < KNOWN * self._move
                 self.occluders.note(mask.planes, found.position, known)
             self._motion.add(mask.time, found.position, found.joints)
-            return found
+            return self._as_registered(mask, found)
         dofs = len(self._lower)
         nothing = np.full((dofs, dofs), np.nan)
         return Sighting(nothing[0], nothing, np.zeros(dofs, dtype=bool), 0.0, False)
+
+    def _as_registered(self, mask: Mask, found: Sighting) -> Sighting:
+        """Add what the registration of a moving camera leaves open to the covariance of a sighting."""
+        path = self.scene.masks.video.camera_path
+        if path is None:
+            return found
+        s, seen = self._settings, found.joints
+        gain = displaced_pose(mask, self._view, self._rig, found.position, self._move, (s.reach, s.spacing))
+        # the path states the whole displacement, of which each axis has one half
+        added = 0.5 * path.std[mask.index] ** 2 * (gain @ gain.T)
+        return replace(found, covariance=found.covariance + np.where(seen[:, None] & seen, added, 0.0))
 
     def _along(self, mask: Mask) -> Sighting | None:
         """Follow the mechanism from where its motion goes on; None where there is no such place."""
@@ -204,6 +225,11 @@ class Follower:
         starts = [np.clip(q, self._lower, self._upper) for q in self._motion.predictions(mask.time)]
         if not self._motion.begun and mask.index in self._known:
             starts = [self._known[mask.index]]
+        shutter = self.scene.shutter
+        if shutter is not None and mask.index < len(shutter.position):
+            # where the mechanism was when the clip was followed before
+            before = shutter.position[mask.index]
+            starts = [before, *starts] if np.all(np.isfinite(before)) else starts
         # Every start is tried with a short search, then with a long one, until a pose fits about as well as
         # those before it. A pose that fits much worse may have locked on a wrong edge: it is kept, but the
         # other starts and the search of the whole picture have their chance to do better.
@@ -254,8 +280,12 @@ class Follower:
     def _judged(self, found: Sighting, time: float) -> Sighting:
         """Compare a sighting with what is usual; let joints that were not seen go on with their motion."""
         std = np.sqrt(np.diag(found.covariance))
-        seen = found.joints & ~(std > UNSURE * self._usual_std)
-        if found.whole and seen.all():
+        blurred = self._blurred(found.position)
+        # the faster, the less a picture determines the pose
+        seen = found.joints if blurred else found.joints & ~(std > UNSURE * self._usual_std)
+        if found.whole and seen.all() and blurred:
+            self._incomplete = 0
+        elif found.whole and seen.all():
             self._incomplete = 0
             self._usual += USUAL_GAIN * (found.score - self._usual)
             gain = np.where(np.isnan(self._usual_std), 1.0, USUAL_GAIN)
@@ -266,6 +296,10 @@ class Follower:
         spread = np.diag(self._motion.spread(time) ** 2)
         covariance = np.where(seen[:, None] & seen, found.covariance, np.where(seen[:, None], 0.0, spread))
         return replace(found, position=position, covariance=covariance, joints=seen)
+
+    def _blurred(self, position: np.ndarray) -> bool:
+        """Return whether the outline moves far while the picture is exposed."""
+        return self.scene.shutter is not None and way(self._rig, position) > SLOW_PX
 
     def _anywhere(self, mask: Mask, along: Sighting | None) -> Sighting | None:
         """Look for the mechanism in the whole picture; choose between that and what its motion leads to."""

@@ -99,7 +99,7 @@ def _placed_anew(
     tied = followers(guess.mechanism, geoms, start.pinned)
     free = guess.mechanism.with_following(tied, follow=False)
     # what the same search of sizes reaches while every geom stays with the parts that it follows
-    kept = _settled(frames, guess, start)
+    kept = resettled(frames, guess, start)
     tried = [
         _in_rounds(frames, replace(guess, mechanism=free), start, geoms, anew=anew) for anew in (False, True)
     ]
@@ -188,13 +188,13 @@ def _in_rounds(
     absent: set[int] = set()
     if anew:
         absent = {geom.geom for geom in geoms}
-        guess = _settled(frames, replace(guess, mechanism=_hidden(frames, guess, geoms)), start)
+        guess = resettled(frames, replace(guess, mechanism=_hidden(frames, guess, geoms)), start)
     for _ in range(ROUNDS):
         before = frames_cost(frames, guess.mechanism, guess.camera, guess.positions)
         for geom in geoms:
             guess = replace(guess, mechanism=_placed_best(frames, guess, geom, absent))
             absent.discard(geom.geom)
-        guess = _settled(frames, guess, start)
+        guess = resettled(frames, guess, start)
         if frames_cost(frames, guess.mechanism, guess.camera, guess.positions) > before - BETTER:
             break
     return guess
@@ -236,8 +236,17 @@ def _nearest_turn(turn: float, near: float) -> float:
     return turn + math.pi * round((near - turn) / math.pi)
 
 
-def _settled(frames: KeyFrames, guess: SceneGuess, start: SceneStart) -> SceneGuess:
-    """Improve sizes, places and turns one by one, poses and camera held."""
+def resettled(frames: KeyFrames, guess: SceneGuess, start: SceneStart) -> SceneGuess:
+    """Improve sizes, places and turns one by one, poses and camera held.
+
+    Args:
+        frames: The key frames of the guess.
+        guess: A mechanism with its poses.
+        start: What may not change.
+
+    Returns:
+        The guess with the sizes at which its outlines explain most of the frames.
+    """
     beams = tuple(q[np.newaxis] for q in guess.positions)
     begun = Structure(guess.mechanism, guess.camera, 0, (), None, beams, (), ())
     better = settled(frames, begun, replace(start, pinned=start.pinned | {"camera.x", "camera.y"}))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,10 +16,18 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.types import Camera
-from monodyn.vision.drawing.camera import PARAMETERS, value_of, with_values
+from monodyn.vision.drawing.camera import (
+    CAMERA_STD,
+    PARAMETERS,
+    around_origin,
+    from_origin,
+    value_of,
+    with_values,
+)
 from monodyn.vision.drawing.edges import Agreement, Shifts, edge_terms
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
+from monodyn.vision.drawing.shutter import Shutter
 from monodyn.vision.foreground.masks import View
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.thin import LEAST_WIDTH_PX
@@ -42,8 +50,6 @@ LOG_CAMERA = ("camera.depth", "camera.focal")
 """Parameters of the camera that are refined as logarithms, like the sizes."""
 SIDES = "thickness"
 """Kind of the variable that all thicknesses are in proportion to: how far the sides of bodies show."""
-CAMERA_TURNS = ("camera.roll", "camera.pitch", "camera.yaw")
-"""Parameters of the camera that a weak spring holds at zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +60,13 @@ class KeyMasks:
         planes: The mask of each by colour, uint8 (colour, height, width).
         view: How the planes are to be read.
         shrink: Pixels of the camera per pixel of the masks.
+        shutter: How each is exposed while the mechanism moves; None for pictures of one instant.
     """
 
     planes: Sequence[np.ndarray]
     view: View
     shrink: float = 1.0
+    shutter: Shutter | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +78,12 @@ class Bundle:
         camera: The camera.
         positions: Joint positions, (key frame, dof).
         variables: The parameters that were refined.
-        information: Information matrix of these (sizes and depth as logarithms), poses eliminated, without
-            the weak start values, (param, param).
+        information: Information matrix of these (sizes and depth as logarithms), poses eliminated, with what
+            is assumed of the camera, without the weak start values, (param, param).
         rms_px: Root mean square of the edge displacements of each key frame [px], (key frame,).
         matched: Share of outline samples on an edge, (key frame,).
         inside: Mean coverage inside of the outline, (key frame,).
+        samples: Outline samples at which an edge could be looked for, (key frame,).
     """
 
     mechanism: Mechanism
@@ -85,6 +94,7 @@ class Bundle:
     rms_px: np.ndarray
     matched: np.ndarray
     inside: np.ndarray
+    samples: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +111,9 @@ class SceneVariables:
         length: Mean length of the bodies in the file [m]; 0 without any.
         creeps: True for what may be hidden inside of another geom of its body, bool (param,): not the ends of
             a body of one geom.
+        focal: Focal length that the refinement starts from [px].
+        about_origin: True where the camera's place is that of the mechanism's origin before it: turned about
+            the origin it goes on seeing the hinge where it is, and place and turns need not change together.
     """
 
     names: tuple[str, ...]
@@ -110,6 +123,8 @@ class SceneVariables:
     start: dict[str, float]
     length: float
     creeps: np.ndarray
+    focal: float = 1.0
+    about_origin: bool = False
 
     @cached_property
     def is_size(self) -> np.ndarray:
@@ -137,6 +152,7 @@ class SceneVariables:
             The variables, (param,).
         """
         values, log = mechanism.values, self.log
+        camera = around_origin(camera) if self.about_origin else camera
         x = np.array([value_of(camera, n) if n in PARAMETERS else values[n] for n in self.names])
         x = x / np.array([values[size] if size else 1.0 for size in self.against])
         return np.where(log, np.log(np.where(log, np.maximum(x, 1e-12), 1.0)), x)
@@ -163,7 +179,10 @@ class SceneVariables:
             first = self.names[self.kinds.index(SIDES)]
             factor = pairs[first] / mechanism.values[first]
             of_mechanism |= {name: mechanism.values[name] * factor for name in self.thick}
-        return mechanism.with_values(of_mechanism), with_values(camera, of_camera)
+        if not self.about_origin:
+            return mechanism.with_values(of_mechanism), with_values(camera, of_camera)
+        place = with_values(around_origin(camera), of_camera)
+        return mechanism.with_values(of_mechanism), from_origin(place)
 
 
 def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariables:
@@ -217,22 +236,25 @@ def refine(
     last = float(search.reaches[-1])
     for reach in (*map(float, search.reaches), *[last] * settle):
         mechanism, camera = variables.write(x, mechanism, camera)
-        rig, shifts = _shifted_rigs(variables, x, mechanism, camera, masks.shrink)
+        rig, shifts = shifted_rigs(variables, x, mechanism, camera, masks.shrink)
         terms = _normal_equations(masks, rig, shifts, q, (reach, search.spacing))
-        step, q_step = _step(terms, x, variables.creeps, *_springs(variables, x))
+        step, q_step = _step(terms, x, variables.creeps, *springs(variables, x))
         x = x + step
         x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
         if reach == last and len(x) and np.abs(step).max() < SETTLED_STEP:
             break
     mechanism, camera = variables.write(x, mechanism, camera)
-    rig, shifts = _shifted_rigs(variables, x, mechanism, camera, masks.shrink)
+    rig, shifts = shifted_rigs(variables, x, mechanism, camera, masks.shrink)
     final = _normal_equations(masks, rig, shifts, q, (last, search.spacing))
-    matched, rms, inside = (
+    matched, rms, inside, samples = (
         np.array([getattr(found, name) for found in final.agreement])
-        for name in ("matched", "rms_px", "inside")
+        for name in ("matched", "rms_px", "inside", "samples")
     )
-    return Bundle(mechanism, camera, q, variables, _information(final), rms, matched, inside)
+    # what is assumed of the camera counts; infinity stands for nothing
+    assumed = [CAMERA_STD.get(name, np.inf) ** -2.0 for name in variables.names]
+    information = _information(final) + np.diag(assumed)
+    return Bundle(mechanism, camera, q, variables, information, rms, matched, inside, samples)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,10 +273,21 @@ class _Terms:
     agreement: list[Agreement]
 
 
-def _shifted_rigs(
+def shifted_rigs(
     variables: SceneVariables, x: np.ndarray, mechanism: Mechanism, camera: Camera, shrink: float
 ) -> tuple[Rig, Shifts]:
-    """Return the rig of the mechanism before the camera, and with each variable shifted by its step."""
+    """Return the rig of the mechanism before the camera, and with each variable shifted by its step.
+
+    Args:
+        variables: The variables.
+        x: Their values, (param,).
+        mechanism: The mechanism with these.
+        camera: The camera with these.
+        shrink: Pixels of the camera per pixel of the masks.
+
+    Returns:
+        The rig, and the shifted ones.
+    """
     rig = rig_of(mechanism, camera, shrink=shrink)
     steps = np.where(variables.log, 1e-6, 1e-7)
     others = []
@@ -274,9 +307,10 @@ def _normal_equations(
     masks: KeyMasks, rig: Rig, shifts: Shifts, q: np.ndarray, search: tuple[float, float]
 ) -> _Terms:
     """Search the edges of every key frame and form its normal equations; ``search`` is reach and spacing."""
+    rigs = [rig] * len(q) if masks.shutter is None else [masks.shutter.of(rig, k) for k in range(len(q))]
     blocks = [
-        edge_terms(planes, masks.view, rig, shifts, pose, *search)
-        for planes, pose in zip(masks.planes, q, strict=True)
+        edge_terms(planes, masks.view, moving, shifts, pose, *search)
+        for planes, pose, moving in zip(masks.planes, q, rigs, strict=True)
     ]
     dofs = q.shape[1]
     normal = np.stack([block.normal for block in blocks])
@@ -292,23 +326,17 @@ def _normal_equations(
     )
 
 
-def spring_stiffness(variables: SceneVariables, x: np.ndarray) -> np.ndarray:
-    """Return how stiff the weak springs are that hold what the masks do not show.
+def springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where weak springs hold what the masks do not show, and how stiff they are.
+
+    A length is held to its start; another size, and a place, to its start proportion to the lengths.
 
     Args:
         variables: The variables.
         x: Their values, (param,).
 
     Returns:
-        One over the variance of each start value, 0 for none, (param,).
-    """
-    return _springs(variables, x)[1]
-
-
-def _springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the weak springs pull the variables ``x`` and their stiffness (1 / variance).
-
-    A length is held to its start; another size, and a place, to its start proportion to the lengths.
+        Where each pulls, and one over its variance, 0 for none, each (param,).
     """
     names, kinds, start = variables.names, variables.kinds, variables.start
     anchor, stiffness = np.zeros(len(names)), np.zeros(len(names))
@@ -330,8 +358,9 @@ def _springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.n
             anchor[i], stiffness[i] = start[name], 1.0
         elif kinds[i] == "offset":
             anchor[i], stiffness[i] = start[name], 1.0 / (abs(start[name]) + reach + 1e-12) ** 2
-        elif name in CAMERA_TURNS:
-            stiffness[i] = 1.0
+        elif name in CAMERA_STD:
+            anchor[i] = np.log(variables.focal) if name in LOG_CAMERA else 0.0
+            stiffness[i] = 1.0 / CAMERA_STD[name] ** 2
     return anchor, stiffness
 
 

@@ -50,7 +50,13 @@ PIXEL_COLUMNS = HALF_WIDTH + 1
 
 
 def geom_colours(
-    samples: Sequence[Frame], background: Background, guess: SceneGuess, fits: np.ndarray
+    samples: Sequence[Frame],
+    background: Background,
+    guess: SceneGuess,
+    fits: np.ndarray,
+    away: Sequence[np.ndarray] = (),
+    *,
+    blurred: bool = False,
 ) -> GeomColours | None:
     """Measure the colour of every geom where no other geom is near.
 
@@ -59,6 +65,10 @@ def geom_colours(
         background: What they show without the mechanism.
         guess: The located mechanism, with its pose in every sample frame.
         fits: True where that pose lies on the mask, bool (frame,).
+        away: Where each frame shows the mechanism against that pose, to the right and down [px], (2,) each;
+            empty where it is there.
+        blurred: True where motion blurs pictures. How much differs from the background does not say how long
+            it was covered; then a geom of several colours has their median too, where that stands out.
 
     Returns:
         The colours, near ones joined, or None where no geom shows one colour over enough pixels. A geom
@@ -69,7 +79,9 @@ def geom_colours(
     geoms = len(guess.mechanism.shapes.radius)
     rows: list[list[np.ndarray]] = [[] for _ in range(geoms)]
     for i in good:
-        outlines = [polygon for _, polygon in outline(guess.mechanism, guess.camera, guess.positions[i])]
+        drawn = outline(guess.mechanism, guess.camera, guess.positions[i])
+        by = away[i] if len(away) else np.zeros(2)
+        outlines = [polygon + by for _, polygon in drawn]
         # what is behind the camera has no outline, and then the others would not be in the order of the geoms
         if len(outlines) < geoms:
             continue
@@ -77,7 +89,7 @@ def geom_colours(
             rows[g].append(found)
     pixels = [np.concatenate(own) if own else np.zeros((0, PIXEL_COLUMNS)) for own in rows]
     shown = _shown(pixels, background.noise)
-    part, colours, light = _joined(pixels, shown, background.noise)
+    part, colours, light = _joined(pixels, shown, background.noise, blurred=blurred)
     if not colours:
         return None
     part[part == UNSEEN] = 0
@@ -112,10 +124,10 @@ def _shown(pixels: list[np.ndarray], noise: float) -> np.ndarray:
 
 
 def _joined(
-    pixels: list[np.ndarray], shown: np.ndarray, noise: float
+    pixels: list[np.ndarray], shown: np.ndarray, noise: float, *, blurred: bool
 ) -> tuple[np.ndarray, list[np.ndarray], list[float]]:
     """Return the colour of each geom, (geom,), the colours, and the light on each, from the inner pixels of
-    the geoms and which of these are shown at all, bool (geom,)."""
+    the geoms, which of these are shown at all, bool (geom,), and whether motion blurs pictures."""
     medians = [_colour(own, noise) for own in pixels]
     colours: list[np.ndarray] = []
     light: list[float] = []
@@ -125,7 +137,11 @@ def _joined(
     for g in np.argsort(depth)[::-1]:
         if not shown[g]:
             part[g] = NOT_SHOWN
-        elif len(pixels[g]) >= LEAST_GEOM_PIXELS and _is_varied(pixels[g], noise):
+        elif (
+            len(pixels[g]) >= LEAST_GEOM_PIXELS
+            and _is_varied(pixels[g], noise)
+            and not (blurred and _hidden_share(pixels[g], medians[g], noise) < CAMOUFLAGED_SHARE)
+        ):
             part[g] = VARIED
         elif np.isfinite(medians[g][0]):
             alike = min(SHARED_COLOUR, SHARED_SHARE * float(np.median(_contrast(pixels[g], medians[g]))))

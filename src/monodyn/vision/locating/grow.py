@@ -155,19 +155,21 @@ def typical_widths(frames: KeyFrames) -> list[float]:
 
 def _inscribed(frames: KeyFrames, *, hidden: bool) -> tuple[float, float]:
     """Return the diameters of circles inside of the foreground that touch it on both sides: of those in thin
-    places, and of the largest [reduced px]; with ``hidden`` what is not known counts as foreground."""
+    places, and of the largest [reduced px]; with ``hidden`` this may reach into what is not known, too."""
     import cv2
 
     ridges, widest = [], []
     for frame in frames.frames:
         shown = (frame.coarse > 0.5 * FULL) & ~frames.unknown
-        inside = (shown | frames.unknown if hidden else shown).astype(np.uint8)
+        # a part that lies before edges of the scene is cut by what is not known there, and no thinner for it
+        inside = (shown | frames.unknown).astype(np.uint8)
         depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5)
         top = depth >= cv2.dilate(depth, np.ones((3, 3), np.uint8))
         if not (top & shown).any():
             continue
         ridges.append(depth[top & shown])
-        widest.append(float(depth[shown].max()))
+        alone = cv2.distanceTransform(shown.astype(np.uint8), cv2.DIST_L2, 5)
+        widest.append(float((depth if hidden else alone)[shown].max()))
         if hidden:
             # what lies before its own picture shows its ends alone: it is as wide as what they belong to
             number = cv2.connectedComponents(inside, connectivity=4)[1]

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from monodyn.mechanism import Measured, Mechanism
-from monodyn.vision.drawing.camera import PARAMETERS, value_of
-from monodyn.vision.locating.bundle import LOG_CAMERA, Bundle
+from monodyn.mechanism.upright import ROLL
+from monodyn.vision.drawing.camera import CAMERA_TURNS, PARAMETERS, value_of
+from monodyn.vision.drawing.rig import longest_reach, rig_of
+from monodyn.vision.locating.bundle import Bundle
 
 SYSTEMATIC_PX = 0.2
 """Standard deviation of a size that more key frames do not reduce: blur, light and the codec shift edges
 [px]."""
 UNSEEN = 16.0
 """Information of a logarithm, or of a ratio to a length, below which a size or place is not determined."""
+STEP = 1e-6
+"""Step of the differences by variable of the refinement."""
 LOADED = 0.02
 """Share of a direction that is not seen from which on a place is part of it."""
 
@@ -44,6 +50,24 @@ def hidden_places(bundle: Bundle, *, scale_free: bool) -> list[str]:
         The names.
     """
     return _known(bundle, scale_free=scale_free)[2]
+
+
+def hidden_advice(places: Sequence[str]) -> list[str]:
+    """Write the sentence for the user about places of geoms that no picture determines.
+
+    Args:
+        places: Their names.
+
+    Returns:
+        The sentence; none without such places.
+    """
+    if not places:
+        return []
+    names = ", ".join(places)
+    return [
+        f"An end that lies inside of another geom cannot be seen: {names} and the extent in that direction "
+        "are known to half the width of what hides it. Give a measured value with --fix where that counts."
+    ]
 
 
 def _known(bundle: Bundle, *, scale_free: bool) -> tuple[tuple[str, ...], np.ndarray, list[str]]:
@@ -130,9 +154,40 @@ def camera_std(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
             sizes.sum(), 1.0
         )
     covariance = np.linalg.pinv(information, hermitian=True)
-    std = {}
-    for i, name in enumerate(names):
-        if name in PARAMETERS:
-            unit = value_of(bundle.camera, name) if name in LOG_CAMERA else 1.0
-            std[name] = unit * float(np.sqrt(max(covariance[i, i], 0.0)))
-    return std
+    cameras = [name for name in PARAMETERS if name in names]
+    slope = _camera_slope(bundle, cameras)
+    variance = np.einsum("ci,ij,cj->c", slope, covariance, slope)
+    variance += [shifted_turn(bundle, name) ** 2 for name in cameras]
+    return dict(zip(cameras, np.sqrt(np.maximum(variance, 0.0)).tolist(), strict=True))
+
+
+def shifted_turn(bundle: Bundle, name: str) -> float:
+    """Return the turn of the camera that an edge which is shifted everywhere looks like [rad].
+
+    Args:
+        bundle: A refined bundle.
+        name: A parameter of the camera; 0 for one that is no turn.
+    """
+    if name not in CAMERA_TURNS:
+        return 0.0
+    focal = bundle.camera.focal
+    reach_px = longest_reach(rig_of(bundle.mechanism, bundle.camera)) * focal / bundle.camera.depth
+    # turned about the line of sight the outermost edges go along a circle; turned aside they come nearer
+    arm_px = reach_px if name == ROLL else reach_px**2 / focal
+    return SYSTEMATIC_PX / arm_px
+
+
+def _camera_slope(bundle: Bundle, cameras: list[str]) -> np.ndarray:
+    """Differentiate camera parameters by the variables of the refinement, (camera, param)."""
+    variables, mechanism, camera = bundle.variables, bundle.mechanism, bundle.camera
+    x = variables.read(mechanism, camera)
+    slope = np.zeros((len(cameras), len(x)))
+    for i in range(len(x)):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = x.copy()
+            moved[i] += sign * STEP
+            _, there = variables.write(moved, mechanism, camera)
+            ends.append(np.array([value_of(there, name) for name in cameras]))
+        slope[:, i] = (ends[0] - ends[1]) / (2.0 * STEP)
+    return slope

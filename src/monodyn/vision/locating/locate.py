@@ -26,41 +26,33 @@ from monodyn.vision.drawing.rig import (
     rig_of,
     root_slides,
 )
-from monodyn.vision.foreground.masks import Masks
-from monodyn.vision.locating.arrange import BETTER, arranged, freed
+from monodyn.vision.drawing.shutter import Shutter
+from monodyn.vision.foreground.masks import GeomColours, Masks
+from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED, scene_advice
+from monodyn.vision.locating.arrange import BETTER, freed
 from monodyn.vision.locating.body import beside
 from monodyn.vision.locating.bundle import (
-    CAMERA_TURNS,
     SIDES,
     Bundle,
     KeyMasks,
     SceneVariables,
     refine,
-    scene_variables,
 )
+from monodyn.vision.locating.coarse import reconsidered, refined_coarsely, variables_of
 from monodyn.vision.locating.colours import geom_colours
+from monodyn.vision.locating.doubt import doubt_of
 from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
-from monodyn.vision.locating.knowledge import camera_std, hidden_places, size_information
-from monodyn.vision.locating.places import with_departed, with_names, without_unseen
+from monodyn.vision.locating.knowledge import hidden_advice, hidden_places, size_information
+from monodyn.vision.locating.oblique import Looking, looking, open_turns
+from monodyn.vision.locating.places import with_departed, without_names, without_unseen
 from monodyn.vision.locating.scene import Scene
-from monodyn.vision.locating.search import SceneGuess, as_thick, search_poses, search_scene, thinned
-from monodyn.vision.locating.unit import growth, in_metres, scaled, units_per_metre
+from monodyn.vision.locating.search import SceneGuess, as_thick, search_poses, search_scene
+from monodyn.vision.locating.unit import in_metres, scaled, units_per_metre
 from monodyn.vision.settings import LocateSettings
 
-VAGUE_FOCAL, VAGUE_TURN = 0.2, 0.1
-"""Standard deviation of the focal length as a share of it, and of a turn [rad], from which it is called
-vague."""
-UNEXPLAINED_SHARE = 0.35
-"""Share of the foreground outside of the mechanism, or of the mechanism outside of it, from which there is
-advice."""
-LEAST_MATCHED, LEAST_INSIDE = 0.55, 0.65
-"""Share of outline samples on an edge and coverage inside of the outline above which a pose lies on its
-mask."""
 FEWEST = 3
 """Frames, besides a quarter of all, without which a choice of frames says nothing."""
-LEAST_FITTING = 0.7
-"""Share of the key frames in which the mechanism should lie on its mask."""
 REFINED = 3
 """Guesses of the search that are refined on the reduced key frames."""
 SAME_SHARE, SAME_LENGTH = 1e-3, 0.02
@@ -68,8 +60,6 @@ SAME_SHARE, SAME_LENGTH = 1e-3, 0.02
 which they ended in one place."""
 MARGIN_PX = 3.0
 """Band around the located mechanism that does not count as background either [px]."""
-COARSE = EdgeSearch(np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0]), 1.5)
-"""How the edges are looked for in the reduced pictures [reduced px]."""
 FINE = EdgeSearch(np.array([8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0]), 3.0)
 """How they are looked for in the whole pictures after that [px]."""
 LAST = EdgeSearch(np.array([5.0, 4.0, 4.0, 4.0, 3.0, 3.0, 3.0, 3.0]), 3.0)
@@ -137,34 +127,77 @@ def find_scene(sought: Sought) -> Scene:
         The scene.
     """
     masks, settings, start = sought.masks, sought.settings, sought.start
-    names = _refined_names(sought)
+    names = refined_names(sought)
     sought.progress("locate", 0, 4)
     frames = key_frames(masks, len(start.mechanism.shapes.radius))
-    guesses = [_placed(sought, g) for g in search_scene(frames, start, settings.search_frames)]
-    sought.progress("locate", 1, 4)
-    few = frames.only(frames.most_distinct(settings.search_frames))
-    refined: list[SceneGuess] = []
-    for guess in guesses[:REFINED]:
-        refined.append(_refined_coarsely(few, guess, start, names))
-        # two starts that end in one place are enough
-        if len(refined) == 2 and _alike(*refined):
-            break
-    guess = min(refined, key=lambda g: g.score + BETTER * len(freed(g.mechanism, start.mechanism)))
-    variables = _variables(guess, start, names)
+    guess = _searched(sought, frames, names)
     sought.progress("locate", 2, 4)
     # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
     # the outlines, then the background, taken where the outlines leave it free.
     masks, frames, guess = _with_colours(masks, frames, guess)
-    bundle, rows = _refined_whole(frames, guess, variables, FINE, settings.refine_frames)
-    whole = KeyMasks([frames.frames[i].planes for i in rows], frames.view)
-    bundle, variables = with_departed(whole, bundle, variables, FINE)
+    guess = reconsidered(frames, guess, variables_of(guess, start, names), start)
+    variables = whole_variables(sought, guess, start, names)
+    bundle, rows = refined_whole(frames, guess, variables, FINE, settings.refine_frames)
+    bundle, more = with_departed(_whole(frames, rows), bundle, variables, FINE)
     tied = without_unseen(bundle, start.mechanism)
+    # what seemed to stand elsewhere may have been an edge of the first background: it is judged anew
+    departed = [name for name in more.names if name not in variables.names] if tied is bundle else []
+    if tied is not bundle:
+        guess = SceneGuess(tied.mechanism, tied.camera, tied.positions, np.zeros(len(rows)))
+        tied = replace(tied, variables=whole_variables(sought, guess, start, names))
+    camera = camera_looks(sought, _whole(frames, rows), tied)
     sought.progress("locate", 3, 4)
-    masks, frames, guess = _with_background(masks, frames, tied)
-    variables = variables if tied is bundle else _variables(guess, start, names)
-    bundle, rows = _refined_whole(frames, guess, variables, LAST, settings.refine_frames)
+    masks, frames, guess = _with_background(masks, frames, camera.bundle)
+    variables = without_names(camera.variables, departed)
+    guess = replace(guess, mechanism=guess.mechanism.with_following(departed, follow=True))
+    better = reconsidered(frames, guess, variables, start)
+    search = FINE if departed or better is not guess else LAST
+    if better is not guess:
+        # colours that were measured while a geom was missing are not those of all of the mechanism
+        again, _ = refined_whole(frames, better, variables, FINE, settings.refine_frames)
+        masks, frames, better = _with_background(masks, frames, again)
+    bundle, rows = refined_whole(frames, better, variables, search, settings.refine_frames)
+    if departed:
+        bundle, _ = with_departed(_whole(frames, rows), bundle, variables, FINE)
+        camera = camera_looks(sought, _whole(frames, rows), bundle)
+        bundle = camera.bundle
     sought.progress("locate", 4, 4)
-    return _scene(sought, masks, frames.only(rows), bundle)
+    return found_scene(sought, masks, frames.only(rows), bundle, camera)
+
+
+def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneGuess:
+    """Return what explains most of the masks, refined on the reduced pictures."""
+    start, count = sought.start, sought.settings.search_frames
+    guesses = [_placed(sought, g) for g in search_scene(frames, start, count)]
+    sought.progress("locate", 1, 4)
+    few = frames.only(frames.most_distinct(count))
+    refined: list[SceneGuess] = []
+    for guess in guesses[:REFINED]:
+        refined.append(refined_coarsely(few, guess, start, names))
+        # two starts that end in one place are enough
+        if len(refined) == 2 and _alike(*refined):
+            break
+    return min(refined, key=lambda g: g.score + BETTER * len(freed(g.mechanism, start.mechanism)))
+
+
+def camera_looks(sought: Sought, masks: KeyMasks, bundle: Bundle) -> Looking:
+    """Find out whether the camera looks obliquely, where that was not found out before.
+
+    Args:
+        sought: What is known of the camera.
+        masks: Masks of the key frames.
+        bundle: A refinement over them.
+
+    Returns:
+        What was found.
+    """
+    held = {*sought.fix, *bundle.variables.names, *(["camera.focal"] if sought.settings.focal else [])}
+    return looking(masks, bundle, open_turns(sought.mechanism, held), sought.free, FINE)
+
+
+def _whole(frames: KeyFrames, rows: Sequence[int]) -> KeyMasks:
+    """Return the whole masks of some key frames."""
+    return KeyMasks([frames.frames[i].planes for i in rows], frames.view)
 
 
 def _alike(one: SceneGuess, other: SceneGuess) -> bool:
@@ -181,45 +214,42 @@ def _placed(sought: Sought, guess: SceneGuess) -> SceneGuess:
     return replace(guess, camera=with_values(guess.camera, held))
 
 
-def _variables(guess: SceneGuess, start: SceneStart, names: Sequence[str]) -> SceneVariables:
-    """Return what is refined of a guess, held by weak springs: lengths, and what has left its place in the
-    file, to those of the guess, other sizes to their proportions in the file."""
-    file = scaled(start.mechanism, growth(guess.mechanism, start.mechanism))
-    lengths = {p.name: p.value for p in guess.mechanism.parameters if p.kind == "length"}
-    variables = scene_variables(file.with_values(lengths), names)
-    more = freed(guess.mechanism, file)
-    return with_names(variables, guess.mechanism, more) if more else variables
+def whole_variables(
+    sought: Sought, guess: SceneGuess, start: SceneStart, names: Sequence[str]
+) -> SceneVariables:
+    """Return what is refined of a guess on whole pictures, before a camera that may come to be turned.
+
+    Args:
+        sought: The mechanism, and what is known of the camera.
+        guess: Where the refinement starts.
+        start: The mechanism of the file, in the same unit.
+        names: The parameters that the pictures determine.
+
+    Returns:
+        The variables.
+    """
+    # a place of the camera that the user gave is that of the camera itself
+    given = {"camera.x", "camera.y", "camera.depth"} & {*sought.fix}
+    variables = variables_of(guess, start, names)
+    return replace(variables, focal=start.camera.focal, about_origin=not given)
 
 
-def _refined_names(sought: Sought) -> list[str]:
-    """List the parameters that the pictures determine."""
+def refined_names(sought: Sought) -> list[str]:
+    """List the parameters that the pictures determine.
+
+    Args:
+        sought: The mechanism, and what is known of the camera.
+
+    Returns:
+        Their names.
+    """
     mechanism = sought.mechanism
     shown = [p for p in mechanism.parameters if p.kind in (*SHOWN_KINDS, SIDES) and not p.follows]
     names = [p.name for p in shown if p.name not in sought.pinned]
     # where a slide of the root is zero is a matter of choice: the camera's place is held and fixes it
     held = {"camera.x" if column == X else "camera.y" for _, column in root_slides(mechanism)}
-    cameras = [name for name in ("camera.x", "camera.y", "camera.depth", *sought.free) if name not in held]
-    return names + [name for name in dict.fromkeys(cameras) if name not in sought.fix]
-
-
-def _refined_coarsely(
-    frames: KeyFrames, guess: SceneGuess, start: SceneStart, names: Sequence[str]
-) -> SceneGuess:
-    """Refine a guess on the reduced key frames, search the poses again, and refine once more."""
-    planes = [frame.coarse[np.newaxis] for frame in frames.frames]
-    masks = KeyMasks(planes, frames.coarse_view, frames.shrink)
-    for _ in range(2):
-        # better poses show better where the further geoms of a body are
-        guess = arranged(frames, guess, start)
-        variables = _variables(guess, start, names)
-        thick = replace(guess, mechanism=as_thick(frames, guess.mechanism, guess.camera))
-        bundle = refine(masks, thick, variables, COARSE)
-        mechanism = thinned(frames, bundle.mechanism, bundle.camera)
-        new = search_poses(frames, mechanism, bundle.camera, bundle.positions)
-        if new.score > guess.score:
-            return guess
-        guess = new
-    return guess
+    cameras = [name for name in ("camera.x", "camera.y", "camera.depth") if name not in held]
+    return names + [name for name in cameras if name not in sought.fix]
 
 
 def _with_colours(masks: Masks, frames: KeyFrames, guess: SceneGuess) -> tuple[Masks, KeyFrames, SceneGuess]:
@@ -227,8 +257,14 @@ def _with_colours(masks: Masks, frames: KeyFrames, guess: SceneGuess) -> tuple[M
     guess = search_poses(frames, guess.mechanism, guess.camera)
     # the better half of the frames always counts, so that a hard clip has its colours too
     fits = guess.mismatch <= max(0.5, float(np.median(guess.mismatch)))
-    masks = masks.coloured(geom_colours(masks.samples.frames, masks.background, guess, fits))
+    masks = masks.coloured(_colours(masks, guess, fits))
     return masks, key_frames(masks, len(guess.mechanism.shapes.radius)), guess
+
+
+def _colours(masks: Masks, guess: SceneGuess, fits: np.ndarray) -> GeomColours | None:
+    """Measure the colours of the geoms where the sample frames show them."""
+    away = [masks.away(frame.index) for frame in masks.samples.frames]
+    return geom_colours(masks.samples.frames, masks.background, guess, fits, away)
 
 
 def _with_background(masks: Masks, frames: KeyFrames, bundle: Bundle) -> tuple[Masks, KeyFrames, SceneGuess]:
@@ -247,7 +283,7 @@ def _with_background(masks: Masks, frames: KeyFrames, bundle: Bundle) -> tuple[M
         ]
     )
     guess = SceneGuess(mechanism, camera, positions, np.zeros(len(positions)))
-    masks = masks.coloured(geom_colours(masks.samples.frames, masks.background, guess, fits))
+    masks = masks.coloured(_colours(masks, guess, fits))
     return masks, key_frames(masks, len(mechanism.shapes.radius)), guess
 
 
@@ -265,13 +301,31 @@ def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarra
     return np.array(positions), np.array(good)
 
 
-def _refined_whole(
-    frames: KeyFrames, guess: SceneGuess, variables: SceneVariables, search: EdgeSearch, count: int
+def refined_whole(
+    frames: KeyFrames,
+    guess: SceneGuess,
+    variables: SceneVariables,
+    search: EdgeSearch,
+    count: int,
+    shutter: Shutter | None = None,
 ) -> tuple[Bundle, list[int]]:
-    """Refine on whole pictures over key frames that fit; return their rows too."""
+    """Refine on whole pictures over key frames that fit.
+
+    Args:
+        frames: Masks to choose from.
+        guess: Where to start, with a pose for each of them.
+        variables: What is refined in addition to the poses.
+        search: How the edges are looked for.
+        count: Most key frames.
+        shutter: How each of the frames is exposed while the mechanism moves; None for one instant.
+
+    Returns:
+        The refined bundle and the rows of its key frames.
+    """
     rows = sorted(frames.most_distinct(count))
     half = len(search.reaches) // 2
-    masks = KeyMasks([frames.frames[i].planes for i in rows], frames.view)
+    moving = None if shutter is None else shutter.only(rows)
+    masks = replace(_whole(frames, rows), shutter=moving)
     guess = replace(guess, positions=guess.positions[rows])
     first = refine(masks, guess, variables, search._replace(reaches=search.reaches[:half]))
     # A frame with a wrong pose pulls at sizes and camera. It shows by agreeing much less than the typical
@@ -279,24 +333,44 @@ def _refined_whole(
     good = (first.matched > 0.6 * np.median(first.matched)) & (first.inside > 0.6 * np.median(first.inside))
     enough = good.sum() >= max(FEWEST, len(rows) // 4)
     kept = np.flatnonzero(good) if enough else np.arange(len(rows))
-    masks = replace(masks, planes=[masks.planes[int(i)] for i in kept])
+    moving = None if moving is None else moving.only(kept)
+    masks = replace(masks, planes=[masks.planes[int(i)] for i in kept], shutter=moving)
     again = SceneGuess(first.mechanism, first.camera, first.positions[kept], guess.mismatch)
     rest = search._replace(reaches=search.reaches[half:])
     return refine(masks, again, variables, rest, settle=10), [rows[i] for i in kept]
 
 
-def _scene(sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle) -> Scene:
-    """Collect the result in metres of the file, and what the key frames of the bundle know of the sizes."""
+def found_scene(
+    sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle, looks: Looking,
+    sharp: Sequence[int] | None = None,
+) -> Scene:  # fmt: skip
+    """Collect the result in metres of the file, and what the key frames of the bundle know of the sizes.
+
+    Args:
+        sought: What was to be located.
+        masks: The masks in which it was.
+        frames: The key frames of the bundle.
+        bundle: The refined mechanism over them.
+        looks: How the camera looks at the plane.
+        sharp: Rows of those in which it is judged what is outside of the mechanism; None for all.
+
+    Returns:
+        The scene.
+    """
+    rows = list(range(len(frames.frames)) if sharp is None else sharp)
+    judged = frames.only(rows)
+    shown = SceneGuess(bundle.mechanism, bundle.camera, bundle.positions[rows], bundle.rms_px[rows])
     names = bundle.variables.names
     sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS and not p.follows]
     # a single size that is held, or the depth, pins the common scale
     scale_free = "camera.depth" in names and all(name in names for name in sizes)
     measured = size_information(bundle, scale_free=scale_free)
-    std = camera_std(bundle, scale_free=scale_free)
+    std = looks.camera_std(bundle, scale_free=scale_free)
     order = [frame.index for frame in frames.frames]
     first = int(np.argmin(order))
     rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
-    advice = scene_advice(bundle, std, _mismatch_share(frames, bundle), varied=masks.varied)
+    freed = {name: value for name, value in std.items() if name in sought.free}
+    advice = scene_advice(bundle, freed, _mismatch_share(judged, shown), varied=masks.varied)
     advice += hidden_advice(hidden_places(bundle, scale_free=scale_free))
     camera = bundle.camera
     metre = units_per_metre(bundle.mechanism, camera, sought.mechanism, sought.fix, sought.pinned)
@@ -314,78 +388,18 @@ def _scene(sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle) -> S
         key_positions=positions,
         camera_std={n: value / metre if PARAMETERS[n].unit == "m" else value for n, value in std.items()},
         rms_px=rms,
-        beside=beside(frames, SceneGuess(bundle.mechanism, bundle.camera, bundle.positions, bundle.rms_px)),
+        beside=beside(judged, shown),
         advice=tuple(advice),
         thicker=frames.thicker,
+        doubt=doubt_of(bundle, looks.known(bundle), looks.off(bundle), metre, scale_free=scale_free),
     )
 
 
-def _mismatch_share(frames: KeyFrames, bundle: Bundle) -> float:
+def _mismatch_share(frames: KeyFrames, shown: SceneGuess) -> float:
     """Return the mean mismatch of outline and mask as a share of the mask's area (paper eq. 3)."""
-    rig = rig_of(as_thick(frames, bundle.mechanism, bundle.camera), bundle.camera, shrink=frames.shrink)
+    rig = rig_of(as_thick(frames, shown.mechanism, shown.camera), shown.camera, shrink=frames.shrink)
     shares = []
-    for frame, q in zip(frames.frames, bundle.positions, strict=True):
+    for frame, q in zip(frames.frames, shown.positions, strict=True):
         cost = pose_balance(frame.balance, rig, q[np.newaxis], len(rig.radius))[0]
         shares.append((frame.area + float(cost)) / max(frame.area, 1.0))
     return float(np.median(shares))
-
-
-def scene_advice(bundle: Bundle, std: Mapping[str, float], outside: float, *, varied: bool) -> list[str]:
-    """Write the sentences for the user about a located mechanism.
-
-    Args:
-        bundle: The refined mechanism over its key frames.
-        std: Standard deviations of the refined camera parameters by name [m, rad, px].
-        outside: Share of the foreground outside of the mechanism, or of the mechanism outside of it.
-        varied: True where any difference from the background counts as foreground.
-
-    Returns:
-        The sentences; none where all is well.
-    """
-    advice = []
-    share = float(np.mean((bundle.matched > LEAST_MATCHED) & (bundle.inside > LEAST_INSIDE)))
-    if share < LEAST_FITTING:
-        advice.append(
-            f"The mechanism lies on its mask in only {share:.0%} of the key frames: look in "
-            "diagnosis.png whether the outline is in the right place and what else moves (--roi and "
-            "--time-range leave that out), and check the mechanism file."
-        )
-    vague = [name for name, value in std.items() if value > _vague_from(bundle.camera, name)]
-    if vague:
-        advice.append(
-            f"The clip hardly determines {', '.join(vague)}: leave out --free, or give the value with --fix."
-        )
-    if outside > UNEXPLAINED_SHARE and not varied:
-        advice.append(
-            f"{min(outside, 1.0):.0%} of what stands out from the background is not the mechanism as it "
-            "was found: it may be in the wrong place or of the wrong size, or other things move; look at "
-            "diagnosis.png. --roi and --time-range leave other things out; where the background shows parts "
-            "of the mechanism, give --background a picture without it."
-        )
-    return advice
-
-
-def hidden_advice(places: Sequence[str]) -> list[str]:
-    """Write the sentence for the user about places of geoms that no picture determines.
-
-    Args:
-        places: Their names.
-
-    Returns:
-        The sentence; none without such places.
-    """
-    if not places:
-        return []
-    names = ", ".join(places)
-    return [
-        f"An end that lies inside of another geom cannot be seen: {names} and the extent in that direction "
-        "are known to half the width of what hides it. Give a measured value with --fix where that counts."
-    ]
-
-
-def _vague_from(camera: Camera, name: str) -> float:
-    """Return the deviation from which a freed camera parameter is called vague [px or rad]; places never
-    are."""
-    if name == "camera.focal":
-        return VAGUE_FOCAL * camera.focal
-    return VAGUE_TURN if name in CAMERA_TURNS else np.inf

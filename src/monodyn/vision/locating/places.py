@@ -6,11 +6,14 @@ of them free show how far each departs, and how well it is known.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 
 from monodyn.mechanism import Mechanism, Parameter
+from monodyn.vision.drawing.edges import MATCHED_PX
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SHOWN_KINDS
 from monodyn.vision.locating.bundle import (
@@ -20,7 +23,7 @@ from monodyn.vision.locating.bundle import (
     SceneVariables,
     refine,
     scene_variables,
-    spring_stiffness,
+    springs,
 )
 from monodyn.vision.locating.knowledge import SYSTEMATIC_PX
 from monodyn.vision.locating.search import SceneGuess
@@ -28,6 +31,8 @@ from monodyn.vision.locating.search import SceneGuess
 DEPARTED = 5.0
 """Standard deviations, blur and light included, from which a geom stands elsewhere than in the file."""
 
+MORE_AGREE = 0.005
+"""Share of the outline's samples that must agree in addition for it to stay there."""
 STRIDE = 3
 """Of the search lengths of a refinement every third one is enough to see what departs."""
 
@@ -53,7 +58,14 @@ def with_departed(
     mechanism = bundle.mechanism.with_following(departed, follow=False)
     more = with_names(variables, mechanism, departed)
     guess = SceneGuess(mechanism, bundle.camera, bundle.positions, np.zeros(len(bundle.positions)))
-    return refine(masks, guess, more, search, settle=10), more
+    freed = refine(masks, guess, more, search, settle=10)
+    # along a direction that the edges hardly show a place may go far, and they agree no better than before
+    return (freed, more) if _agreement(freed) > _agreement(bundle) + MORE_AGREE else (bundle, variables)
+
+
+def _agreement(bundle: Bundle) -> float:
+    """Return the mean share of outline samples on an edge, each counting less the further off it is."""
+    return float(np.mean(bundle.matched * (1.0 - (bundle.rms_px / MATCHED_PX) ** 2)))
 
 
 def with_names(variables: SceneVariables, mechanism: Mechanism, names: list[str]) -> SceneVariables:
@@ -70,7 +82,27 @@ def with_names(variables: SceneVariables, mechanism: Mechanism, names: list[str]
         # a place is held as a ratio to its size, and that size's own start may be far from its value
         size = mechanism.parameter(name).against
         start[name] = now[name] * (start[size] / now[size] if size else 1.0)
-    return replace(more, start=start, length=variables.length, thick=variables.thick)
+    return replace(
+        more, start=start, length=variables.length, thick=variables.thick, focal=variables.focal,
+        about_origin=variables.about_origin,
+    )  # fmt: skip
+
+
+def without_names(variables: SceneVariables, names: Sequence[str]) -> SceneVariables:
+    """Return the variables without some of them.
+
+    Args:
+        variables: The variables.
+        names: Those that are left out.
+    """
+    kept = np.array([name not in names for name in variables.names], dtype=bool)
+    return replace(
+        variables,
+        names=tuple(compress(variables.names, kept)),
+        kinds=tuple(compress(variables.kinds, kept)),
+        against=tuple(compress(variables.against, kept)),
+        creeps=variables.creeps[kept],
+    )
 
 
 def without_unseen(bundle: Bundle, file: Mechanism) -> Bundle:
@@ -126,7 +158,7 @@ def _departed(
     stepped = refine(masks, guess, every, search._replace(reaches=search.reaches[::STRIDE]))
     before = every.read(mechanism, bundle.camera)
     after = every.read(stepped.mechanism, stepped.camera)
-    information = stepped.information + np.diag(spring_stiffness(every, before))
+    information = stepped.information + np.diag(springs(every, before)[1])
     count, found = len(variables.names), []
     for name in tied:
         i = every.names.index(name)

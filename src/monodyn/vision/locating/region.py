@@ -25,6 +25,9 @@ MOST_PARTS = 4
 """Parts that are tried."""
 FULLER = 1.6
 """Foreground of a frame over that of the quarter with the least, from which something else may be in it."""
+CALM, BLURRED = 0.4, 1.2
+"""Share of the samples that motion blurs least, and foreground of the usual frame over that of these from
+which it is blur that makes the difference."""
 LEAST_FRAMES = 12
 """Least number of samples in which the mechanism is located."""
 JUDGED_FRAMES = 8
@@ -88,12 +91,16 @@ def candidates(samples: Samples) -> Iterator[Samples]:
 
     Yields:
         All of it; the frames that are not fuller than usual, where a hand may hold the mechanism in the
-        others; the parts of the picture that move apart from one another, without such frames too.
+        others; those of the least foreground, which motion blurs least; the parts of the picture that move
+        apart from one another, without such frames too.
     """
     yield samples
     emptier = without_fuller(samples)
     if emptier is not None:
         yield emptier
+    calmer = least_blurred(samples)
+    if calmer is not None:
+        yield calmer
     parts = samples.parts
     if parts is None:
         return
@@ -114,6 +121,40 @@ def without_fuller(samples: Samples, cells: np.ndarray | None = None) -> Samples
     Returns:
         The others, or None where all are usual or too few would be left.
     """
+    area = _foreground(samples, cells)
+    if area is None:
+        return None
+    # the quarter with the least foreground has no hand in it, unless all have
+    kept = area <= FULLER * np.percentile(area, 25.0)
+    if kept.all() or kept.sum() < max(LEAST_FRAMES, len(kept) // 4):
+        return None
+    return replace(samples, frames=tuple(f for f, keep in zip(samples.frames, kept, strict=True) if keep))
+
+
+def least_blurred(samples: Samples) -> Samples | None:
+    """Return the samples in which motion blurs the mechanism least.
+
+    What moves while a picture is exposed covers more of it, the faster the more.
+
+    Args:
+        samples: Frames of the clip.
+
+    Returns:
+        The share ``CALM`` of them with the least foreground, or None where all show about as much or too few
+        would be left.
+    """
+    area = _foreground(samples)
+    if area is None:
+        return None
+    kept = area <= np.quantile(area, CALM)
+    if kept.sum() < LEAST_FRAMES or np.median(area) < BLURRED * np.median(area[kept]):
+        return None
+    return replace(samples, frames=tuple(f for f, keep in zip(samples.frames, kept, strict=True) if keep))
+
+
+def _foreground(samples: Samples, cells: np.ndarray | None = None) -> np.ndarray | None:
+    """Return how many cells of its thumbnail differ in each sample from the median, (frame,); None without
+    thumbnails."""
     if samples.thumbnails is None:
         return None
     rows = np.searchsorted(samples.thumbnails.number, [frame.index for frame in samples.frames])
@@ -121,12 +162,7 @@ def without_fuller(samples: Samples, cells: np.ndarray | None = None) -> Samples
     usual = np.median(planes, axis=0).astype(np.uint8)
     differs = np.maximum(planes, usual) - np.minimum(planes, usual) > samples.thumbnails.still
     shown = differs.any(axis=1) if cells is None else differs.any(axis=1) & cells
-    area = shown.sum(axis=(1, 2))
-    # the quarter with the least foreground has no hand in it, unless all have
-    kept = area <= FULLER * np.percentile(area, 25.0)
-    if kept.all() or kept.sum() < max(LEAST_FRAMES, len(kept) // 4):
-        return None
-    return replace(samples, frames=tuple(f for f, keep in zip(samples.frames, kept, strict=True) if keep))
+    return shown.sum(axis=(1, 2))
 
 
 def is_cut_off(whole: Scene, part: Scene) -> bool:

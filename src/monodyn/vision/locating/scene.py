@@ -9,7 +9,11 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera
+from monodyn.vision.clip.video import Video
+from monodyn.vision.drawing.rig import Rig, rig_of
+from monodyn.vision.drawing.shutter import Shutter
 from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.locating.doubt import Doubt
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +35,8 @@ class Scene:
         thicker: By how much everything is made thicker in the reduced masks in which a pose is looked for
             [reduced px]; None where these are as they come.
         beside: What moves along with each body outside of its outline, as a share of the foreground.
+        shutter: How each picture is exposed while the mechanism moves; None for pictures of one instant.
+        doubt: What is not known of sizes and camera; None where nothing is said of it.
     """
 
     mechanism: Mechanism
@@ -45,3 +51,19 @@ class Scene:
     advice: tuple[str, ...]
     thicker: float | None = None
     beside: Mapping[str, float] = field(default_factory=dict)
+    shutter: Shutter | None = None
+    doubt: Doubt | None = field(default=None, repr=False)
+
+    def moving(self, frame: int) -> Rig:
+        """Return the mechanism before the camera, as it moves while a picture is exposed.
+
+        Args:
+            frame: Number of the picture.
+        """
+        rig = rig_of(self.mechanism, self.camera)
+        return rig if self.shutter is None else self.shutter.of(rig, frame)
+
+    @property
+    def video(self) -> Video:
+        """The clip."""
+        return self.masks.video

@@ -1,0 +1,91 @@
+"""What is not known of a scene, and what that does to the poses that are tracked in it.
+
+Sizes and camera are held while the mechanism is followed. What they are wrong by moves the poses of all
+frames together, which no number of frames averages out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.types import Poses
+from monodyn.vision.drawing.camera import PARAMETERS
+from monodyn.vision.drawing.gains import pose_gains
+from monodyn.vision.locating.bundle import Bundle, shifted_rigs, springs
+from monodyn.vision.locating.knowledge import SYSTEMATIC_PX, shifted_turn
+
+SLIDING = ("camera.x", "camera.y")
+"""Places that every frame has in common with all edges of the outline."""
+
+
+@dataclass(frozen=True, eq=False)
+class Doubt:
+    """What is not known of a scene.
+
+    Attributes:
+        bundle: The refinement that the scene was taken from, in its own unit of length.
+        root: One standard deviation of each independent direction in which its variables are not known,
+            (param, direction).
+        metre: The unit in the scene's own.
+    """
+
+    bundle: Bundle
+    root: np.ndarray
+    metre: float
+
+    def with_shifts(self, poses: Poses, slides: np.ndarray) -> Poses:
+        """Return poses that state what moves all of them together.
+
+        Args:
+            poses: Poses tracked in the scene.
+            slides: True for slides, (dof,).
+        """
+        variables, mechanism, camera = self.bundle.variables, self.bundle.mechanism, self.bundle.camera
+        x = variables.read(mechanism, camera)
+        rig, shifts = shifted_rigs(variables, x, mechanism, camera, 1.0)
+        unit = np.where(slides, self.metre, 1.0)
+        whole = np.isfinite(poses.position).all(axis=1)
+        gains = np.zeros((len(poses), len(slides), len(x)))
+        gains[whole] = pose_gains(rig, shifts, np.ascontiguousarray(poses.position[whole] * unit))
+        moved = np.einsum("fdp,pk->kfd", gains, self.root) / unit
+        return replace(poses, shifts=moved)
+
+
+def doubt_of(bundle: Bundle, known: Bundle, off: np.ndarray, metre: float, *, scale_free: bool) -> Doubt:
+    """Return what is not known of a refined scene.
+
+    Args:
+        bundle: The refinement.
+        known: The same with all that is not known among its variables.
+        off: How far that one was from what is held, (param,).
+        metre: The unit of the refinement in the scene's own.
+        scale_free: True where nothing pins the common scale, which the motion will.
+
+    Returns:
+        Its directions.
+    """
+    variables, mechanism, camera = known.variables, bundle.mechanism, bundle.camera
+    x = variables.read(mechanism, camera)
+    held = np.where([name in PARAMETERS for name in variables.names], 0.0, springs(variables, x)[1])
+    information = known.information + np.diag(held)
+    sizes = variables.is_size.astype(np.float64)
+    if scale_free and sizes.any():
+        # a stiff spring on the mean logarithm of the sizes holds the common scale
+        information = information + 1e3 * np.trace(information) * np.outer(sizes, sizes) / sizes.sum()
+    covariance = np.linalg.pinv(information, hermitian=True)
+    # what more key frames do not reduce: an edge that is shifted everywhere
+    px = camera.focal / camera.depth
+    values = mechanism.values
+    for i, name in enumerate(variables.names):
+        if variables.is_size[i] or variables.is_place[i]:
+            size = values[variables.against[i] or name]
+            covariance[i, i] += (SYSTEMATIC_PX / max(size * px, 1e-9)) ** 2
+        elif name in SLIDING:
+            covariance[i, i] += (SYSTEMATIC_PX / px) ** 2
+        else:
+            covariance[i, i] += shifted_turn(bundle, name) ** 2
+    values, vectors = np.linalg.eigh(covariance + np.outer(off, off))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return Doubt(replace(bundle, variables=variables), root, metre)

@@ -1,0 +1,188 @@
+"""Turns and focal length of the camera: estimated where the key frames determine them, else held and doubted.
+
+A link that turns before a camera that looks obliquely seems to change its length; how much, and how its ends
+grow as they come nearer, is what determines the turns and, less well, the focal length. Before a camera that
+looks squarely they would only take up the errors of the edges, which are systematic in part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.upright import ROLL, by_roll
+from monodyn.vision.drawing.camera import CAMERA_STD, CAMERA_TURNS, PARAMETERS, value_of
+from monodyn.vision.drawing.edges import MATCHED_PX
+from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.locating.bundle import (
+    NOISE_PX,
+    Bundle,
+    KeyMasks,
+    SceneVariables,
+    refine,
+    scene_variables,
+    springs,
+)
+from monodyn.vision.locating.knowledge import camera_std
+from monodyn.vision.locating.search import SceneGuess
+
+CLEAR = 6.0
+"""Standard deviations from a camera that looks squarely, by noise alone, from which its turns are estimated.
+A part of the noise of edges is the same in all frames, so that three of them would not be far enough."""
+WORTH = 3.0
+"""The same after the steps of ``TRIED``, which go only a part of the way."""
+TRIED = (8.0, 4.0, 3.0)
+"""Lengths of the edge search in the steps by which it is found out [px]: the ends of links, which show a turn
+most, are far off before a camera that is taken to look squarely."""
+
+
+@dataclass(frozen=True, eq=False)
+class Looking:
+    """How a camera looks at the plane, as far as the key frames tell.
+
+    Attributes:
+        bundle: The refinement, its camera turned where that is clear.
+        variables: What was refined.
+        doubted: A refinement in which the camera was free to turn, whatever came of it.
+    """
+
+    bundle: Bundle
+    variables: SceneVariables
+    doubted: Bundle
+
+    def known(self, bundle: Bundle) -> Bundle:
+        """Return a later refinement of the same variables with what is known if the camera may be turned.
+
+        Args:
+            bundle: The later refinement.
+        """
+        if bundle.variables.names == self.doubted.variables.names:
+            return bundle
+        return replace(bundle, variables=self.doubted.variables, information=self.doubted.information)
+
+    def off(self, bundle: Bundle) -> np.ndarray:
+        """Return how far the camera would turn, and all else with it, if it were free to, (param,).
+
+        Args:
+            bundle: A later refinement.
+        """
+        variables = self.known(bundle).variables
+        if variables is bundle.variables:
+            return np.zeros(len(variables.names))
+        doubted, held = self.doubted, self.bundle
+        return variables.read(doubted.mechanism, doubted.camera) - variables.read(held.mechanism, held.camera)
+
+    def camera_std(self, bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
+        """Return the standard deviations of the camera's parameters [m, rad, px].
+
+        Args:
+            bundle: The last refinement.
+            scale_free: True where nothing pins the common scale.
+
+        Returns:
+            Standard deviation by name; of what is held, about the value that it is held at.
+        """
+        std = camera_std(self.known(bundle), scale_free=scale_free)
+        for name in set(std) & set(CAMERA_STD) - set(bundle.variables.names):
+            off = value_of(self.doubted.camera, name) - value_of(bundle.camera, name)
+            std[name] = float(np.hypot(std[name], off))
+        return std
+
+
+def open_turns(mechanism: Mechanism, held: Collection[str]) -> list[str]:
+    """List the turns and the focal length of the camera that the pictures of a mechanism may show.
+
+    Args:
+        mechanism: The mechanism.
+        held: Parameters of the camera that are given.
+
+    Returns:
+        The names; without the roll where the world has one hinge alone, for a turn of the picture looks like
+        a turn of that hinge.
+    """
+    hidden = {ROLL} if by_roll(mechanism).any() else set()
+    return [name for name in CAMERA_STD if name not in held and name not in hidden]
+
+
+def looking(
+    masks: KeyMasks, bundle: Bundle, names: Sequence[str], asked: Sequence[str], search: EdgeSearch
+) -> Looking:
+    """Find out whether the camera looks obliquely, and then how.
+
+    Args:
+        masks: Masks of the key frames.
+        bundle: A refinement before a camera that looks squarely, or as it was given.
+        names: Turns and focal length that are open.
+        asked: Those of them that are estimated whether or not the key frames determine them.
+        search: How the edges are looked for.
+
+    Returns:
+        What was found.
+    """
+    if not names:
+        return Looking(bundle, bundle.variables, bundle)
+    every = _with_camera(bundle, names)
+    tried = _refined(masks, bundle, every, search._replace(reaches=np.array(TRIED)))
+    wanted = any(name in asked for name in names)
+    if wanted or _turned(tried, bundle, names) > WORTH:
+        found = _refined(masks, tried, every, search)
+        if wanted or _believed(found, bundle, names):
+            return Looking(found, every, found)
+    return Looking(bundle, bundle.variables, tried)
+
+
+def _with_camera(bundle: Bundle, names: Sequence[str]) -> SceneVariables:
+    """Return the variables of a refinement and further parameters of the camera."""
+    before = bundle.variables
+    more = scene_variables(bundle.mechanism, [*before.names, *names])
+    return replace(
+        more, start=before.start, length=before.length, thick=before.thick, focal=before.focal,
+        creeps=np.concatenate((before.creeps, np.zeros(len(names), dtype=bool))),
+        about_origin=before.about_origin,
+    )  # fmt: skip
+
+
+def _refined(masks: KeyMasks, bundle: Bundle, variables: SceneVariables, search: EdgeSearch) -> Bundle:
+    guess = SceneGuess(bundle.mechanism, bundle.camera, bundle.positions, np.zeros(len(bundle.positions)))
+    return refine(masks, guess, variables, search)
+
+
+def _believed(found: Bundle, before: Bundle, names: Sequence[str]) -> bool:
+    """Return whether turns are clear, by what is known of them and by the edges that they bring nearer.
+
+    Edges that are wrong where the mechanism moves fast, blurred ones, draw the camera far round; then they
+    stay farther from the outline than the noise by which the turns would seem to be known.
+    """
+    within = float(np.sqrt(np.mean(found.rms_px**2))) <= NOISE_PX
+    clear = min(_turned(found, before, names), float(np.sqrt(max(_fall(found, before), 0.0))))
+    return within and clear > CLEAR
+
+
+def _fall(found: Bundle, before: Bundle) -> float:
+    """Return by how much the squared residuals have fallen, over the variance of an edge."""
+    lost = []
+    for bundle in (before, found):
+        # a sample without an edge is at least as far off as an edge may be
+        missed = (1.0 - bundle.matched) * MATCHED_PX**2
+        lost.append(bundle.samples @ (bundle.matched * bundle.rms_px**2 + missed))
+    return float(lost[0] - lost[1]) / NOISE_PX**2
+
+
+def _turned(found: Bundle, before: Bundle, names: Sequence[str]) -> float:
+    """Return how far the camera has turned away from what was held, in standard deviations."""
+    variables = found.variables
+    x = variables.read(found.mechanism, found.camera)
+    information = found.information + np.diag(
+        np.where([name in PARAMETERS for name in variables.names], 0.0, springs(variables, x)[1])
+    )
+    at = [variables.names.index(name) for name in names if name in CAMERA_TURNS]
+    if not at:
+        return 0.0
+    off = np.array([value_of(found.camera, variables.names[i]) for i in at])
+    off -= [value_of(before.camera, variables.names[i]) for i in at]
+    # the weak springs make the matrix regular along the common scale
+    covariance = np.linalg.pinv(information, hermitian=True)[np.ix_(at, at)]
+    return float(np.sqrt(off @ np.linalg.solve(covariance, off)))
