@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fits import estimates
+from monodyn.estimation.fit import Estimate
 from monodyn.estimation.verdict import advice
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
@@ -88,8 +89,9 @@ def test_residuals_above_the_noise_and_what_may_be_the_reason():
         "something, or the record is less exact than stated; the intervals are widened accordingly.",
         "Bodies were taken to be uniform; if they are not, try --identify.bodies free.",
         "Dry friction was taken to be zero; --free a.friction b.friction estimates it.",
-        "Gravity was taken straight down in the picture; where the camera was not level, give its tilt with "
-        "--fix camera.roll=VALUE [rad] (positive turns the picture of the mechanism clockwise).",
+        "Gravity was taken to act straight down where the angles are measured; where it does not (a camera "
+        "out of level, the zero of an encoder), --free camera.roll estimates the tilt and --fix "
+        "camera.roll=VALUE [rad] gives it (positive turns the picture of the mechanism clockwise).",
     ]
     # noise that does not change slowly is no fault of the model
     white = NoiseFactors(noise.size, np.ones(2))
@@ -179,3 +181,17 @@ def test_zero_frictions_are_those_not_estimated(double):
 
     freed = double.with_choices(free=["joint2.friction"])
     assert advice.zero_frictions(freed, choose_unknowns(freed)) == ["joint1.friction"]
+
+
+def test_a_tilt_that_is_large_or_hardly_known():
+    def told(value, std, free=True):
+        return advice.tilt([Estimate("camera.roll", value, std, -9.0, 9.0, "rad", free, True, False)])
+
+    assert told(np.radians(7.0), 1e-4) == []
+    assert told(np.radians(20.0), 1e-4, free=False) == []
+    assert told(np.radians(-13.5), 1e-4) == [
+        "Gravity acts 13.5 deg from straight down in the picture, more than a camera is usually out of "
+        "level: if it was not, the mechanism file is not that of the clip, or the clip is turned; --fix "
+        "camera.roll=0 holds the camera level."
+    ]
+    assert "hardly determines camera.roll" in told(np.radians(20.0), np.radians(2.0))[0]

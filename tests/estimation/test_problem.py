@@ -1,5 +1,7 @@
 """Residuals of rollouts: their derivatives against differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,13 @@ from driven import (
     DOUBLE,
     started,
 )
-from monodyn.estimation.record.samples import cut, prepare
+from monodyn.estimation.record.samples import cut, ordered, prepare
+from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.mechanism import load
 from monodyn.mechanism.plan import JOINT
+from monodyn.mechanism.upright import ROLL, with_roll
 from swings import TIMES, motion, record
 
 TYPICAL = {"damping": 0.01, "friction": 2e-3, "stiffness": 0.05, "armature": 1e-4, "drag": 1e-4}
@@ -42,6 +46,30 @@ def test_the_derivative_by_the_time_scale_is_exact(model, kind):
     # friction changes sign is taken to go along with the scale, which leaves a share of its few reversals
     exact = 3e-3 if kind == "friction" else 1e-7
     np.testing.assert_allclose(jacobian[:, :, at], slope, rtol=0, atol=exact * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.03])
+def test_the_derivative_by_the_roll_is_exact(kept):
+    """Against a central difference of the residuals; the record takes part of the roll into account."""
+    start = with_roll(load("double"), 0.1, free=True)
+    swing = motion(start, TIMES, [0.1, 0.5], [0.2, 1.0])
+    poses = replace(record(start, TIMES, swing + np.array([kept, 0.0]), metric=False), roll=kept)
+    data = prepare([poses], start)
+    # positions are those of a camera without roll, whatever was taken into account
+    np.testing.assert_allclose(data.position, record(start, TIMES, swing).position, atol=1e-12)
+    problem = posed(start, data)
+    pieces, at = cut(data, 20), problem.unknowns.names.index(ROLL)
+    states = np.tile([0.2, 0.5, 0.2, 1.0], (len(pieces.record), 1))
+    step, trial = 1e-5 * np.eye(len(problem.unknowns))[at], Trial(problem.unknowns.x0, states, pieces, 4)
+    ends = [problem.residuals(trial.at(trial.x + sign * step, states)) for sign in (1.0, -1.0)]
+    residual, jacobian = problem.rows(trial)
+    np.testing.assert_allclose(residual, problem.residuals(trial), atol=1e-9)
+    # linear in the roll: rounding alone
+    np.testing.assert_allclose(jacobian[:, :, at], (ends[0] - ends[1]) / 2e-5, rtol=0, atol=1e-6 * 500)
+    # a start state from the record is against gravity
+    smoothed = (smooth(ordered(poses, start)),)
+    begun = problem.started(problem.unknowns.x0, pieces, smoothed).states[0]
+    assert begun[0] == pytest.approx(swing[0, 0] + 0.1, abs=0.01)
 
 
 @pytest.mark.parametrize("name", ["joint1.torque.cos1", "torque.period", "time_scale", "link1.length"])

@@ -21,7 +21,7 @@ def residuals(seed: int, error: float, *, stated: float = 1.0, slow: float = 0.0
     white = np.broadcast_to(np.diag(1.0 / STATED), (120, 2, 2))
     samples = Data(
         TIMES, np.zeros((120, 2)), white, np.ones((120, 2), bool), np.array([0, 120]), np.arange(120),
-        np.zeros((1, 2), bool),
+        np.zeros((1, 2), bool), np.zeros((1, 2)),
     )  # fmt: skip
     noise = stated * STATED * rng.normal(size=(120, 2)) + error * RATES * rng.normal(size=(120, 1))
     return samples, noise + slow * np.sin(2.0 * TIMES)[:, None]

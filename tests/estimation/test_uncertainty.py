@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from monodyn.estimation.record.samples import prepare
 from monodyn.estimation.verdict.uncertainty import noise_factors
@@ -27,3 +28,43 @@ def test_correlated_noise_is_judged_by_joint(truth, double):
     fit = identify(noisy, double)
     assert fit.ok
     assert sigmas(fit.parameter("link1.length"), truth.values["link1.length"]) < 4.0
+
+
+def test_what_moves_all_positions_moves_the_optimum(truth, double):
+    """Against the optimum of a record that is shifted, and of one that states what it was shifted by."""
+    times = np.arange(60) / 30.0
+    clean = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))
+    # small against the noise, which is found from the residuals and must stay as it is
+    one = 3e-4 * np.column_stack([np.cos(clean.position[:, 0]), np.sin(clean.position[:, 1])])
+    shifts = np.stack([one, 2e-4 * np.ones((60, 2))])
+    stated = identify(replace(clean, shifts=shifts), double)
+    plain = identify(clean, double)
+    for name in ("link1.length", "link2.length"):
+        moved = [
+            identify(replace(clean, position=clean.position + shift), double).parameter(name).value
+            - plain.parameter(name).value
+            for shift in shifts
+        ]
+        more = np.sqrt(stated.parameter(name).std ** 2 - plain.parameter(name).std ** 2)
+        assert np.hypot(*moved) == pytest.approx(more, rel=0.1)
+    assert stated.parameter("link1.length").value == plain.parameter("link1.length").value
+    # start states follow as well
+    at = stated.names.index("record0.joint1")
+    assert stated.covariance[at, at] > plain.covariance[at, at]
+
+
+def test_shifts_keep_to_their_record_and_joints(truth, double):
+    times = np.arange(30) / 30.0
+    plain = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))
+    shifts = np.random.default_rng(1).normal(size=(2, 30, 2))
+    swapped = replace(
+        plain, joints=plain.joints[::-1], position=plain.position[:, ::-1], shifts=shifts[:, :, ::-1]
+    )
+    data = prepare([plain, swapped, replace(plain, shifts=shifts[:1])], double)
+    assert data.shifts.shape == (3, 90, 2)
+    np.testing.assert_array_equal(data.shifts[:2, 30:60], shifts)
+    np.testing.assert_array_equal(data.shifts[2, 60:], shifts[0])
+    assert not data.shifts[:2, :30].any()
+    assert not data.shifts[:2, 60:].any()
+    assert prepare([plain], double).shifts is None
+    np.testing.assert_array_equal(swapped.part(3, 9).shifts, swapped.shifts[:, 3:9])

@@ -15,7 +15,7 @@ USUAL_TERMS = 7
 """Where the number of harmonics is open, no more than these are tried."""
 Torque = Literal["friction", "fourier", "free"]
 Series = Literal["with-friction", "alone"]
-Bodies = Literal["uniform", "free"]
+Bodies = Literal["auto", "uniform", "free"]
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class IdentifySettings:
         series: ``with-friction`` keeps friction in addition to a torque over time, ``alone`` leaves it out;
             None is with friction, and alone with ``paper``.
         bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
-            centre of mass and inertia are unknowns.
+            centre of mass and inertia are unknowns; ``auto``: uniform, free where only dots are seen.
         starts: Starts that are tried at most, until the motion is explained.
         seed: Seed of the scattered starts.
         piece: Measured samples in each of the short rollouts the search begins with.
@@ -45,7 +45,7 @@ class IdentifySettings:
     torque: Torque = "friction"
     terms: int = 0
     series: Series | None = None
-    bodies: Bodies = "uniform"
+    bodies: Bodies = "auto"
     starts: int = 6
     seed: int = 0
     piece: int = 10

@@ -10,6 +10,7 @@ import numpy as np
 
 from monodyn.errors import MechanismError, VideoError
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.upright import by_roll
 from monodyn.types import Poses
 
 MOST_PARTS = 1000
@@ -30,6 +31,10 @@ class Data:
         first: First row of each record and one past the last, (record + 1,).
         source: Row of the record's table, -1 for a row put into a gap, (row,).
         slide: True for slides in the start scale, (record, dof).
+        by_roll: What a roll of the camera adds to the measured positions to give those against gravity
+            [rad/rad], (record, dof); zero for a record that is against gravity.
+        shifts: What moves the positions of a record together, by one standard deviation of each direction
+            [rad or m], (direction, row, dof); None where nothing does.
     """
 
     times: np.ndarray
@@ -39,6 +44,8 @@ class Data:
     first: np.ndarray
     source: np.ndarray
     slide: np.ndarray
+    by_roll: np.ndarray
+    shifts: np.ndarray | None = None
 
     @property
     def samples(self) -> int:
@@ -127,27 +134,50 @@ def prepare(poses: Sequence[Poses], mechanism: Mechanism) -> Data:
     slides = np.array([joint.kind == "slide" for joint in mechanism.joints])
     slide = np.array([slides & (not record.metric) for record in poses])
     times, position, white, measured, source = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Data(times, position, white, measured, first, source, slide)
+    turning = by_roll(mechanism)
+    turned = np.array([turning * (record.roll is not None) for record in poses])
+    shifts = _shifts([ordered(record, mechanism) for record in poses], first, source)
+    return Data(times, position, white, measured, first, source, slide, turned, shifts)
+
+
+def _shifts(records: Sequence[Poses], first: np.ndarray, source: np.ndarray) -> np.ndarray | None:
+    """Lay end to end what moves the positions of each record together, (direction, row, dof)."""
+    parts = []
+    for k, record in enumerate(records):
+        if record.shifts is not None:
+            rows = np.arange(first[k], first[k + 1])[source[first[k] : first[k + 1]] >= 0]
+            # what is not known of one scene says nothing of another
+            own = np.zeros((len(record.shifts), len(source), record.shifts.shape[2]))
+            own[:, rows] = record.shifts[:, source[rows]]
+            parts.append(own)
+    return np.concatenate(parts) if parts else None
 
 
 def ordered(record: Poses, mechanism: Mechanism) -> Poses:
-    """Bring the joints of a record into the mechanism's order.
+    """Bring the joints of a record into the mechanism's order, as a camera without roll would show them.
 
     Args:
         record: The record; its joints are those of the mechanism.
         mechanism: The mechanism.
 
     Returns:
-        The same record with its columns in that order.
+        The same record with its columns in that order; one against gravity stays so.
     """
     names = tuple(joint.name for joint in mechanism.joints)
+    if record.roll:
+        slope = dict(zip(names, by_roll(mechanism).tolist(), strict=True))
+        less = record.roll * np.array([slope[name] for name in record.joints])
+        record = replace(record, position=record.position - less, roll=0.0)
     if names == record.joints:
         return record
     order = [record.joints.index(name) for name in names]
     covariance = record.covariance[:, order][:, :, order]
     joint_seen = None if record.joint_seen is None else record.joint_seen[:, order]
     position = record.position[:, order]
-    return replace(record, joints=names, position=position, covariance=covariance, joint_seen=joint_seen)
+    shifts = None if record.shifts is None else record.shifts[:, :, order]
+    return replace(
+        record, joints=names, position=position, covariance=covariance, joint_seen=joint_seen, shifts=shifts
+    )
 
 
 def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray, ...]:

@@ -34,6 +34,7 @@ class SmoothMotion:
         acceleration: Accelerations by time stamp [rad/s^2 or m/s^2], (frame, dof).
         weight: One over the standard deviation of the accelerations, (frame, dof).
         slide: True for slides in the start scale, (frame, dof).
+        by_roll: What a roll of the camera adds to the positions to give those against gravity, (frame, dof).
         prior_root: Square root of the picture's information, (row, param).
     """
 
@@ -43,6 +44,7 @@ class SmoothMotion:
     acceleration: np.ndarray
     weight: np.ndarray
     slide: np.ndarray
+    by_roll: np.ndarray
     prior_root: np.ndarray
 
     @property
@@ -67,20 +69,21 @@ def smooth_motion(problem: Problem, smoothed: tuple[Smoothed, ...]) -> SmoothMot
         rows = problem.data.source[a:b][problem.data.measured[a:b].all(axis=1)]
         # a cubic has neighbours on one side only at the ends, and its second derivative is poor there
         rows = rows[2:-2] if len(rows) > 12 else rows
-        slide = np.repeat(problem.data.slide[record][None], len(rows), axis=0)
+        of_record = (problem.data.slide[record], problem.data.by_roll[record])
         kept = (found.time, found.position, found.velocity, found.acceleration, found.acceleration_std)
-        parts.append((*(values[rows] for values in kept), slide))
-    t, q, v, a, std, slide = (np.concatenate(part) for part in zip(*parts, strict=True))
+        repeated = (np.repeat(value[None], len(rows), axis=0) for value in of_record)
+        parts.append((*(values[rows] for values in kept), *repeated))
+    t, q, v, a, std, slide, turned = (np.concatenate(part) for part in zip(*parts, strict=True))
     if len(q) > MOST_STAMPS:
         pick = np.linspace(0, len(q) - 1, MOST_STAMPS).astype(int)
-        t, q, v, a, std, slide = (values[pick] for values in (t, q, v, a, std, slide))
+        t, q, v, a, std, slide, turned = (values[pick] for values in (t, q, v, a, std, slide, turned))
     # the noise alone would give the smoothest rows all the weight, and smoothing misses more than noise there
     usual = np.sqrt(np.mean(a**2, axis=0)) + 1e-9 if len(a) else np.ones(q.shape[1])
     weight = 1.0 / np.sqrt(std**2 + (MODEL_SHARE * usual) ** 2)
     # information A = R'R as further rows R (x - x0) of the least squares
     values, vectors = np.linalg.eigh(problem.prior.information)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    return SmoothMotion(t, q, v, a, weight, slide, root)
+    return SmoothMotion(t, q, v, a, weight, slide, turned, root)
 
 
 def mismatch_rows(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> tuple[np.ndarray, np.ndarray]:
@@ -168,7 +171,8 @@ def _along(instance: Instance, motion: SmoothMotion, torque: np.ndarray) -> np.n
     unit = np.where(motion.slide, instance.size, 1.0)
     velocity = motion.velocity * unit / instance.stretch
     # true time is stretch times stamped time: rates divide by it once, accelerations twice
-    found = accelerations(instance.tree, motion.position * unit, velocity, torque)
+    position = motion.position * unit + motion.by_roll * instance.roll
+    found = accelerations(instance.tree, position, velocity, torque)
     return found * instance.stretch**2 / unit
 
 
@@ -181,5 +185,6 @@ def _moved(
         tree=instance.tree.along(instance.directions, param, step),
         size=instance.size * np.exp(step * instance.dsize[param]),
         stretch=instance.stretch * np.exp(step * instance.dstretch[param]),
+        roll=instance.roll + step * instance.droll[param],
     )
     return _along(moved, motion, torque)

@@ -10,6 +10,7 @@ import numpy as np
 from monodyn.estimation.shooting.unknowns import Unknowns
 from monodyn.mechanism import Mechanism, Parameter
 from monodyn.mechanism.parts import PLACE_KINDS
+from monodyn.mechanism.upright import ROLL, ROLL_STD
 
 THICKNESS_STD = 0.7
 """Standard deviation of the logarithm of a further geom's thickness over that of its body's main one, about
@@ -48,7 +49,8 @@ class Prior:
 
 
 def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
-    """Collect what is known of the sizes before the motion is: by the picture; of thicknesses, by the file.
+    """Collect what is known before the motion is: of sizes by the picture; of thicknesses by the file; of the
+    camera, that it stands about level.
 
     Args:
         mechanism: The mechanism, with ``measured`` or without.
@@ -60,6 +62,9 @@ def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
     assumed = np.zeros((len(unknowns), len(unknowns)))
     for _, change in thickness_ratios(mechanism, unknowns):
         assumed += np.outer(change, change) / THICKNESS_STD**2
+    if ROLL in unknowns.names and ROLL not in mechanism.chosen:
+        at = unknowns.names.index(ROLL)
+        assumed[at, at] += 1.0 / ROLL_STD**2
     return _seen_sizes(mechanism, unknowns).assuming(assumed)
 
 

@@ -25,6 +25,7 @@ from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.simulate import rollout, rollout_derivatives
 from monodyn.mechanism.tree import Directions, Tree
+from monodyn.mechanism.upright import ROLL, with_roll
 from monodyn.optimize import Arrow
 
 
@@ -40,6 +41,8 @@ class Instance:
         dsize: Derivative of its logarithm, (param,).
         stretch: Seconds per stamped second.
         dstretch: Derivative of its logarithm, (param,).
+        roll: Roll of the camera [rad].
+        droll: Its derivative, (param,).
     """
 
     tree: Tree
@@ -49,6 +52,8 @@ class Instance:
     dsize: np.ndarray
     stretch: float
     dstretch: np.ndarray
+    roll: float
+    droll: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +117,10 @@ class Problem:
         # the common scale is a weighted mean of logarithms: its derivatives are the weights, whatever x is
         size, stretch = self.size(x), mechanism.values["time_scale"]
         dsize = self.prior.weights
-        return Instance(mechanism.tree, mechanism.drive, directions, size, dsize, stretch, dstretch)
+        droll = np.array([name == ROLL for name in unknowns.names], dtype=float)
+        return Instance(
+            mechanism.tree, mechanism.drive, directions, size, dsize, stretch, dstretch, self.roll(x), droll
+        )
 
     def model(
         self, x: np.ndarray, rows: tuple[np.ndarray, np.ndarray], pieces: Pieces, limit: float
@@ -163,8 +171,12 @@ class Problem:
             dq[:, :, :params] += (dq[:, :, params + dofs :] @ v0)[:, :, None] * instance.dstretch
             parts.append((q, dq))
         q, dq = (np.concatenate(part) for part in zip(*parts, strict=True))
-        slide = pieces.by_row(data.slide)
-        return whitened_rows(q, dq, data.position, data.white, slide, instance.size, instance.dsize)
+        slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
+        # the picture of a rolled camera lacks the roll: it is added to what was measured, and its derivative
+        # is that of the simulated less the measured position
+        dq[:, :, :params] -= turned[:, :, None] * instance.droll
+        position = data.position + turned * instance.roll
+        return whitened_rows(q, dq, position, data.white, slide, instance.size, instance.dsize)
 
     def residuals(self, trial: Trial) -> np.ndarray:
         """Return the whitened residuals alone, as ``rows`` does.
@@ -201,7 +213,8 @@ class Problem:
         """
         simulated = self.simulated(trial)
         rows = trial.pieces.by_row(self.data.slide)
-        difference = self.data.position - np.where(rows, simulated / self.size(trial.x), simulated)
+        position = self.data.position + trial.pieces.by_row(self.data.by_roll) * self.roll(trial.x)
+        difference = position - np.where(rows, simulated / self.size(trial.x), simulated)
         return np.where(self.data.measured, difference, np.nan)
 
     def rates(self, trial: Trial) -> np.ndarray:
@@ -250,6 +263,20 @@ class Problem:
             return self._time_scale
         return self.unknowns.named(x)["time_scale"]
 
+    def roll(self, x: np.ndarray) -> float:
+        """Return the roll of the camera [rad].
+
+        Args:
+            x: Coordinates, (param,).
+        """
+        if ROLL not in self.unknowns.names:
+            return self._roll
+        return float(x[self.unknowns.names.index(ROLL)])
+
+    @cached_property
+    def _roll(self) -> float:
+        return self.mechanism.values[ROLL]
+
     @cached_property
     def _time_scale(self) -> float:
         return self.mechanism.values["time_scale"]
@@ -272,6 +299,7 @@ class Problem:
             row = self.data.source[pieces.first[k]]
             unit = np.where(self.data.slide[record], self.size(x), 1.0)
             states[k, :dofs] = smoothed[record].position[row] * unit
+            states[k, :dofs] += self.data.by_roll[record] * self.roll(x)
             states[k, dofs:] = smoothed[record].velocity[row] * unit / self.stretch(x)
         return Trial(x, states, pieces)
 
@@ -287,6 +315,9 @@ def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False) -> Pr
     Returns:
         The problem, with its unknowns at their start.
     """
+    if not data.by_roll.any():
+        # nothing was measured against a picture
+        mechanism = with_roll(mechanism, mechanism.values[ROLL], free=False)
     unknowns = choose_unknowns(mechanism, torques_only=torques_only)
     return Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
 

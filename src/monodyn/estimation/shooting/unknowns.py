@@ -268,12 +268,14 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
 
 
 def _measured_names(mechanism: Mechanism) -> set[str]:
-    """Names of the sizes that a picture has measured."""
+    """Names of the sizes that a picture has measured, or that are assumed within limits."""
     if mechanism.measured is None:
         return set()
     known = np.diag(np.asarray(mechanism.measured.information))
     # what is not a number counts as measured, so that `size_prior` can name it to the user
-    return {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < MEASURED}
+    measured = {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < MEASURED}
+    # what is assumed is an unknown however wide: the intervals of all else have to contain it
+    return measured | mechanism.measured.assumed
 
 
 def _wanted(p: Parameter, measured: set[str]) -> bool:

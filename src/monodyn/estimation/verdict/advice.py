@@ -13,11 +13,16 @@ from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.estimation.wording import amount, listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import MASS_KINDS
+from monodyn.mechanism.upright import ROLL, ROLL_STD
 
 LENGTH_KINDS = ("length", "width", "tail", "tip", "extent", "along", "across", "gravity", "time_scale")
 """Kinds that are known together or not at all: sizes, and what makes time out of them."""
 NOTED = 3.0
 """Residuals above this many times the stated noise are worth a sentence."""
+HARDLY = 0.5
+"""Share of its assumed standard deviation above which the roll of the camera is hardly known."""
+TILTED = 4.0
+"""Assumed standard deviations from level above which the roll of the camera is worth a sentence."""
 SLOW = 1.5
 """Root of what autocorrelation costs, above which residuals count as changing slowly."""
 
@@ -137,7 +142,7 @@ class Assumed(NamedTuple):
     Attributes:
         uniform: Bodies were taken to be uniform.
         frictionless: Dry frictions that were taken to be zero.
-        level: The camera was taken to be level, because the record comes from pictures.
+        level: Gravity was taken to act where the measured angles have it.
     """
 
     uniform: bool
@@ -179,10 +184,39 @@ def misfit(
         advice.append(f"Dry friction was taken to be zero; --free {names} estimates it.")
     if assumed.level:
         advice.append(
-            "Gravity was taken straight down in the picture; where the camera was not level, give its tilt "
-            "with --fix camera.roll=VALUE [rad] (positive turns the picture of the mechanism clockwise)."
+            "Gravity was taken to act straight down where the angles are measured; where it does not (a "
+            "camera out of level, the zero of an encoder), --free camera.roll estimates the tilt and --fix "
+            "camera.roll=VALUE [rad] gives it (positive turns the picture of the mechanism clockwise)."
         )
     return advice
+
+
+def tilt(parameters: Sequence[Estimate]) -> list[str]:
+    """Report a roll of the camera that is larger than usual, or that the motion hardly determines.
+
+    Args:
+        parameters: The estimates.
+
+    Returns:
+        Sentences; none where the roll was not estimated, or is as usual.
+    """
+    found = [p for p in parameters if p.name == ROLL and p.free]
+    if not found:
+        return []
+    roll, usual = found[0], f"{np.degrees(ROLL_STD):.0f} deg"
+    if roll.std > HARDLY * ROLL_STD:
+        return [
+            f"The motion hardly determines camera.roll: the camera is taken to be level within {usual} "
+            "(standard deviation), and angles against gravity are known no better than that; give the roll "
+            "with --fix camera.roll=VALUE [rad]."
+        ]
+    if abs(roll.value) > TILTED * ROLL_STD:
+        return [
+            f"Gravity acts {abs(np.degrees(roll.value)):.3g} deg from straight down in the picture, more "
+            "than a camera is usually out of level: if it was not, the mechanism file is not that of the "
+            "clip, or the clip is turned; --fix camera.roll=0 holds the camera level."
+        ]
+    return []
 
 
 def free_torques(mechanism: Mechanism) -> list[str]:

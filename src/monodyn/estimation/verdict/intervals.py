@@ -19,6 +19,7 @@ from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Parameter
 from monodyn.mechanism.assemble import following_slopes
 from monodyn.mechanism.plan import OWNED_COLUMNS
+from monodyn.mechanism.upright import ROLL_STD
 
 WEAK = 1.0
 """Standard deviation of the logarithm above which a value is hardly known: a factor of e either way."""
@@ -67,6 +68,10 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
                 along = _along(chain[i], p.value, known)
                 deviation = Deviation(along.std, False)
             found.append(_estimate(p, deviation, quantile, free=True, at_bound=bool(optimum.at_bound[i])))
+        elif p.kind == "roll" and p.free:  # held under free torques, at what is assumed of it
+            found.append(_estimate(p, Deviation(ROLL_STD, False), quantile))
+        elif p.kind == "roll" and p.name not in mechanism.chosen and p.value == 0.0:
+            continue  # there is no camera
         elif p.name in tied or (p.free and (held or p.kind in PICTURE_ONLY)):
             found.append(_estimate(p, Deviation(np.inf, False), quantile))
         elif p.follows:

@@ -22,6 +22,7 @@ from monodyn.estimation.verdict.trust import LOST_SHARE, verdict
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism, Parameter
+from monodyn.mechanism.upright import ROLL, feels_roll
 from monodyn.types import Poses
 
 UNSTARTED = (
@@ -252,7 +253,7 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     lacking = advice.Assumed(
         uniform=unknowns.uniform and large,
         frictionless=advice.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
-        level=share <= LOST_SHARE and not all(record.metric for record in records),
+        level=share <= LOST_SHARE and _taken_level(problem),
     )
     sentences = advice.misfit(mechanism, fit.rms, found.noise, lacking)
     sentences += advice.stamps(found.noise.stamps)
@@ -260,6 +261,7 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     sentences += advice.contradictions(problem.prior.negative)
     if fit.ok:
         without_effect = found.known.without_effect(unknowns.names)
+        sentences += advice.tilt(fit.parameters)
         sentences += advice.open_parameters(mechanism, fit.parameters, without_effect)
         sentences += advice.bounds(fit.parameters)
         sentences += assumed.proportions(
@@ -274,6 +276,12 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     total = int(problem.data.measured.any(axis=1).sum()) + int(gone.sum())
     sentences += advice.outliers(total, int(gone.sum()), left_out)
     return sentences + advice.few(problem.data.samples, found.fitted)
+
+
+def _taken_level(problem: Problem) -> bool:
+    """Return whether gravity was taken to act where the angles have it, and nobody said so."""
+    chosen = ROLL in problem.unknowns.names or ROLL in problem.mechanism.chosen
+    return not chosen and bool(problem.data.by_roll.any()) and feels_roll(problem.mechanism)
 
 
 def _assumed_thicknesses(found: Refined) -> list[Parameter]:

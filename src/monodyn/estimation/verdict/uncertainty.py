@@ -76,10 +76,13 @@ def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: 
         Seber and Wild, Nonlinear Regression, 1989, section 2.1 (covariance).
     """
     count = len(problem.unknowns)
-    stacked, local = [], []
+    stacked, local, pulls = [], [], []
+    shifts = _whitened_shifts(problem.data)
     for first, stop in zip(pieces.first[:-1], pieces.first[1:], strict=True):
         rows = jacobian[first:stop].reshape(-1, jacobian.shape[2])
-        rows = rows[np.any(rows != 0, axis=1)]
+        used = np.any(rows != 0, axis=1)
+        # there may be no direction at all, so the number of rows is not left open
+        rows, shift = rows[used], shifts[first:stop].reshape(len(rows), shifts.shape[2])[used]
         shared, states = rows[:, :count], rows[:, count:]
         # what a start state can compensate gives no information about the shared unknowns: it is projected
         # out, and kept, so that the start state's own covariance follows from theirs afterwards
@@ -87,16 +90,37 @@ def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: 
         inverse = np.linalg.pinv(r, rcond=1e-12)
         onto = q.T @ shared
         stacked.append(shared - q @ onto)
-        local.append((inverse @ inverse.T, inverse @ onto))
+        local.append(_Local(inverse @ inverse.T, inverse @ onto, inverse @ (q.T @ shift)))
+        pulls.append(stacked[-1].T @ shift)
     # the picture's information is that of as many further rows as it has eigenvalues
     values, vectors = np.linalg.eigh(problem.prior.information)
     stacked.append(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
     _, triangle = np.linalg.qr(np.concatenate(stacked))
     covariance, blind = _split(triangle, problem.unknowns)
+    # a shift of all positions is no noise: it moves the optimum as a whole
+    moved = covariance @ np.sum(pulls, axis=0)
+    full = _with_states(covariance, moved, local)
+    covariance = covariance + moved @ moved.T
     relative = relative_change(problem.unknowns, x)
     unfixed, loaded = _open_directions(blind, relative)
     std = np.where(loaded, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
-    return Knowledge(covariance, unfixed, relative, std, _with_states(covariance, local))
+    return Knowledge(covariance, unfixed, relative, std, full)
+
+
+class _Local(NamedTuple):
+    """A start state: its covariance alone, how it follows shared unknowns, and shifts of the positions."""
+
+    covariance: np.ndarray
+    gain: np.ndarray
+    shift: np.ndarray
+
+
+def _whitened_shifts(data: Data) -> np.ndarray:
+    """Return what moves the positions together as the residuals have it, (row, dof, direction)."""
+    rows, dofs = data.position.shape
+    if data.shifts is None:
+        return np.zeros((rows, dofs, 0))
+    return np.einsum("fij,kfj->fik", data.white, data.shifts)
 
 
 def _split(triangle: np.ndarray, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray]:
@@ -127,12 +151,12 @@ def relative_change(unknowns: Unknowns, x: np.ndarray) -> np.ndarray:
         x: Their coordinates, (param,).
 
     Returns:
-        1 for logarithms and ratios, one over the size of the others, (param,).
+        1 for logarithms, ratios and angles, one over the size of the others, (param,).
     """
     values = np.abs(unknowns.values(x))
     relative = np.ones(len(unknowns))
     for i, kind in enumerate(unknowns.kinds):
-        if not (unknowns.log[i] or unknowns.ratio[i]):
+        if not (unknowns.log[i] or unknowns.ratio[i] or kind == "roll"):
             alike = CENTRE_KINDS if kind in CENTRE_KINDS else (kind,)
             largest = max(values[unknowns.of_kind(*alike)])
             relative[i] = 1.0 / max(values[i], 1e-2 * largest, 1e-12)
@@ -149,17 +173,20 @@ def _open_directions(blind: np.ndarray, relative: np.ndarray) -> tuple[np.ndarra
     return changes, loaded
 
 
-def _with_states(covariance: np.ndarray, local: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Covariance of shared unknowns and all start states: each start state follows the shared unknowns."""
+def _with_states(covariance: np.ndarray, moved: np.ndarray, local: list[_Local]) -> np.ndarray:
+    """Covariance of shared unknowns and all start states: each start state follows the shared unknowns, and
+    both follow shifts of the positions, by ``moved`` (param, direction) and by their own."""
     count = len(covariance)
-    width = local[0][0].shape[0] if local else 0
+    width = len(local[0].covariance) if local else 0
     full = np.zeros((count + width * len(local), count + width * len(local)))
     # a change d of the shared unknowns moves a start state by -gain d, to where it fits best again
-    follow = np.concatenate([np.eye(count), *(-gain for _, gain in local)])
+    follow = np.concatenate([np.eye(count), *(-state.gain for state in local)])
     full += follow @ covariance @ follow.T
-    for k, (own, _) in enumerate(local):
+    away = np.concatenate([moved, *(state.shift - state.gain @ moved for state in local)])
+    full += away @ away.T
+    for k, state in enumerate(local):
         block = slice(count + k * width, count + (k + 1) * width)
-        full[block, block] += own
+        full[block, block] += state.covariance
     return 0.5 * (full + full.T)
 
 
