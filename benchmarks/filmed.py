@@ -11,114 +11,25 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import av
-import cv2
 import numpy as np
 
 import monodyn
 from accuracy import differences, rms
 from cases import BLUE, DARK, RED, chain
 from clips import exposures, simulate, wrong
+from effects import EFFECTS, Effect, Moment, held
 from figures import Figure, command_line, finish, say, table
 from paint import Painter
 from spec import Case, Colour, Part, mjcf
 
-SKIN, POST, COAT = (214, 168, 140), (96, 120, 88), (40, 60, 110)
-"""Colours of a hand, of a post and of a person, RGB."""
 ANGLE_DEG, LENGTH = 0.5, 1.5
 """Errors up to which a run is right: of the seen angles, rms [deg], and of the lengths [%]."""
 SIGMAS = 4.0
 """A length off by more than ``LENGTH`` is no wrong answer within so many of its standard deviations."""
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What an effect may look at.
-
-    Attributes:
-        index: Number of the picture.
-        time: Since the clip began [s].
-        held: Until when the mechanism is held [s].
-        places: Where each body ends in the picture [px], (body, 2).
-        covered: Share of each pixel that shows the mechanism, (height, width).
-    """
-
-    index: int
-    time: float
-    held: float
-    places: np.ndarray
-    covered: np.ndarray
-
-
-Effect = Callable[[np.ndarray, Moment], np.ndarray]
-"""Changes a picture before its noise, float RGB (height, width, 3)."""
-
-
-def _hand(picture: np.ndarray, moment: Moment) -> np.ndarray:
-    """Draw a hand that holds the last part and then goes away to the right, an arm behind it."""
-    away = np.array([260.0, 60.0]) * max(0.0, moment.time - moment.held)
-    tip = moment.places[-1] + away
-    corner = tip + np.array([700.0, 160.0])
-    return _drawn(picture, lambda to: _line(to, tip, corner, 34, SKIN), lambda to: _disc(to, tip, 26, SKIN))
-
-
-def _post(picture: np.ndarray, moment: Moment) -> np.ndarray:
-    """Draw an upright post a quarter of the way from the middle."""
-    width, height = picture.shape[1], picture.shape[0]
-    top, foot = np.array([0.6 * width, -9.0]), np.array([0.57 * width, height + 9.0])
-    return _drawn(picture, lambda to: _line(to, top, foot, 34, POST))
-
-
-def _passer_by(picture: np.ndarray, moment: Moment) -> np.ndarray:
-    """Draw somebody who sways at the left edge all the time."""
-    height = picture.shape[0]
-    head = np.array([22.0 + 14.0 * np.sin(1.7 * moment.time), 0.35 * height])
-    feet = np.array([12.0 + 6.0 * np.sin(1.7 * moment.time + 0.6), 1.1 * height])
-    return _drawn(picture, lambda to: _line(to, head, feet, 52, COAT), lambda to: _disc(to, head, 24, SKIN))
-
-
-def _clock(picture: np.ndarray, moment: Moment) -> np.ndarray:
-    """Write a running clock and a caption that changes once."""
-    letters = np.zeros(picture.shape[:2], np.uint8)
-    caption = "Double pendulum" if moment.time < 3.0 else "by the window"
-    for text, place in ((f"{moment.time:05.2f}", (12, 34)), (caption, (470, 462))):
-        cv2.putText(letters, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.9, 255, 2, cv2.LINE_AA)
-    share = letters[..., None] / 255.0
-    return picture * (1.0 - share) + 250.0 * share
-
-
-def _fade(picture: np.ndarray, moment: Moment) -> np.ndarray:
-    """Fade in from black during the first 0.8 s."""
-    return picture * min(1.0, moment.time / 0.8)
-
-
-def _lamp(picture: np.ndarray, moment: Moment) -> np.ndarray:
-    """Make all a quarter darker within 0.4 s, half-way through."""
-    return picture * (1.0 - 0.25 * float(np.clip((moment.time - 3.0) / 0.4, 0.0, 1.0)))
-
-
-def _shadow(picture: np.ndarray, moment: Moment) -> np.ndarray:
-    """Cast a soft shadow on the wall, to the right and down."""
-    height, width = moment.covered.shape
-    shift = np.array([[1.0, 0.0, 34.0], [0.0, 1.0, 22.0]])
-    cast = cv2.GaussianBlur(cv2.warpAffine(moment.covered, shift, (width, height)), (0, 0), 3.0)
-    return picture * (1.0 - 0.3 * cast * (1.0 - moment.covered))[..., None]
-
-
-def _pane(picture: np.ndarray, moment: Moment) -> np.ndarray:
-    """Put a plot beside the scene whose curve grows and whose cursor moves."""
-    height = picture.shape[0]
-    beside = np.full((height, 320, 3), 248.0)
-    t = np.linspace(0.0, moment.time, 2 + int(40 * moment.time))
-    x, y = 20 + 45 * t, height * (0.5 + 0.3 * np.sin(4.4 * t) * np.exp(-0.1 * t))
-    curve = np.column_stack([x, y]).round().astype(np.int32)
-    cv2.polylines(beside, [curve], False, (30.0, 60.0, 200.0), 3, cv2.LINE_AA)
-    cv2.circle(beside, curve[-1].tolist(), 9, (200.0, 40.0, 40.0), -1, cv2.LINE_AA)
-    return np.hstack([picture, beside])
 
 
 @dataclass(frozen=True)
@@ -164,16 +75,28 @@ _CART = Case(
 _BALL = Case("ball", _thread(0.3, 0.025, RED), (-1.0,), pivot=(0.5, -0.2), fill=2.1, wall="room")
 _GREY = chain((0.22, 0.18), 0.009, ((112, 112, 112), (104, 104, 103)))
 _FAINT = Case("faint", _GREY, (-0.5, 0.4), base=_WALL, wall="plain", noise=2.5)
+MECHANISMS = {c.name: c for c in (_SINGLE, _DOUBLE, _TRIPLE, _BOB, _CART)}
+"""One mechanism of each kind, by name."""
+WIDE = {"size": (840, 600), "fovy": 48.9, "fill": 0.6}
+"""The picture of a camera that is held by hand, which loses its margins."""
+_HELD = [replace(c, **WIDE) for c in (_DOUBLE, _DARK, _SINGLE, _BOB, replace(_CART, name="cart"), _TRIPLE)]
+_BARE = replace(_DOUBLE, name="bare", wall="plain", **WIDE)
 TAKES = {
-    **{f"hand_{c.name}": Take(c, (_hand,), held=1.2) for c in (_DOUBLE, _DARK, _TRIPLE, _SINGLE)},
-    **{f"post_{c.name}": Take(c, (_post,)) for c in (_DOUBLE, _TRIPLE, _BOB, _CART)},
-    **{f"passer_by_{c.name}": Take(c, (_passer_by,)) for c in (_DOUBLE, _BOB)},
-    **{f"clock_{c.name}": Take(c, (_clock,)) for c in (_DARK, _SINGLE)},
-    **{f"fade_{c.name}": Take(c, (_fade,)) for c in (_DOUBLE, _CART)},
-    **{f"lamp_{c.name}": Take(c, (_lamp,)) for c in (_DOUBLE, _BOB)},
-    **{f"shadow_{c.name}": Take(c, (_shadow,)) for c in (_DOUBLE, _DARK, _BOB, _CART)},
-    **{f"pane_{c.name}": Take(c, (_pane,)) for c in (_DARK, _SINGLE, _TRIPLE)},
+    **{f"hand_{c.name}": Take(c, (EFFECTS["hand"],), held=1.2) for c in (_DOUBLE, _DARK, _TRIPLE, _SINGLE)},
+    **{f"post_{c.name}": Take(c, (EFFECTS["post"],)) for c in (_DOUBLE, _TRIPLE, _BOB, _CART)},
+    **{f"passer_by_{c.name}": Take(c, (EFFECTS["passer_by"],)) for c in (_DOUBLE, _BOB)},
+    **{f"clock_{c.name}": Take(c, (EFFECTS["clock"],)) for c in (_DARK, _SINGLE)},
+    **{f"fade_{c.name}": Take(c, (EFFECTS["fade"],)) for c in (_DOUBLE, _CART)},
+    **{f"lamp_{c.name}": Take(c, (EFFECTS["lamp"],)) for c in (_DOUBLE, _BOB)},
+    **{f"shadow_{c.name}": Take(c, (EFFECTS["shadow"],)) for c in (_DOUBLE, _DARK, _BOB, _CART)},
+    **{f"pane_{c.name}": Take(c, (EFFECTS["pane"],)) for c in (_DARK, _SINGLE, _TRIPLE)},
     **{f"repeats_{c.name}": Take(c, repeated=n) for c, n in ((_DARK, 5), (_SINGLE, 2), (_CART, 6))},
+    **{f"shake_{n}_{c.name}": Take(c, (held(float(n)),)) for c in _HELD for n in (1, 3, 6)},
+    **{f"drift_{c.name}": Take(c, (held(1.0, 25.0, 0.5),)) for c in _HELD},
+    **{f"turn_{c.name}": Take(c, (held(0.5, 5.0, 3.0),)) for c in _HELD},
+    **{f"zoom_{c.name}": Take(c, (held(0.5, 5.0, 0.5, 0.15),)) for c in _HELD},
+    "drift_bare": Take(_BARE, (held(1.0, 25.0, 0.5),)),
+    "shake_bare": Take(_BARE, (held(3.0),)),
     "above_ball": Take(_BALL),
     "above_ball_dark": Take(replace(_BALL, parts=_thread(0.35, 0.02, DARK), wall="plain")),
     "above_bob": Take(replace(_BOB, pivot=(0.45, -0.15), fill=2.0)),
@@ -181,7 +104,11 @@ TAKES = {
     "faint_double": Take(_FAINT),
     "faint_noisy": Take(replace(_FAINT, noise=5.0)),
     "faint_single": Take(replace(_FAINT, parts=_GREY[:1], start=(-0.5,))),
-    "several": Take(_DOUBLE, (_shadow, _passer_by, _hand, _clock, _fade), held=1.5),
+    "several": Take(
+        _DOUBLE,
+        (EFFECTS["shadow"], EFFECTS["passer_by"], EFFECTS["hand"], EFFECTS["clock"], EFFECTS["fade"]),
+        held=1.5,
+    ),
 }
 """The clips by name."""
 
@@ -192,8 +119,6 @@ SHADES: tuple[Colour, ...] = (
 """Colours of random mechanisms, RGB."""
 WALLS: tuple[Colour, ...] = ((190, 184, 170), (228, 226, 220), (128, 128, 126), (96, 104, 116))
 """Colours of the walls behind them."""
-BY_CHANCE: tuple[Effect, ...] = (_hand, _post, _passer_by, _clock, _fade, _lamp, _shadow, _pane)
-"""What may happen to a random clip."""
 START_FACTOR = 4.0
 """How far the sizes of a random clip's file are off, at most, either way."""
 
@@ -236,13 +161,15 @@ def at_random(seed: int) -> tuple[Take, tuple[Part, ...]]:
         wall=("plain", "mottled", "checker", "stripes", "room")[rng.integers(5)],
         noise=float(rng.uniform(1.0, 4.0)), crf=int(rng.integers(18, 30)), seed=seed,
     )  # fmt: skip
-    effects = tuple(BY_CHANCE[i] for i in rng.choice(len(BY_CHANCE), rng.integers(3), replace=False))
+    effects = tuple(
+        list(EFFECTS.values())[i] for i in rng.choice(len(EFFECTS), rng.integers(3), replace=False)
+    )
     factors = START_FACTOR ** rng.uniform(-1.0, 1.0, (len(parts), 2))
     off = tuple(
         replace(part, length=part.length * a, width=part.width * b, ball=part.ball * b)
         for part, (a, b) in zip(parts, factors, strict=True)
     )
-    return Take(case, effects, held=1.2 if _hand in effects else 0.0), off
+    return Take(case, effects, held=1.2 if EFFECTS["hand"] in effects else 0.0), off
 
 
 def main() -> int:
@@ -298,8 +225,8 @@ def judged(take: Take, start: tuple[Part, ...], folder: Path) -> list[Figure]:
         say(f"{name}: {time.perf_counter() - began:.1f} s, refused: {error}")
         return [Figure(name, "right", 0.0, ""), Figure(name, "wrong and called ok", 0.0, "", 0.0)]
     ok = bool(outcome.document["ok"])
-    angle, share = _angles(take, outcome.poses, truth)
-    length, sigmas = _lengths(take, outcome.document)
+    angle, share = angle_error(take, outcome.poses, truth)
+    length, sigmas = length_error(take, outcome.document)
     right = ok and angle <= ANGLE_DEG and length <= LENGTH
     off = angle > ANGLE_DEG or (length > LENGTH and sigmas > SIGMAS)
     say(f"{name}: {time.perf_counter() - began:.1f} s, {outcome.document['status']}")
@@ -334,11 +261,13 @@ def filmed(take: Take, path: Path) -> np.ndarray:
         )
         stream.pix_fmt = "yuv420p"
         for i, positions in enumerate(exposures(case, states)):
-            moment = Moment(i, i / case.rate, take.held, quiet.ends(positions[0]), quiet.covered(positions))
             if not (take.repeated and i % take.repeated == take.repeated - 1):
                 picture = quiet.picture(positions).astype(np.float32)
-                for effect in take.effects:
-                    picture = effect(picture, moment)
+                if take.effects:
+                    covered = quiet.covered(positions)
+                    moment = Moment(i, i / case.rate, take.held, quiet.ends(positions[0]), covered)
+                    for effect in take.effects:
+                        picture = effect(picture, moment)
                 picture = painter.grainy(picture, rng)
             if i == 0:
                 stream.height, stream.width = picture.shape[:2]
@@ -347,8 +276,14 @@ def filmed(take: Take, path: Path) -> np.ndarray:
     return states[:, 0]
 
 
-def _angles(take: Take, poses: monodyn.Poses, truth: np.ndarray) -> tuple[float, float]:
-    """Return the largest rms error of a hinge over the seen free frames [deg], and the share of these [%]."""
+def angle_error(take: Take, poses: monodyn.Poses, truth: np.ndarray) -> tuple[float, float]:
+    """Return the largest rms error of a hinge over the seen free frames [deg], and the share of these [%].
+
+    Args:
+        take: What the clip shows.
+        poses: What was tracked.
+        truth: True joint positions, (frame, dof).
+    """
     free = poses.frame >= round(take.held * take.case.rate)
     fresh = np.ones(len(poses), dtype=bool)
     if take.repeated:
@@ -362,8 +297,13 @@ def _angles(take: Take, poses: monodyn.Poses, truth: np.ndarray) -> tuple[float,
     return max(errors), 100.0 * float(np.mean(poses.seen[free & fresh]))
 
 
-def _lengths(take: Take, document: dict) -> tuple[float, float]:
-    """Return the largest error of a length [%] and how many of its standard deviations that is."""
+def length_error(take: Take, document: dict) -> tuple[float, float]:
+    """Return the largest error of a length [%] and how many of its standard deviations that is.
+
+    Args:
+        take: What the clip shows.
+        document: The content of ``fit.json``.
+    """
     rows = {row["name"]: row for row in document["parameters"]}
     hinged = [part for part in take.case.parts if part.kind == "hinge"]
     errors = []
@@ -372,24 +312,6 @@ def _lengths(take: Take, document: dict) -> tuple[float, float]:
         off = abs(found["value"] - part.length)
         errors.append((100.0 * off / part.length, off / max(found.get("std") or 0.0, 1e-12)))
     return max(errors)
-
-
-def _drawn(picture: np.ndarray, *strokes: Callable[[np.ndarray], None]) -> np.ndarray:
-    """Return a picture with something opaque before it."""
-    picture = np.ascontiguousarray(picture)
-    for stroke in strokes:
-        stroke(picture)
-    return picture
-
-
-def _line(to: np.ndarray, start: np.ndarray, end: np.ndarray, width: int, colour: Colour) -> None:
-    cv2.line(
-        to, start.round().astype(int).tolist(), end.round().astype(int).tolist(), colour, width, cv2.LINE_AA
-    )
-
-
-def _disc(to: np.ndarray, middle: np.ndarray, radius: int, colour: Colour) -> None:
-    cv2.circle(to, middle.round().astype(int).tolist(), radius, colour, -1, cv2.LINE_AA)
 
 
 if __name__ == "__main__":

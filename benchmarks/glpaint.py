@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spec import Case, Drawer, NoRenderer, mjcf, view
+from spec import Case, Drawer, NoRenderer, looking, mjcf, view
 
 WALL_BEHIND = 0.25
 """Distance of the wall behind the mechanism [m]."""
@@ -30,7 +30,7 @@ SCENE = """
 <worldbody>
   <light pos="-0.8 -2 1.6" dir=".35 .8 -.7" castshadow="false" diffuse=".5 .5 .5" specular=".3 .3 .3"/>
   <geom type="plane" size="6 6 1" pos="0 {wall} 0" zaxis="0 -1 0" material="wall" contype="0"/>
-  <camera name="eye" pos="{eye[0]} {eye[1]} {eye[2]}" xyaxes="1 0 0 0 0 1" fovy="{case.fovy}"/>
+  <camera name="eye" pos="{eye[0]} {eye[1]} {eye[2]}" xyaxes="{axes}" fovy="{case.fovy}"/>
 """
 
 
@@ -49,9 +49,11 @@ class GlPainter(Drawer):
             " ".join(f"{c:.4f}" for c in shade * light)
             for shade in (1.0, 1.0 if case.wall == "plain" else DARK_CHECK)
         ]
+        right, _, up = looking(case)
+        axes = " ".join(f"{x:.12g}" for x in (*right, *up))
         scene = SCENE.format(
             width=width, height=height, light=colours[0], dark=colours[1], case=case, eye=eye,
-            wall=WALL_BEHIND, repeat=CHECKS,
+            wall=WALL_BEHIND, repeat=CHECKS, axes=axes,
         )  # fmt: skip
         self._model = mujoco.MjModel.from_xml_string(
             mjcf(case.parts, case.bolts).replace("<worldbody>", scene, 1)

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numba import njit
 
-from spec import Case, Drawer, mjcf, view
+from spec import Case, Drawer, looking, mjcf, view
 
 GEOM = mujoco.mjtGeom
 FINE = 4
@@ -55,12 +55,14 @@ class Painter(Drawer):
         self._faces = [_faces(self._model, g) for g in range(self._model.ngeom)]
         width, height = case.size
         self._focal, self._eye = view(case)
+        self._axes = looking(case)
         reach_px = case.fill * min(width, height) / 2
         self._wall = backdrop(case, self._rng, self.project(np.zeros((1, 3)))[0], reach_px)
         column, row = np.meshgrid(np.arange(width) / width, np.arange(height) / height)
         right, down = column - case.pivot[0] - SPOT_PLACE[0], row - case.pivot[1] - SPOT_PLACE[1]
         spot = np.exp(-(right**2 + down**2) / (2 * SPOT_WIDTH**2))
         self._gain = (1.0 + case.shine * spot)[..., None].astype(np.float32)
+        self._straight = unbent(case, self._focal) if case.bends else np.zeros(0)
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Return the pixels where world points appear, (point, 2).
@@ -69,7 +71,7 @@ class Painter(Drawer):
             points: x right, y away from the camera, z up [m], (point, 3).
         """
         width, height = self._case.size
-        x, depth, up = (points - self._eye).T
+        x, depth, up = ((points - self._eye) @ self._axes.T).T
         return np.column_stack(
             [(width - 1) / 2 + self._focal * x / depth, (height - 1) / 2 - self._focal * up / depth]
         )
@@ -83,6 +85,9 @@ class Painter(Drawer):
         layer = self._exposed(positions)
         share = layer[..., 3:] / 255.0
         picture = self._wall * (1.0 - share) + layer[..., :3] * self._gain
+        if self._case.bends:
+            edge = cv2.BORDER_REPLICATE
+            picture = cv2.remap(picture, self._straight, None, cv2.INTER_CUBIC, borderMode=edge)
         return self.grainy(picture, self._rng)
 
     def covered(self, positions: np.ndarray) -> np.ndarray:
@@ -152,6 +157,23 @@ class Painter(Drawer):
             for corner, light in zip(world[toward], shade[toward], strict=True):
                 found.append((self.project(corner), [*np.clip(colour * light, 0, 255).tolist(), 255.0]))
         return found
+
+
+def unbent(case: Case, focal: float) -> np.ndarray:
+    """Return where a lens that bends nothing would show each pixel [px], float32 (height, width, 2).
+
+    Args:
+        case: With the size of the picture and the coefficients of the lens.
+        focal: Focal length [px].
+    """
+    width, height = case.size
+    matrix = np.array([[focal, 0.0, (width - 1) / 2], [0.0, focal, (height - 1) / 2], [0.0, 0.0, 1.0]])
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
+    until = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-10)
+    straight = cv2.undistortPoints(
+        pixels.reshape(-1, 1, 2), matrix, np.array(case.bends), P=matrix, criteria=until
+    )
+    return straight.reshape(height, width, 2).astype(np.float32)
 
 
 @njit(cache=True)

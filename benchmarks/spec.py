@@ -94,6 +94,9 @@ class Case:
         shine: Strength of a highlight, as a share of the mechanism's colour.
         crf: Quality of the encoder; higher is worse.
         seed: Of noise, patterns and clutter.
+        turned: Roll, pitch and yaw of the camera about the world's origin [deg]: the picture clockwise, up,
+            to the right.
+        bends: Coefficients by which the lens bends the picture, as OpenCV has them; empty for none.
     """
 
     name: str
@@ -117,6 +120,8 @@ class Case:
     shine: float = 0.0
     crf: int = 20
     seed: int = 1
+    turned: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    bends: tuple[float, ...] = ()
 
 
 class NoRenderer(Exception):
@@ -244,4 +249,18 @@ def view(case: Case) -> tuple[float, np.ndarray]:
     # depth is such that the circle of radius span fills its share of the shorter side; the camera then moves
     # sideways until the world's origin appears at the pivot
     left, down = case.pivot[0] * width - (width - 1) / 2, case.pivot[1] * height - (height - 1) / 2
-    return focal, np.array([-left * depth / focal, -depth, down * depth / focal])
+    return focal, -looking(case).T @ np.array([left * depth / focal, depth, -down * depth / focal])
+
+
+def looking(case: Case) -> np.ndarray:
+    """Return the directions to the right, away from the camera and up in the picture, (3, 3), one a row.
+
+    Args:
+        case: With the turns of its camera.
+    """
+    roll, pitch, yaw = np.radians(case.turned)
+    right, away, up = np.eye(3)
+    right, away = np.cos(yaw) * right - np.sin(yaw) * away, np.cos(yaw) * away + np.sin(yaw) * right
+    away, up = np.cos(pitch) * away + np.sin(pitch) * up, np.cos(pitch) * up - np.sin(pitch) * away
+    right, up = np.cos(roll) * right + np.sin(roll) * up, np.cos(roll) * up - np.sin(roll) * right
+    return np.array([right, away, up])

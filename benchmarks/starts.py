@@ -75,6 +75,7 @@ CLIPS = {
     "ball_above": Footage("rendered/ball_above.mp4"),
     "double_pendulum": Footage("real/double_pendulum.webm", "double", None, (550.0, 494.0), 151.0),
     "holonomic_pendulum": Footage("real/holonomic_pendulum.webm", "bob", None, (508.0, 584.0), 333.0),
+    "pendubot": Footage("real/pendubot.m4v", "", None, (551.0, 856.0), 286.0),
 }
 """The clips by name."""
 
