@@ -16,6 +16,7 @@ from monodyn.checks import (
     clip_and_mechanism,
     doubt,
     fitted_range,
+    how_to_film,
     left_out,
     prediction_times,
     untracked,
@@ -62,11 +63,29 @@ def poses(seen: int, count: int) -> Poses:
         (RunSettings(fix={"camera.zoom": 1.0}),
          "parameter 'camera.zoom': expected one of the camera's (camera.x, camera.y, camera.depth, "
          "camera.roll, camera.pitch, camera.yaw, camera.focal); correct the name."),
+        (RunSettings(free=["camera.roll"], identify=IdentifySettings(method="paper")),
+         "parameter 'camera.roll': identify.method paper takes gravity's direction as given; give the "
+         "roll with --fix, or use identify.method fast."),
     ],
 )  # fmt: skip
 def test_choices_that_are_refused(settings: RunSettings, message: str) -> None:
     with refuses(SettingsError, message):
         chosen_mechanism(MODEL, settings)
+
+
+def test_gravity_may_have_any_direction_in_a_table() -> None:
+    found = chosen_mechanism(MODEL, RunSettings(free=["camera.roll"]), camera=False)
+    assert found.parameter("camera.roll").free
+    given = chosen_mechanism(MODEL, RunSettings(fix={"camera.roll": 0.1}), camera=False)
+    assert given.values["camera.roll"] == 0.1
+    # of a clip it is the scene that knows
+    assert not chosen_mechanism(MODEL, RunSettings(free=["camera.roll"])).parameter("camera.roll").free
+    said = (
+        "parameter 'camera.roll': expected a mechanism on a single hinge of the world, whose angles a "
+        "tilt adds to; leave it out."
+    )
+    with refuses(SettingsError, said):
+        chosen_mechanism("cartpole", RunSettings(free=["camera.roll"]), camera=False)
 
 
 def test_tables_have_no_camera() -> None:
@@ -104,7 +123,8 @@ def test_a_mechanism_without_shape_has_no_picture(make_clip: ClipMaker, tmp_path
         '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>'
     )
     said = (
-        "mechanism 'bare': expected a moving body with a geom that a clip can show, got none; add its shape."
+        "mechanism 'bare': expected a moving body with a geom or a site that a clip can show, got none; add "
+        "its shape."
     )
     with refuses(MechanismError, said):
         clip_and_mechanism(make_clip(), model, RunSettings())
@@ -151,7 +171,7 @@ def test_ends_of_a_prediction_that_are_refused(video: Video) -> None:
 def test_a_clip_without_the_mechanism_says_so(video: Video) -> None:
     said = (
         f"clip '{video.path}': expected the mechanism in frames 0 to 2, tracked it in none; "
-        "Light it better. Come closer."
+        "Light it better. Come closer. What makes a clip good, with examples: docs/filming.md."
     )
     with refuses(FitError, said):
         check_tracked(poses(0, 3), video, ["Light it better.", "Come closer."])
@@ -161,29 +181,38 @@ def test_a_clip_without_the_mechanism_says_so(video: Video) -> None:
     check_tracked(poses(1, 3), video, [])
 
 
+def test_a_refused_clip_leads_to_the_page_on_filming() -> None:
+    said = ["What makes a clip good, with examples: docs/filming.md."]
+    filmed, pointed = SimpleNamespace(tracks=None), SimpleNamespace(tracks=object())
+    assert how_to_film(SimpleNamespace(ok=False), filmed) == said
+    assert how_to_film(SimpleNamespace(ok=True), filmed) == []
+    # points were filmed by somebody else
+    assert how_to_film(SimpleNamespace(ok=False), pointed) == []
+
+
 def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
-    sight = SimpleNamespace(mismatch=0.12, scene=None)
+    sight = SimpleNamespace(mismatch=0.12, scene=None, points=None)
     assert doubt(sight, poses(25, 100)) is None  # type: ignore[arg-type]
     assert doubt(sight, poses(24, 100)) == (  # type: ignore[arg-type]
         "Only 24 of the 100 frames to fit were tracked: too few to trust that the mechanism was followed and "
         "not something like it; diagnosis.png shows what was seen. --time-range A:B and --roi X,Y,W,H choose "
         "frames and a part of the picture in which it shows."
     )
-    video = SimpleNamespace(repeats=SimpleNamespace(frames=tuple(range(50, 60))))
+    video = SimpleNamespace(repeats=SimpleNamespace(frames=tuple(range(50, 60))), bare=False)
     repeated = SimpleNamespace(
-        mismatch=0.12, scene=SimpleNamespace(masks=SimpleNamespace(video=video), beside={})
+        mismatch=0.12, scene=SimpleNamespace(masks=SimpleNamespace(video=video), beside={}), points=None
     )
     assert doubt(repeated, poses(24, 100)) is None  # type: ignore[arg-type]
-    sight = SimpleNamespace(mismatch=0.83, scene=None)
+    sight = SimpleNamespace(mismatch=0.83, scene=None, points=None)
     assert doubt(sight, poses(100, 100)) == (  # type: ignore[arg-type]
         "The mechanism as it was located differs from what stands out from the background by 83% of its "
         "area: it is in the wrong place, of the wrong size or blurred by its motion, or other things move "
         "with it; diagnosis.png shows what was seen. --roi X,Y,W,H and --time-range A:B leave other things "
         "out."
     )
-    assert doubt(SimpleNamespace(mismatch=float("nan"), scene=None), poses(9, 9)) is None  # type: ignore[arg-type]
+    assert doubt(SimpleNamespace(mismatch=float("nan"), scene=None, points=None), poses(9, 9)) is None  # type: ignore[arg-type]
     # a mechanism that is lost in half of the frames has to lie twice as well in the others
-    sight = SimpleNamespace(mismatch=0.45, scene=None)
+    sight = SimpleNamespace(mismatch=0.45, scene=None, points=None)
     assert doubt(sight, poses(91, 100)) is None  # type: ignore[arg-type]
     assert doubt(sight, poses(89, 100)) == (  # type: ignore[arg-type]
         "The mechanism as it was located differs from what stands out from the background by 45% of its "
@@ -192,7 +221,7 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
         "--time-range A:B leave other things out."
     )
     scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={"link1": 0.02, "link2": 0.12})
-    sight = SimpleNamespace(mismatch=0.2, scene=scene)
+    sight = SimpleNamespace(mismatch=0.2, scene=scene, points=None)
     assert doubt(sight, poses(100, 100)) == (  # type: ignore[arg-type]
         "Something moves along with 'link2' outside of its outline, 12% of what stands out from the "
         "background: the mechanism file has no geom for it, or a geom was found in another place, and masses "
@@ -201,6 +230,21 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
     )
     assert doubt(sight, poses(100, 100), uniform=False) is None  # type: ignore[arg-type]
     scene.beside["link2"] = 0.04
+    assert doubt(sight, poses(100, 100)) is None  # type: ignore[arg-type]
+
+
+def test_a_mechanism_that_sways_before_a_bare_wall_is_doubted() -> None:
+    video = SimpleNamespace(repeats=SimpleNamespace(frames=()), bare=True)
+    scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={})
+    sight = SimpleNamespace(mismatch=0.2, scene=scene, points=None, sway_px=12.34)
+    assert doubt(sight, poses(100, 100)) == (  # type: ignore[arg-type]
+        "The whole mechanism sways by 12.3 px in the picture, and the background shows too little to follow "
+        "the camera by: put the camera on a tripod, or film before a background with edges and patterns over "
+        "much of the picture."
+    )
+    sight.sway_px = 0.4
+    assert doubt(sight, poses(100, 100)) is None  # type: ignore[arg-type]
+    sight.sway_px, video.bare = 12.34, False
     assert doubt(sight, poses(100, 100)) is None  # type: ignore[arg-type]
 
 

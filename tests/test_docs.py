@@ -157,6 +157,14 @@ def test_files_in_the_readme_exist() -> None:
     assert all((ROOT / name).exists() for name in named)
 
 
+def test_the_page_on_filming_shows_its_pictures() -> None:
+    page = (ROOT / "docs" / "filming.md").read_text(encoding="utf-8")
+    shown = set(re.findall(r"\]\((filming/\w+\.jpg)\)", page))
+    assert shown == {f"filming/{path.name}" for path in (ROOT / "docs" / "filming").iterdir()}
+    # good and bad side by side
+    assert len(shown) == 2 * page.count("\n## ")
+
+
 def test_the_readme_of_the_benchmarks_names_every_script() -> None:
     folder = ROOT / "benchmarks"
     named = set(re.findall(r"(\w+\.py)\b", (folder / "README.md").read_text(encoding="utf-8")))

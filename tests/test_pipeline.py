@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ import pytest
 import monodyn
 from fits import identified, made_fit
 from monodyn import pipeline
-from monodyn.checks import doubt
+from monodyn.checks import FILMING, doubt
 from monodyn.errors import FitError, SettingsError, VideoError
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
@@ -23,6 +22,7 @@ from monodyn.settings import RunSettings, settings_classes
 from monodyn.stages import segment
 from monodyn.types import Camera, Poses
 from monodyn.vision.clip.video import read
+from monodyn.vision.locating.scene import Scene
 from monodyn.vision.release import FreeSpan
 from support import ClipMaker, command, refuses
 from swings import TIMES, motion, record
@@ -52,10 +52,10 @@ def seen(
     poses = Poses(
         ("joint1",), np.arange(12), video.times, position, np.zeros((12, 1, 1)), np.arange(12) < last
     )
-    scene = SimpleNamespace(
-        camera=Camera(64, 48, 100.0), masks=masks, mechanism=load("single"),
-        key_frames=(0,), key_positions=np.array([[-1.0]]),
-        camera_std={"camera.depth": 0.1, "camera.roll": 0.2}, advice=("The camera is a guess.",),
+    pose = np.array([[-1.0]])
+    scene = Scene(
+        load("single"), Camera(64, 48, 100.0), masks, 0, pose[0], (0,), pose,
+        {"camera.depth": 0.1, "camera.roll": 0.2}, 0.0, ("The camera is a guess.",),
     )  # fmt: skip
     tracked = poses, span
     for stage, found in (
@@ -80,7 +80,7 @@ def test_a_fit_in_a_wrong_place_is_refused(
     assert not document["ok"]
     assert document["status"].startswith("The mechanism as it was located differs from what stands out")
     # the advice of the fit is about a model in the right place
-    assert document["advice"] == ["The camera is a guess."]
+    assert document["advice"] == ["The camera is a guess.", FILMING]
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "What was seen of the clip" in page
 
@@ -211,11 +211,11 @@ def test_what_can_be_refused_is_refused_before_a_frame_is_read(
 
     monkeypatch.setattr(pipeline, "segment", never)
     said = (
-        "parameter 'camera.roll': the picture does not distinguish it from the angle of the first hinge; "
-        "level the camera, or give the roll with --fix camera.roll=VALUE [rad]."
+        "parameter 'camera.yaw': expected less than a quarter turn, got 2 rad; the camera looks at the "
+        "plane, give the angle in radians."
     )
     with refuses(SettingsError, said):
-        run(clip, "single", tmp_path / "run", RunSettings(free=["camera.roll"]))
+        run(clip, "single", tmp_path / "run", RunSettings(fix={"camera.yaw": 2.0}))
     assert not (tmp_path / "run").exists()
 
 

@@ -6,13 +6,14 @@ import math
 import subprocess
 import sys
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, Literal, get_origin, get_type_hints
 
 import pytest
 
 from monodyn.errors import SettingsError
 from monodyn.settings import STAGES, RunSettings, published_method, settings_classes
-from monodyn.vision.settings import LocateSettings, TrackSettings
+from monodyn.vision.settings import CameraSettings, LocateSettings, TrackSettings
 from support import refuses
 
 SETTINGS = [
@@ -27,6 +28,24 @@ WORDS = [
     for stage, kind, name, usual in SETTINGS
     if isinstance(usual, str) or get_origin(get_type_hints(kind)[name]) is Literal or name == "method"
 ]
+
+
+def test_an_exposure_needs_pictures_and_the_default_method() -> None:
+    rolling = CameraSettings(readout=0.02)
+    assert RunSettings(camera=rolling).camera.readout == 0.02
+    with refuses(
+        SettingsError,
+        "camera.exposure, camera.readout: expected pictures and the method 'fast', got --points, which knows "
+        "neither; leave them out.",
+    ):
+        RunSettings(points=Path("points.csv"), camera=rolling)
+    with refuses(
+        SettingsError,
+        "camera.exposure, camera.readout: expected pictures and the method 'fast', got a stage by the "
+        "published method, which knows neither; leave them out.",
+    ):
+        RunSettings(method="paper", camera=CameraSettings(exposure=0.01))
+    assert RunSettings(method="paper", camera=CameraSettings(exposure=0.0)).camera.exposure == 0.0
 
 
 def test_the_seed_and_the_method_of_the_run_reach_its_stages() -> None:
@@ -59,6 +78,16 @@ def test_importing_the_settings_loads_nothing_heavy() -> None:
         ({"seed": -1}, "seed: expected 0 or more, got -1; give a whole number."),
         ({"method": "odd"}, "method: expected one of 'fast', 'paper', got 'odd'."),
         ({"rate": 0.0}, "rate: expected 0.001 to 1e+06 Hz, got 0; give the true frames a second."),
+        (
+            {"distortion": (-0.3, 0.1, 0.0)},
+            "camera.distortion: expected K1,K2,P1,P2[,K3] in the order of OpenCV, got -0.3,0.1,0; give four "
+            "or five numbers.",
+        ),
+        (
+            {"distortion": (-0.3, math.nan, 0.0, 0.0)},
+            "camera.distortion: expected K1,K2,P1,P2[,K3] in the order of OpenCV, got -0.3,nan,0,0; give "
+            "four or five numbers.",
+        ),
         ({"rate": math.nan}, "rate: expected 0.001 to 1e+06 Hz, got nan; give the true frames a second."),
     ],
 )

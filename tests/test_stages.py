@@ -14,6 +14,7 @@ from monodyn.mechanism import load
 from monodyn.settings import settings_classes
 from monodyn.stages import check_camera, identify, locate, track
 from monodyn.types import Camera
+from monodyn.vision.locating.scene import Scene
 from monodyn.vision.settings import METHOD_NAMES, CameraSettings, LocateSettings
 from support import refuses
 from swings import TIMES, motion, record
@@ -37,9 +38,6 @@ CAMERA = "camera.x, camera.y, camera.depth, camera.roll, camera.pitch, camera.ya
         ("fast", {"camera.yaw": -2.0}, [],
          "parameter 'camera.yaw': expected less than a quarter turn, got -2 rad; the camera looks at the "
          "plane, give the angle in radians."),
-        ("fast", {}, ["camera.roll"],
-         "parameter 'camera.roll': the picture does not distinguish it from the angle of the first hinge; "
-         "level the camera, or give the roll with --fix camera.roll=VALUE [rad]."),
         ("paper", {}, ["camera.depth", "camera.focal"],
          "parameter 'camera.focal': camera.method paper estimates camera.x, camera.y, camera.depth alone; "
          "leave it out of --free, give the value with --fix, or use camera.method fast."),
@@ -54,7 +52,7 @@ def test_camera_parameters_that_are_refused(
 
 def test_camera_parameters_that_are_taken() -> None:
     check_camera(load("cartpole"), "fast", {"camera.depth": 1.0}, ["camera.roll", "camera.focal"])
-    check_camera(load("double"), "paper", {"camera.roll": 0.1}, ["camera.depth"])
+    check_camera(load("double"), "paper", {"camera.yaw": 0.1}, ["camera.depth", "camera.roll"])
 
 
 def test_another_clip_has_another_scene() -> None:
@@ -68,15 +66,30 @@ def test_another_clip_has_another_scene() -> None:
         track(masks, scene)
 
 
+def test_another_clip_of_a_camera_that_moves_has_other_places() -> None:
+    video = SimpleNamespace(path="other.mp4", width=128, height=96, camera_path=None)
+    moving = SimpleNamespace(video=SimpleNamespace(camera_path=object()))
+    scene: Any = SimpleNamespace(camera=Camera(128, 96, 100.0), masks=moving)
+    masks: Any = SimpleNamespace(video=video)
+    said = (
+        "other.mp4: expected the clip in which the scene was located, or one of a camera that stands still "
+        "in both, got another one with a camera that moves; locate the mechanism in this clip."
+    )
+    with refuses(VideoError, said):
+        track(masks, scene)
+
+
 @pytest.mark.parametrize("camera", ["fast", "paper"])
 @pytest.mark.parametrize("pose", ["fast", "paper"])
 def test_a_method_is_found_by_its_name(camera: Any, pose: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    called = []
+    called, none = [], np.zeros(2)
+    masks: Any = object()
+    scene = Scene(load("double"), Camera(9, 9, 9.0), masks, 0, none, (), none, {}, 0.0, ())
     table = {
-        names: lambda sought, names=names: called.append((names, sought)) for names in stages.LOCATE_METHODS
+        names: lambda sought, names=names: called.append((names, sought)) or scene
+        for names in stages.LOCATE_METHODS
     }
     monkeypatch.setattr(stages, "LOCATE_METHODS", table)
-    masks: Any = object()
     locate(masks, load("double"), LocateSettings(method=pose), camera=CameraSettings(method=camera))
     ((names, sought),) = called
     assert names == (camera, pose)

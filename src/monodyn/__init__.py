@@ -45,6 +45,10 @@ if TYPE_CHECKING:
     from monodyn.types import Poses as Poses
     from monodyn.vision.clip.video import Video as Video
     from monodyn.vision.clip.video import read as read
+    from monodyn.vision.dots.find import find_dots as find_dots
+    from monodyn.vision.foreground.given import read_masks as read_masks
+    from monodyn.vision.points.read import read_points as read_points
+    from monodyn.vision.points.tracks import PointTracks as PointTracks
     from monodyn.vision.settings import CameraSettings as CameraSettings
     from monodyn.vision.settings import LocateSettings as LocateSettings
     from monodyn.vision.settings import SegmentSettings as SegmentSettings
@@ -55,6 +59,10 @@ _HOMES = {
     "types": ("Camera", "Frame", "Mask", "Poses"),
     "mechanism": ("Mechanism", "load", "write_mjcf", "write_urdf"),
     "vision.clip.video": ("Video", "read"),
+    "vision.dots.find": ("find_dots",),
+    "vision.foreground.given": ("read_masks",),
+    "vision.points.read": ("read_points",),
+    "vision.points.tracks": ("PointTracks",),
     "vision.settings": ("CameraSettings", "LocateSettings", "SegmentSettings", "TrackSettings"),
     "estimation.fit": ("Fit",),
     "estimation.record.tables": ("read_poses", "write_poses"),

@@ -15,15 +15,19 @@ import numpy as np
 
 from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.settings import USUAL_TERMS
+from monodyn.mechanism.dots import dots_of
+from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
 from monodyn.stages import check_camera
 from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background
+from monodyn.vision.points.scene import PointScene
 from monodyn.vision.release import FreeSpan
 
 if TYPE_CHECKING:
+    from monodyn.estimation.fit import Fit
     from monodyn.mechanism import Mechanism
 
 LEAST_SEEN = 0.25
@@ -31,11 +35,21 @@ LEAST_SEEN = 0.25
 MOST_MISMATCH = 0.5
 """Mismatch of outline and mask, as a share of the mask's area, above which no fit is trusted: as much as the
 published method allows. Where only a part of the frames was tracked, only that part of it."""
+MOST_SWAY_PX = 1.5
+"""Sway of the whole mechanism before a background that does not show how the camera moves, above which no fit
+is trusted [px]; a camera that stands still leaves less than a tenth of that."""
 MOST_BESIDE = 0.05
 """What moves along with a body outside of its outline, as a share of the foreground, above which no fit of
 uniform bodies is trusted."""
+MOST_OUTSIDE = 0.4
+"""Share of tracked points away from the mechanism above which no fit is trusted."""
+MOST_OFF = 0.04
+"""Distance of tracked points from the mechanism, over its size in the picture, above which no fit is
+trusted."""
 MOST_ROWS = 1_000_000
 """Most rows of a prediction."""
+FILMING = "What makes a clip good, with examples: docs/filming.md."
+"""Note on a clip that could not be used as it is."""
 
 
 def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[Video, Mechanism]:
@@ -47,21 +61,34 @@ def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSetting
         settings: The user's choices.
 
     Raises:
-        MechanismError: no body of the mechanism can be seen.
         SettingsError: the picture of the background does not exist.
     """
-    mechanism = chosen_mechanism(model, settings)
+    mechanism = drawn_mechanism(model, settings)
     video = read(clip, rate=settings.rate)
-    if not mechanism.plan.drawn:
-        raise MechanismError(
-            f"mechanism '{mechanism.name}': expected a moving body with a geom that a clip can show, got "
-            "none; add its shape."
-        )
     if settings.background is not None and not Path(settings.background).is_file():
         raise SettingsError(
             f"background '{settings.background}': expected a picture file, found none; check the path."
         )
     return video, mechanism
+
+
+def drawn_mechanism(model: str | Path, settings: RunSettings) -> Mechanism:
+    """Return a mechanism with the user's choices of which a clip can show something.
+
+    Args:
+        model: Mechanism file or bundled name.
+        settings: The user's choices.
+
+    Raises:
+        MechanismError: no body of the mechanism can be seen.
+    """
+    mechanism = chosen_mechanism(model, settings)
+    if not mechanism.plan.drawn and not dots_of(mechanism):
+        raise MechanismError(
+            f"mechanism '{mechanism.name}': expected a moving body with a geom or a site that a clip can "
+            "show, got none; add its shape."
+        )
+    return mechanism
 
 
 def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool = True) -> Mechanism:
@@ -88,16 +115,28 @@ def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool =
     # the camera is no part of the mechanism; its parameters go to ``locate`` on their own
     fix, free = camera_choices(settings)
     for name in (*fix, *free):
-        if not camera:
+        if not camera and name != ROLL:
             raise SettingsError(
                 f"parameter '{name}': expected one of the mechanism's; tables of joint positions have no "
                 "camera, leave it out."
             )
     mechanism = load(model)
     check_camera(mechanism, settings.camera.method or "fast", fix, free)
+    if ROLL in free and settings.identify.method == "paper":
+        raise SettingsError(
+            "parameter 'camera.roll': identify.method paper takes gravity's direction as given; give the "
+            "roll with --fix, or use identify.method fast."
+        )
+    if not camera and (ROLL in free or ROLL in fix) and not by_roll(mechanism).any():
+        raise SettingsError(
+            "parameter 'camera.roll': expected a mechanism on a single hinge of the world, whose angles a "
+            "tilt adds to; leave it out."
+        )
+    # in a table the roll is the direction of gravity against the measured angles, and needs no camera
+    kept = {name: value for name, value in settings.fix.items() if not _of_camera(name)}
     return _with_torque(mechanism, settings).with_choices(
-        fix={name: value for name, value in settings.fix.items() if not _of_camera(name)},
-        free=[name for name in settings.free if not _of_camera(name)],
+        fix=kept if camera else dict(settings.fix),
+        free=[name for name in settings.free if not (camera and _of_camera(name))],
         bounds=settings.bounds,
     )
 
@@ -237,7 +276,7 @@ def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
     first, last = (int(poses.frame[0]), int(poses.frame[-1])) if len(poses) else (0, 0)
     raise FitError(
         f"clip '{video.path}': expected the mechanism in frames {first} to {last}, tracked it in none; "
-        + (" ".join(notes) or "look at diagnosis.png.")
+        + " ".join([*(notes or ["look at diagnosis.png."]), FILMING])
     )
 
 
@@ -252,6 +291,8 @@ def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
     Returns:
         The reason, a sentence for the user; None where the outline explains what was seen.
     """
+    if sight.points is not None:
+        return _doubtful_points(sight.points, part)
     # pictures that repeat the one before are not expected to be measured
     repeats = () if sight.scene is None else sight.scene.masks.video.repeats.frames
     seen, count = int(np.sum(part.measured.any(axis=1))), int(np.sum(~np.isin(part.frame, repeats)))
@@ -270,6 +311,12 @@ def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
             "by its motion, or other things move with it; diagnosis.png shows what was seen. --roi X,Y,W,H "
             "and --time-range A:B leave other things out."
         )
+    if sight.scene is not None and sight.scene.masks.video.bare and sight.sway_px > MOST_SWAY_PX:
+        return (
+            f"The whole mechanism sways by {sight.sway_px:.1f} px in the picture, and the background "
+            "shows too little to follow the camera by: put the camera on a tripod, or film before a "
+            "background with edges and patterns over much of the picture."
+        )
     beside = {} if sight.scene is None else sight.scene.beside
     body = max(beside, key=lambda name: beside[name], default="")
     if uniform and body and beside[body] > MOST_BESIDE:
@@ -278,6 +325,30 @@ def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
             "out from the background: the mechanism file has no geom for it, or a geom was found in another "
             "place, and masses and lengths would come out wrong. Give the file a geom for it, about as it "
             "is, or take --identify.bodies free; diagnosis.png shows it."
+        )
+    return None
+
+
+def _doubtful_points(scene: PointScene, part: Poses) -> str | None:
+    """Find a reason not to trust any fit to tracked points."""
+    seen, count = int(np.sum(part.measured.any(axis=1))), len(part)
+    if seen < LEAST_SEEN * count:
+        return (
+            f"Only {seen} of the {count} frames to fit show a joint: too few points to trust the fit; "
+            "diagnosis.png shows which were found."
+        )
+    if scene.outside > MOST_OUTSIDE:
+        return (
+            f"{scene.outside:.0%} of the tracked points do not lie where the mechanism can have them: "
+            "names may belong to other points (--points.map), or the mechanism file is another one; "
+            "diagnosis.png shows it."
+        )
+    if scene.rms_px > MOST_OFF * scene.extent_px:
+        return (
+            f"The tracked points lie {scene.rms_px:.1f} px from where the mechanism can have them, "
+            f"{scene.rms_px / scene.extent_px:.0%} of its size in the picture: names may belong to other "
+            "points (--points.map), the camera may move without a point of the scene that shows it, or the "
+            "mechanism file is another one; diagnosis.png shows it."
         )
     return None
 
@@ -301,6 +372,32 @@ def left_out(background: Background, *, given: bool = False) -> list[str]:
     return [
         f"Something else moves in the picture: the mechanism was looked for in {part} [px] alone, and what "
         "moves apart from it there is left out; --roi X,Y,W,H chooses another part."
+    ]
+
+
+def how_to_film(fit: Fit, sight: Sight) -> list[str]:
+    """Return where to read how to film, for a fit to pictures that is not to be trusted; nothing otherwise.
+
+    Args:
+        fit: The fit.
+        sight: What the run saw of its clip.
+    """
+    return [] if fit.ok or sight.tracks is not None else [FILMING]
+
+
+def unshown(poses: Poses) -> list[str]:
+    """Return advice where a joint was not shown by the points in a tenth of the frames; nothing otherwise.
+
+    Args:
+        poses: The poses of the tracked points.
+    """
+    shares = poses.measured.mean(axis=0) if len(poses) else np.zeros(len(poses.joints))
+    few = [f"{joint} {share:.0%}" for joint, share in zip(poses.joints, shares, strict=True) if share < 0.9]
+    if not few:
+        return []
+    return [
+        f"The points do not show every joint in every frame (shown: {', '.join(few)}): points are missing "
+        "or lie on no mark there; diagnosis.png shows which."
     ]
 
 

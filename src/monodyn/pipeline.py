@@ -13,22 +13,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monodyn.blur import blurred, follow_exposed
 from monodyn.checks import (
     camera_choices,
     check_tracked,
     chosen_mechanism,
-    clip_and_mechanism,
     doubt,
     fitted_range,
     free_range,
+    how_to_film,
     left_out,
     prediction_times,
+    unshown,
     untracked,
 )
 from monodyn.errors import FitError, MonodynError, VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.tables import read_poses, write_poses
+from monodyn.inputs import input_files, opened
+from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.diagnosis import write_diagnosis
+from monodyn.results.export import camera_table
 from monodyn.results.filmed import filmed_of, write_sight_film
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
@@ -42,7 +47,12 @@ from monodyn.stages import identify, locate, segment, track_freely
 from monodyn.turns import with_right_turns
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
+from monodyn.vision.dots.find import find_dots
+from monodyn.vision.foreground.given import given_masks
+from monodyn.vision.foreground.mask_files import OpenedMasks
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.points.scene import PointScene
+from monodyn.vision.points.tracks import PointTracks
 from monodyn.vision.release import FreeSpan
 
 if TYPE_CHECKING:
@@ -82,6 +92,7 @@ class Job:
         folder: Takes the files; None writes none.
         progress: Called with the frames done by each step.
         sight: What has been seen of the clip so far; None where there is no clip.
+        masks: Masks that another tool made, in place of a segmentation, or None.
     """
 
     settings: RunSettings
@@ -89,6 +100,7 @@ class Job:
     folder: RunFolder | None
     progress: Progress | None
     sight: Sight | None = None
+    masks: OpenedMasks | None = None
 
     def write_poses(self, poses: Poses) -> None:
         """Write ``poses.csv`` as soon as there are poses, so that an interrupted run has them.
@@ -98,6 +110,15 @@ class Job:
         """
         if self.folder is not None:
             self.folder.write("poses.csv", lambda path: write_poses(poses, path))
+
+    def write_camera(self, video: Video) -> None:
+        """Write ``camera.csv`` where the camera moves.
+
+        Args:
+            video: The clip as it was segmented.
+        """
+        if self.folder is not None and video.camera_path is not None:
+            self.folder.write_text("camera.csv", camera_table(video))
 
     def show_sight(self, status: str, *, ok: bool | None) -> None:
         """Write ``diagnosis.png`` and ``overlay.mp4`` of a run that has no fit.
@@ -127,7 +148,7 @@ class Job:
 
 
 def run(
-    clip: str | Path,
+    clip: str | Path | None,
     model: str | Path,
     out: str | Path,
     settings: RunSettings | None = None,
@@ -138,7 +159,7 @@ def run(
     """Track a clip, identify on some of its frames, predict the others, write the run folder.
 
     Args:
-        clip: Video file or folder of pictures.
+        clip: Video file or folder of pictures; None where ``settings.points`` or ``masks`` take its place.
         model: Mechanism file (MJCF, URDF) or a bundled name.
         out: The run folder.
         settings: What to do.
@@ -152,13 +173,14 @@ def run(
         >>> monodyn.run("clip.mp4", "double.xml", "run")  # doctest: +SKIP
     """
     settings = settings or RunSettings()
-    video, mechanism = clip_and_mechanism(clip, model, settings)
+    video, given, mechanism = opened(clip, model, settings)
     wanted = fitted_range(settings.fit_frames, video.count)
     prediction_times(video, wanted[1], settings.until)
-    log = RunLog("run", {"clip": clip, "model": model}, settings)
-    folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
-    sight = Sight(video, fit_frames=wanted)
-    job = Job(settings, log, folder, progress, sight)
+    inputs = input_files(clip, model, settings)
+    log = RunLog("run", inputs, settings)
+    folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))
+    sight = Sight(video, fit_frames=wanted, tracks=given if isinstance(given, PointTracks) else None)
+    job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
         scene, poses, span = locate_and_track(job, video, mechanism)
         frames = free_range(settings.fit_frames, wanted, span)
@@ -173,18 +195,20 @@ def run(
                 poses, (first, stop), scene.mechanism, settings.identify, progress
             )
             fit = identify(poses.part(first, stop), scene.mechanism, settings.identify, progress=progress)
-            uniform = settings.identify.bodies == "uniform"
+            uniform = chosen_bodies(mechanism, settings.identify.bodies) == "uniform"
+            log.notes += mass_notes(mechanism, "uniform" if uniform else "free")
             why = doubt(sight, poses.part(first, stop), uniform=uniform)
         log.notes += doubts
         if why:
             # a motion may be followed in the wrong place: then no advice on the model helps
             fit = replace(fit, status=why, ok=False, advice=())
+        log.notes += how_to_film(fit, sight)
         with log.stage("predict"):
             traces = predicted(fit, poses, times, video.path.name)
         # only the fit has the metric scale: the poses are written again with their slides in metres
         filmed = filmed_of(fit, scene, poses, sight)
         findings = Findings(
-            fit, traces, video.path.name, _about(video, mechanism), log.notes,
+            fit, traces, sight.name, _about(video, mechanism), log.notes,
             record=filmed.tracked, filmed=filmed, fit_frames=frames, log=log,
         )  # fmt: skip
         with log.stage("results"):
@@ -193,7 +217,7 @@ def run(
 
 
 def track_clip(
-    clip: str | Path,
+    clip: str | Path | None,
     model: str | Path,
     out: str | Path,
     settings: RunSettings | None = None,
@@ -206,7 +230,7 @@ def track_clip(
     Slides are in the start scale of the model.
 
     Args:
-        clip: Video file or folder of pictures.
+        clip: Video file or folder of pictures; None where ``settings.points`` or ``masks`` take its place.
         model: Mechanism file (MJCF, URDF) or a bundled name.
         out: The run folder.
         settings: What to do.
@@ -217,10 +241,12 @@ def track_clip(
         The tracked clip.
     """
     settings = settings or RunSettings()
-    video, mechanism = clip_and_mechanism(clip, model, settings)
-    log = RunLog("track", {"clip": clip, "model": model}, settings)
-    folder = RunFolder(out, force=force, inputs=(clip, model, settings.background))
-    job = Job(settings, log, folder, progress, Sight(video))
+    video, given, mechanism = opened(clip, model, settings)
+    inputs = input_files(clip, model, settings)
+    log = RunLog("track", inputs, settings)
+    folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))
+    sight = Sight(video, tracks=given if isinstance(given, PointTracks) else None)
+    job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
         # a table without a pose is written all the same: it shows in which frames the search ended
         _, poses, _ = locate_and_track(job, video, mechanism)
@@ -290,8 +316,10 @@ def shown_if_refused(job: Job) -> Iterator[None]:
         raise
 
 
-def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scene, Poses, FreeSpan]:
-    """Go from the clip to tracked poses, and write them.
+def locate_and_track(
+    job: Job, video: Video, mechanism: Mechanism
+) -> tuple[Scene | PointScene, Poses, FreeSpan]:
+    """Go from the clip, or from tracked points, to poses, and write them.
 
     Args:
         job: The run; its log takes the notes on clip, camera and tracking.
@@ -301,12 +329,26 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
     Returns:
         The scene, the poses of the whole clip, and the frames in which the mechanism moves freely.
     """
-    settings, log, progress = job.settings, job.log, job.progress
     sight = job.sight or Sight(video)
+    if sight.tracks is not None:
+        return _locate_and_track_points(job, sight, sight.tracks, mechanism)
+    settings, log, progress = job.settings, job.log, job.progress
     fix, free = camera_choices(settings)
     with log.stage("segment"):
-        masks = segment(video, settings.segment, background=settings.background, progress=progress)
+        if job.masks is None:
+            masks = segment(video, settings.segment, background=settings.background, progress=progress)
+            # before a moving camera the clip goes on as one that stands still
+            sight.video = masks.video
+            job.write_camera(masks.video)
+        else:
+            masks = given_masks(job.masks, mechanism, settings.segment, progress)
     sight.masks = masks
+    if shows_dots(mechanism):
+        with log.stage("dots"):
+            sight.tracks = find_dots(
+                masks, mechanism, focal=settings.locate.focal, fix=fix, progress=progress
+            )
+        return _locate_and_track_points(job, sight, sight.tracks, mechanism)
     with log.stage("locate"):
         scene = locate(
             masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, progress=progress
@@ -314,13 +356,39 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> tuple[Scen
     sight.scene = scene
     with log.stage("track"):
         # the scene's masks, not the first ones: their colours were measured on the located mechanism
-        poses, span = track_freely(scene.masks, scene, settings.track, progress=progress)
+        found = scene, *track_freely(scene.masks, scene, settings.track, progress=progress)
+        scene, poses, span = follow_exposed(found, mechanism, settings, progress)
+    sight.scene = scene
     sight.poses, sight.free_frames = poses, span[:2]
     moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
     repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, moving.frame)))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
-    log.notes += [*scene.advice, *others, *video.notes, *span.notes, *untracked(moving, repeats)]
+    notes = video.notes if job.masks is None else scene.masks.video.notes
+    notes = [*notes, *blurred(scene, poses.time, settings.camera), *span.notes, *untracked(moving, repeats)]
+    log.notes += [*scene.advice, *others, *notes]
     log.free_frames, log.region = span[:2], scene.masks.background.window
+    job.write_poses(poses)
+    return scene, poses, span
+
+
+def _locate_and_track_points(
+    job: Job, sight: Sight, tracks: PointTracks, mechanism: Mechanism
+) -> tuple[PointScene, Poses, FreeSpan]:
+    """Go from tracked points to poses, and write them."""
+    settings, log, progress = job.settings, job.log, job.progress
+    fix, free = camera_choices(settings)
+    with log.stage("locate"):
+        scene = locate(
+            tracks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free,
+            mapped=settings.points_map, progress=progress,
+        )  # fmt: skip
+    sight.points = scene
+    with log.stage("track"):
+        poses, span = track_freely(tracks, scene, settings.track, span=settings.time_range, progress=progress)
+    sight.poses, sight.free_frames = poses, span[:2]
+    moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
+    log.notes += [*tracks.notes, *scene.advice, *sight.video.notes, *span.notes, *unshown(moving)]
+    log.free_frames = span[:2]
     job.write_poses(poses)
     return scene, poses, span
 

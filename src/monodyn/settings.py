@@ -7,17 +7,21 @@ imports more than settings.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from monodyn.choices import METHOD_NAMES, Method, check_choice
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.vision.settings import (
+    LEAST_SIDE,
+    MOST_SIDE,
     RATES,
+    Axis,
     CameraSettings,
     LocateSettings,
     SegmentSettings,
@@ -33,6 +37,8 @@ STAGES: dict[str, type] = {
 }
 """The settings class of each stage without those of the published method."""
 
+COEFFICIENTS = (4, 5)
+"""How many numbers say how a lens bends the picture."""
 SHARED = ("seed", "roi", "time_range")
 """Settings of a stage that always take the value of the whole run."""
 
@@ -86,6 +92,19 @@ class RunSettings:
         free: Parameters to estimate that are not by default, e.g. gravity, or camera.focal of a clip.
         bounds: Lower and upper bounds of parameters, e.g. link1.length=0.1:0.3.
         background: Picture of the scene without the mechanism.
+        masks: Masks that another tool made, in place of the clip's pictures: a folder of numbered pictures, a
+            film or an NPZ file; binary or soft, or with a label for each body.
+        points: Points that another tool tracked, in place of the clip's pictures: DeepLabCut (CSV, HDF5),
+            SLEAP analysis HDF5, Tracker or Kinovea text, or frame,NAME_x,NAME_y[,NAME_p].
+        points_map: What points are whose names are no joint, body (its far end) or site, e.g. knee=joint2,
+            wrist=link2.marker for anywhere on a body, wall=world for what does not move, nose=none.
+        points_size: Width and height of the picture that the points are in [px], e.g. 1280,720; the clip's,
+            or as far as the points reach, when left out.
+        points_axis: Where the second coordinate of the points goes: down, up, or auto as their tool has it.
+        distortion: Coefficients by which the lens bends the picture, in the order and meaning of OpenCV, e.g.
+            -0.28,0.09,0,0. They belong to a focal length, which --locate.focal has to give, in pixels of this
+            clip, with the principal point in its middle. Pictures and points are put straight before anything
+            else looks at them.
         rate: Frames a second [Hz] in place of the time stamps of the clip.
         seed: Seed of every random start; it replaces the seeds of the stages.
         method: fast, or paper for the method of 2012 as published; a stage may have its own.
@@ -104,6 +123,12 @@ class RunSettings:
     free: Sequence[str] = ()
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     background: Path | None = field(default=None, metadata={"metavar": "PICTURE"})
+    masks: Path | None = field(default=None, metadata={"metavar": "MASKS"})
+    points: Path | None = field(default=None, metadata={"metavar": "FILE"})
+    points_map: Mapping[str, str] = field(default_factory=dict, metadata={"name": "points.map"})
+    points_size: tuple[int, int] | None = field(default=None, metadata={"name": "points.size"})
+    points_axis: Axis = field(default="auto", metadata={"name": "points.axis"})
+    distortion: tuple[float, ...] | None = field(default=None, metadata={"name": "camera.distortion"})
     rate: float | None = field(default=None, metadata={"metavar": "HZ"})
     seed: int = 0
     method: Method = "fast"
@@ -118,6 +143,26 @@ class RunSettings:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
         # every range is checked here or in the class of the stage, before the first frame is decoded
         check_choice("method", self.method, METHOD_NAMES)
+        check_choice("points.axis", self.points_axis, get_args(Axis))
+        if self.masks is not None and self.points is not None:
+            raise SettingsError("masks: expected masks or points, got both; leave one out.")
+        if self.points is None and (self.points_map or self.points_size or self.points_axis != "auto"):
+            raise SettingsError(
+                "points.map, points.size, points.axis: expected --points FILE with them, got none; name the "
+                "file, or leave them out."
+            )
+        size = self.points_size
+        if size is not None and not LEAST_SIDE <= min(size) <= max(size) <= MOST_SIDE:
+            raise SettingsError(
+                f"points.size: expected W,H of {LEAST_SIDE} to {MOST_SIDE} px, got {size[0]},{size[1]}; give "
+                "width and height of the picture."
+            )
+        bends = self.distortion
+        if bends is not None and not (len(bends) in COEFFICIENTS and all(map(math.isfinite, bends))):
+            raise SettingsError(
+                "camera.distortion: expected K1,K2,P1,P2[,K3] in the order of OpenCV, got "
+                f"{','.join(f'{bend:g}' for bend in bends)}; give four or five numbers."
+            )
         if self.rate is not None and not RATES[0] <= self.rate <= RATES[1]:
             raise SettingsError(
                 f"rate: expected {RATES[0]:g} to {RATES[1]:g} Hz, got {self.rate:g}; "
@@ -125,6 +170,13 @@ class RunSettings:
             )
         for stage, kind in settings_classes().items():
             object.__setattr__(self, stage, self._stage(stage, kind))
+        published = "paper" in (self.camera.method, self.locate.method, self.track.method)
+        if (self.camera.exposure or self.camera.readout) and (published or self.points is not None):
+            got = "a stage by the published method" if published else "--points"
+            raise SettingsError(
+                f"camera.exposure, camera.readout: expected pictures and the method 'fast', got {got}, which "
+                "knows neither; leave them out."
+            )
 
     def _stage(self, stage: str, kind: Any) -> Any:
         """Return the settings of a stage with what it takes from the run, as an instance of ``kind``."""

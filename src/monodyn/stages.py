@@ -11,23 +11,32 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import overload
 
 from monodyn.errors import SettingsError, VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify_jointly
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.dots import as_rods, chosen_bodies
+from monodyn.mechanism.upright import ROLL, by_roll, feels_roll, with_roll
 from monodyn.settings import published_method
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
-from monodyn.vision.clock import at_true_times
-from monodyn.vision.drawing.camera import PARAMETERS
+from monodyn.vision.clock import at_true_times, with_time_noise
+from monodyn.vision.drawing.camera import CAMERA_STD, PARAMETERS, value_of
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import soft_masks
 from monodyn.vision.locating.locate import Sought, find_scene
+from monodyn.vision.locating.parallax import find_past_parallax
 from monodyn.vision.locating.region import find_in_region
 from monodyn.vision.locating.scene import Scene
-from monodyn.vision.release import FreeSpan, blanked, free_span
+from monodyn.vision.points.follow import follow_points
+from monodyn.vision.points.locate import locate_points
+from monodyn.vision.points.scene import PointScene
+from monodyn.vision.points.start import SoughtPoints
+from monodyn.vision.points.tracks import PointTracks
+from monodyn.vision.release import FreeSpan, blanked, free_span, span_of_poses
 from monodyn.vision.settings import CameraSettings, LocateSettings, SegmentSettings, TrackSettings
 from monodyn.vision.track import follow_clip
 
@@ -37,7 +46,7 @@ PLACE = ("camera.x", "camera.y", "camera.depth")
 
 def _locate_default(sought: Sought) -> Scene:
     """Locate on key frames, in the part of the picture that the mechanism explains best."""
-    return find_in_region(sought, find_scene)
+    return find_past_parallax(sought, lambda tried: find_in_region(tried, find_scene))
 
 
 def _camera_behind(sought: Sought) -> Scene:
@@ -47,7 +56,13 @@ def _camera_behind(sought: Sought) -> Scene:
         from monodyn.paper.settings import PaperLocateSettings, published
 
     settings = published(sought.settings, PaperLocateSettings)
-    return camera_behind(_locate_default(sought), sought.fix, level=settings.level)
+    return camera_behind(_locate_default(_squarely(sought)), sought.fix, level=settings.level)
+
+
+def _squarely(sought: Sought) -> Sought:
+    """Hold turns and focal length of the camera, which the published method takes as given, unless freed."""
+    held = {name: value_of(sought.start_camera, name) for name in CAMERA_STD if name not in sought.free}
+    return replace(sought, fix={**held, **sought.fix})
 
 
 def _pose_before(sought: Sought) -> Scene:
@@ -61,7 +76,7 @@ def _pose_before(sought: Sought) -> Scene:
 
     settings = published(sought.settings, PaperLocateSettings)
     scene = pose_before(
-        _locate_default(replace(sought, progress=report)), sought.fix,
+        _locate_default(_squarely(replace(sought, progress=report))), sought.fix,
         level=settings.level, framework=settings.framework,
     )  # fmt: skip
     # the default search counts four steps, the published one is the fifth
@@ -100,6 +115,9 @@ def _identify_published(
         from monodyn.paper.identify import identify_published
         from monodyn.paper.settings import PaperIdentifySettings, published
 
+    # the published method takes gravity as the camera has it, and sizes and camera as they were found
+    records = tuple(replace(record, roll=None, shifts=None) for record in records)
+    mechanism = with_roll(mechanism, mechanism.values[ROLL], free=False)
     return identify_published(records, mechanism, published(settings, PaperIdentifySettings), progress)
 
 
@@ -154,32 +172,54 @@ def segment(
     return SEGMENT_METHODS[settings.method or "fast"](video, settings, background, progress)
 
 
+@overload
 def locate(
-    masks: Masks,
+    masks: Masks, mechanism: Mechanism, settings: LocateSettings | None = None, *,
+    camera: CameraSettings | None = None, fix: Mapping[str, float] | None = None, free: Sequence[str] = (),
+    mapped: Mapping[str, str] | None = None, progress: Progress | None = None,
+) -> Scene:  # fmt: skip
+    """Find the scene of masks."""
+
+
+@overload
+def locate(
+    masks: PointTracks, mechanism: Mechanism, settings: LocateSettings | None = None, *,
+    camera: CameraSettings | None = None, fix: Mapping[str, float] | None = None, free: Sequence[str] = (),
+    mapped: Mapping[str, str] | None = None, progress: Progress | None = None,
+) -> PointScene:  # fmt: skip
+    """Find the scene of tracked points."""
+
+
+def locate(
+    masks: Masks | PointTracks,
     mechanism: Mechanism,
     settings: LocateSettings | None = None,
     *,
     camera: CameraSettings | None = None,
     fix: Mapping[str, float] | None = None,
     free: Sequence[str] = (),
+    mapped: Mapping[str, str] | None = None,
     progress: Progress | None = None,
-) -> Scene:
+) -> Scene | PointScene:
     """Find camera, sizes and first pose from the topology alone.
 
     Args:
-        masks: The soft foreground of the clip.
+        masks: The soft foreground of the clip, or points that another tool tracked.
         mechanism: Topology, shape kinds and start sizes; its fixed parameters stay as they are.
         settings: How the search goes.
         camera: How the camera is found.
         fix: Values of ``camera.*`` parameters that must stay.
         free: ``camera.*`` parameters to estimate in addition to x, y and depth.
+        mapped: What points are whose names are not those of the mechanism: a joint, a body (its far end), a
+            site, ``<body>.marker``, ``world`` or ``none``.
         progress: Called as the steps go.
 
     Returns:
         The scene.
 
     Raises:
-        SettingsError: a name in ``fix`` or ``free`` is not a camera parameter, or cannot be estimated.
+        SettingsError: a name in ``fix`` or ``free`` is not a camera parameter, or cannot be estimated; or the
+            published method is chosen for points.
     """
     settings = settings or LocateSettings()
     methods = (camera or CameraSettings()).method or "fast", settings.method or "fast"
@@ -188,49 +228,90 @@ def locate(
     check_camera(mechanism, methods[0], fix, free)
     # methods report their steps whether or not the caller wants progress
     report = progress or (lambda step, done, total: None)
-    return LOCATE_METHODS[methods](Sought(masks, mechanism, settings, fix, free, report))
+    # no picture shows the roll of a camera before a mechanism on one hinge: the motion has to
+    by_motion = bool(by_roll(mechanism).any())
+    if isinstance(masks, PointTracks):
+        if "paper" in methods:
+            raise SettingsError(
+                "method 'paper': the published method looks at silhouettes; points take the method 'fast' "
+                "for camera and location."
+            )
+        shown = [name for name in free if not (name == ROLL and by_motion)]
+        focal, mapped = settings.focal, mapped or {}
+        scene = locate_points(SoughtPoints(masks, mechanism, focal, fix, shown, mapped, report))
+    else:
+        scene = LOCATE_METHODS[methods](Sought(masks, mechanism, settings, fix, free, report))
+    if not by_motion:
+        return scene
+    unknown = ROLL not in fix and feels_roll(mechanism)
+    assumed = ROLL not in fix and ROLL not in free
+    rolled = with_roll(scene.mechanism, scene.camera.roll, free=unknown, assumed=assumed)
+    return replace(scene, mechanism=rolled)
 
 
 def track(
-    masks: Masks, scene: Scene, settings: TrackSettings | None = None, *, progress: Progress | None = None
+    masks: Masks | PointTracks,
+    scene: Scene | PointScene,
+    settings: TrackSettings | None = None,
+    *,
+    progress: Progress | None = None,
 ) -> Poses:
     """Follow the mechanism through the clip, as far as it moves freely.
 
     Args:
-        masks: The masks of the clip to follow; they are taken anew with the background and the colours that
-            the scene was found with.
-        scene: Camera, sizes and first pose.
+        masks: The masks of the clip to follow, taken anew with the background and the colours that the scene
+            was found with; or the tracked points.
+        scene: Camera, sizes and first pose, found from the same kind.
         settings: How the mechanism is followed.
         progress: Called with the number of frames done.
 
     Returns:
         Joint positions [rad; m in the start scale] with covariance; frames in which the mechanism does not
         lie on its mask, in which something holds it, that repeat the one before or that did not decode are
-        not seen and hold NaN.
+        not seen and hold NaN; so are joints that the points do not determine.
 
     Raises:
-        VideoError: the pictures of ``masks`` have another size than those of the scene.
+        VideoError: the pictures of ``masks`` have another size than those of the scene, a camera that moves
+            has other places in them, or masks and scene are not of one kind.
     """
     return track_freely(masks, scene, settings, progress=progress)[0]
 
 
 def track_freely(
-    masks: Masks, scene: Scene, settings: TrackSettings | None = None, *, progress: Progress | None = None
+    masks: Masks | PointTracks,
+    scene: Scene | PointScene,
+    settings: TrackSettings | None = None,
+    *,
+    span: tuple[float, float | None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Poses, FreeSpan]:
     """Follow the mechanism through the clip and find the frames in which it moves freely.
 
     Args:
-        masks: The masks of the clip to follow.
+        masks: The masks of the clip to follow, or the tracked points.
         scene: Camera, sizes and first pose.
         settings: How the mechanism is followed.
+        span: Of points: begin and end [s] of the frames in which the mechanism moves freely; None finds them.
         progress: Called with the number of frames done.
 
     Returns:
         The poses as from ``track``, and the stretch of the clip in which nothing holds the mechanism.
 
     Raises:
-        VideoError: the pictures of ``masks`` have another size than those of the scene.
+        VideoError: the pictures of ``masks`` have another size than those of the scene, a camera that moves
+            has other places in them, or masks and scene are not of one kind.
     """
+    settings = settings or TrackSettings()
+    if isinstance(masks, PointTracks) and isinstance(scene, PointScene):
+        poses = follow_points(masks, scene)
+        if masks.clip is not None:
+            poses = at_true_times(poses, masks.clip)
+        elif masks.tick:
+            poses = with_time_noise(poses, masks.tick / math.sqrt(12.0))
+        free = span_of_poses(poses, scene.mechanism, span)
+        return blanked(poses, free), free
+    if isinstance(masks, PointTracks) or isinstance(scene, PointScene):
+        raise VideoError("track: expected masks with a scene of masks, or points with one of points.")
     # tracking may go on in another clip of the same camera, but not at another size
     video = masks.video
     if (video.width, video.height) != (scene.camera.width, scene.camera.height):
@@ -238,11 +319,15 @@ def track_freely(
             f"{video.path}: expected pictures of {scene.camera.width}x{scene.camera.height} like the scene, "
             f"got {video.width}x{video.height}; locate the mechanism in this clip."
         )
-    settings = settings or TrackSettings()
+    if video.camera_path is not scene.masks.video.camera_path:
+        raise VideoError(
+            f"{video.path}: expected the clip in which the scene was located, or one of a camera that stands "
+            "still in both, got another one with a camera that moves; locate the mechanism in this clip."
+        )
     poses = TRACK_METHODS[settings.method or "fast"](masks, scene, settings, progress)
     poses = at_true_times(poses, video)
-    span = free_span(masks, scene, poses)
-    return blanked(poses, span), span
+    free = free_span(masks, scene, poses)
+    return blanked(poses, free), free
 
 
 def identify(
@@ -293,7 +378,10 @@ def identify(
     method = settings.method or "fast"
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
     # whether masses are free belongs to the mechanism: methods see it there
-    mechanism, settings = mechanism.with_bodies(settings.bodies), replace(settings, method=method)
+    bodies = chosen_bodies(mechanism, settings.bodies)
+    mechanism = mechanism.with_bodies(bodies)
+    mechanism = as_rods(mechanism) if bodies == "free" else mechanism
+    settings = replace(settings, method=method)
     fit = IDENTIFY_METHODS[method](records, mechanism, settings, progress)
     return replace(fit, seconds=time.perf_counter() - began)
 
@@ -321,14 +409,9 @@ def check_camera(mechanism: Mechanism, method: str, fix: Mapping[str, float], fr
             raise SettingsError(f"parameter '{name}': is both fixed and freed; choose one of them.")
     for name, value in fix.items():
         _check_value(name, float(value))
-    # a turn of the picture looks like a turn of the first hinge; the direction of a first slide shows it
-    if "camera.roll" in free and mechanism.joints[0].kind == "hinge":
-        raise SettingsError(
-            "parameter 'camera.roll': the picture does not distinguish it from the angle of the first hinge; "
-            "level the camera, or give the roll with --fix camera.roll=VALUE [rad]."
-        )
     for name in free:
-        if method == "paper" and name not in PLACE:
+        # before a mechanism on one hinge the roll is an unknown of the motion
+        if method == "paper" and name not in PLACE and not (name == ROLL and by_roll(mechanism).any()):
             raise SettingsError(
                 f"parameter '{name}': camera.method paper estimates {', '.join(PLACE)} alone; leave it "
                 "out of --free, give the value with --fix, or use camera.method fast."

@@ -108,6 +108,11 @@ class Poses:
             file, as a picture gives them.
         joint_seen: True where a joint was measured, bool (frame, dof): in a frame in which something hides
             one body the others may be seen. None where frames were measured as a whole.
+        roll: Roll of the camera that the positions take into account [rad]; None where they are against
+            gravity, whatever the camera's roll was.
+        shifts: What moves all positions together, (direction, frame, dof): by how much the position of each
+            frame is wrong if sizes and camera are wrong by one standard deviation along one of several
+            independent directions; None where nothing is said of it.
     """
 
     joints: tuple[str, ...]
@@ -118,6 +123,8 @@ class Poses:
     seen: np.ndarray
     metric: bool = field(default=True)
     joint_seen: np.ndarray | None = field(default=None)
+    roll: float | None = field(default=0.0)
+    shifts: np.ndarray | None = field(default=None)
 
     def __post_init__(self) -> None:
         frames, dofs = len(self.time), len(self.joints)
@@ -141,6 +148,9 @@ class Poses:
                     "Poses.seen: expected the frames in which every joint was seen, got others; change "
                     "'joint_seen' too."
                 )
+        if self.shifts is not None:
+            shifts = frozen("Poses.shifts", self.shifts, (None, frames, dofs), error=VideoError)
+            set_(self, "shifts", shifts)
         increasing("Poses.time", self.time, error=VideoError)
 
     def __len__(self) -> int:
@@ -163,4 +173,5 @@ class Poses:
         return Poses(
             self.joints, self.frame[rows], self.time[rows], self.position[rows], self.covariance[rows],
             self.seen[rows], self.metric, None if self.joint_seen is None else self.joint_seen[rows],
+            self.roll, None if self.shifts is None else self.shifts[:, rows],
         )  # fmt: skip

@@ -46,7 +46,7 @@ def refused(*words: object) -> str:
 
 def test_run_leaves_the_folder_that_was_promised(demo: Done) -> None:
     assert demo.code == 0
-    assert {path.name for path in demo.folder.iterdir()} == set(FILES) - {"torques.csv"}
+    assert {path.name for path in demo.folder.iterdir()} == set(FILES) - {"torques.csv", "camera.csv"}
     assert list(table(demo.folder / "poses.csv")) == [
         "frame", "time", "seen", "joint1", "joint2", "joint1_std", "joint2_std", "joint1_seen", "joint2_seen",
     ]  # fmt: skip
@@ -107,7 +107,7 @@ def test_run_json_says_what_was_run(demo: Done) -> None:
     log = json.loads((demo.folder / "run.json").read_text())
     assert log["status"] == "done"
     assert log["files"] == [*log["files"][:-1], "run.json"]
-    assert set(log["files"]) == set(FILES) - {"torques.csv"}
+    assert set(log["files"]) == set(FILES) - {"torques.csv", "camera.csv"}
     assert len(log["inputs"]["clip"]["sha256"]) == 64
     assert set(log["seconds"]) == {"segment", "locate", "track", "identify", "predict", "results"}
     assert log["settings"]["fit_frames"] == [0, 150]
@@ -205,7 +205,7 @@ def test_ctrl_c_before_anything_was_written(monkeypatch: pytest.MonkeyPatch, tmp
     def interrupt(*args: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pipeline, "clip_and_mechanism", interrupt)
+    monkeypatch.setattr(pipeline, "opened", interrupt)
     done = command("run", CLIP, "--model", MODEL, "--out", tmp_path / "run", "--quiet")
     assert (done.code, done.err) == (130, "monodyn: interrupted; nothing was written.\n")
     assert not (tmp_path / "run").exists()

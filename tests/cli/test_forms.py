@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from monodyn.cli.forms import frame_range, intervals, names, rectangle, time_range, values
+from monodyn.cli.forms import (
+    frame_range,
+    intervals,
+    names,
+    numbers,
+    rectangle,
+    sides,
+    time_range,
+    values,
+    words,
+)
 from monodyn.errors import SettingsError
 from support import refuses
 
@@ -62,3 +72,30 @@ def test_rectangle() -> None:
             f"roi: expected X,Y,W,H with whole numbers of pixels, got '{text}'; e.g. 120,0,480,360.",
         ):
             rectangle("roi", text)
+
+
+def test_sides_are_two_whole_numbers() -> None:
+    assert sides("points.size", "1280, 720") == (1280, 720)
+    assert sides("points.size", None) is None
+    with refuses(
+        SettingsError, "points.size: expected W,H with whole numbers of pixels, got '12'; e.g. 1280,720."
+    ):
+        sides("points.size", "12")
+
+
+def test_numbers() -> None:
+    assert numbers("camera.distortion", "-0.3, 1e-2,0,0") == (-0.3, 0.01, 0.0, 0.0)
+    assert numbers("camera.distortion", None) is None
+    for text in ("-0.3,x", "", "0.1,,0"):
+        with refuses(
+            SettingsError,
+            f"camera.distortion: expected numbers with commas between them, got '{text}'; e.g. "
+            "-0.28,0.09,0,0.",
+        ):
+            numbers("camera.distortion", text)
+
+
+def test_words_by_name() -> None:
+    assert words("points.map", [["a=joint1"], ["b=none"]]) == {"a": "joint1", "b": "none"}
+    with refuses(SettingsError, "points.map: expected NAME=TARGET, got 'a='; e.g. knee=joint2."):
+        words("points.map", [["a="]])

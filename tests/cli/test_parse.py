@@ -17,7 +17,7 @@ WORDS = ["a.mp4", "--model", "double", "--out", "o"]
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "run: expected CLIP, --model, --out, got nothing; see monodyn run --help."),
+        ([], "run: expected --model, --out, got nothing; see monodyn run --help."),
         (["a.mp4", "--model", "m"], "run: expected --out, got a.mp4 --model m; see monodyn run --help."),
         ([*WORDS, "--bogus"], "run: expected known options, got --bogus; see monodyn run --help."),
         ([*WORDS, "--identify.seed", "3"],
@@ -27,7 +27,7 @@ WORDS = ["a.mp4", "--model", "double", "--out", "o"]
         ([*WORDS, "--track.patience", "1.5"],
          "run: --track.patience: expected another kind of value, got '1.5'; see monodyn run --help."),
         ([*WORDS, "--identify.bodies", "odd"],
-         "run: --identify.bodies: expected 'uniform', 'free', got 'odd'; see monodyn run --help."),
+         "run: --identify.bodies: expected 'auto', 'uniform', 'free', got 'odd'; see monodyn run --help."),
     ],
 )  # fmt: skip
 def test_complaints_are_one_sentence(words: list[str], message: str) -> None:

@@ -207,15 +207,6 @@ def test_a_background_that_was_given_stays(scene: Scene, tmp_path: Path) -> None
     np.testing.assert_array_equal(found.masks.background.luma, masks.background.luma)
 
 
-def test_roll_is_not_determined_by_a_picture(scene: Scene) -> None:
-    with refuses(
-        SettingsError,
-        "parameter 'camera.roll': the picture does not distinguish it from the angle of the first hinge; "
-        "level the camera, or give the roll with --fix camera.roll=VALUE [rad].",
-    ):
-        monodyn.locate(scene.masks, scene.mechanism, free=("camera.roll",))
-
-
 def test_a_clip_of_another_size_is_refused(scene: Scene, make_clip: ClipMaker) -> None:
     other = monodyn.read(make_clip())
     assert isinstance(scene.masks, SoftMasks)

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from fits import made_fit, record
-from monodyn.results.export import json_text, jsonable, prediction_table, states_table, torque_table
+from monodyn.results.curves import camera_curves
+from monodyn.results.export import (
+    camera_table,
+    json_text,
+    jsonable,
+    prediction_table,
+    states_table,
+    torque_table,
+)
 from monodyn.results.predict import predict
 from monodyn.results.trace import trace_of
+from monodyn.vision.clip.steady import CameraPath
+from monodyn.vision.clip.video import read
+from support import ClipMaker
 
 
 def test_tables_round_trip_and_count_frames() -> None:
@@ -34,6 +47,30 @@ def test_tables_without_motion_hold_their_header_alone() -> None:
     assert states_table(["a", "b"], []) == "frame,time,a,b,a_vel,b_vel,a_std,b_std\n"
     assert prediction_table(["a"], None) == "frame,time,a,a_std\n"
     assert torque_table(["joint1"], trace_of(fit, record(fit))) == "frame,time,joint1,joint1_std\n"
+
+
+def test_the_way_of_the_camera_reads_back(make_clip: ClipMaker) -> None:
+    video = read(make_clip(count=3))
+    assert camera_table(video) == "frame,time,registered,x_px,y_px,turn,zoom,std_px\n"
+    c, s = 1.1 * np.cos(0.02), 1.1 * np.sin(0.02)
+    at = np.array([[c, -s, 2.5], [s, c, -1.25], [0.0, 0.0, 1.0]])
+    maps = np.array([np.eye(3), at, np.full((3, 3), np.nan)])
+    frame = next(iter(video.frames()))
+    moving = replace(video, camera_path=CameraPath(maps, np.array([0.0, 0.05, np.nan]), frame))
+    rows = [line.split(",") for line in camera_table(moving).splitlines()[1:]]
+    assert rows[0] == ["0", "0.0", "1", "0.0", "0.0", "-0.0", "1.0", "0.0"]
+    assert [float(value) for value in rows[1]] == pytest.approx([1, 1 / 30, 1, 2.5, -1.25, -0.02, 1.1, 0.05])
+    assert rows[2][2:] == ["0", "nan", "nan", "nan", "nan", "nan"]
+    plots = camera_curves(moving)
+    assert [(plot["title"], plot["unit"]) for plot in plots] == [
+        ("still scene, to the right", "px"),
+        ("still scene, down", "px"),
+        ("turn of the still scene", "deg"),
+        ("zoom", "%"),
+    ]
+    assert plots[0]["fitted"]["value"] == [0.0, 2.5, None]
+    assert plots[3]["fitted"]["value"] == [100.0, 110.0, None]
+    assert camera_curves(video) == []
 
 
 def test_whatever_a_document_holds_becomes_json() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,12 @@ import pytest
 from films import film
 from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
 from monodyn.types import FULL, Frame, Mask, Poses
+from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.clip.video import read
 from monodyn.vision.foreground.masks import View
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.points.drift import Drift
+from scenes import SIZE, moved
 from support import ClipMaker
 
 
@@ -170,3 +174,27 @@ def test_what_stands_before_the_mechanism_is_found(tmp_path: Path) -> None:
     hidden = Sight(scene.masks.video, scene.masks, scene, lost).hidden
     assert hidden is not None
     assert hidden[:, 190:215].sum() > 0.7 * hidden.sum() > 100
+
+
+def test_outlines_are_drawn_where_a_moving_camera_saw_them() -> None:
+    box = np.array([[10.0, 20.0], [30.0, 40.0]])
+
+    def filmed(path: CameraPath | None, frame: int) -> list[np.ndarray]:
+        video: Any = SimpleNamespace(camera_path=path)
+        masks: Any = SimpleNamespace(video=video, away=lambda frame: np.array([1.0, 0.5]))
+        return Sight(video, masks).as_filmed(frame, [box])
+
+    assert np.array_equal(filmed(None, 0)[0], box)
+    maps = np.array([moved((5.0, -2.0)).entries, np.full((3, 3), np.nan)])
+    path = CameraPath(maps, np.array([0.1, np.nan]), Frame(-1, 0.0, np.zeros(SIZE[::-1], np.uint8)))
+    assert np.allclose(filmed(path, 0)[0], box + np.array([6.0, -1.5]))
+    assert filmed(path, 1) == []
+
+
+def test_outlines_are_drawn_where_tracked_points_say_that_the_camera_was() -> None:
+    box = np.array([[10.0, 20.0], [30.0, 40.0]])
+    drift = Drift(np.array([[1.0, 2.0], [3.0, 4.0]]), np.zeros(2), np.zeros(2))
+    points: Any = SimpleNamespace(drift=drift, tracks=SimpleNamespace(frame=np.array([4, 7])))
+    sight = Sight(SimpleNamespace(), points=points)  # type: ignore[arg-type]
+    for frame, shift in ((4, [1.0, 2.0]), (7, [3.0, 4.0]), (9, [3.0, 4.0])):
+        assert np.allclose(sight.as_filmed(frame, [box])[0], box + shift)

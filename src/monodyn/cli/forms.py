@@ -89,6 +89,64 @@ def rectangle(option: str, text: str | None) -> tuple[int, int, int, int] | None
     return left, top, width, height
 
 
+def sides(option: str, text: str | None) -> tuple[int, int] | None:
+    """Return the sides ``W,H``.
+
+    Args:
+        option: Name of the option, for the message.
+        text: What the user wrote, or None.
+
+    Raises:
+        SettingsError: it is not two whole numbers with a comma between them.
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d+),(\d+)", text.replace(" ", ""))
+    if not match:
+        raise SettingsError(
+            f"{option}: expected W,H with whole numbers of pixels, got '{text}'; e.g. 1280,720."
+        )
+    return int(match[1]), int(match[2])
+
+
+def numbers(option: str, text: str | None) -> tuple[float, ...] | None:
+    """Return numbers with commas between them.
+
+    Args:
+        option: Name of the option, for the message.
+        text: What the user wrote, or None.
+
+    Raises:
+        SettingsError: a word is no number.
+    """
+    if text is None:
+        return None
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise SettingsError(
+            f"{option}: expected numbers with commas between them, got '{text}'; e.g. -0.28,0.09,0,0."
+        ) from None
+
+
+def words(option: str, given: Sequence[Sequence[str]]) -> dict[str, str]:
+    """Return the words by name that ``NAME=WORD`` words give.
+
+    Args:
+        option: Name of the option, for the message.
+        given: What the user wrote, by use of the option.
+
+    Raises:
+        SettingsError: a word is not a name and a word, or a name comes twice.
+    """
+    found: dict[str, str] = {}
+    for word, name, text in _assigned(option, given):
+        if not name or not text:
+            raise SettingsError(f"{option}: expected NAME=TARGET, got '{word}'; e.g. knee=joint2.")
+        found[name] = text
+    return found
+
+
 def values(option: str, words: Sequence[Sequence[str]]) -> dict[str, float]:
     """Return the values by name that ``NAME=VALUE`` words give.
 
@@ -158,6 +216,9 @@ FORMS: dict[Any, Notation] = {
     tuple[int, int | None] | None: Notation(str | None, None, "A:B", frame_range),
     tuple[float, float | None] | None: Notation(str | None, None, "A:B", time_range),
     tuple[int, int, int, int] | None: Notation(str | None, None, "X,Y,W,H", rectangle),
+    tuple[float, ...] | None: Notation(str | None, None, "K1,K2,P1,P2[,K3]", numbers),
+    tuple[int, int] | None: Notation(str | None, None, "W,H", sides),
+    Mapping[str, str]: Notation(Words, (), "NAME=TARGET ...", words),
     Mapping[str, float]: Notation(Words, (), "NAME=VALUE ...", values),
     Sequence[str]: Notation(Words, (), "NAME ...", names),
     Mapping[str, tuple[float, float]]: Notation(Words, (), "NAME=LOW:HIGH ...", intervals),

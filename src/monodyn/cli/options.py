@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from monodyn.pipeline import Outcome
     from monodyn.types import Progress
 
-Clip = Annotated[conf.Positional[Path], conf.arg(metavar="CLIP")]
+Word = Annotated[conf.Positional[Path | None], conf.arg(metavar="CLIP")]
+Clip = Annotated[Path | None, conf.arg(metavar="CLIP")]
 Tables = Annotated[conf.Positional[tuple[Path, ...]], conf.arg(metavar="POSES.csv ...")]
 Model = Annotated[str, conf.arg(metavar="MODEL")]
 Folder = Annotated[Path, conf.arg(metavar="DIR")]
@@ -60,7 +61,7 @@ class CommonOptions:
         for name, kind in get_type_hints(RunSettings).items():
             if hasattr(self, name):
                 value = getattr(self, name)
-                given[name] = FORMS[kind].read(name.replace("_", "-"), value) if kind in FORMS else value
+                given[name] = FORMS[kind].read(option_name(name), value) if kind in FORMS else value
         return RunSettings(**given)
 
     @contextmanager
@@ -82,25 +83,58 @@ class CommonOptions:
         return show(outcome, as_json=self.json, quiet=self.quiet)
 
 
+def option_name(setting: str) -> str:
+    """Return what the option for a setting of the whole run is called.
+
+    Args:
+        setting: Name of the field.
+    """
+    metadata = {field.name: field.metadata for field in fields(RunSettings)}[setting]
+    return metadata.get("name", setting.replace("_", "-"))
+
+
+def one_clip(word: Path | None, option: Path | None, settings: RunSettings) -> Path | None:
+    """Return the clip that the user named, in either way.
+
+    Args:
+        word: The word without an option.
+        option: The value of ``--clip``.
+        settings: The settings, which may name points or masks in its place.
+
+    Raises:
+        SettingsError: it is named twice, or nothing is named.
+    """
+    if word is not None and option is not None:
+        raise SettingsError(f"clip: expected one clip, got '{word}' and --clip {option}; leave one out.")
+    if word is None and option is None and settings.points is None and settings.masks is None:
+        raise SettingsError(
+            "clip: expected CLIP, or --points FILE or --masks MASKS in its place, got none; name one."
+        )
+    return word or option
+
+
 @dataclass(frozen=True, kw_only=True)
 class RunOptions(CommonOptions):
     """Track a clip, identify the mechanism on some of its frames, predict the others, write the run folder.
 
     Attributes:
-        clip: Video file, or folder of numbered pictures.
+        word: Video file, or folder of numbered pictures.
+        clip: The same by name, e.g. next to --points: then it serves the overlay alone.
         out: Folder for the results.
     """
 
-    clip: Clip
     out: Folder
+    word: Word = None
+    clip: Clip = None
 
     def go(self) -> int:
         """Return the exit code after running the command."""
         settings = self.settings()
+        clip = one_clip(self.word, self.clip, settings)
         from monodyn.pipeline import run
 
         with self.progress() as progress:
-            outcome = run(self.clip, self.model, self.out, settings, force=self.force, progress=progress)
+            outcome = run(clip, self.model, self.out, settings, force=self.force, progress=progress)
         return self.show(outcome)
 
 
@@ -109,22 +143,23 @@ class TrackOptions(CommonOptions):
     """Track a clip and write poses.csv; slides are in the start scale of the model.
 
     Attributes:
-        clip: Video file, or folder of numbered pictures.
+        word: Video file, or folder of numbered pictures.
+        clip: The same by name, e.g. next to --points: then it serves the overlay alone.
         out: Folder for the results.
     """
 
-    clip: Clip
     out: Folder
+    word: Word = None
+    clip: Clip = None
 
     def go(self) -> int:
         """Return the exit code after running the command."""
         settings = self.settings()
+        clip = one_clip(self.word, self.clip, settings)
         from monodyn.pipeline import track_clip
 
         with self.progress() as progress:
-            outcome = track_clip(
-                self.clip, self.model, self.out, settings, force=self.force, progress=progress
-            )
+            outcome = track_clip(clip, self.model, self.out, settings, force=self.force, progress=progress)
         return self.show(outcome)
 
 
@@ -197,6 +232,12 @@ _OF_CLIP = (
     "time_range",
     "until",
     "background",
+    "masks",
+    "points",
+    "points_map",
+    "points_size",
+    "points_axis",
+    "distortion",
     "rate",
     "segment",
     "camera",
@@ -260,7 +301,10 @@ def _option(setting: Field[Any], kind: Any) -> tuple[Any, Any]:
     if kind in FORMS:
         form = FORMS[kind]
         kind, usual, metavar = form.words, form.usual, form.metavar
-    return (kind if metavar is None else Annotated[kind, conf.arg(metavar=metavar)]), usual
+    named = {"name": setting.metadata["name"]} if "name" in setting.metadata else {}
+    if metavar is not None:
+        named["metavar"] = metavar
+    return (Annotated[kind, conf.arg(**named)] if named else kind), usual
 
 
 def _without_shared(stage: type[Any]) -> type[Any]:

@@ -6,6 +6,7 @@ mechanism with the silhouette in frames spread over the poses.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from monodyn.paper.silhouettes import ClipSilhouettes
 from monodyn.paper.threshold import OPEN, difference, holds
 from monodyn.types import FULL, Frame, Poses
+from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.drawing.outline import covered_pixels, outline
 from monodyn.vision.locating.scene import Scene
 
@@ -121,6 +123,7 @@ def measured(scene: Scene, poses: Poses, silhouettes: ClipSilhouettes) -> Film:
     picks = np.unique(np.linspace(0, len(poses) - 1, min(LOOKED_AT, len(poses))).round().astype(int))
     rows = {int(poses.frame[row]): row for row in picks}
     looks, unseen, still = [], [], []
+    path = scene.masks.video.camera_path
     for frame in scene.masks.video.frames(min(rows), max(rows) + 1):
         row = rows.get(frame.index)
         if row is None:
@@ -140,7 +143,7 @@ def measured(scene: Scene, poses: Poses, silhouettes: ClipSilhouettes) -> Film:
         seen=float(np.mean(poses.seen)),
         looks=tuple(looks),
         unseen=tuple(unseen),
-        drift=_drift(still, scene.camera.width),
+        drift=_drift(still, scene.camera.width) if path is None else _way(path, sorted(rows)),
     )
 
 
@@ -186,7 +189,9 @@ def background_drift(silhouettes: ClipSilhouettes) -> tuple[float, ...]:
     Returns:
         Displacements since the first sample frame [px], in those that allow to measure it.
     """
-    frames = silhouettes.masks.samples.frames
+    frames, path = silhouettes.masks.samples.frames, silhouettes.masks.video.camera_path
+    if path is not None:
+        return _way(path, [frame.index for frame in frames])
     still = []
     for frame in frames[:: -(-len(frames) // ALIGNED)]:
         over = _wider(_over(frame, silhouettes), AROUND_PX)
@@ -252,6 +257,12 @@ def _drift(still: list[tuple[np.ndarray, np.ndarray]], width: int) -> tuple[floa
             apart = np.linalg.norm(np.asarray(moved) @ corners - corners[:2], axis=0)
             found.append(float(apart.mean()) * width / wide)
     return tuple(found)
+
+
+def _way(path: CameraPath, frames: Sequence[int]) -> tuple[float, ...]:
+    """Return by how far a camera that moves displaces the scene since the first of some frames [px]."""
+    places = [at for frame in frames if (at := path.at(frame)) is not None]
+    return tuple(at.apart(places[0]) for at in places[1:])
 
 
 def _reduced(picture: np.ndarray) -> np.ndarray:

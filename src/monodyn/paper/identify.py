@@ -38,6 +38,7 @@ from monodyn.estimation.shooting.shoot import Optimum, typical
 from monodyn.estimation.verdict.summary import UNSTARTED, fit_of, refused
 from monodyn.estimation.verdict.uncertainty import knowledge_at
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.dots import chosen_bodies
 from monodyn.paper.descent import Descent, descend
 from monodyn.paper.filter import Gains, filter_response, filtered
 from monodyn.paper.fit_verdict import published_advice, published_verdict
@@ -76,7 +77,7 @@ def identify_published(
         Eq. (9), (13) and (14) of "Estimating dynamics on-the-fly using monocular video", 2012.
     """
     began = time.perf_counter()
-    mechanism = replace(mechanism.with_bodies(settings.bodies), measured=None)
+    mechanism = replace(mechanism.with_bodies(chosen_bodies(mechanism, settings.bodies)), measured=None)
     data = prepare(tuple(records), mechanism)
     records = tuple(ordered(record, mechanism) for record in records)
     smoothed = tuple(smooth(record) for record in records)

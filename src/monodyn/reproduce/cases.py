@@ -144,7 +144,10 @@ def slides_scaled(poses: Poses, mechanism: Mechanism, factor: float) -> Poses:
         mechanism: Its joints.
         factor: The other scale's sizes over the file's.
     """
-    return poses if poses.metric else replace(metric(poses, mechanism, factor), metric=False)
+    if poses.metric:
+        return poses
+    # only the slides change: hinges stay as the camera shows them
+    return replace(metric(replace(poses, roll=None), mechanism, factor), metric=False, roll=poses.roll)
 
 
 def _measured(case: Case, seen: Seen, truth: Truth | None, design: Design) -> Case:

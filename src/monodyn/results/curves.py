@@ -1,4 +1,4 @@
-"""Motion and torques as the data of figures: what is measured, fitted and predicted, by joint."""
+"""Motion, torques and the camera's way as the data of figures: measured, fitted and predicted."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from monodyn.results.trace import Trace
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
+    from monodyn.vision.clip.video import Video
 
 BAND = 1.96
 """Standard deviations from the middle of a 95 % band to its edge."""
@@ -79,6 +80,36 @@ def torque_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
                 "alone": True,
             }
         )
+    return plots
+
+
+def camera_curves(video: Video) -> list[dict[str, Any]]:
+    """Return the data of the figures of a camera's way: displacement, turn and zoom of the still scene.
+
+    Args:
+        video: The clip.
+
+    Returns:
+        One figure each; none for a camera that stands still.
+    """
+    path = video.camera_path
+    if path is None:
+        return []
+    nothing, reach = np.zeros(0), 0.5 * math.hypot(*path.size)
+    shown = [
+        ("still scene, to the right", "px", path.shift[:, 0], path.std),
+        ("still scene, down", "px", path.shift[:, 1], path.std),
+        ("turn of the still scene", "deg", np.degrees(path.turn), np.degrees(path.std / reach)),
+        ("zoom", "%", 100.0 * path.zoom, 100.0 * path.std / reach),
+    ]
+    plots = []
+    for title, unit, values, std in shown:
+        curve = _band(video.times, values, np.where(path.registered, std, np.nan), nothing, nothing)
+        window = [float(video.times[0]), float(video.times[-1])]
+        plots.append(
+            {"title": title, "unit": unit, "time": [], "observed": [], "window": window, "fitted": curve,
+             "predicted": None, "alone": True}
+        )  # fmt: skip
     return plots
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from monodyn.results.folder import RunFolder
 from monodyn.results.panels import background_panel, foreground_panels, motion_panel, outline_panels
+from monodyn.results.pointed import points_panels
 from monodyn.results.sheet import (
     BODY,
     GREEN,
@@ -45,13 +46,18 @@ def diagnosis(sight: Sight) -> Picture:
     Returns:
         The page.
     """
-    rows = [
-        _heading(sight),
-        row([background_panel(sight), motion_panel(sight)]),
-        row(outline_panels(sight)),
-        row(foreground_panels(sight)),
-        strip(sight),
-    ]
+    if sight.tracks is not None:
+        rows = [_heading(sight), row(points_panels(sight)), strip(sight)]
+        if sight.masks is not None:
+            rows.insert(1, row([background_panel(sight), motion_panel(sight)]))
+    else:
+        rows = [
+            _heading(sight),
+            row([background_panel(sight), motion_panel(sight)]),
+            row(outline_panels(sight)),
+            row(foreground_panels(sight)),
+            strip(sight),
+        ]
     gap = blank(18)
     return np.concatenate([part for shown in rows for part in (shown, gap)])
 
@@ -105,7 +111,7 @@ def _heading(sight: Sight) -> Picture:
     video = sight.video
     lines = wrapped(sight.status, WIDTH - 2 * MARGIN - 30, BODY, 5)
     page = blank(76 + 22 * len(lines))
-    x = write(page, video.path.name, (MARGIN, 42), HEADING, INK)
+    x = write(page, sight.name, (MARGIN, 42), HEADING, INK)
     about = (
         f"{video.count} frames of {video.width} x {video.height} px, "
         f"{float(video.times[-1] - video.times[0]):.2f} s"

@@ -1,4 +1,4 @@
-"""Motion as tables, documents as JSON: ``states.csv``, ``prediction.csv``, ``torques.csv``.
+"""Motion as tables, documents as JSON: ``states.csv``, ``prediction.csv``, ``torques.csv``, ``camera.csv``.
 
 Numbers are written with enough digits to read back the same number. JSON has no infinity: an interval that is
 unbounded, and a value that is unknown, is null.
@@ -10,11 +10,14 @@ import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from monodyn.results.trace import Trace
+
+if TYPE_CHECKING:
+    from monodyn.vision.clip.video import Video
 
 
 def states_table(joints: Sequence[str], traces: Sequence[Trace]) -> str:
@@ -49,6 +52,28 @@ def prediction_table(joints: Sequence[str], trace: Trace | None) -> str:
         return text
     future = trace.future
     return text + rows_text(trace.future_frame, [future.time, future.position, future.std])
+
+
+def camera_table(video: Video) -> str:
+    """Return ``camera.csv``: ``frame,time,registered,x_px,y_px,turn,zoom,std_px``.
+
+    Where the still scene appears in a frame: what a camera at its mean place shows at ``p`` [px] is at
+    ``c + zoom R(turn) (p - c) + (x_px, y_px)``, with the middle of the picture ``c``, x to the right and y
+    down; the turn is counter-clockwise as seen [rad].
+
+    Args:
+        video: A clip of a camera that moves.
+    """
+    path = video.camera_path
+    text = "frame,time,registered,x_px,y_px,turn,zoom,std_px\n"
+    if path is None:
+        return text
+    table = np.column_stack([path.shift, path.turn, path.zoom, path.std])
+    table[~path.registered] = np.nan
+    for frame, (time, known) in enumerate(zip(video.times.tolist(), path.registered.tolist(), strict=True)):
+        numbers = ",".join(map(repr, table[frame].tolist()))
+        text += f"{frame},{time!r},{int(known)},{numbers}\n"
+    return text
 
 
 def torque_table(joints: Sequence[str], trace: Trace) -> str:

@@ -9,16 +9,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
+from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.results.folder import RunFolder
 from monodyn.results.overlay import DrawnMotion, DrawnSearch, write_overlay
 from monodyn.results.sight import Sight
 from monodyn.results.trace import metric
 from monodyn.types import Camera, Poses, Progress
+from monodyn.vision.drawing.camera import turned
+from monodyn.vision.points.scene import PointScene
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
     from monodyn.mechanism import Mechanism
     from monodyn.vision.clip.video import Video
+    from monodyn.vision.drawing.shutter import Shutter
     from monodyn.vision.locating.scene import Scene
 
 LENGTHS = ("camera.x", "camera.y", "camera.depth")
@@ -37,6 +42,7 @@ class Filmed:
         tracked: Measured joint positions in the mechanism's scale.
         camera_std: Standard deviations of the estimated camera parameters by name, e.g. ``camera.depth``.
         sight: What was seen of the clip, for the diagnosis.
+        shutter: How each picture is exposed while the mechanism moves; None for pictures of one instant.
     """
 
     video: Video
@@ -45,9 +51,10 @@ class Filmed:
     tracked: Poses
     camera_std: Mapping[str, float] = field(default_factory=dict)
     sight: Sight | None = None
+    shutter: Shutter | None = None
 
 
-def filmed_of(fit: Fit, scene: Scene, poses: Poses, sight: Sight | None = None) -> Filmed:
+def filmed_of(fit: Fit, scene: Scene | PointScene, poses: Poses, sight: Sight | None = None) -> Filmed:
     """Return clip, mechanism and camera of a scene in metres of the identified scale.
 
     Args:
@@ -61,12 +68,27 @@ def filmed_of(fit: Fit, scene: Scene, poses: Poses, sight: Sight | None = None) 
     # the fit of free torques holds the common scale, so nothing determines how far away the camera is
     unit = np.inf if fit.torque == "free" else scale
     std = {name: value * (unit if name in LENGTHS else 1.0) for name, value in scene.camera_std.items()}
+    slope, roll = by_roll(fit.mechanism), fit.mechanism.values[ROLL]
+    if slope.any():
+        # the frame of the mechanism is upright: before it the camera stands turned about the hinge
+        anchor = fit.mechanism.tree.links[int(np.flatnonzero(slope)[0]), [ANCHOR_X, ANCHOR_Y]]
+        camera = turned(camera, roll - camera.roll, anchor)
+        std |= {row.name: row.std for row in fit.parameters if row.name == ROLL and row.free}
     # without a fit the located mechanism is drawn, in the scale of its file
     mechanism = as_seen(fit.mechanism, scene.mechanism, scale) if fit.starts else scene.mechanism
-    video = scene.masks.video
-    sight = sight or Sight(video, scene.masks, scene, poses)
+    sight = sight or _seen(scene, poses)
     sight.status, sight.ok = fit.status, fit.ok
-    return Filmed(video, mechanism, camera, metric(poses, mechanism, scale), std, sight)
+    shutter = None if isinstance(scene, PointScene) else scene.shutter
+    if shutter is not None:
+        std["camera.exposure"] = shutter.std
+    return Filmed(sight.video, mechanism, camera, metric(poses, mechanism, scale), std, sight, shutter)
+
+
+def _seen(scene: Scene | PointScene, poses: Poses) -> Sight:
+    """Return what was seen of the clip of a scene."""
+    if isinstance(scene, PointScene):
+        return Sight(scene.video, poses=poses, tracks=scene.tracks, points=scene)
+    return Sight(scene.masks.video, scene.masks, scene, poses)
 
 
 def as_seen(identified: Mechanism, located: Mechanism, scale: float) -> Mechanism:
@@ -107,12 +129,14 @@ def write_film(
     from monodyn.results.fill import fill
 
     # the whole clip is drawn, its repeats too, each picture with the motion of its own time
-    video = filmed.video.timed(filmed.tracked.frame, filmed.tracked.time)
+    video = filmed.video.as_filmed.timed(filmed.tracked.frame, filmed.tracked.time)
     # NaN is not drawn
     position = np.full((video.count, len(fit.mechanism.joints)), np.nan)
     if fit.starts and fit.ok:
         position = fill(fit, video.times).position
-    motion = DrawnMotion(filmed.mechanism, filmed.camera, position, (frames[0], frames[1]), filmed.tracked)
+    motion = DrawnMotion(
+        filmed.mechanism, filmed.camera, position, (frames[0], frames[1]), filmed.tracked, filmed.sight
+    )
     pictures: list[tuple[bytes, str]] = []
     folder.write(
         "overlay.mp4",
@@ -129,15 +153,17 @@ def write_sight_film(folder: RunFolder, sight: Sight, progress: Progress | None 
         sight: What the run saw.
         progress: Called with the number of frames drawn.
     """
+    if not sight.filmed:
+        return
     drawing_of = DrawnSearch(sight).drawing
-    scene, poses = sight.scene, sight.poses
+    scene, poses = sight.scene or sight.points, sight.poses
     if scene is not None and poses is not None and sight.anything_tracked:
         # NaN is not drawn
         nothing = np.full((sight.video.count, len(poses.joints)), np.nan)
-        motion = DrawnMotion(scene.mechanism, scene.camera, nothing, (0, sight.video.count), poses)
+        motion = DrawnMotion(scene.mechanism, scene.camera, nothing, (0, sight.video.count), poses, sight)
         drawing_of = motion.drawing
 
     def film(path: Path) -> None:
-        write_overlay(path, sight.video, drawing_of, progress=progress)
+        write_overlay(path, sight.video.as_filmed, drawing_of, progress=progress)
 
     folder.write("overlay.mp4", film)

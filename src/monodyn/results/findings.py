@@ -80,9 +80,23 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "heldout_rms": findings.traces[0].heldout() if findings.traces else dict.fromkeys(joints),
         "scale": fit.scale,
         "stamp_error": fit.stamp_error,
-        "camera": None if filmed is None else {**asdict(filmed.camera), "std": dict(filmed.camera_std)},
+        "camera": None if filmed is None else _camera_document(filmed),
         "fit_frames": findings.frames,
     }
+
+
+def _camera_document(filmed: Filmed) -> dict[str, Any]:
+    """Return the camera as ``fit.json`` has it, how it exposes a picture [s]; ``parallax`` where it moves."""
+    shutter = filmed.shutter
+    exposed = {
+        "exposure": 0.0 if shutter is None else shutter.exposure,
+        "readout": 0.0 if shutter is None else shutter.readout,
+    }
+    document = {**asdict(filmed.camera), **exposed, "std": dict(filmed.camera_std)}
+    masks = None if filmed.sight is None else filmed.sight.shown_masks
+    if filmed.video.camera_path is not None and masks is not None:
+        document["parallax"] = masks.parallax.share
+    return document
 
 
 def parameter_row(estimate: Estimate) -> dict[str, Any]:

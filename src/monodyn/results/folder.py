@@ -20,6 +20,7 @@ from monodyn.errors import SettingsError
 
 FILES = (
     "poses.csv",
+    "camera.csv",
     "states.csv",
     "torques.csv",
     "prediction.csv",

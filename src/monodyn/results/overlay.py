@@ -16,10 +16,12 @@ import numpy as np
 
 from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
 from monodyn.types import FULL, Camera, Frame, Poses, Progress
+from monodyn.vision.clip.steady import displaced
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
     from monodyn.vision.clip.video import Video
+    from monodyn.vision.foreground.masks import Masks
 
 TICKS = 90_000
 """Time stamps of the film are whole multiples of 1 / TICKS seconds."""
@@ -82,6 +84,7 @@ class DrawnMotion:
         position: Joint positions at every frame of the clip [rad or m], (frame, dof); NaN is not drawn.
         fit_frames: First frame of the fit and the one after its last.
         tracked: Measured joint positions in metres of the identified scale, drawn thin where they differ.
+        sight: What was seen of the clip, which knows how a camera moves; None for one that stands still.
     """
 
     mechanism: Mechanism
@@ -89,6 +92,7 @@ class DrawnMotion:
     position: np.ndarray
     fit_frames: tuple[int, int]
     tracked: Poses | None = None
+    sight: Sight | None = None
 
     def drawing(self, frame: Frame) -> Drawing:
         """Return what to draw over a frame.
@@ -98,7 +102,7 @@ class DrawnMotion:
         """
         index, (first, stop) = frame.index, self.fit_frames
         kind = "predicted" if index >= stop else "fitted" if index >= first else "before the fit"
-        model = self._outlines(self.position[index])
+        model = self._outlines(index, self.position[index])
         inks: list[tuple[np.ndarray, Ink]] = []
         # the tracked outline would cover the model where both agree
         tracked = self._tracked(index)
@@ -109,10 +113,13 @@ class DrawnMotion:
 
     def _tracked(self, index: int) -> list[np.ndarray]:
         row = pose_row(self.tracked, index)
-        return [] if self.tracked is None or row is None else self._outlines(self.tracked.position[row])
+        return (
+            [] if self.tracked is None or row is None else self._outlines(index, self.tracked.position[row])
+        )
 
-    def _outlines(self, position: np.ndarray) -> list[np.ndarray]:
-        return outlines_of(self.mechanism, self.camera, position)
+    def _outlines(self, index: int, position: np.ndarray) -> list[np.ndarray]:
+        outlines = outlines_of(self.mechanism, self.camera, position)
+        return outlines if self.sight is None else self.sight.as_filmed(index, outlines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,18 +139,34 @@ class DrawnSearch:
             frame: The frame.
         """
         sight, masks = self.sight, self.sight.shown_masks
-        tint = None if masks is None else masks.of(frame).coverage
+        tint = None if masks is None else _tint_of(masks, frame)
         caption = f"{frame.time:.2f} s  {sight.stage}"
         if sight.scene is None:
             return Drawing([], caption, sight.reason, tint)
         key, position = located_at(sight.scene, frame.index)
         outlines = outlines_of(sight.scene.mechanism, sight.scene.camera, position)
+        outlines = sight.as_filmed(frame.index, outlines)
         return Drawing(
             [(polygon, LOCATED) for polygon in outlines],
             f"{caption}; outline as in frame {key}",
             sight.reason,
             tint,
         )
+
+
+def _tint_of(masks: Masks, frame: Frame) -> np.ndarray | None:
+    """Return the coverage of a frame as it was filmed, uint8 (height, width); None where it is not known."""
+    path = masks.video.camera_path
+    if path is None:
+        return masks.of(frame).coverage
+    at, steady = path.at(frame.index), path.steady(frame)
+    if at is None or steady is None:
+        return None
+    import cv2
+
+    away = masks.away(frame.index)
+    shown = displaced(masks.of(steady).coverage[np.newaxis], away)[0]
+    return cv2.warpPerspective(shown, at.matrix, path.size, flags=cv2.INTER_LINEAR)
 
 
 def _apart(model: list[np.ndarray], tracked: list[np.ndarray], least_px: float = 2.0) -> bool:

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monodyn.mechanism.tree import BRAKES
-from monodyn.results.curves import motion_curves, torque_curves
+from monodyn.results.curves import camera_curves, motion_curves, torque_curves
 from monodyn.results.findings import Findings, frames_of, listed_rows
 from monodyn.results.numbers import number, short, shown_in
-from monodyn.types import Camera
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
     from monodyn.estimation.fit import Estimate, Fit
     from monodyn.mechanism import Joint
+    from monodyn.results.filmed import Filmed
     from monodyn.results.log import RunLog
 
 
@@ -41,6 +41,7 @@ def page_text(
     fit, traces = findings.fit, findings.traces
     several = len(traces) > 1
     plots = [plot for trace in traces for plot in motion_curves(fit, trace, several=several)]
+    camera = [] if findings.filmed is None else camera_curves(findings.filmed.video)
     listed = listed_rows(fit)
     # the rest goes into a part of the page that is folded up
     others = [row for row in fit.parameters if not row.free and row not in listed]
@@ -53,6 +54,7 @@ def page_text(
         facts=_facts(findings),
         plots=plots,
         torques=[plot for trace in traces for plot in torque_curves(fit, trace, several=several)],
+        camera=camera,
         # free torques contain the friction that the mechanism has no parameters for
         motion_band=any(np.isfinite(t.states.std).any() for t in traces),
         torque_band=any(t.torques is not None and np.isfinite(t.torques.std).any() for t in traces),
@@ -67,7 +69,7 @@ def page_text(
             {"name": c.name, "value": number(c.value, c.std), "std": short(c.std)} for c in fit.combinations
         ],
         cards=_cards(findings),
-        plotly=Markup(plotting_script() if plots else ""),
+        plotly=Markup(plotting_script() if plots or camera else ""),
     )
 
 
@@ -162,14 +164,15 @@ def _errors(joints: Sequence[Joint], values: Mapping[str, float | None]) -> str:
 
 def _cards(findings: Findings) -> list[dict[str, Any]]:
     """Return the small tables at the end."""
-    cards = [] if findings.filmed is None else [_camera_card(findings.filmed.camera)]
+    cards = [] if findings.filmed is None else [_camera_card(findings.filmed)]
     cards += _start_cards(findings.fit)
     if findings.log is not None:
         cards += _run_cards(findings.log)
     return cards
 
 
-def _camera_card(camera: Camera) -> dict[str, Any]:
+def _camera_card(filmed: Filmed) -> dict[str, Any]:
+    camera, shutter = filmed.camera, filmed.shutter
     turns = ", ".join(
         f"{name} {math.degrees(getattr(camera, name)):.2f}°" for name in ("roll", "pitch", "yaw")
     )
@@ -180,6 +183,10 @@ def _camera_card(camera: Camera) -> dict[str, Any]:
         ("distance", f"{camera.depth:.4f} m"),
         ("turn", turns),
     ]
+    if shutter is not None:
+        known = f" ± {1000.0 * shutter.std:.2g}" if shutter.std else ""
+        rows.append(("exposure", f"{1000.0 * shutter.exposure:.3g}{known} ms"))
+        rows += [("readout", f"{1000.0 * shutter.readout:.3g} ms")] if shutter.readout else []
     return {"title": "Camera", "rows": rows}
 
 

@@ -44,8 +44,7 @@ from monodyn.vision.drawing.contour import (
     ON_EDGE,
     contour,
 )
-from monodyn.vision.drawing.normals import TRUSTED
-from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.drawing.probe import TRUSTED
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.masks import planes_for
 
@@ -160,10 +159,10 @@ def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> Pictu
     assert scene is not None
     outlines = outlines_of(scene.mechanism, scene.camera, judged.position)
     crop = fitted_crop(_around(sight, outlines), width, TALLEST)
-    picture = washed(crop.shown(picture_of(judged.frame), PALE), 0.35)
+    picture = washed(crop.shown(picture_of(sight.followed(judged.frame)), PALE), 0.35)
     for corners in outlines:
         polygon(picture, crop.points(corners), INK)
-    rig = rig_of(scene.mechanism, scene.camera)
+    rig = scene.moving(judged.frame.index)
     mask, view = scene.masks.of(judged.frame), scene.masks.view(len(rig.radius))
     found = contour(
         planes_for(mask, view), view, rig, judged.position, REACH_PX, max(1.0, SPACING_PX / crop.scale)
@@ -206,7 +205,7 @@ def _foreground_panel(sight: Sight, frame: Frame, width: int) -> Picture:
     if masks is None:
         picture = crop.shown(picture_of(frame))
         return panel(f"Frame {frame.index}", picture, [Key("nothing stands out from the background")], width)
-    picture = washed(crop.shown(picture_of(frame)))
+    picture = washed(crop.shown(picture_of(sight.followed(frame))))
     mask = masks.of(frame)
     # reduced first: a page has fewer pixels than most clips
     planes = np.stack([crop.shown(np.minimum(plane, FULL), (0, 0, 0)) for plane in mask.planes])

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism.write import NOT_IN_URDF
 from monodyn.results.diagnosis import jpeg, write_diagnosis
-from monodyn.results.export import json_text, prediction_table, states_table, torque_table
+from monodyn.results.export import (
+    camera_table,
+    json_text,
+    prediction_table,
+    states_table,
+    torque_table,
+)
 from monodyn.results.filmed import filmed_of, write_film
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
@@ -22,6 +28,7 @@ if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
     from monodyn.results.predict import Prediction
     from monodyn.vision.locating.scene import Scene
+    from monodyn.vision.points.scene import PointScene
 
 
 def report(
@@ -30,7 +37,7 @@ def report(
     *,
     to: str | Path,
     poses: Poses | None = None,
-    scene: Scene | None = None,
+    scene: Scene | PointScene | None = None,
     force: bool = False,
     progress: Progress | None = None,
 ) -> Path:
@@ -52,7 +59,7 @@ def report(
     Example:
         >>> monodyn.report(fit, future, to="run/")  # doctest: +SKIP
     """
-    video = None if scene is None else scene.masks.video
+    video = None if scene is None else scene.video
     trace = trace_of(fit, fitted_poses(fit, video) if poses is None else poses, future)
     findings = Findings(
         fit,
@@ -89,6 +96,8 @@ def write_results(
     findings = replace(findings, notes=[*findings.notes, *lost_in_urdf(fit.mechanism)])
     if record is not None:
         folder.write("poses.csv", lambda path: write_poses(record, path))
+    if findings.filmed is not None and findings.filmed.video.camera_path is not None:
+        folder.write_text("camera.csv", camera_table(findings.filmed.video))
     document = fit_document(findings)
     folder.write_text("fit.json", json_text(document))
     write_models(folder, fit.mechanism)
@@ -99,8 +108,9 @@ def write_results(
         folder.write_text("torques.csv", torque_table(joints, traces[0]))
     pictures, shown = [], None
     if findings.filmed is not None:
-        # without a motion to draw no frame is a fitted one
-        pictures = write_film(folder, fit, findings.filmed, findings.frames or (0, 0), progress)
+        if findings.filmed.sight is None or findings.filmed.sight.filmed:
+            # without a motion to draw no frame is a fitted one
+            pictures = write_film(folder, fit, findings.filmed, findings.frames or (0, 0), progress)
         shown = _write_diagnosis(folder, findings)
     folder.write_text("report.html", page_text(findings, pictures, shown))
     return document

@@ -5,9 +5,10 @@ A run fills it stage by stage, so that one that is refused can still be shown.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,8 +16,10 @@ import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.types import FULL, Camera, Frame, Poses
+from monodyn.vision.clip.steady import displaced
 from monodyn.vision.clip.video import Video
-from monodyn.vision.drawing.normals import LEAST_LEVEL, TRUSTED
+from monodyn.vision.drawing.probe import LEAST_LEVEL, TRUSTED
+from monodyn.vision.drawing.shutter import SLOW_PX, way
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background, Samples, background_of
 from monodyn.vision.foreground.masks import planes_for
 from monodyn.vision.foreground.palette import TRUSTED_NOISE
@@ -27,6 +30,8 @@ if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
     from monodyn.vision.foreground.masks import Masks, View
     from monodyn.vision.locating.scene import Scene
+    from monodyn.vision.points.scene import PointScene
+    from monodyn.vision.points.tracks import PointTracks
 
 JUDGED_PIXELS = 8_000_000
 """Pixels of the frames whose outline is judged, all together: bounds the time that it takes."""
@@ -40,6 +45,8 @@ GROWN = 0.15
 """Margin around the outlines in which a mask is compared with them, as a share of their extent."""
 REACH_PX, SPACING_PX = 4.0, 3.0
 """Length of the search along the normals, and distance of the outline samples [px]: those of the tracking."""
+MOST_DURING = 24
+"""Times of an exposure, at most, at which a moving outline is drawn."""
 FARTHEST_PX = 1e6
 """Distance from the picture up to which an outline is drawn [px]."""
 
@@ -83,6 +90,8 @@ class Sight:
         free_frames: First frame in which the mechanism moves freely and the one after the last, or None.
         status: What came of it, a sentence.
         ok: Whether the result can be trusted; None where nothing was to be identified.
+        tracks: Points that take the place of the pictures, or None.
+        points: Mechanism and camera as the points show them, or None.
     """
 
     video: Video
@@ -93,6 +102,21 @@ class Sight:
     free_frames: tuple[int, int] | None = None
     status: str = ""
     ok: bool | None = field(default=None)
+    tracks: PointTracks | None = None
+    points: PointScene | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of what was looked at: the points where these take the place of the pictures."""
+        return (self.video if self.tracks is None else self.tracks).path.name
+
+    @property
+    def filmed(self) -> bool:
+        """Whether there are pictures over which the mechanism can be drawn."""
+        tracks = self.tracks
+        if tracks is None or tracks.clip is not None:
+            return True
+        return tracks.in_picture and self.video.path != tracks.path
 
     @property
     def shown_masks(self) -> Masks | None:
@@ -112,11 +136,43 @@ class Sight:
 
     @property
     def readable(self) -> bool:
-        """Whether the clip has pictures to show."""
+        """Whether the clip has pictures to show, or points."""
+        if self.tracks is not None:
+            return True
         try:
             return len(self.samples.frames) > 0
         except VideoError:
             return False
+
+    def followed(self, frame: Frame) -> Frame:
+        """Return one of the samples as the masks show it, which follow a mechanism before a moving camera.
+
+        Args:
+            frame: The frame.
+        """
+        by = np.zeros(2) if self.shown_masks is None else -self.shown_masks.away(frame.index)
+        return replace(frame, luma=displaced(frame.luma[np.newaxis], by)[0])
+
+    def as_filmed(self, frame: int, outlines: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Return outlines where the picture of a frame shows them as it was filmed.
+
+        Args:
+            frame: Frame number.
+            outlines: Polygons before a camera at rest [px], each (point, 2).
+
+        Returns:
+            The polygons, each (point, 2); none where that is not known of the frame.
+        """
+        if self.points is not None and self.points.drift is not None:
+            numbers = self.points.tracks.frame
+            drift = self.points.drift.at(min(int(np.searchsorted(numbers, frame)), len(numbers) - 1))
+            return [drift.added(corners[np.newaxis])[0] for corners in outlines]
+        masks = self.shown_masks
+        path = None if masks is None else masks.video.camera_path
+        if masks is None or path is None:
+            return list(outlines)
+        at, away = path.at(frame), masks.away(frame)
+        return [] if at is None else [at.of(corners + away) for corners in outlines]
 
     @property
     def anything_tracked(self) -> bool:
@@ -126,6 +182,8 @@ class Sight:
     @property
     def stage(self) -> str:
         """How far the run came where nothing was tracked, a few words."""
+        if self.tracks is not None:
+            return "nothing was located" if self.points is None else "no joint is shown"
         if self.masks is None:
             return "nothing moves"
         return "nothing was located" if self.scene is None else "nothing was tracked"
@@ -169,11 +227,23 @@ class Sight:
         occluders = Occluders(rig, view)
         first, last = (int(poses.frame[row]) for row in np.flatnonzero(poses.measured.any(axis=1))[[0, -1]])
         for frame in self.samples.frames:
-            if first <= frame.index <= last:
+            position = _between(poses, frame.index)
+            # what a picture shows faintly because it moves is not hidden
+            fast = scene.shutter is not None and way(scene.moving(frame.index), position) > SLOW_PX
+            if first <= frame.index <= last and not fast:
                 planes = planes_for(scene.masks.of(frame), view)
-                occluders.note(planes, _between(poses, frame.index), np.ones(len(rig.parent), dtype=bool))
+                occluders.note(planes, position, np.ones(len(rig.parent), dtype=bool))
         found = occluders.hidden()
         return found if found.any() else None
+
+    @cached_property
+    def sway_px(self) -> float:
+        """How far the edges of key frames show the whole mechanism from where it was located, rms [px]."""
+        if self.scene is None:
+            return 0.0
+        from monodyn.vision.locating.parallax import sway_of
+
+        return sway_of(self.scene).rms_px
 
     @property
     def mismatch(self) -> float:
@@ -236,8 +306,10 @@ def outlines_of(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> l
     if not np.all(np.isfinite(position)):
         return []
     from monodyn.vision.drawing.outline import outline
+    from monodyn.vision.points.sticks import sticks
 
-    every = (polygon for _, polygon in outline(mechanism, camera, position))
+    drawn = outline(mechanism, camera, position) if mechanism.plan.drawn else []
+    every = [*(polygon for _, polygon in drawn), *sticks(mechanism, camera, np.asarray(position))]
     # what is drawn beyond all whole numbers is in no picture
     return [polygon for polygon in every if np.abs(polygon).max() < FARTHEST_PX]
 
@@ -260,35 +332,52 @@ def _around(scene: Scene, positions: Sequence[np.ndarray]) -> Window:
 def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, around: Window) -> Judged:
     """Measure how well a pose lies on the mask of its frame, as tracking does."""
     from monodyn.vision.drawing.edges import edge_terms, no_shifts
-    from monodyn.vision.drawing.rig import rig_of
 
-    rig = rig_of(scene.mechanism, scene.camera)
+    rig = scene.moving(frame.index)
     view = scene.masks.view(len(rig.radius))
     mask = scene.masks.of(frame)
     planes = planes_for(mask, view)
     found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
-    share = _mismatch(scene, planes, view, position, around)
+    share = _mismatch(scene, planes, view, _during(scene, frame.index, position), around)
     return Judged(frame, position, tracked, found.matched, found.inside, share)
 
 
-def _mismatch(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray, window: Window) -> float:
+def _during(scene: Scene, frame: int, position: np.ndarray) -> list[np.ndarray]:
+    """Return poses at equal steps of time of a picture's exposure, each (dof,)."""
+    shutter = scene.shutter
+    blur = 0.0 if shutter is None else way(scene.moving(frame), position)
+    if shutter is None or blur <= SLOW_PX:
+        return [position]
+    count = min(math.ceil(blur / SLOW_PX), MOST_DURING)
+    times = ((np.arange(count) + 0.5) / count - 0.5) * shutter.exposure
+    return [position + time * shutter.rate[frame] for time in times]
+
+
+def _mismatch(
+    scene: Scene, planes: np.ndarray, view: View, positions: Sequence[np.ndarray], window: Window
+) -> float:
     """Return the mismatch of outline and mask within a window as a share of the mask's area there.
 
-    Where the background has a geom's colour nothing of the geom is expected, and coverage that noise alone
-    makes is none: over the whole window it would outweigh a thin rod.
+    The outline covers a pixel as it does in the mean of ``positions``, the poses during the exposure. Where
+    the background has a geom's colour nothing of the geom is expected, and coverage that noise alone makes is
+    none: over the whole window it would outweigh a thin rod.
     """
     part = (slice(None), slice(window.top, window.bottom), slice(window.left, window.right))
     planes, trust = planes[part], view.trust[part]
     noise = SHOWN_NOISE / (TRUSTED_NOISE * np.maximum(trust, TRUSTED))
     shown = np.where(planes > FULL * np.minimum(noise, MOST_NOISE), np.minimum(planes, FULL), 0)
     covered, known = shown.max(axis=0).astype(np.int16), trust.max(axis=0) >= TRUSTED
-    outlines = outlines_of(scene.mechanism, scene.camera, position)
+    poses = [outlines_of(scene.mechanism, scene.camera, position) for position in positions]
     # a geom behind the camera has no outline: then it is open which ones the others are
-    parts = view.part if len(outlines) == len(view.part) else np.zeros(len(outlines), dtype=np.int64)
+    same = all(len(pose) == len(view.part) for pose in poses)
+    parts = view.part if same else np.zeros(max(map(len, poses)), dtype=np.int64)
     model, expected = np.zeros_like(covered), np.zeros_like(covered)
     for plane in np.unique(parts):
-        own = [corners for corners, of in zip(outlines, parts, strict=True) if of == plane]
-        drawn = _drawn(own, window)
+        drawn = np.zeros(covered.shape)
+        for pose in poses:
+            own = [corners for corners, of in zip(pose, parts, strict=False) if of == plane]
+            drawn += _drawn(own, window) / len(poses)
+        drawn = np.round(drawn).astype(np.int16)
         model = np.maximum(model, drawn)
         if plane >= 0:
             # how much differs where colours vary is not how much is covered: it is there from a level on

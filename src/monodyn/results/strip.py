@@ -31,7 +31,7 @@ from monodyn.results.sheet import (
     write,
 )
 from monodyn.results.sight import Judged, Sight
-from monodyn.vision.locating.locate import UNEXPLAINED_SHARE
+from monodyn.vision.locating.advice import UNEXPLAINED_SHARE
 
 LABELS = 130
 """Room for the names at the left [px]."""
@@ -53,7 +53,8 @@ def strip(sight: Sight) -> Picture:
     """
     head = blank(30)
     write(head, "Along the clip", (MARGIN, 19), TITLE)
-    parts = [head, *_bars(sight), _scores(sight), _axis(sight)]
+    below = [_scores(sight)] if sight.tracks is None else _point_bars(sight)
+    parts = [head, *_bars(sight), *below, _axis(sight)]
     keys = _keys(sight)
     drawn = legend(keys, WIDTH - LABELS - 2 * MARGIN)
     foot = blank(drawn.shape[0])
@@ -84,6 +85,21 @@ def _bars(sight: Sight) -> list[Picture]:
     for joint, column in zip(sight.poses.joints, seen.T, strict=True):
         bars.append(_bar(sight, joint, _runs(frames[column]), BLUE, hatched=True))
     return bars
+
+
+def _point_bars(sight: Sight) -> list[Picture]:
+    """Draw one bar a point: filled where it lies on its mark, or where it was found while nothing is
+    located."""
+    tracks, scene = sight.tracks, sight.points
+    assert tracks is not None
+    names, shown = tracks.names, tracks.found
+    if scene is not None:
+        names, shown = tuple(mark.track for mark in scene.adjustment.places.marks), scene.lying
+    return [
+        # a point may have the name of its joint, which has a bar of its own
+        _bar(sight, f"at {name}", _runs(tracks.frame[column]), GREEN, hatched=True)
+        for name, column in zip(names, shown.T, strict=True)
+    ]
 
 
 def _bar(sight: Sight, name: str, runs: list[tuple[int, int]], colour: Colour, *, hatched: bool) -> Picture:
@@ -164,6 +180,8 @@ def _keys(sight: Sight) -> list[Key]:
             f"{joint} {int(column.sum())}" for joint, column in zip(sight.poses.joints, seen.T, strict=True)
         )
         keys += [Key(f"seen (frames of {len(seen)}: {shares})", BLUE), Key("not seen", RED, "hatch")]
+    if sight.tracks is not None:
+        keys.append(Key("point found" if sight.points is None else "point on its mark", GREEN))
     if sight.judged:
         keys += [Key(text, colour, shape) for text, colour, shape in MEASURES.values()]
         keys.append(Key("mismatch that calls for advice", PURPLE, "line"))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import VideoError
+from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.types import Poses
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def fitted_poses(fit: Fit, video: Video | None = None) -> Poses:
     count, dofs = residual.shape
     seen = np.asarray(np.isfinite(residual).any(axis=1))
     numbers = counted(time) if video is None else frame_numbers(time, video.times, np.arange(video.count))
-    return Poses(joints, numbers, time, position, np.zeros((count, dofs, dofs)), seen)
+    return Poses(joints, numbers, time, position, np.zeros((count, dofs, dofs)), seen, roll=None)
 
 
 def counted(times: np.ndarray) -> np.ndarray:
@@ -169,13 +170,16 @@ def frame_numbers(times: np.ndarray, known: np.ndarray, numbers: np.ndarray) -> 
 
 
 def metric(poses: Poses, mechanism: Mechanism, scale: float) -> Poses:
-    """Return a record with its slides in metres of the identified scale.
+    """Return a record with its slides in metres of the identified scale and its hinges against gravity.
 
     Args:
         poses: The record.
-        mechanism: The mechanism.
+        mechanism: The identified mechanism, which knows the roll of the camera.
         scale: Metres per unit of the start scale.
     """
+    if poses.roll is not None:
+        more = by_roll(mechanism) * (mechanism.values[ROLL] - poses.roll)
+        poses = replace(poses, position=poses.position + more, roll=None)
     if poses.metric:
         return poses
     factor = np.array([scale if joint.kind == "slide" else 1.0 for joint in mechanism.joints])
@@ -183,5 +187,6 @@ def metric(poses: Poses, mechanism: Mechanism, scale: float) -> Poses:
         poses,
         position=poses.position * factor,
         covariance=poses.covariance * np.outer(factor, factor),
+        shifts=None if poses.shifts is None else poses.shifts * factor,
         metric=True,
     )
