@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -91,20 +90,39 @@ def test_sharp_pictures_are_left_as_they_are(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(
-    ("estimates", "rounds"), [([0.04, 0.055, 0.056, 0.056], 2), ([0.04, 0.05, 0.06, 0.07], 3)]
+    ("estimates", "rates", "rounds"),
+    [
+        ([0.04, 0.055, 0.056, 0.056], [3.0] * 4, 2),
+        ([0.04, 0.05, 0.06, 0.07, 0.08], [3.0] * 5, 4),
+        ([0.05, 0.05, 0.05, 0.05], [0.5, 3.0, 3.01, 3.01], 2),
+    ],
 )
-def test_scene_and_poses_are_found_again_until_the_exposure_stays(
-    monkeypatch: pytest.MonkeyPatch, estimates: list[float], rounds: int
+def test_scene_and_poses_are_found_again_until_exposure_and_motion_stay(
+    monkeypatch: pytest.MonkeyPatch, estimates: list[float], rates: list[float], rounds: int
 ) -> None:
-    left, found_again = list(estimates), []
-    again: Callable[..., Any] = lambda sought, scene, poses: found_again.append(scene) or sought.masks  # noqa: E731
-    monkeypatch.setattr(blur, "exposure_of", lambda *given: Exposure(left.pop(0)))
-    monkeypatch.setattr(blur, "with_shutter", lambda scene, poses, exposure, readout: exposure.seconds)
+    mechanism, left, found_again = load("bob"), list(zip(estimates, rates, strict=True)), []
+
+    def moving(scene: Any, poses: Any, exposure: Exposure, readout: float) -> Any:
+        shutter = Shutter(exposure.seconds, exposure.std, readout, np.zeros((3, 1)), np.full((3, 1), rate[0]))
+        return SimpleNamespace(**{**vars(scene), "shutter": shutter})
+
+    rate = [0.0]
+
+    def estimated(*given: Any) -> Exposure:
+        seconds, rate[0] = left.pop(0)
+        return Exposure(seconds)
+
+    def again(sought: Any, scene: Any, poses: Any) -> Any:
+        found_again.append(scene.shutter.exposure)
+        return scene
+
+    monkeypatch.setattr(blur, "exposure_of", estimated)
+    monkeypatch.setattr(blur, "with_shutter", moving)
     monkeypatch.setattr(blur, "find_again", again)
     monkeypatch.setattr(blur, "track_freely", lambda *given, **more: (None, None))
-    scene = SimpleNamespace()
-    scene.masks, scene.video = scene, SimpleNamespace(camera_path=None)
-    follow_exposed((scene, None, None), load("bob"), RunSettings())  # pyright: ignore
+    still = SimpleNamespace(camera_path=None)
+    scene: Any = SimpleNamespace(masks=None, video=still, shutter=None, mechanism=mechanism, camera=CAMERA)
+    follow_exposed((scene, None, None), mechanism, RunSettings())  # pyright: ignore
     assert found_again == estimates[:rounds]
 
 

@@ -14,6 +14,8 @@ from monodyn.checks import camera_choices
 from monodyn.settings import RunSettings
 from monodyn.stages import track_freely
 from monodyn.types import Poses, Progress
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.drawing.shutter import way
 from monodyn.vision.foreground.given import GivenMasks
 from monodyn.vision.locating.again import find_again
 from monodyn.vision.locating.locate import Sought
@@ -25,10 +27,12 @@ from monodyn.vision.tracking.exposure import SHARP, Exposure, exposure_of, with_
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
-ROUNDS = 3
+ROUNDS = 4
 """Times that scene and poses are found again, at most: each time the motion is known better."""
 SAME = 0.05
 """Difference of two exposures, as a share, that makes no difference to poses and sizes."""
+SAME_PX = 1.0
+"""Difference of the ways that the outline goes in an exposure up to which poses and sizes stay [px]."""
 
 
 def follow_exposed(
@@ -56,16 +60,17 @@ def follow_exposed(
     fix, free = camera_choices(settings)
     given, readout = settings.camera.exposure, settings.camera.readout
     report = progress or (lambda step, done, total: None)
-    last = None
     for _ in range(ROUNDS):
         scene, poses, _ = found
         exposure = _estimated(scene, poses) if given is None else Exposure(given)
-        if not (exposure.seconds or readout) or (last is not None and _alike(last, exposure)):
+        if not (exposure.seconds or readout):
+            break
+        moving = with_shutter(scene, poses, exposure, readout)
+        if _alike(scene, moving):
             break
         sought = Sought(scene.masks, mechanism, settings.locate, fix, free, report)
-        scene = find_again(sought, with_shutter(scene, poses, exposure, readout), poses)
+        scene = find_again(sought, moving, poses)
         found = (scene, *track_freely(scene.masks, scene, settings.track, progress=progress))
-        last = exposure
     return found
 
 
@@ -99,6 +104,13 @@ def _estimated(scene: Scene, poses: Poses) -> Exposure:
     return SHARP if isinstance(scene.masks, GivenMasks) else exposure_of(scene, poses)
 
 
-def _alike(one: Exposure, other: Exposure) -> bool:
-    """Return whether two exposures leave the pictures the same."""
-    return abs(one.seconds - other.seconds) <= SAME * other.seconds
+def _alike(used: Scene, known: Scene) -> bool:
+    """Return whether the shutter of one scene leaves the pictures as that of the other does."""
+    one, other = used.shutter, known.shutter
+    if one is None or other is None or abs(one.exposure - other.exposure) > SAME * other.exposure:
+        return False
+    rig = rig_of(known.mechanism, known.camera)
+    # what is exposed from the first row to the last is the way of both
+    apart = other.span * (other.rate - one.rate)
+    sweeps = zip(other.position, apart, strict=True)
+    return all(way(rig._replace(sweep=sweep), q) <= SAME_PX for q, sweep in sweeps if np.isfinite(q).all())

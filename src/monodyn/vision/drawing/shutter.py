@@ -19,9 +19,6 @@ from monodyn.vision.drawing.camera import CENTRE_Y
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, project
 
-SAME = 0.05
-"""Difference of two exposures, as a share, that makes no difference to poses and sizes."""
-
 BEGIN_X, BEGIN_Y, END_X, END_Y, DURING_X, DURING_Y, WHEN = range(7)
 """Columns of a moving outline point: where it is at the beginning and at the end of its row's exposure,
 against the middle [px]; how far it moves between the exposures of the first row and of the last [px]; and
@@ -77,18 +74,6 @@ class Shutter:
     def span(self) -> float:
         """From the beginning of the first row's exposure to the end of the last row's [s]."""
         return self.exposure + abs(self.readout)
-
-    def is_like(self, other: Shutter | None) -> bool:
-        """Return whether another shutter, of a motion that is known better, leaves the pictures the same.
-
-        Args:
-            other: The other one; None is none.
-        """
-        return (
-            other is not None
-            and self.readout == other.readout
-            and abs(self.exposure - other.exposure) <= SAME * other.exposure
-        )
 
 
 @njit(cache=True)

@@ -122,15 +122,18 @@ def _blurred_masks(masks: Masks, mechanism: Mechanism, camera: Camera, followed:
     # a frame in which the mechanism was not seen shows nothing that is surely background
     covered = [np.ones(masks.background.luma.shape, dtype=bool) for _ in masks.samples.frames]
     shutter = followed.shutter
+    meanwhile = []
     for i, row in enumerate(followed.rows):
         # the margins of neighbouring times meet
         steps = min(2 + int(followed.ways[i] / (2.0 * MARGIN_PX)), MOST_TIMES)
         times = np.linspace(-0.5, 0.5, steps) * shutter.span
-        poses = [followed.positions[i] + time * shutter.rate[i] for time in times]
-        covered[row] = np.any([covered_pixels(mechanism, camera, q, margin=MARGIN_PX) for q in poses], axis=0)
+        meanwhile.append(followed.positions[i] + times[:, np.newaxis] * shutter.rate[i])
+        marked = [covered_pixels(mechanism, camera, q, margin=MARGIN_PX) for q in meanwhile[i]]
+        covered[row] = np.any(marked, axis=0)
     masks = masks.refined(covered)
     slow = _slow(followed.blurs)
     samples = [masks.samples.frames[followed.rows[i]] for i in slow]
     guess = SceneGuess(mechanism, camera, followed.positions[slow], np.zeros(len(slow)))
     good = np.ones(len(slow), dtype=bool)
-    return masks.coloured(geom_colours(samples, masks.background, guess, good, blurred=True))
+    during = [meanwhile[i] for i in slow]
+    return masks.coloured(geom_colours(samples, masks.background, guess, good, meanwhile=during))

@@ -55,8 +55,7 @@ def geom_colours(
     guess: SceneGuess,
     fits: np.ndarray,
     away: Sequence[np.ndarray] = (),
-    *,
-    blurred: bool = False,
+    meanwhile: Sequence[np.ndarray] = (),
 ) -> GeomColours | None:
     """Measure the colour of every geom where no other geom is near.
 
@@ -67,8 +66,10 @@ def geom_colours(
         fits: True where that pose lies on the mask, bool (frame,).
         away: Where each frame shows the mechanism against that pose, to the right and down [px], (2,) each;
             empty where it is there.
-        blurred: True where motion blurs pictures. How much differs from the background does not say how long
-            it was covered; then a geom of several colours has their median too, where that stands out.
+        meanwhile: Poses from the beginning to the end of each frame's exposure, (time, dof) each; empty where
+            the frames are sharp. A blurred pixel shows its geom alone where that covers it all the time. How
+            much differs from the background does not say how long it was covered; then a geom of several
+            colours has their median too, where that stands out.
 
     Returns:
         The colours, near ones joined, or None where no geom shows one colour over enough pixels. A geom
@@ -79,17 +80,17 @@ def geom_colours(
     geoms = len(guess.mechanism.shapes.radius)
     rows: list[list[np.ndarray]] = [[] for _ in range(geoms)]
     for i in good:
-        drawn = outline(guess.mechanism, guess.camera, guess.positions[i])
+        poses = meanwhile[i] if len(meanwhile) else guess.positions[i : i + 1]
         by = away[i] if len(away) else np.zeros(2)
-        outlines = [polygon + by for _, polygon in drawn]
+        outlines = [[p + by for _, p in outline(guess.mechanism, guess.camera, q)] for q in poses]
         # what is behind the camera has no outline, and then the others would not be in the order of the geoms
-        if len(outlines) < geoms:
+        if min(len(drawn) for drawn in outlines) < geoms:
             continue
         for g, found in enumerate(_inner_pixels(samples[i], background, outlines)):
             rows[g].append(found)
     pixels = [np.concatenate(own) if own else np.zeros((0, PIXEL_COLUMNS)) for own in rows]
     shown = _shown(pixels, background.noise)
-    part, colours, light = _joined(pixels, shown, background.noise, blurred=blurred)
+    part, colours, light = _joined(pixels, shown, background.noise, blurred=len(meanwhile) > 0)
     if not colours:
         return None
     part[part == UNSEEN] = 0
@@ -237,23 +238,28 @@ def _is_shaded(pixels: np.ndarray, colour: np.ndarray) -> bool:
     return float(np.percentile(share, SHADED_PERCENT)) < SHADED_LEVEL
 
 
-def _inner_pixels(frame: Frame, background: Background, outlines: list[np.ndarray]) -> list[np.ndarray]:
-    """Return the pixels deep inside of each outline and outside of the others, each (pixel, column)."""
+def _inner_pixels(frame: Frame, background: Background, outlines: list[list[np.ndarray]]) -> list[np.ndarray]:
+    """Return the pixels that are deep inside of each geom and outside of the others at all times of an
+    exposure, each (pixel, column); the outlines are those of the geoms at each time."""
     import cv2
 
     height, width = frame.luma.shape
     planes = _colour_planes(frame, background)
-    masks = []
-    for polygon in outlines:
-        mask = np.zeros((height, width), np.uint8)
-        cv2.fillPoly(mask, [np.round(polygon * 16.0).astype(np.int32)], 1, cv2.LINE_8, 4)
-        masks.append(mask)
-    owners = np.sum(masks, axis=0, dtype=np.int64) if masks else np.zeros((height, width))
+    masks, touched = [], np.zeros((height, width), dtype=np.int64)
+    for polygons in zip(*outlines, strict=True):
+        always, ever = np.ones((height, width), np.uint8), np.zeros((height, width), np.uint8)
+        for polygon in polygons:
+            mask = np.zeros((height, width), np.uint8)
+            cv2.fillPoly(mask, [np.round(polygon * 16.0).astype(np.int32)], 1, cv2.LINE_8, 4)
+            always &= mask
+            ever |= mask
+        masks.append(always)
+        touched += ever
     found = []
     for mask in masks:
         depth = cv2.distanceTransform(mask, cv2.DIST_L2, 3)
         deepest = float(depth.max())
-        y, x = np.nonzero((depth >= min(INNER_PX, 0.8 * deepest)) & (owners == 1))
+        y, x = np.nonzero((depth >= min(INNER_PX, 0.8 * deepest)) & (touched == 1))
         # at most a few hundred pixels of each frame: medians need no more
         step = max(1, len(y) // 400)
         values = [plane[y[::step], x[::step]].astype(np.float64) for plane in planes]
