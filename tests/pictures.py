@@ -40,10 +40,13 @@ def exposed_mask(
     *,
     sweep: np.ndarray | float = 0.0,
     skew: np.ndarray | float = 0.0,
+    bend: np.ndarray | float = 0.0,
+    lean: np.ndarray | float = 0.0,
     count: int = 25,
 ) -> np.ndarray:
     """Draw a mask while the joints move by ``sweep`` in the exposure of a row and by ``skew`` from the first
-    row to the last; ``q`` is the middle of it all: (1, height, width)."""
+    row to the last; ``q`` is the middle of it all, and ``bend`` and ``lean`` are how much farther than by a
+    steady motion they are at the beginnings and ends: (1, height, width)."""
     fine, height = 16, camera.height
     total = np.zeros((height, camera.width))
     rows = np.arange(height) / (height - 1) - 0.5
@@ -51,7 +54,9 @@ def exposed_mask(
         # bands of rows stand for single ones: between their times the outline moves by less than a tenth
         bands = np.array_split(np.arange(height), 1 if np.all(np.asarray(skew) == 0.0) else 60)
         for band in bands:
-            pose = q + time * np.asarray(sweep) + rows[band].mean() * np.asarray(skew)
+            row = rows[band].mean()
+            pose = q + time * (np.asarray(sweep) + 4.0 * time * np.asarray(bend))
+            pose = pose + row * (np.asarray(skew) + 4.0 * row * np.asarray(lean))
             big = np.zeros((height * fine, camera.width * fine), np.uint8)
             for _, polygon in outline(mechanism, camera, pose):
                 corners = np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)

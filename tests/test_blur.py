@@ -24,22 +24,25 @@ from monodyn.vision.settings import CameraSettings, TrackSettings
 from monodyn.vision.tracking.exposure import Exposure
 from pictures import CAMERA, exposed_mask
 
-SHUTTER = Shutter(0.0584, 0.0018, 0.0, np.zeros((3, 1)), np.zeros((3, 1)))
+SHUTTER = Shutter(0.0584, 0.0018, 0.0, *np.zeros((3, 3, 1)))
 
 
 def film(folder: Path, rate: float, exposure: float, readout: float, count: int) -> tuple[Any, np.ndarray]:
     """Film a swinging bob; return the clip and the true joint positions (frame, dof)."""
     mechanism = load("bob")
-    times = np.arange(count) / rate
-    q, v = rollout(mechanism.tree, times, np.array([-0.3]), np.array([0.0]), substeps=32)
+    # where it is half an exposure before each picture, in its middle and half an exposure later
+    half = 0.5 * max(exposure, readout)
+    times = (half + np.arange(count)[:, None] / rate + [-half, 0.0, half]).ravel()
+    every = rollout(mechanism.tree, times, np.array([-0.3]), np.array([0.0]), substeps=16)[0]
+    begun, q, ended = every[::3], every[1::3], every[2::3]
+    whole, bent = ended - begun, 0.5 * (ended + begun) - q
     y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
     wall = 165.0 + 20.0 * np.sin(x / 9.0) * np.cos(y / 11.0)
     rng = np.random.default_rng(3)
     folder.mkdir()
-    for k, (pose, speed) in enumerate(zip(q, v, strict=True)):
-        mask = exposed_mask(
-            mechanism, CAMERA, pose, sweep=exposure * speed, skew=readout * speed, count=17 if exposure else 1
-        )
+    for k, (pose, way, bend) in enumerate(zip(q, whole, bent, strict=True)):
+        moves = {"sweep": way, "bend": bend} if exposure else {"skew": way, "lean": bend}
+        mask = exposed_mask(mechanism, CAMERA, pose, **moves, count=17 if exposure else 1)
         picture = wall + mask[0] / FULL * (60.0 - wall) + rng.normal(size=wall.shape)
         cv2.imwrite(str(folder / f"{k:03d}.png"), np.clip(picture, 0, 255).round().astype(np.uint8))
     return monodyn.read(folder, rate=rate), q
@@ -103,7 +106,9 @@ def test_scene_and_poses_are_found_again_until_exposure_and_motion_stay(
     mechanism, left, found_again = load("bob"), list(zip(estimates, rates, strict=True)), []
 
     def moving(scene: Any, poses: Any, exposure: Exposure, readout: float) -> Any:
-        shutter = Shutter(exposure.seconds, exposure.std, readout, np.zeros((3, 1)), np.full((3, 1), rate[0]))
+        shutter = Shutter(
+            exposure.seconds, exposure.std, readout, *[np.full((3, 1), x) for x in (0.0, rate[0], 0.0)]
+        )
         return SimpleNamespace(**{**vars(scene), "shutter": shutter})
 
     rate = [0.0]

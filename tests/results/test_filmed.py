@@ -65,7 +65,7 @@ def test_where_nothing_was_identified_the_located_mechanism_is_drawn() -> None:
 
 
 def test_the_exposure_is_told_with_the_camera() -> None:
-    shutter = Shutter(0.02, 0.001, -0.01, np.zeros((2, 2)), np.zeros((2, 2)))
+    shutter = Shutter(0.02, 0.001, -0.01, *np.zeros((3, 2, 2)))
     still = SimpleNamespace(video=SimpleNamespace(camera_path=None))
     found = scene(shutter=shutter, masks=still)
     filmed = filmed_of(made_fit(mechanism=load("cartpole"), starts=()), found, POSES)

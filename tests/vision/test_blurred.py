@@ -25,8 +25,10 @@ def test_the_middle_of_the_motion_is_found(name: str, turn: float) -> None:
     mechanism = load(name)
     q = np.array([-1.1, 0.6])[: len(mechanism.joints)]
     sweep = np.array([turn, 0.8 * turn])[: len(q)]
-    mask = exposed_mask(mechanism, CAMERA, q, sweep=sweep)
-    rig = rig_of(mechanism, CAMERA)._replace(sweep=sweep)
+    # an acceleration that changes the rate by a third in the exposure
+    bend = sweep / 24.0
+    mask = exposed_mask(mechanism, CAMERA, q, sweep=sweep, bend=bend)
+    rig = rig_of(mechanism, CAMERA)._replace(sweep=sweep, bend=bend)
     limits = MoveLimits(q - 1.0, q + 1.0, np.full(len(q), 1.0))
     found, _, agreement = follow(mask, trusted(mechanism), rig, q + 0.02, limits, SEARCH)
     # what sharp pictures reach, or a hundredth of the blur: a curved path is taken for a parabola
@@ -42,7 +44,7 @@ def test_sizes_come_from_blurred_pictures() -> None:
     q = np.linspace(-2.3, -0.6, len(turns))[:, None]
     planes = [exposed_mask(mechanism, CAMERA, p, sweep=t) for p, t in zip(q, turns, strict=True)]
     rates = turns[:, None] / 0.05
-    shutter = Shutter(0.05, 0.0, 0.0, q, rates)
+    shutter = Shutter(0.05, 0.0, 0.0, q, rates, 0.0 * rates)
     masks = KeyMasks(planes, trusted(mechanism), shutter=shutter)
     sizes = {name: mechanism.values[name] for name in ("link1.width", "link1.sphere.width")}
     start = mechanism.with_values({name: 1.1 * size for name, size in sizes.items()})

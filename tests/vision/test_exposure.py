@@ -28,10 +28,10 @@ def swing(count: int, *, unseen: tuple[int, ...] = (), wide: float = 0.8) -> Pos
 def filmed(poses: Poses, exposure: float, wide: float = 0.8) -> Any:
     """Return a scene whose masks show the swing, each exposed for so long [s]."""
     mechanism = load("bob")
-    rate = 5.0 * wide * np.cos(5.0 * poses.time)
+    rate, acceleration = 5.0 * wide * np.cos(5.0 * poses.time), -25.0 * wide * np.sin(5.0 * poses.time)
     masks = [
-        exposed_mask(mechanism, CAMERA, q, sweep=exposure * v)
-        for q, v in zip(poses.position, rate, strict=True)
+        exposed_mask(mechanism, CAMERA, q, sweep=exposure * v, bend=exposure**2 / 8.0 * a)
+        for q, v, a in zip(poses.position, rate, acceleration, strict=True)
     ]
     frames = [SimpleNamespace(index=i, time=float(t)) for i, t in enumerate(poses.time)]
     return SimpleNamespace(
@@ -64,13 +64,15 @@ def test_sharp_pictures_have_none() -> None:
 
 def test_the_motion_goes_on_where_it_was_not_seen() -> None:
     poses = swing(20, unseen=(0, 7, 8, 19))
-    position, rate = motion(poses)
+    position, rate, acceleration = motion(poses)
     truth = -1.6 + 0.8 * np.sin(5.0 * poses.time), 4.0 * np.cos(5.0 * poses.time)
     assert np.flatnonzero(np.isnan(rate[:, 0])).tolist() == [0, 19]
     assert np.flatnonzero(np.isnan(position[:, 0])).tolist() == [0, 19]
     inside = [i for i in range(2, 18) if i not in (7, 8)]
     # the error of a cubic spline is (5 / 10)^4 / 180 of the rate, more at the ends and in the gap
     assert np.abs(rate[inside, 0] - truth[1][inside]).max() < 0.08
+    # the curvature of one is off by (5 / 10)^2 / 12 of it
+    assert np.abs(acceleration[inside, 0] + 20.0 * np.sin(5.0 * poses.time[inside])).max() < 2.5
     assert position[[7, 8], 0] == pytest.approx(truth[0][[7, 8]], abs=0.05)
     assert rate[[7, 8], 0] == pytest.approx(truth[1][[7, 8]], abs=0.6)
     cubic = Poses(
@@ -78,6 +80,7 @@ def test_the_motion_goes_on_where_it_was_not_seen() -> None:
         np.full((6, 1, 1), 1e-6), np.ones(6, dtype=bool), metric=False,
     )  # fmt: skip
     assert motion(cubic)[1][:, 0] == pytest.approx(2.0 * cubic.time)
+    assert motion(cubic)[2][:, 0] == pytest.approx(2.0 * np.ones(6))
 
 
 def test_a_shutter_has_a_row_for_every_picture() -> None:
@@ -90,5 +93,6 @@ def test_a_shutter_has_a_row_for_every_picture() -> None:
     assert shutter is not None
     assert (shutter.exposure, shutter.std, shutter.readout) == (0.05, 0.002, -0.01)
     assert (shutter.position.shape, shutter.rate.shape) == ((10, 1), (10, 1))
+    assert (shutter.acceleration.shape, shutter.acceleration[0, 0]) == ((10, 1), 0.0)
     assert np.isnan(shutter.position[0, 0])
     assert shutter.rate[0, 0] == shutter.rate[1, 0] != 0.0

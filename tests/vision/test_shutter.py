@@ -23,7 +23,7 @@ def test_rows_that_are_exposed_one_after_the_other(readout: float) -> None:
     mask = exposed_mask(mechanism, CAMERA, q, skew=readout * rates, count=1)
     limits = MoveLimits(q - 1.0, q + 1.0, np.full(2, 1.0))
     rig = rig_of(mechanism, CAMERA)
-    moving = Shutter(0.0, 0.0, readout, q[None], rates[None]).of(rig, 0)
+    moving = Shutter(0.0, 0.0, readout, q[None], rates[None], np.zeros((1, 2))).of(rig, 0)
     found, _, agreement = follow(mask, trusted(mechanism), moving, q + 0.02, limits, SEARCH)
     assert np.abs(np.degrees(found - q)).max() < 0.15
     assert agreement.matched > 0.95
@@ -45,13 +45,22 @@ def test_a_point_is_caught_when_its_row_is_exposed() -> None:
 
 def test_a_shutter_knows_the_motion_of_its_pictures_alone() -> None:
     rig = rig_of(load("double"), CAMERA)
-    shutter = Shutter(0.02, 0.001, 0.01, np.zeros((3, 2)), np.array([[0.0, 0.0], [1.0, 2.0], [3.0, 4.0]]))
+    rates = np.array([[0.0, 0.0], [1.0, 2.0], [3.0, 4.0]])
+    shutter = Shutter(0.02, 0.001, 0.01, np.zeros((3, 2)), rates, 800.0 * rates)
     moving = shutter.of(rig, 1)
     assert (moving.sweep.tolist(), moving.skew.tolist()) == ([0.02, 0.04], [0.01, 0.02])
+    # half an exposure of 0.02 s with 800 rad/s^2
+    assert moving.bend == pytest.approx([0.04, 0.08])
+    assert moving.lean == pytest.approx([0.01, 0.02])
+    ends = shutter.during(1, np.zeros(2), np.array([-0.01, 0.0, 0.01]))
+    assert ends == pytest.approx(
+        np.array([moving.bend - 0.5 * moving.sweep, [0, 0], moving.bend + 0.5 * moving.sweep])
+    )
     assert shutter.of(rig, 3) is rig
     assert shutter.span == pytest.approx(0.03)
     part = shutter.only([2], np.array([1.0, 10.0]))
     assert (part.rate.tolist(), part.exposure, part.std) == ([[3.0, 40.0]], 0.02, 0.001)
+    assert part.acceleration.tolist() == [[2400.0, 32000.0]]
     assert way(rig, np.zeros(2)) == 0.0
     # the end of the last link: its distance from the camera's axis does not matter before a plane
     assert way(moving, np.zeros(2)) > way(shutter.of(rig, 0), np.zeros(2)) == 0.0

@@ -350,7 +350,7 @@ def _during(scene: Scene, frame: int, position: np.ndarray) -> list[np.ndarray]:
         return [position]
     count = min(math.ceil(blur / SLOW_PX), MOST_DURING)
     times = ((np.arange(count) + 0.5) / count - 0.5) * shutter.exposure
-    return [position + time * shutter.rate[frame] for time in times]
+    return [*shutter.during(frame, position, times)]
 
 
 def _mismatch(

@@ -37,6 +37,9 @@ class Rig(NamedTuple):
         sweep: How far each joint moves while a row of the picture is exposed [rad or m], (dof,).
         skew: How far each joint moves between the exposures of the first row and of the last [rad or m],
             (dof,).
+        bend: How much farther than by a steady motion each joint is at the beginning and at the end of a
+            row's exposure [rad or m], (dof,).
+        lean: The same when the first row and the last are exposed, (dof,).
     """
 
     parent: np.ndarray
@@ -50,6 +53,8 @@ class Rig(NamedTuple):
     ring: int
     sweep: np.ndarray
     skew: np.ndarray
+    bend: np.ndarray
+    lean: np.ndarray
 
     def before(self, camera: np.ndarray) -> Rig:
         """Return the mechanism before another packed camera.
@@ -89,6 +94,8 @@ def altered(rig: Rig, links: np.ndarray, points: np.ndarray, radius: np.ndarray,
         ring=rig.ring,
         sweep=rig.sweep,
         skew=rig.skew,
+        bend=rig.bend,
+        lean=rig.lean,
     )
 
 
@@ -118,6 +125,8 @@ def rig_of(mechanism: Mechanism, camera: Camera, *, shrink: float = 1.0) -> Rig:
         ring=RING if shrink == 1.0 else COARSE_RING,
         sweep=np.zeros(len(tree.parent)),
         skew=np.zeros(len(tree.parent)),
+        bend=np.zeros(len(tree.parent)),
+        lean=np.zeros(len(tree.parent)),
     )
 
 

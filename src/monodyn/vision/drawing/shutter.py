@@ -40,6 +40,7 @@ class Shutter:
         position: Joint positions in the middle of each picture's exposure [rad; m in the start scale], NaN
             where the motion is not known, (frame, dof).
         rate: Their rates, 0 where the motion is not known [rad/s or m/s], (frame, dof).
+        acceleration: And their accelerations [rad/s^2 or m/s^2], (frame, dof).
     """
 
     exposure: float
@@ -47,6 +48,7 @@ class Shutter:
     readout: float
     position: np.ndarray
     rate: np.ndarray
+    acceleration: np.ndarray
 
     def of(self, rig: Rig, frame: int) -> Rig:
         """Return a mechanism as it moves during the exposure of a picture; beyond the last one it is still.
@@ -57,8 +59,22 @@ class Shutter:
         """
         if frame >= len(self.rate):
             return rig
-        rate = self.rate[frame]
-        return rig._replace(sweep=self.exposure * rate, skew=self.readout * rate)
+        rate, half = self.rate[frame], self.acceleration[frame] / 8.0
+        return rig._replace(
+            sweep=self.exposure * rate, skew=self.readout * rate,
+            bend=self.exposure**2 * half, lean=self.readout**2 * half,
+        )  # fmt: skip
+
+    def during(self, frame: int, position: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Return the poses at some times of a picture's exposure, (time, dof).
+
+        Args:
+            frame: Row of the picture.
+            position: The pose in its middle [rad or m], (dof,).
+            times: Times from there on [s], (time,).
+        """
+        t = times[:, np.newaxis]
+        return position + t * (self.rate[frame] + 0.5 * t * self.acceleration[frame])
 
     def only(self, frames: Sequence[int] | np.ndarray, scale: np.ndarray | float = 1.0) -> Shutter:
         """Return the rows of some pictures, with each joint in another unit.
@@ -68,7 +84,10 @@ class Shutter:
             scale: By what each joint is multiplied, (dof,).
         """
         rows = np.asarray(frames, dtype=np.int64)
-        return replace(self, position=self.position[rows] * scale, rate=self.rate[rows] * scale)
+        return replace(
+            self, position=self.position[rows] * scale, rate=self.rate[rows] * scale,
+            acceleration=self.acceleration[rows] * scale,
+        )  # fmt: skip
 
     @property
     def span(self) -> float:
@@ -98,13 +117,13 @@ def swept_points(rig: Rig, position: np.ndarray, outlines: Outlines) -> np.ndarr
         return np.empty((0, SWEPT_COLUMNS))
     swept = np.zeros((outlines.px.shape[0], SWEPT_COLUMNS))
     before, after = np.empty_like(outlines.px), np.empty_like(outlines.px)
-    drawn = project(rig, position - 0.5 * rig.sweep, before)
-    if drawn and project(rig, position + 0.5 * rig.sweep, after):
+    drawn = project(rig, position - 0.5 * rig.sweep + rig.bend, before)
+    if drawn and project(rig, position + 0.5 * rig.sweep + rig.bend, after):
         swept[:, :2] = before - outlines.px
         swept[:, 2:4] = after - outlines.px
     if skewed:
-        drawn = project(rig, position - 0.5 * rig.skew, before)
-        if drawn and project(rig, position + 0.5 * rig.skew, after):
+        drawn = project(rig, position - 0.5 * rig.skew + rig.lean, before)
+        if drawn and project(rig, position + 0.5 * rig.skew + rig.lean, after):
             swept[:, DURING_X] = after[:, 0] - before[:, 0]
             swept[:, DURING_Y] = after[:, 1] - before[:, 1]
             middle = rig.camera[CENTRE_Y]

@@ -170,8 +170,8 @@ def project(rig: Rig, position: np.ndarray, px: np.ndarray) -> bool:
         return True
     before, after = np.empty_like(px), np.empty_like(px)
     if not (
-        _project_at_once(rig, position - 0.5 * rig.skew, before)
-        and _project_at_once(rig, position + 0.5 * rig.skew, after)
+        _project_at_once(rig, position - 0.5 * rig.skew + rig.lean, before)
+        and _project_at_once(rig, position + 0.5 * rig.skew + rig.lean, after)
     ):
         return False
     middle = rig.camera[CENTRE_Y]

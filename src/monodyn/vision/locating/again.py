@@ -127,7 +127,7 @@ def _blurred_masks(masks: Masks, mechanism: Mechanism, camera: Camera, followed:
         # the margins of neighbouring times meet
         steps = min(2 + int(followed.ways[i] / (2.0 * MARGIN_PX)), MOST_TIMES)
         times = np.linspace(-0.5, 0.5, steps) * shutter.span
-        meanwhile.append(followed.positions[i] + times[:, np.newaxis] * shutter.rate[i])
+        meanwhile.append(shutter.during(i, followed.positions[i], times))
         marked = [covered_pixels(mechanism, camera, q, margin=MARGIN_PX) for q in meanwhile[i]]
         covered[row] = np.any(marked, axis=0)
     masks = masks.refined(covered)

@@ -95,53 +95,59 @@ def with_shutter(scene: Scene, poses: Poses, exposure: Exposure, readout: float 
         readout: From the exposure of the first row to that of the last [s].
 
     Returns:
-        The scene with that shutter; before the first measured frame and after the last the rates stay.
+        The scene with that shutter; before the first measured frame and after the last the motion is steady.
     """
-    position, rate = motion(poses)
+    position, rate, acceleration = motion(poses)
     frames = int(poses.frame[-1]) + 1
-    positions, rates = np.full((frames, position.shape[1]), np.nan), np.zeros((frames, position.shape[1]))
+    shape = frames, position.shape[1]
+    positions, rates, accelerations = np.full(shape, np.nan), np.zeros(shape), np.zeros(shape)
     positions[poses.frame] = position
+    accelerations[poses.frame] = np.nan_to_num(acceleration)
     for j, known in enumerate(np.isfinite(rate).T):
         if known.any():
             rates[:, j] = np.interp(np.arange(frames), poses.frame[known], rate[known, j])
-    return replace(scene, shutter=Shutter(exposure.seconds, exposure.std, readout, positions, rates))
+    shutter = Shutter(exposure.seconds, exposure.std, readout, positions, rates, accelerations)
+    return replace(scene, shutter=shutter)
 
 
-def motion(poses: Poses) -> tuple[np.ndarray, np.ndarray]:
+def motion(poses: Poses) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Interpolate the motion of each joint by a cubic spline through what was measured.
 
     Args:
         poses: The tracked clip.
 
     Returns:
-        Positions [rad or m] and rates [rad/s or m/s] in every row, NaN before the first and after the last
-        frame in which a joint was measured, each (row, dof).
+        Positions [rad or m], rates [rad/s or m/s] and accelerations [rad/s^2 or m/s^2] in every row, NaN
+        before the first and after the last frame in which a joint was measured, each (row, dof).
 
     Source:
         de Boor, "A practical guide to splines", 1978, chapter IV.
     """
-    position, rate = np.full(poses.position.shape, np.nan), np.full(poses.position.shape, np.nan)
+    position, rate, acceleration = (np.full(poses.position.shape, np.nan) for _ in range(3))
     for j in range(len(poses.joints)):
         rows = np.flatnonzero(poses.measured[:, j])
         if len(rows) < LEAST_ROWS:
             continue
         t, q = poses.time[rows], poses.position[rows, j]
         between = slice(rows[0], rows[-1] + 1)
-        position[between, j], rate[between, j] = _on_spline(t, q, _slopes(t, q), poses.time[between])
-    return position, rate
+        found = _on_spline(t, q, _slopes(t, q), poses.time[between])
+        position[between, j], rate[between, j], acceleration[between, j] = found
+    return position, rate, acceleration
 
 
 def _on_spline(
     t: np.ndarray, q: np.ndarray, slopes: np.ndarray, times: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return values and slopes at some times of the cubics between knots of known values and slopes."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return values, slopes and curvatures at some times of the cubics between knots of known values and
+    slopes."""
     i = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
     step = t[i + 1] - t[i]
     u, rise = (times - t[i]) / step, q[i + 1] - q[i]
     a, b = step * slopes[i] - rise, rise - step * slopes[i + 1]
     value = q[i] + u * rise + u * (1.0 - u) * ((1.0 - u) * a + u * b)
     slope = rise + (1.0 - 2.0 * u) * ((1.0 - u) * a + u * b) + u * (1.0 - u) * (b - a)
-    return value, slope / step
+    curvature = 2.0 * (b - 2.0 * a) - 6.0 * u * (b - a)
+    return value, slope / step, curvature / step**2
 
 
 @njit(cache=True)
@@ -180,8 +186,8 @@ def exposure_of(scene: Scene, poses: Poses) -> Exposure:
     if len(poses) < LEAST_ROWS:
         return SHARP
     step = float(np.median(np.diff(poses.time)))
-    _, rate = motion(poses)
-    whole = rate * step
+    _, rate, acceleration = motion(poses)
+    whole, bend = rate * step, acceleration * step**2 / 8.0
     samples = {frame.index: frame for frame in scene.masks.samples.frames}
     rows = [row for row in range(len(poses)) if poses.frame[row] in samples and np.isfinite(whole[row]).all()]
     rows = [row for row in rows if poses.seen[row]]
@@ -192,7 +198,8 @@ def exposure_of(scene: Scene, poses: Poses) -> Exposure:
     shares, misfits = np.linspace(0.0, 1.0, SHARES), np.zeros((len(fastest), SHARES))
     for row, misfit in zip(fastest, misfits, strict=True):
         planes = planes_for(scene.masks.of(samples[int(poses.frame[row])]), view)
-        _add_misfits(planes, view, rig._replace(sweep=whole[row]), poses.position[row], shares, misfit)
+        moving = rig._replace(sweep=whole[row], bend=bend[row])
+        _add_misfits(planes, view, moving, poses.position[row], shares, misfit)
     total = misfits.sum(axis=0)
     if len(fastest) < LEAST_FRAMES or total[0] < CLEARER * total.min():
         return SHARP
@@ -270,7 +277,7 @@ def _add_misfits(
             t = -inner + k * step
             shown[k] = min(bilinear(plane, at.x + t * at.nx, at.y + t * at.ny), FULL) / FULL
         for j in range(shares.shape[0]):
-            way = shares[j] * path[0], shares[j] * path[1], shares[j] * path[2], shares[j] * path[3]
+            way = _part_of(path, shares[j])
             share[:] = 0.0
             times = times_of(way)
             for i in range(times):
@@ -280,6 +287,14 @@ def _add_misfits(
                     within = min(part[1], t + 0.5 * step) - max(part[0], t - 0.5 * step)
                     share[k] += max(within, 0.0) / (step * times)
             misfits[j] += _misfit(shown, share)
+
+
+@njit(cache=True, inline="always")
+def _part_of(path: np.ndarray, share: float) -> tuple[float, float, float, float]:
+    """Return where the middle share of a path begins and ends, (column,), which is a parabola in time."""
+    steady, bent = 0.5 * (path[2:4] - path[:2]), 0.5 * (path[2:4] + path[:2])
+    begun, ended = share * (share * bent - steady), share * (share * bent + steady)
+    return begun[0], begun[1], ended[0], ended[1]
 
 
 @njit(cache=True)
