@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.parts import PLACE_KINDS
+from monodyn.mechanism.parts import PLACE_KINDS, Parameter
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
 from monodyn.types import FULL, Camera
 from monodyn.vision.drawing.rig import SIZE_KINDS, longest_reach, rig_of
@@ -194,17 +194,14 @@ def whole(structure: Structure, start: SceneStart) -> Structure:
     """
     grew = growth(structure.mechanism, start.mechanism)
     scale = grew if structure.scale is None else structure.scale
-    values = structure.mechanism.values
     sizes = {}
     for p in drawn(start.mechanism):
         if p.kind in (*SIZE_KINDS, *PLACE_KINDS) and p.name in start.pinned:
             sizes[p.name] = p.value * scale
         elif p.kind in ("offset", "thickness"):
             sizes[p.name] = p.value * (scale if p.name in start.pinned else grew)
-            if p.kind == "thickness" and p.name not in start.pinned:
-                # what is thicker than wide would show its depth: a file that says so is not believed
-                width = values.get(p.name.removesuffix("thickness") + "width", np.inf)
-                sizes[p.name] = min(sizes[p.name], width)
+    free = [p for p in drawn(start.mechanism) if p.name not in start.pinned]
+    sizes |= _believed(structure.mechanism.values | sizes, free)
     return replace(structure, mechanism=structure.mechanism.with_values(sizes), scale=scale)
 
 
@@ -278,7 +275,18 @@ def _widened(structure: Structure, start: SceneStart, link: int, widths: list[fl
     for chosen in tried:
         sizes = {name: chosen[min(i, 1)] * per_px for i, name in enumerate(names)}
         sizes |= dict.fromkeys(ends, END * (chosen[0] if chosen else widths[0]) * per_px)
+        sizes |= _believed(structure.mechanism.values | sizes, own)
         yield replace(structure, mechanism=structure.mechanism.with_values(sizes))
+
+
+def _believed(values: dict[str, float], sizes: list[Parameter]) -> dict[str, float]:
+    """Return the thicknesses among some sizes, by name: what is thicker than wide would show its depth, and a
+    file that says so is not believed."""
+    return {
+        p.name: min(values[p.name], values.get(p.name.removesuffix("thickness") + "width", np.inf))
+        for p in sizes
+        if p.kind == "thickness"
+    }
 
 
 def _raced(
