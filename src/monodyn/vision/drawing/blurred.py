@@ -131,7 +131,7 @@ def find_blurred_edge(
     total, inside = 0.0, 0.0
     for k in range(steps + 1):
         t = -inner + k * step
-        c = min(bilinear(coverage, x + t * nx, y + t * ny), FULL) * step
+        c = bilinear(coverage, x + t * nx, y + t * ny) * step
         total += 0.5 * c if k == 0 or k == steps else c
         if t < -deep:
             inside += 0.5 * c if k == 0 else c

@@ -62,6 +62,8 @@ SHARP = math.cos(math.radians(35.0))
 OVERFULL = 1.3
 """Coverage of a border (a side that is darker than the front), over that of the rest, from which the edge
 is taken against the border's own level."""
+MOST = 255.0
+"""The most coverage that a mask may have."""
 BLURRED_PX2 = 0.5
 """Squared distance from the middle of a thin line at which blur halves it: sqrt(2 ln 2) standard deviations
 of 0.6 px [px^2]."""
@@ -125,6 +127,13 @@ def _geom_samples(
     # without a plane of any difference the geom's own stands in for it, and shows nothing that it did not
     border = view.part[g] if view.border < 0 else view.border
     borders, borders_known = planes[border], view.trust[border]
+    # What stands out more than its geom's colour, by light, counts as that colour. Covered for half of an
+    # exposure it does not stand out more: where pictures are blurred, all of it counts at all edges.
+    top = float(FULL)
+    for k in range(swept.shape[0]):
+        if swept[k, BEGIN_X] != 0.0 or swept[k, BEGIN_Y] != 0.0:
+            top = MOST
+            break
     # ``rest`` carries the spacing over the soft corners of a ring, whose edges are shorter than it
     rest = 0.5 * spacing
     for i in range(size):
@@ -174,7 +183,7 @@ def _geom_samples(
                 )
             else:
                 reason = _find_edge(
-                    coverage, known, borders, borders_known, shaded, px, hull, first, g, at, reach,
+                    coverage, known, borders, borders_known, shaded, px, hull, first, g, at, reach, top,
                     samples[count],
                 )  # fmt: skip
             if reason == USED or left_out:
@@ -207,11 +216,12 @@ def _find_edge(
     own: int,
     at: Normal,
     reach: float,
+    top: float,
     sample: np.ndarray,
 ) -> int:
     """Search one normal of geom ``own`` in its plane and that plane's trust, or, where that is not trusted,
     in the plane of any difference, and fill ``sample`` (11,) but for its share and reason; return the
-    reason why the edge cannot be judged, ``USED`` where it can.
+    reason why the edge cannot be judged, ``USED`` where it can. More coverage than ``top`` counts as ``top``.
 
     It runs for every sample, and takes plain arrays: reading them out of tuples costs a tenth of the search.
     """
@@ -244,7 +254,7 @@ def _find_edge(
             most, peak = c, t
         envelope += 0.5 * most if k == 0 or k == steps else most
         within = c if k == 0 else within
-        c = min(c, FULL)
+        c = min(c, top)
         if t < -0.6 * inner:
             deep += 1
             level += c

@@ -24,6 +24,9 @@ INNER_PX = 3.0
 thin."""
 THIN_PX = 5.0
 """Half width below which blur mixes even the inner pixels with the background."""
+RIM_PX = 6.0
+"""Distance from every outline beyond which a pixel of a wide geom does not count where motion blurs pictures:
+edges are judged against all coverage beside them there, and light makes rims darker or brighter."""
 LEAST_GEOM_PIXELS = 20
 """Least number of pixels for a colour."""
 SHADED_PERCENT, SHADED_LEVEL = 15.0, 0.75
@@ -259,7 +262,8 @@ def _inner_pixels(frame: Frame, background: Background, outlines: list[list[np.n
     for mask in masks:
         depth = cv2.distanceTransform(mask, cv2.DIST_L2, 3)
         deepest = float(depth.max())
-        y, x = np.nonzero((depth >= min(INNER_PX, 0.8 * deepest)) & (touched == 1))
+        shows = (depth >= min(INNER_PX, 0.8 * deepest)) & (touched == 1)
+        y, x = np.nonzero(shows & (depth <= RIM_PX) if len(outlines) > 1 else shows)
         # at most a few hundred pixels of each frame: medians need no more
         step = max(1, len(y) // 400)
         values = [plane[y[::step], x[::step]].astype(np.float64) for plane in planes]
