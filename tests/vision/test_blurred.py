@@ -55,6 +55,24 @@ def test_sizes_come_from_blurred_pictures() -> None:
         assert found.values[name] == pytest.approx(size, rel=0.02)
 
 
+def test_light_makes_no_difference_between_slow_and_fast() -> None:
+    """A rod that stands out more than its colour by a fifth: half covered no pixel would tell."""
+    mechanism = load("bob").with_values({"link1.width": 8.0 * CAMERA.depth / CAMERA.focal})
+    q = np.linspace(-2.3, -0.6, 6)[:, None]
+    start = SceneGuess(mechanism, CAMERA, q, np.zeros(len(q)))
+    widths = []
+    for turn in (0.02, 0.2):
+        turns = turn * np.array([1.0, 1.1, -1.2, 1.3, -1.3, 1.2])
+        drawn = [exposed_mask(mechanism, CAMERA, p, sweep=t) for p, t in zip(q, turns, strict=True)]
+        planes = [(1.2 * plane).round().astype(np.uint8) for plane in drawn]
+        shutter = Shutter(0.05, 0.0, 0.0, q, turns[:, None] / 0.05, 0.0 * q)
+        masks = KeyMasks(planes, trusted(mechanism), shutter=shutter)
+        variables = scene_variables(mechanism, ["link1.width"])
+        found = refine(masks, start, variables, SEARCH, settle=20).mechanism
+        widths.append(found.values["link1.width"])
+    assert widths[1] == pytest.approx(widths[0], rel=0.03)
+
+
 def test_what_a_picture_knows_of_a_pose_falls_with_the_blur() -> None:
     mechanism, q = load("bob"), np.array([-1.1])
     known = []

@@ -49,6 +49,32 @@ def test_each_geom_has_its_own_colour() -> None:
     assert not found.shaded.any()
 
 
+def test_colours_of_what_moves_are_those_of_pixels_covered_all_the_time() -> None:
+    """Each picture is the mean of seven poses; rims are darker than the middle, with which motion mixes that of
+    the second link."""
+    wide = MECHANISM.with_values({"link1.width": 0.1, "link2.width": 0.1})
+    guess = replace(GUESS, mechanism=wide)
+    turn = np.linspace(-0.06, 0.06, 7)[:, None] * [1.0, 0.5]
+    during = [q + turn for q in POSES]
+    frames = []
+    for i, poses in enumerate(during):
+        mean = np.zeros(SIZE)
+        for q in poses:
+            luma = np.full(SIZE, 160.0, np.float32)
+            for _, polygon in outline(wide, CAMERA, q):
+                corners = [np.round(polygon).astype(np.int32)]
+                cv2.fillPoly(luma, corners, 80.0)
+                cv2.polylines(luma, corners, True, 60.0, 13)
+            mean += luma / len(poses)
+        frames.append(Frame(i, i / 30, mean.round().astype(np.uint8)))
+    found = geom_colours(frames, BACKGROUND, guess, np.ones(3, bool), meanwhile=during)
+    assert found is not None
+    assert found.colours[found.part, 0] == pytest.approx([60.0, 70.0], abs=3.0)
+    sharp = geom_colours(frames, BACKGROUND, guess, np.ones(3, bool))
+    assert sharp is not None
+    assert sharp.colours[sharp.part, 0].min() > 68.0
+
+
 def test_a_frame_that_does_not_show_every_geom_gives_no_colours(monkeypatch: pytest.MonkeyPatch) -> None:
     """In the first pose the first geom is behind the camera: the other's pixels must not count as its own."""
     frames = painted(60, 230)

@@ -94,6 +94,8 @@ def test_thickness_is_not_more_than_the_width() -> None:
     thick = begun.mechanism.with_values({"link1.thickness": 50.0})
     frames = drawn_frames(TRUE, CAMERA, POSES[:2])
     best = grown(frames, SceneStart(thick, begun.camera, frozenset()), [root()])[0]
+    # before the camera even what lies behind the front shows
+    assert best.mechanism.values["link1.thickness"] == best.mechanism.values["link1.width"]
     values = whole(best, SceneStart(thick, begun.camera, frozenset())).mechanism.values
     assert values["link1.thickness"] == values["link1.width"]
     assert values["link2.thickness"] <= values["link2.width"]
