@@ -1,7 +1,8 @@
 """Print what Monodyn costs: ratios within one process, and a whole run from a cold one.
 
 Run: ``python benchmarks/speed.py [--only NAME ...] [--against CHECKOUT] [--json FILE] [--gate]``. With
-``MONODYN_DATA`` set the clip is ``rendered/double_a.mp4`` there, else the demo clip.
+``MONODYN_DATA`` set the clip is ``rendered/double_a.mp4`` there, else the demo clip; pictures of a moving
+camera are those of ``rendered/double_drift.mp4``.
 """
 
 from __future__ import annotations
@@ -20,14 +21,23 @@ import numpy as np
 
 import monodyn
 from figures import Figure, command_line, finish, say, table
+from monodyn.vision.clip.lens import lens_of
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.registration.keys import Registrar
+from monodyn.vision.registration.register import camera_path, clean_scene, sampled_path
 from monodyn.vision.track import Follower
 
 ROOT = Path(__file__).parents[1]
 FITTED = 40
 """Frames of the fit."""
 HELD = 120
-"""Frames that are held in memory to time coverage and following alone."""
+"""Frames that are held in memory to time coverage, following and registration alone."""
+SAMPLED = 8
+"""Every so many of them is a sample of the motion."""
+MOVING = "double_drift"
+"""Clip of ``MONODYN_DATA`` whose camera moves."""
+BEND = (-0.1, 0.02, 0.0, 0.0)
+"""Coefficients of a lens."""
 EASY = ("double_a", "single", "double_b", "triple", "bob", "cartpole")
 """Clips of ``MONODYN_DATA`` on which whole runs are compared; the first one is for the other figures."""
 
@@ -82,7 +92,7 @@ def main() -> int:
     Returns:
         The exit code: 1 when a target is missed under ``--gate``, 2 when the clip is missing.
     """
-    parts = {"track": tracking, "fit": fitting, "run": running, "import": importing}
+    parts = {"track": tracking, "fit": fitting, "camera": registering, "run": running, "import": importing}
     parser = command_line(__doc__, tuple(parts))
     parser.add_argument("--repeats", type=int, default=7, metavar="N", help="repeats of everything (7)")
     parser.add_argument(
@@ -179,6 +189,52 @@ def tracking(ready: Ready, repeats: int) -> list[Figure]:
         Figure(case, "track", float(np.median(whole["track"])), "ms a frame"),
         Figure(case, "coverage alone", float(np.median(each["coverage"])), "ms a frame"),
         Figure(case, "follow alone", float(np.median(each["follow"])), "ms a frame"),
+    ]
+
+
+def registering(clip: Clip, repeats: int) -> list[Figure]:
+    """Compare the registration of a moving camera's pictures, and a lens, with decoding.
+
+    Args:
+        clip: The clip; one of a moving camera beside it takes its place.
+        repeats: Passes of each.
+
+    Returns:
+        The ratio to decoding, and milliseconds a frame of finding the camera, of putting the pictures in
+        place, and of a lens.
+    """
+    moving = clip.video.with_stem(MOVING)
+    video = monodyn.read(moving if moving.is_file() else clip.video)
+    frames = [frame for frame, _ in zip(video.frames(), range(HELD), strict=False)]
+    samples, size = frames[::SAMPLED], (video.width, video.height)
+    known, path = sampled_path(samples, size, video.count), camera_path(video, samples)
+    key, lens = clean_scene(samples, known).key, lens_of(BEND, float(video.width), *size)
+
+    def found() -> None:
+        registrar = Registrar(size, key)
+        for frame in frames:
+            registrar.add(frame, known.at(frame.index))
+
+    seconds = _in_turn(
+        {
+            "decode": lambda: sum(1 for _ in video.frames(0, len(frames))),
+            "found": found,
+            "placed": lambda: [path.steady(frame) for frame in frames],
+            "lens": lambda: [lens.frame(frame) for frame in frames],
+        },
+        repeats,
+    )
+    case = f"{video.path.name}, {video.width}x{video.height}"
+    each = {name: 1e3 * float(np.median(values)) / len(frames) for name, values in seconds.items()}
+    both = seconds["found"] + seconds["placed"]
+    ratio = float(np.median(both / seconds["decode"]))
+    return [
+        Figure(case, "registration / decoding", ratio, "times"),
+        Figure(case, "registration", 1e3 * float(np.median(both)) / len(frames), "ms a frame", 1.5),
+        Figure(case, "of it to find the camera", each["found"], "ms a frame"),
+        Figure(case, "of it to put pictures in place", each["placed"], "ms a frame"),
+        Figure(case, "a lens made straight", each["lens"], "ms a frame"),
+        Figure(case, "decode", each["decode"], "ms a frame"),
     ]
 
 

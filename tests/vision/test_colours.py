@@ -50,8 +50,8 @@ def test_each_geom_has_its_own_colour() -> None:
 
 
 def test_colours_of_what_moves_are_those_of_pixels_covered_all_the_time() -> None:
-    """Each picture is the mean of seven poses; rims are darker than the middle, with which motion mixes that of
-    the second link."""
+    """Each picture is the mean of seven poses; rims are darker than the middle, with which motion mixes that
+    of the second link."""
     wide = MECHANISM.with_values({"link1.width": 0.1, "link2.width": 0.1})
     guess = replace(GUESS, mechanism=wide)
     turn = np.linspace(-0.06, 0.06, 7)[:, None] * [1.0, 0.5]
