@@ -236,3 +236,14 @@ def test_points_that_are_hardly_the_mechanism_are_doubted() -> None:
         "The points do not show every joint in every frame (shown: joint1 50%): points are missing or lie "
         "on no mark there; diagnosis.png shows which."
     ]
+
+
+def test_pictures_of_masks_show_all_bodies_in_one(tmp_path: Path) -> None:
+    masks = np.zeros((3, 2, 24, 32), np.uint8)
+    masks[:, 0, 4:8, 6:10], masks[:, 1, 12:16, 20:24] = 255, 255
+    np.savez(tmp_path / "masks.npz", masks=masks)
+    settings = replace(RunSettings(), masks=tmp_path / "masks.npz", rate=30.0)
+    given, video, _ = masks_and_mechanism(None, "double", settings)
+    assert given.planes == 2
+    shown = [frame.luma > 100 for frame in video.frames()]
+    assert np.array_equal(shown, masks.max(axis=1) > 0)

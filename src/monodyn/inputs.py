@@ -139,4 +139,4 @@ def masks_and_mechanism(
         raise SettingsError("masks: expected a folder, a film or an NPZ file, got none; name one.")
     film = None if clip is None else read(clip, rate=settings.rate)
     opened = opened_masks(settings.masks, mechanism, rate=settings.rate, clip=film)
-    return opened, film or opened.objects, mechanism
+    return opened, film or opened.together, mechanism

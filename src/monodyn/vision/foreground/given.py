@@ -192,8 +192,7 @@ def given_masks(
     Raises:
         VideoError: no mask shows anything, or they show the background.
     """
-    video, planes = opened.objects, opened.planes
-    shown = _in_one(video, planes)
+    video, planes, shown = opened.objects, opened.planes, opened.together
     samples = replace(sample_frames(shown, settings, progress=progress), repeats=NO_REPEATS)
     _check_covered(video.path, [frame.luma > 0.5 * (BLACK + WHITE) for frame in samples.frames])
     dark = np.full((video.height, video.width), float(BLACK), np.float32)
@@ -219,15 +218,3 @@ def _check_covered(path: Path, covered: Sequence[np.ndarray]) -> None:
             f"{path}: expected masks of the mechanism, which cover at most {MOST_COVERED:.0%} of a picture, "
             f"got {np.median(shares):.0%}; they may be of the background: exchange black and white."
         )
-
-
-def _in_one(video: Video, planes: int) -> Video:
-    """Return the clip whose pictures show all objects together."""
-    if planes == 1:
-        return video
-
-    def decode(start: int, stop: int) -> Iterator[Frame]:
-        for frame in video.decode(start, stop):
-            yield replace(frame, luma=frame.luma.reshape(planes, video.height, -1).max(axis=0))
-
-    return replace(video, decode=decode)

@@ -44,6 +44,19 @@ class OpenedMasks:
     objects: Video
     planes: int
 
+    @property
+    def together(self) -> Video:
+        """The masks as a clip whose pictures show all objects in one."""
+        video, planes = self.objects, self.planes
+        if planes == 1:
+            return video
+
+        def decode(start: int, stop: int) -> Iterator[Frame]:
+            for frame in video.decode(start, stop):
+                yield replace(frame, luma=frame.luma.reshape(planes, video.height, -1).max(axis=0))
+
+        return replace(video, decode=decode)
+
 
 def opened_masks(
     path: str | Path, mechanism: Mechanism, *, rate: float | None = None, clip: Video | None = None
