@@ -15,6 +15,7 @@ from monodyn.checks import (
     chosen_mechanism,
     clip_and_mechanism,
     doubt,
+    drawn_mechanism,
     fitted_range,
     how_to_film,
     left_out,
@@ -29,6 +30,7 @@ from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.thumbnails import Window
+from monodyn.vision.settings import LocateSettings
 from support import EXAMPLES, ClipMaker, refuses
 
 MODEL = EXAMPLES / "double.xml"
@@ -271,3 +273,36 @@ def test_what_is_left_out_of_the_picture_is_said() -> None:
         "Something moves outside of --roi 20,10,60,40 as well and is left out: where the mechanism reaches "
         "out of that region, give a larger one."
     ]
+
+
+def test_a_focal_length_is_given_once() -> None:
+    given = LocateSettings(focal=500.0)
+    for choice in ({"fix": {"camera.focal": 800.0}}, {"free": ["camera.focal"]}):
+        settings = RunSettings(locate=given, **choice)
+        with refuses(
+            SettingsError,
+            "parameter 'camera.focal': --locate.focal gives it, 500 px; leave one of them out.",
+        ):
+            chosen_mechanism("double", settings)
+
+
+def test_every_link_that_cannot_be_seen_needs_a_dot(tmp_path: Path) -> None:
+    def model(inner: str, outer: str) -> Path:
+        inertia = '<inertial pos="0 0 -0.1" mass="1" diaginertia="0.01 0.01 0.01"/>'
+        text = (
+            f'<mujoco><worldbody><body name="link1"><joint type="hinge" axis="0 -1 0"/>{inertia}{inner}'
+            f'<body name="link2" pos="0 0 -0.2"><joint type="hinge" axis="0 -1 0"/>{inertia}{outer}</body>'
+            "</body></worldbody></mujoco>"
+        )
+        (tmp_path / "dots.xml").write_text(text)
+        return tmp_path / "dots.xml"
+
+    site = '<site name="{}" pos="0 0 -0.2"/>'
+    with refuses(
+        MechanismError,
+        "mechanism 'dots': expected a dot on 'link2' or on a body that it carries, as nothing else of it can "
+        "be seen, got none; add a site.",
+    ):
+        drawn_mechanism(model(site.format("one"), ""), RunSettings())
+    # what a body carries shows where its hinge is
+    assert drawn_mechanism(model("", site.format("two")), RunSettings()).name == "dots"

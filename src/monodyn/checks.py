@@ -15,7 +15,7 @@ import numpy as np
 
 from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.settings import USUAL_TERMS
-from monodyn.mechanism.dots import dots_of
+from monodyn.mechanism.dots import dots_of, shows_dots
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
@@ -88,7 +88,21 @@ def drawn_mechanism(model: str | Path, settings: RunSettings) -> Mechanism:
             f"mechanism '{mechanism.name}': expected a moving body with a geom or a site that a clip can "
             "show, got none; add its shape."
         )
+    if shows_dots(mechanism):
+        _check_dots(mechanism)
     return mechanism
+
+
+def _check_dots(mechanism: Mechanism) -> None:
+    """Refuse a mechanism that shows dots alone, and none on a link and what hangs on it."""
+    parent, shown = mechanism.tree.parent, {dot.link for dot in dots_of(mechanism)}
+    for row in reversed(range(len(parent))):
+        if row not in shown:
+            raise MechanismError(
+                f"mechanism '{mechanism.name}': expected a dot on '{mechanism.joints[row].body}' or on a "
+                "body that it carries, as nothing else of it can be seen, got none; add a site."
+            )
+        shown.add(int(parent[row]))
 
 
 def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool = True) -> Mechanism:
@@ -120,6 +134,11 @@ def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool =
                 f"parameter '{name}': expected one of the mechanism's; tables of joint positions have no "
                 "camera, leave it out."
             )
+    if settings.locate.focal and "camera.focal" in (*fix, *free):
+        raise SettingsError(
+            f"parameter 'camera.focal': --locate.focal gives it, {settings.locate.focal:g} px; leave one of "
+            "them out."
+        )
     mechanism = load(model)
     check_camera(mechanism, settings.camera.method or "fast", fix, free)
     if ROLL in free and settings.identify.method == "paper":

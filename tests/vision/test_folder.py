@@ -88,3 +88,14 @@ def test_a_missing_picture(tmp_path: Path) -> None:
     path = tmp_path / "none.png"
     with refuses(VideoError, f"picture '{path}': expected a picture file, found none; check the path."):
         read(path, still=True)
+
+
+def test_pictures_that_are_too_small(tmp_path: Path) -> None:
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), np.zeros((4, 40, 3), np.uint8))
+    with refuses(
+        VideoError,
+        f"clip '{tmp_path}': expected pictures of at least 16x16 px, got 40x4; give the clip at its full "
+        "size.",
+    ):
+        read(tmp_path)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import cv2
 import numpy as np
@@ -15,6 +17,7 @@ from monodyn.types import FULL, Camera
 from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.given import read_masks
+from monodyn.vision.foreground.mask_files import opened_masks
 from support import refuses
 from tracked import apart, swing
 
@@ -183,3 +186,25 @@ def test_what_are_no_masks_is_refused(tmp_path: Path) -> None:
     (folder / "m1.png").write_bytes(b"")
     with refuses(VideoError, f"{folder / 'm1.png'}: expected a picture of a mask, cannot read it as one."):
         read_masks(folder, double)
+
+
+def test_files_that_announce_too_much_are_refused(tmp_path: Path) -> None:
+    for number in (0, 1, 2, 10**9):
+        cv2.imwrite(str(tmp_path / f"m{number}.png"), np.full((24, 32), 255, np.uint8))
+    with refuses(
+        VideoError,
+        f"clip '{tmp_path}': expected pictures with numbers up to 1000000 apart, got 0 to 1000000000; remove "
+        "what is no part of the series.",
+    ):
+        opened_masks(tmp_path, load("double"))
+    with ZipFile(tmp_path / "masks.npz", "w") as file:
+        file.writestr("masks.npy", "hello")
+    with pytest.raises(VideoError, match="expected an array"):
+        opened_masks(tmp_path / "masks.npz", load("double"))
+    header = BytesIO()
+    shape = {"descr": "|u1", "fortran_order": False, "shape": (10**6, 10**4, 10**4)}
+    np.lib.format.write_array_header_1_0(header, shape)
+    with ZipFile(tmp_path / "huge.npz", "w") as file:
+        file.writestr("masks.npy", header.getvalue())
+    with pytest.raises(VideoError, match="cannot be read as NPZ"):
+        opened_masks(tmp_path / "huge.npz", load("double"))

@@ -16,6 +16,8 @@ from monodyn.vision.clip.orientation import Planes, Turn, upright_planes
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 DEFAULT_RATE = 30.0
+MOST_STEPS = 1_000_000
+"""Pictures that the numbers of a series may span."""
 
 
 def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, Any, list[str]]:
@@ -38,7 +40,7 @@ def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, A
         raise VideoError(
             f"clip '{path}': expected a folder of at least two numbered pictures, got one; add the others."
         )
-    steps, notes = steps_of(numbers)
+    steps, notes = steps_of(path, numbers)
     if rate is None:
         notes.insert(
             0,
@@ -102,18 +104,27 @@ def load_picture(path: Path, what: str) -> Planes:
     return upright_planes(frame, VideoReformatter(), (frame.width, frame.height), Turn())
 
 
-def steps_of(numbers: list[int]) -> tuple[np.ndarray, list[str]]:
+def steps_of(path: Path, numbers: list[int]) -> tuple[np.ndarray, list[str]]:
     """Return at which step each picture of a series was taken, from 0 on.
 
     Args:
+        path: The folder, for messages.
         numbers: Their numbers, in order.
 
     Returns:
         The steps, int (picture,), and a note where numbers are missing.
+
+    Raises:
+        VideoError: the numbers go far beyond the pictures of any clip.
     """
     # numbers in steps of ten are a series of every picture: the unit is their greatest common divisor
     apart = np.diff(numbers)
     unit = max(int(np.gcd.reduce(apart)), 1)
+    if (numbers[-1] - numbers[0]) // unit >= MOST_STEPS:
+        raise VideoError(
+            f"clip '{path}': expected pictures with numbers up to {MOST_STEPS} apart, got {numbers[0]} to "
+            f"{numbers[-1]}; remove what is no part of the series."
+        )
     notes = []
     if np.any(apart != unit):
         gaps = int(np.sum(apart != unit))

@@ -18,7 +18,7 @@ from monodyn.errors import VideoError
 from monodyn.types import Frame
 from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
 from monodyn.vision.clip.steady import CameraPath
-from monodyn.vision.settings import RATES
+from monodyn.vision.settings import LEAST_SIDE, RATES
 
 Decode = Callable[[int, int], Iterator[Frame]]
 
@@ -158,8 +158,8 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
         The clip; its pictures are decoded by ``Video.frames``.
 
     Raises:
-        VideoError: The path is missing or not a video, has no picture stream, no time stamps, or fewer than
-            two frames; or it is no picture although ``still`` is true.
+        VideoError: The path is missing or not a video, has no picture stream, no time stamps, fewer than two
+            frames, or pictures that show nothing; or it is no picture although ``still`` is true.
 
     Example:
         >>> import monodyn
@@ -176,7 +176,7 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
     if path.is_dir():
         from monodyn.vision.clip.folder import read_folder
 
-        return Video(path, *read_folder(path, rate))
+        return _checked(Video(path, *read_folder(path, rate)))
     if not path.exists():
         raise VideoError(
             f"clip '{path}': expected a video file or a folder of pictures, found nothing; check the path."
@@ -187,7 +187,17 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
         )
     from monodyn.vision.clip.container import read_container
 
-    return Video(path, *read_container(path, rate))
+    return _checked(Video(path, *read_container(path, rate)))
+
+
+def _checked(video: Video) -> Video:
+    """Return a clip whose pictures are large enough to show a mechanism."""
+    if min(video.width, video.height) < LEAST_SIDE:
+        raise VideoError(
+            f"clip '{video.path}': expected pictures of at least {LEAST_SIDE}x{LEAST_SIDE} px, got "
+            f"{video.width}x{video.height}; give the clip at its full size."
+        )
+    return video
 
 
 def check_rate(rate: float | None) -> None:

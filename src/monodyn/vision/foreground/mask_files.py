@@ -108,7 +108,7 @@ def _opened(path: Path, mechanism: Mechanism, rate: float | None, clip: Video | 
     elif path.is_dir():
         files, numbers = series(path)
         pictures = _Folder(tuple(files))
-        frames, notes = steps_of(numbers)
+        frames, notes = steps_of(path, numbers)
     else:
         film = read(path, rate=rate)
         return (film if clip is None else replace(film, remarks=[])), 1
@@ -191,10 +191,13 @@ def _array(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
         EOFError,
         LookupError,
         NotImplementedError,
+        MemoryError,
         BadZipFile,
         zlib.error,
     ) as reason:
         raise VideoError(f"{path}: cannot be read as NPZ ({reason}); save it with numpy.savez.") from None
+    # a member that is no array is read as bytes
+    arrays = {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
     names = [name for name in (*ARRAYS, *arrays) if name in arrays and arrays[name].ndim in (3, 4)]
     if not names or len(arrays[names[0]]) < 2 or not arrays[names[0]].size:
         raise VideoError(
