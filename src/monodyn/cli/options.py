@@ -119,7 +119,7 @@ class RunOptions(CommonOptions):
 
     Attributes:
         word: Video file, or folder of numbered pictures.
-        clip: The same by name, e.g. next to --points: then it serves the overlay alone.
+        clip: The same by name; next to --points or --masks it gives time stamps, size and overlay.
         out: Folder for the results.
     """
 
@@ -144,7 +144,7 @@ class TrackOptions(CommonOptions):
 
     Attributes:
         word: Video file, or folder of numbered pictures.
-        clip: The same by name, e.g. next to --points: then it serves the overlay alone.
+        clip: The same by name; next to --points or --masks it gives time stamps, size and overlay.
         out: Folder for the results.
     """
 

@@ -114,9 +114,12 @@ def _parameter(row: Estimate) -> dict[str, Any]:
     else:
         source, flag = "estimated", False
     lower, upper = number(row.lower, row.std), number(row.upper, row.std)
-    interval = (
-        "unbounded" if not (math.isfinite(row.lower) or math.isfinite(row.upper)) else f"{lower} to {upper}"
-    )
+    interval = f"{lower} to {upper}"
+    if not (math.isfinite(row.lower) or math.isfinite(row.upper)):
+        interval = "unbounded"
+    elif row.free and not row.identifiable:
+        # what is left are the bounds of the search
+        interval = "not determined"
     return {
         "name": row.name,
         "value": number(row.value, row.std),
@@ -174,7 +177,7 @@ def _cards(findings: Findings) -> list[dict[str, Any]]:
 def _camera_card(filmed: Filmed) -> dict[str, Any]:
     camera, shutter = filmed.camera, filmed.shutter
     turns = ", ".join(
-        f"{name} {math.degrees(getattr(camera, name)):.2f}°" for name in ("roll", "pitch", "yaw")
+        f"{name} {math.degrees(getattr(camera, name)):z.2f}°" for name in ("roll", "pitch", "yaw")
     )
     rows = [
         ("picture", f"{camera.width} × {camera.height} px"),

@@ -46,6 +46,7 @@ from monodyn.vision.drawing.contour import (
 )
 from monodyn.vision.drawing.probe import TRUSTED
 from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.given import GivenMasks
 from monodyn.vision.foreground.masks import planes_for
 
 TALLEST = 470
@@ -96,7 +97,8 @@ def background_panel(sight: Sight) -> Picture:
     unknown = ~back.known
     hatch(picture, crop.marked(unknown), RED)
     source = "a picture that was given" if back.given else f"median of {len(sight.samples.frames)} frames"
-    keys = [Key(f"{source}; noise {back.noise:.1f} grey levels")]
+    masks = isinstance(sight.masks, GivenMasks)
+    keys = [Key("masks have none" if masks else f"{source}; noise {back.noise:.1f} grey levels")]
     if unknown.any():
         keys.append(Key(f"never seen uncovered ({_percent(unknown.mean())})", RED, "hatch"))
     return panel("Background", picture, keys, width)

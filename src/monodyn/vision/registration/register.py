@@ -36,6 +36,8 @@ LEAST_REGISTERED = 0.5
 BENT_PX, BENT_PERCENT = 0.1, 80.0
 """Displacement halfway to a corner by perspective, in this share of the frames [%], below which there is none
 [px]."""
+LEAST_ZOOM = 0.001
+"""Change of the zoom that is worth a word."""
 CLEANED = 1
 """Times that the picture of the scene is taken from frames registered on it."""
 STILL_SHARE = 0.9
@@ -334,8 +336,8 @@ def _about(path: CameraPath) -> str:
     known = path.registered
     far = float(np.hypot(*path.shift[known].T).max())
     turn, zoom = float(np.degrees(np.abs(path.turn[known]).max())), path.zoom[known]
+    zooms = f", with a zoom of {zoom.min():.3f} to {zoom.max():.3f}" if np.ptp(zoom) > LEAST_ZOOM else ""
     return (
-        f"The camera moves: up to {far:.1f} px and {turn:.2f} deg from its mean place, with a zoom of "
-        f"{zoom.min():.3f} to {zoom.max():.3f}; its pictures were registered on the still scene, each within "
+        f"The camera moves: up to {far:.1f} px and {turn:.2f} deg from its mean place{zooms}; its pictures were registered on the still scene, each within "
         f"{float(np.median(path.std[known])):.2f} px (camera.csv)."
     )
