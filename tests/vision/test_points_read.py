@@ -1,11 +1,8 @@
-"""Files of tracked points, byte for byte as their tools write them, and what is refused of them."""
+"""Tables of tracked points, laid out as their tools write them, and what is refused of them."""
 
 from __future__ import annotations
 
-import pickle
-import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +11,7 @@ from monodyn.errors import SettingsError, VideoError
 from monodyn.vision.clip.video import Video
 from monodyn.vision.points.read import read_points
 from support import refuses
+from tables import film, written
 
 SCORER = "DLC_resnet50_pendulumApr1shuffle1_100000"
 DLC = f"""scorer,{SCORER},{SCORER},{SCORER},{SCORER},{SCORER},{SCORER}
@@ -33,25 +31,7 @@ KINOVEA = (
     "#Kinovea Trajectory data export\n#T X Y\n\n# pivot\n0 0 0\n0.033 0 0\n0.067 0 0\n\n"
     "# tip 1\n0 5 -6\n0.033 5,5 -6\n0.067 6 -7\n\n"
 )
-OLD_KINOVEA = (
-    "#Kinovea Trajectory data export\n#T X Y\n0:00:00:00 866.00 320.00 \n0:00:00:03 847.00 321.00 \n"
-    "0:00:00:07 830.00 322.00 \n\n\n0:00:00:00 118.00 45.00 \n0:00:00:03 131.00 37.00 \n\n\n"
-)
-KINOVEA_CSV = (
-    '"Time","pivot/0/X","pivot/0/Y","arm/a/X","arm/a/Y","arm/b/X","arm/b/Y"\r\n'
-    '"0","1.0","2.0","3.0","4.0","5.0","6.0"\r\n"33","1.5","2.0",,,"5.5","6.0"\r\n"67","2","2","3","4","5","6"\r\n'
-)
 PLAIN = "frame,a_x,a_y,a_p,b_x,b_y\n0,1,2,.9,3,4\n1,nan,,0.5,3,4.5\n2,5,6,1,7,8\n"
-
-
-def written(folder: Path, name: str, content: str | bytes) -> Path:
-    path = folder / name
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return path
-
-
-def film(count: int, width: int = 640, height: int = 480) -> Video:
-    return Video(Path("clip.mp4"), width, height, np.arange(count) / 25.0, lambda start, stop: iter(()))
 
 
 def test_csv_of_deeplabcut(tmp_path: Path) -> None:
@@ -70,121 +50,11 @@ def test_several_individuals_of_deeplabcut(tmp_path: Path) -> None:
     who = ["individuals,left,left,left,right,right,right"]
     parts = "\n".join([lines[0], *who, *lines[1:]])
     assert read_points(written(tmp_path, "a.csv", parts), rate=50.0).names == ("pivot", "tip")
+    # a spreadsheet fills rows up
+    wide = "".join(f"{line},,\n" for line in parts.splitlines())
+    assert read_points(written(tmp_path, "w.csv", wide), rate=50.0).names == ("pivot", "tip")
     same = parts.replace("tip", "pivot")
     assert read_points(written(tmp_path, "b.csv", same), rate=50.0).names == ("left.pivot", "right.pivot")
-
-
-def pandas_table(
-    path: Path, columns: list[tuple[str, ...]], values: np.ndarray, axes: bytes | None = None
-) -> Path:
-    """Write what ``DataFrame.to_hdf(path, key="df_with_missing", format="table")`` writes."""
-    h5py: Any = pytest.importorskip("h5py")
-    with h5py.File(path, "w") as file:
-        group = file.create_group("df_with_missing")
-        group.attrs["pandas_type"] = np.bytes_(b"frame_table")
-        group.attrs["non_index_axes"] = np.bytes_(pickle.dumps([(1, columns)], 0) if axes is None else axes)
-        kind = np.dtype([("index", "<i8"), ("values_block_0", "<f8", (values.shape[1],))])
-        rows = np.zeros(len(values), kind)
-        rows["index"], rows["values_block_0"] = np.arange(len(values)), values
-        group.create_dataset("table", data=rows)
-    return path
-
-
-COLUMNS = [(SCORER, part, what) for part in ("pivot", "tip") for what in ("x", "y", "likelihood")]
-VALUES = np.array([[1.0, 2.0, 0.9, 3.0, 4.0, 0.8], [1.5, 2.5, 0.7, np.nan, np.nan, 0.0]])
-
-
-def test_hdf5_of_deeplabcut(tmp_path: Path) -> None:
-    found = read_points(pandas_table(tmp_path / "a.h5", COLUMNS, VALUES), rate=50.0)
-    assert found.names == ("pivot", "tip")
-    assert found.px[0].tolist() == [[1.0, 2.0], [3.0, 4.0]]
-    assert found.likelihood.tolist() == [[0.9, 0.8], [0.7, 0.0]]
-
-
-def test_a_frame_of_fixed_form_of_pandas(tmp_path: Path) -> None:
-    h5py: Any = pytest.importorskip("h5py")
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        group = file.create_group("df_with_missing")
-        group.attrs["pandas_type"], group.attrs["axis0_nlevels"] = np.bytes_(b"frame"), 3
-        levels = [[SCORER], ["pivot", "tip"], ["likelihood", "x", "y"]]
-        codes = [[0] * 6, [0, 0, 0, 1, 1, 1], [1, 2, 0, 1, 2, 0]]
-        for i, (words, code) in enumerate(zip(levels, codes, strict=True)):
-            group[f"axis0_level{i}"] = np.array([word.encode() for word in words])
-            group[f"axis0_label{i}"] = np.array(code, np.int8)
-        group["axis1"], group["block0_values"] = np.arange(2), VALUES
-    assert read_points(path, rate=50.0).px[1, 0].tolist() == [1.5, 2.5]
-
-
-def test_a_pickle_that_would_run_code_is_refused(tmp_path: Path) -> None:
-    path = pandas_table(tmp_path / "a.h5", COLUMNS, VALUES, b"cos\nsystem\n(S'true'\ntR.")
-    with refuses(
-        VideoError,
-        "a.h5: expected the names of the columns as plain words, got something else (os.system); give the "
-        "CSV file that DeepLabCut writes next to it.",
-    ):
-        read_points(path, rate=50.0)
-
-
-def analysis(path: Path, tracks: np.ndarray, names: list[bytes], scores: np.ndarray | None = None) -> Path:
-    """Write what SLEAP writes: arrays (frame, node, 2, track) turned round."""
-    h5py: Any = pytest.importorskip("h5py")
-    with h5py.File(path, "w") as file:
-        file["node_names"] = names
-        file["track_names"] = [b"track_0", b"track_1"][: tracks.shape[3]]
-        file.create_dataset("tracks", data=np.transpose(tracks), compression="gzip")
-        if scores is not None:
-            file.create_dataset("point_scores", data=np.transpose(scores), compression="gzip")
-    return path
-
-
-def test_analysis_of_sleap(tmp_path: Path) -> None:
-    tracks = np.arange(24.0).reshape(4, 3, 2, 1)
-    scores = np.full((4, 3, 1), 0.7)
-    scores[0, 0, 0] = np.nan
-    found = read_points(analysis(tmp_path / "a.h5", tracks, [b"p", b"e", b"t"], scores), rate=50.0)
-    assert found.names == ("p", "e", "t")
-    assert np.array_equal(found.px, tracks[..., 0])
-    # a label made by hand has no score and counts whole
-    assert found.likelihood[0].tolist() == [1.0, 0.7, 0.7]
-
-
-def test_tracks_of_sleap_that_follow_one_another_are_one(tmp_path: Path) -> None:
-    tracks = np.full((4, 3, 2, 2), np.nan)
-    tracks[:2, ..., 0], tracks[2:, ..., 1] = 1.0, 2.0
-    found = read_points(analysis(tmp_path / "a.h5", tracks, [b"p", b"e", b"t"]), rate=50.0)
-    assert found.px[:, 0, 0].tolist() == [1.0, 1.0, 2.0, 2.0]
-    tracks[:, ..., 1] = 2.0
-    both = read_points(analysis(tmp_path / "b.h5", tracks, [b"p", b"e", b"t"]), rate=50.0)
-    assert both.names == ("track_0.p", "track_0.e", "track_0.t", "track_1.p", "track_1.e", "track_1.t")
-
-
-def test_other_hdf5_is_refused(tmp_path: Path) -> None:
-    with refuses(
-        VideoError,
-        "a.h5: expected 'tracks' as (track, 2, 2, frame), got (1, 2, 3, 4); export the analysis HDF5 of "
-        "SLEAP.",
-    ):
-        read_points(analysis(tmp_path / "a.h5", np.zeros((4, 3, 2, 1)), [b"p", b"q"]), rate=50.0)
-    h5py: Any = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "b.h5", "w") as file:
-        file["numbers"] = np.arange(3)
-    with refuses(
-        VideoError,
-        "b.h5: expected tracked points of DeepLabCut or an analysis file of SLEAP, got HDF5 with 'numbers'.",
-    ):
-        read_points(tmp_path / "b.h5", rate=50.0)
-
-
-def test_hdf5_without_h5py(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "h5py", None)
-    path = written(tmp_path, "a.h5", b"\x89HDF\r\n\x1a\n" + bytes(20))
-    with refuses(
-        VideoError,
-        "a.h5: reading HDF5 needs the package h5py, which is not installed; pip install h5py, or give the "
-        "points as CSV.",
-    ):
-        read_points(path)
 
 
 def test_text_of_tracker(tmp_path: Path) -> None:
@@ -213,26 +83,22 @@ def test_lengths_of_tracker_go_into_a_picture_of_their_own(tmp_path: Path) -> No
     assert np.diff(other.px[:, 0, 1])[0] < 0.0
 
 
-def test_text_of_kinovea(tmp_path: Path) -> None:
-    found = read_points(written(tmp_path, "a.txt", KINOVEA))
-    assert found.names == ("pivot", "tip 1")
-    # below the pivot, in a system whose second axis goes up
-    assert (found.px[:, 1, 1] > found.px[:, 0, 1]).all()
-    # times were rounded to milliseconds: a constant rate explains them
-    np.testing.assert_allclose(np.diff(found.time), 0.0335, atol=1e-4)
-    assert found.tick == 0.0
-    old = read_points(written(tmp_path, "b.txt", OLD_KINOVEA))
-    assert old.names == ("track1", "track2")
-    np.testing.assert_allclose(np.diff(old.time), 0.035, atol=1e-6)
-
-
-def test_csv_of_kinovea(tmp_path: Path) -> None:
-    found = read_points(written(tmp_path, "a.csv", KINOVEA_CSV))
-    assert found.names == ("pivot", "arm/a", "arm/b")
-    np.testing.assert_allclose(np.diff(found.time), 0.0335, atol=1e-4)
-    assert found.found.tolist() == [[True, True, True], [True, False, True], [True, True, True]]
-    semicolons = KINOVEA_CSV.replace(",", ";").replace(".", ",")
-    assert np.array_equal(read_points(written(tmp_path, "b.csv", semicolons)).px, found.px, equal_nan=True)
+def test_pixels_and_lengths_of_tracker_are_not_mixed(tmp_path: Path) -> None:
+    rows = "0\t1\t2\t3\t4\n0.1\t1\t2\t3\t4\n"
+    mixed = f"#multi:\n\tA\t\tB\t\nt\tx\ty\tpixelx\tpixely\n{rows}"
+    with refuses(
+        VideoError,
+        "a.txt: expected columns of one kind for all points, got x, y of 'A' and pixelx, pixely of 'B'; "
+        "choose the same for each in Tracker's table.",
+    ):
+        read_points(written(tmp_path, "a.txt", mixed))
+    # lengths that all of them have are taken where one has no pixels
+    rows = "0\t1\t2\t3\t4\t5\t6\n0.1\t1\t3\t4\t4\t5\t6\n"
+    shared = f"#multi:\n\tA\t\tB\t\t\t\nt\tx\ty\tx\ty\tpixelx\tpixely\n{rows}"
+    found = read_points(written(tmp_path, "b.txt", shared))
+    assert not found.in_picture
+    right, up = found.px[0, 1] - found.px[0, 0]
+    np.testing.assert_allclose([up / right], [-1.0])
 
 
 def test_plain_table(tmp_path: Path) -> None:
@@ -287,7 +153,12 @@ def test_the_clip_gives_times_and_size(tmp_path: Path) -> None:
         ("scorer,,,s,s\nbodyparts,,,b,b\ncoords,,,x,y\nlabeled-data,v,1.png,1,2\n",
          "t.csv: expected frame numbers in the first column, got 'labeled-data': these are labels for "
          "training; give the table that DeepLabCut writes when it analyses a clip."),
-        ("frame,a_x,a_x,a_y\n0,1,2,3\n", "t.csv: column 'a_x' is there 2 times; keep one."),
+        ("frame,a_x,a_x,a_y\n0,1,2,3\n",
+         "t.csv: column 'a_x' is there 2 times, capitals or not; keep one."),
+        ("frame,A_x,A_y,a_x,a_y\n0,1,2,3,4\n",
+         "t.csv: column 'A_x' is there 2 times, capitals or not; keep one."),
+        ("Frame,frame,a_x,a_y\n0,1,2,3\n",
+         "t.csv: column 'Frame' is there 2 times, capitals or not; keep one."),
         ("frame,a_x\n0,1\n", "t.csv: expected a column 'a_y' next to 'a_x', got none; add it."),
         ("frame,a_x,a_y\n", "t.csv: expected rows of coordinates after the header, got none."),
         ("frame,a_x,a_y\n0,,\n1,,\n", "t.csv: expected places of points, got none in 2 rows."),
@@ -302,6 +173,18 @@ def test_the_clip_gives_times_and_size(tmp_path: Path) -> None:
         ("scorer,a\nbodyparts,b\n0,1\n",
          "t.csv: expected header rows 'scorer', 'bodyparts' and 'coords' of DeepLabCut, got 'scorer', "
          "'bodyparts', '0'."),
+        ("scorer,s,s\nbodyparts,b,b\ncoords,x,y,likelihood\n0,1,2,1\n",
+         "t.csv: header row 'scorer': expected 3 cells after its name, as the row 'coords' has, got 2; name "
+         "each column."),
+        ("scorer,s,s,s,s\nbodyparts,b,b,c,c\ncoords,x,y\n0,1,2,3,4\n",
+         "t.csv: header row 'scorer': expected 2 cells after its name, as the row 'coords' has, got 4; name "
+         "each column."),
+        ("scorer,s,s,s\nbodyparts,b,b,c\ncoords,x,y,x\n0,1,2,3\n",
+         "t.csv: expected columns x, y and likelihood of body part 'c', each once, got x; give the table "
+         "that DeepLabCut writes when it analyses a clip."),
+        ("scorer,s,s,s\nbodyparts,b,b,b\ncoords,x,y,z\n0,1,2,3\n",
+         "t.csv: expected columns x, y and likelihood of body part 'b', each once, got x, y, z; give the "
+         "table that DeepLabCut writes when it analyses a clip."),
         ("scorer,s,s\nbodyparts,b,b\ncoords,x,y\n",
          "t.csv: expected rows of coordinates after the header, got none."),
         ("scorer,s,s\nbodyparts,b,b\ncoords,x,y\n,1,2\n",
@@ -343,27 +226,6 @@ def test_rounded_and_uneven_times_count_no_frame_too_many(tmp_path: Path) -> Non
     # next to a clip they are the frames of its stamps
     clip = Video(Path("clip.mp4"), 640, 480, np.arange(400) / 30.0, lambda start, stop: iter(()))
     assert np.array_equal(read_points(uneven, clip=clip).frame, count + 15)
-
-
-def test_damaged_hdf5(tmp_path: Path) -> None:
-    h5py: Any = pytest.importorskip("h5py")
-    path = pandas_table(tmp_path / "a.h5", COLUMNS, VALUES[:, :3])
-    with refuses(
-        VideoError,
-        "a.h5: expected 6 columns of one kind of number, got 3 in the first block; give the CSV file that "
-        "DeepLabCut writes next to it.",
-    ):
-        read_points(path, rate=50.0)
-    with h5py.File(path, "a") as file:
-        del file["df_with_missing"].attrs["non_index_axes"]
-    with pytest.raises(VideoError) as found:
-        read_points(path, rate=50.0)
-    reason = str(found.value).split("points (", 1)[1].rsplit(");", 1)[0]
-    with refuses(
-        VideoError,
-        f"a.h5: cannot be read as a table of points ({reason}); export it again, or as CSV.",
-    ):
-        read_points(path, rate=50.0)
 
 
 def test_times_and_frames_are_needed(tmp_path: Path) -> None:

@@ -19,6 +19,8 @@ from monodyn.vision.formats.table import PointTable, numbers, rows_of
 
 LEVELS = ("scorer", "individuals", "bodyparts", "coords")
 """Names of the header rows."""
+COORDINATES = (["x", "y"], ["likelihood", "x", "y"])
+"""Columns of a body part, by name."""
 
 
 def from_csv(path: Path, text: str) -> PointTable:
@@ -32,14 +34,22 @@ def from_csv(path: Path, text: str) -> PointTable:
         The table.
 
     Raises:
-        VideoError: the header lacks a row, no row follows, or it is a table of labels for training.
+        VideoError: the header lacks a row or a cell, no row follows, a body part lacks a coordinate, or it
+            is a table of labels for training.
     """
     rows = rows_of(text, ",")
-    header = {row[0].casefold(): row[1:] for row in rows[:4] if row and row[0].casefold() in LEVELS}
+    header = {row[0].casefold(): _filled(row)[1:] for row in rows[:4] if row[0].casefold() in LEVELS}
     if "bodyparts" not in header or "coords" not in header:
         raise VideoError(
             f"{path.name}: expected header rows 'scorer', 'bodyparts' and 'coords' of DeepLabCut, got "
             f"{', '.join(repr(row[0]) for row in rows[:4])}."
+        )
+    width = len(header["coords"])
+    odd = next((name for name, cells in header.items() if len(cells) != width), None)
+    if odd is not None:
+        raise VideoError(
+            f"{path.name}: header row '{odd}': expected {width} cells after its name, as the row 'coords' "
+            f"has, got {len(header[odd])}; name each column."
         )
     first = len(header)
     if len(rows) == first:
@@ -49,10 +59,10 @@ def from_csv(path: Path, text: str) -> PointTable:
             f"{path.name}: expected frame numbers in the first column, got '{rows[first][0]}': these are "
             "labels for training; give the table that DeepLabCut writes when it analyses a clip."
         )
-    body = numbers(path, rows[first:], first + 1, 1 + len(header["coords"]))
-    who = header.get("individuals", [""] * len(header["bodyparts"]))
-    columns = list(zip(who, header["bodyparts"], header["coords"], strict=False))
-    return _table(path, columns, body[:, 1 : len(columns) + 1], body[:, 0])
+    body = numbers(path, rows[first:], first + 1, 1 + width)
+    who = header.get("individuals", [""] * width)
+    columns = list(zip(who, header["bodyparts"], header["coords"], strict=True))
+    return _table(path, columns, body[:, 1:], body[:, 0])
 
 
 def from_hdf5(path: Path, file: Any) -> PointTable:
@@ -66,7 +76,7 @@ def from_hdf5(path: Path, file: Any) -> PointTable:
         The table.
 
     Raises:
-        VideoError: there is no table of points.
+        VideoError: there is no table of points, or a body part lacks a coordinate.
     """
     for group in file.values():
         kind = _word(group.attrs.get("pandas_type", b""))
@@ -110,6 +120,13 @@ def _table(
     # one animal needs no name: a part of several is named after both
     alone = len({part for _, part in parts}) == len(parts)
     names = [part if alone else f"{who}.{part}" for who, part in parts]
+    for pair, name in zip(parts, names, strict=True):
+        own = [what.casefold() for *whose, what in columns if tuple(whose) == pair]
+        if sorted(own) not in COORDINATES:
+            raise VideoError(
+                f"{path.name}: expected columns x, y and likelihood of body part '{name}', each once, got "
+                f"{', '.join(own)}; give the table that DeepLabCut writes when it analyses a clip."
+            )
     px = np.full((len(body), len(parts), 2), np.nan)
     likelihood = np.ones((len(body), len(parts)))
     for k, (who, part, what) in enumerate(columns):
@@ -117,11 +134,16 @@ def _table(
         what = what.casefold()
         if what in ("x", "y"):
             px[:, row, "xy".index(what)] = body[:, k]
-        elif what == "likelihood":
+        else:
             likelihood[:, row] = np.nan_to_num(body[:, k])
     if not np.isfinite(index).all():
         raise VideoError(f"{path.name}: expected frame numbers in the first column, got an empty cell.")
     return PointTable("DeepLabCut", tuple(names), px, likelihood, frame=index)
+
+
+def _filled(row: list[str]) -> list[str]:
+    """Return a row without empty cells at its end, which spreadsheets add."""
+    return row[: max((i + 1 for i, cell in enumerate(row) if cell), default=0)]
 
 
 def _word(value: Any) -> str:

@@ -42,20 +42,21 @@ def from_csv(path: Path, text: str) -> PointTable:
         VideoError: a column is there twice, a point lacks one, or there is no row.
     """
     rows = rows_of(text)
-    header = [cell if cell.casefold() not in CLOCKS else cell.casefold() for cell in rows[0]]
-    twice = sorted({cell for cell in header if cell and header.count(cell) > 1})
+    header = rows[0]
+    lower = [cell.casefold() for cell in header]
+    twice = [cell for cell in header if cell and lower.count(cell.casefold()) > 1]
     if twice:
         raise VideoError(
-            f"{path.name}: column '{twice[0]}' is there {header.count(twice[0])} times; keep one."
+            f"{path.name}: column '{twice[0]}' is there {lower.count(twice[0].casefold())} times, capitals "
+            "or not; keep one."
         )
     if len(rows) < 2:
         raise VideoError(f"{path.name}: expected rows of coordinates after the header, got none.")
-    column = {cell: i for i, cell in enumerate(header)}
+    known = {cell: i for i, cell in enumerate(lower)}
     names = [cell[:-2] for cell in header if re.search(r"_x$", cell, re.IGNORECASE)]
     table = numbers(path, rows[1:], 2, len(header))
     px = np.full((len(table), len(names), 2), np.nan)
     likelihood = np.ones((len(table), len(names)))
-    known = {cell.casefold(): i for cell, i in column.items()}
     for k, name in enumerate(names):
         lacking = f"{name}_y".casefold() not in known
         if lacking:
@@ -66,8 +67,8 @@ def from_csv(path: Path, text: str) -> PointTable:
         px[:, k, 1] = table[:, known[f"{name}_y".casefold()]]
         if f"{name}_p".casefold() in known:
             likelihood[:, k] = np.nan_to_num(table[:, known[f"{name}_p".casefold()]])
-    frame = table[:, column["frame"]] if "frame" in column else None
-    time = table[:, column["time"]] if "time" in column else None
+    frame = table[:, known["frame"]] if "frame" in known else None
+    time = table[:, known["time"]] if "time" in known else None
     tick = 0.0 if time is None else _rounding(time)
     return PointTable("CSV", tuple(names), px, likelihood, frame=frame, time=time, tick=tick)
 

@@ -1,8 +1,13 @@
 """Analysis files of SLEAP: HDF5 with ``tracks`` (track, xy, node, frame), ``node_names`` and
-``point_scores``."""
+``point_scores``.
+
+Newer files name the axes of each array, which may be in another order, in an attribute ``dims``. Scores are
+peaks of confidence maps, which may exceed 1 by a little: up to ``HIGHEST_SCORE`` they count as 1.
+"""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +15,12 @@ import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.vision.formats.table import PointTable
+
+AXES = ("track", "xy", "node", "frame")
+"""Axes of the places; scores lack the second."""
+
+HIGHEST_SCORE = 1.1
+"""Most that the peak of a confidence map, which is fitted to peaks of 1, comes to."""
 
 
 def from_hdf5(path: Path, file: Any) -> PointTable:
@@ -20,15 +31,16 @@ def from_hdf5(path: Path, file: Any) -> PointTable:
         file: The opened file.
 
     Returns:
-        The table; tracks that never show in the same frame are one.
+        The table; tracks that never show in the same frame are one. A score above 1, up to
+        ``HIGHEST_SCORE``, is 1; one above that stays as it is.
 
     Raises:
         VideoError: the arrays have other shapes than those of SLEAP.
     """
     nodes = [_word(name) for name in file["node_names"][:]]
-    tracks = np.array(file["tracks"][:], dtype=float)
+    tracks = _array(file["tracks"], AXES)
     shape = tracks.shape
-    scores = np.array(file["point_scores"][:], dtype=float) if "point_scores" in file else None
+    scores = _array(file["point_scores"], (AXES[0], *AXES[2:])) if "point_scores" in file else None
     if tracks.ndim == 4 and shape[1:3] != (2, len(nodes)):
         # as it is in Python, before SLEAP turns it round for Matlab: (frame, node, 2, track)
         tracks = np.transpose(tracks)
@@ -41,7 +53,8 @@ def from_hdf5(path: Path, file: Any) -> PointTable:
     if scores is None or scores.shape != (len(tracks), len(nodes), tracks.shape[3]):
         scores = np.ones((len(tracks), len(nodes), tracks.shape[3]))
     # labels made by hand have no score
-    scores = np.where(np.isfinite(scores), np.clip(scores, 0.0, 1.0), 1.0)
+    scores = np.where(np.isfinite(scores), scores, 1.0)
+    scores = np.where(scores <= HIGHEST_SCORE, np.minimum(scores, 1.0), scores)
     shown = np.isfinite(tracks).any(axis=(1, 2))
     if np.all(shown.sum(axis=0) <= 1):
         # a tracker that loses the animal begins another track: they are one
@@ -56,6 +69,13 @@ def from_hdf5(path: Path, file: Any) -> PointTable:
         "SLEAP", tuple(f"{name}.{node}" for name in names for node in nodes), px,
         scores.transpose(2, 0, 1).reshape(tracks.shape[3], -1), frame=np.arange(tracks.shape[3]),
     )  # fmt: skip
+
+
+def _array(data: Any, axes: tuple[str, ...]) -> np.ndarray:
+    """Return an array with its axes in the order of Matlab, where it names them."""
+    array = np.array(data[:], dtype=float)
+    named = json.loads(data.attrs["dims"]) if "dims" in data.attrs else []
+    return array.transpose([named.index(axis) for axis in axes]) if named else array
 
 
 def _word(value: Any) -> str:

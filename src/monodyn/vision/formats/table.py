@@ -29,10 +29,12 @@ class PointTable:
         px: Coordinates, (frame, point, 2); NaN where not found.
         likelihood: 0 to 1, (frame, point).
         frame: Frame numbers, int (frame,), or None.
-        time: Time stamps [s], (frame,), or None.
+        time: Time stamps [s], (frame,), or None; in an unknown unit where there is a doubt.
         in_picture: False where the coordinates are no pixels of the picture.
         upward: True where the second coordinate goes up.
         tick: Unit to which the stamps are rounded [s]; 0 where they are exact.
+        doubt: What the stamps look like where nothing says their unit; empty where they are in seconds.
+        notes: What was assumed, whole sentences.
     """
 
     tool: str
@@ -44,6 +46,8 @@ class PointTable:
     in_picture: bool = True
     upward: bool = False
     tick: float = 0.0
+    doubt: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def text_of(path: Path) -> str:

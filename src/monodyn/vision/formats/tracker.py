@@ -17,6 +17,9 @@ from monodyn.vision.formats.table import PointTable, numbers, rows_of, separator
 CLOCKS = ("t", "frame", "step")
 """What the first column of numbers may be."""
 
+PAIRS = (("pixelx", "pixely"), ("x", "y"))
+"""Columns of a place: pixels, which come first, or lengths."""
+
 
 def heading(rows: list[list[str]]) -> int | None:
     """Return the row of the variables' names, None where it is no table of Tracker.
@@ -42,7 +45,7 @@ def from_text(path: Path, text: str) -> PointTable:
         The table.
 
     Raises:
-        VideoError: a point has no coordinates.
+        VideoError: a point has no coordinates, or one has pixels and another lengths alone.
     """
     body = text.splitlines()
     multi = bool(body) and body[0].strip().casefold().startswith("#multi")
@@ -51,22 +54,20 @@ def from_text(path: Path, text: str) -> PointTable:
     variables = [cell.casefold() for cell in rows[at]]
     starts = _starts(rows[at - 1], variables)
     table = numbers(path, rows[at + 1 :], at + 2 + multi, len(variables))
-    names, places, in_picture = [], [], True
+    names, places = [], []
     for k, (first, name) in enumerate(starts):
         stop = starts[k + 1][0] if k + 1 < len(starts) else len(variables)
         own = {what: first + i for i, what in enumerate(variables[first:stop]) if what}
-        pair = ("pixelx", "pixely") if "pixelx" in own and "pixely" in own else ("x", "y")
-        if not all(what in own for what in pair):
+        if not any(_has(own, pair) for pair in PAIRS):
             raise VideoError(
                 f"{path.name}: expected columns x and y, or pixelx and pixely, of point '{name}', got "
                 f"{', '.join(own) or 'none'}; choose them in Tracker's table."
             )
-        in_picture &= pair[0] == "pixelx"
         names.append(name)
-        places.append((own, pair))
-    if not in_picture:
-        places = [(own, ("x", "y") if "x" in own else pair) for own, pair in places]
-    px = np.stack([table[:, [own[what] for what in pair]] for own, pair in places], axis=1)
+        places.append(own)
+    pair = _shared(path, names, places)
+    in_picture = pair == PAIRS[0]
+    px = np.stack([table[:, [own[what] for what in pair]] for own in places], axis=1)
     frame = _column(table, variables, "frame")
     time = _column(table, variables, "t")
     return PointTable(
@@ -82,6 +83,23 @@ def _starts(names: list[str], variables: list[str]) -> list[tuple[int, str]]:
         # a single name stands in the first column, or over that of its first variable
         return [(1, found[0][1] if found else "mass_A")]
     return [(max(i, 1), name) for i, name in found if i < len(variables)]
+
+
+def _has(own: dict[str, int], pair: tuple[str, str]) -> bool:
+    return all(what in own for what in pair)
+
+
+def _shared(path: Path, names: list[str], places: list[dict[str, int]]) -> tuple[str, str]:
+    """Return the kind of columns that all points have: pixels and lengths are not in one system."""
+    for pair in PAIRS:
+        if all(_has(own, pair) for own in places):
+            return pair
+    odd = next(name for name, own in zip(names, places, strict=True) if not _has(own, PAIRS[0]))
+    other = next(name for name, own in zip(names, places, strict=True) if not _has(own, PAIRS[1]))
+    raise VideoError(
+        f"{path.name}: expected columns of one kind for all points, got x, y of '{odd}' and pixelx, pixely "
+        f"of '{other}'; choose the same for each in Tracker's table."
+    )
 
 
 def _column(table: np.ndarray, variables: list[str], name: str) -> np.ndarray | None:

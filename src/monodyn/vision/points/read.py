@@ -61,8 +61,9 @@ def read_points(
         The points by frame.
 
     Raises:
-        VideoError: The file cannot be read, is no such table, has no places, no times, a frame twice, frames
-            that the clip does not have, or likelihoods that are none.
+        VideoError: The file cannot be read, is no such table, has no places, no times or times in a unit
+            that nothing shows, a frame twice, frames that the clip does not have, or likelihoods that are
+            none.
 
     Example:
         >>> monodyn.read_points("pendulumDLC.csv", rate=30)  # doctest: +SKIP
@@ -80,7 +81,7 @@ def read_points(
     px, (width, height), notes = _in_picture(path, table, size, clip, upward=upward)
     return PointTracks(
         path, table.names, frame, time, px, table.likelihood, width, height,
-        in_picture=table.in_picture, tick=tick, notes=tuple(notes),
+        in_picture=table.in_picture, tick=tick, notes=(*table.notes, *notes),
     )  # fmt: skip
 
 
@@ -183,7 +184,7 @@ def _clock(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return frame numbers, times [s] and the unit to which these are rounded [s]."""
     count, time = len(table.px), table.time
-    frame = table.frame if table.frame is not None else _numbered(count, time, clip)
+    frame = table.frame if table.frame is not None else _numbered(table, clip)
     if np.any(frame != np.round(frame)) or np.any(frame < 0):
         odd = frame[int(np.argmax((frame != np.round(frame)) | (frame < 0)))]
         raise VideoError(
@@ -204,6 +205,11 @@ def _clock(
         return frame, frame / rate, 0.0
     if clip is not None:
         return frame, clip.times[frame], clip.tick
+    if table.doubt:
+        raise VideoError(
+            f"{path.name}: expected times in frames, milliseconds or seconds, got {table.doubt}; give --rate "
+            "HZ, or the clip with --clip."
+        )
     if time is not None:
         return frame, *_even(frame, time, table.tick)
     raise VideoError(
@@ -212,11 +218,12 @@ def _clock(
     )
 
 
-def _numbered(count: int, time: np.ndarray | None, clip: Video | None) -> np.ndarray:
+def _numbered(table: PointTable, clip: Video | None) -> np.ndarray:
     """Return frame numbers of rows that have none: those of the clip's stamps, or by the usual step."""
+    count, time = len(table.px), table.time
     if time is None or count < 2:
         return np.arange(count)
-    if clip is not None and clip.count > 1:
+    if clip is not None and clip.count > 1 and not table.doubt:
         near = np.searchsorted(0.5 * (clip.times[1:] + clip.times[:-1]), time)
         most = 0.5 * float(np.median(np.diff(clip.times)))
         if np.all(np.diff(near) > 0) and np.abs(clip.times[near] - time).max() < most:
@@ -224,7 +231,11 @@ def _numbered(count: int, time: np.ndarray | None, clip: Video | None) -> np.nda
     steps = np.diff(time)
     # each step is counted by itself: rounded stamps do not add up to a frame too many
     missing = np.maximum(np.round(steps / float(np.median(steps))), 1.0)
-    return np.concatenate([[0.0], np.cumsum(missing)])
+    number = np.concatenate([[0.0], np.cumsum(missing)])
+    if clip is None or not table.doubt:
+        return number
+    # a step is a frame in any unit: so many of them are before the first row, too
+    return number + np.round(time[0] * number[-1] / (time[-1] - time[0]))
 
 
 def _even(frame: np.ndarray, time: np.ndarray, tick: float) -> tuple[np.ndarray, float]:
