@@ -15,7 +15,7 @@ import numpy as np
 
 from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.settings import USUAL_TERMS
-from monodyn.mechanism.dots import dots_of
+from monodyn.mechanism.dots import dots_of, shows_dots
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
@@ -81,12 +81,18 @@ def drawn_mechanism(model: str | Path, settings: RunSettings) -> Mechanism:
 
     Raises:
         MechanismError: no body of the mechanism can be seen.
+        SettingsError: it is followed by its dots, whose pictures are taken as of one instant.
     """
     mechanism = chosen_mechanism(model, settings)
     if not mechanism.plan.drawn and not dots_of(mechanism):
         raise MechanismError(
             f"mechanism '{mechanism.name}': expected a moving body with a geom or a site that a clip can "
             "show, got none; add its shape."
+        )
+    if (settings.camera.exposure or settings.camera.readout) and shows_dots(mechanism):
+        raise SettingsError(
+            "camera.exposure, camera.readout: expected a mechanism that shows its outline, got "
+            f"'{mechanism.name}', which is followed by its dots; leave them out."
         )
     return mechanism
 
@@ -382,7 +388,9 @@ def how_to_film(fit: Fit, sight: Sight) -> list[str]:
         fit: The fit.
         sight: What the run saw of its clip.
     """
-    return [] if fit.ok or sight.tracks is not None else [FILMING]
+    # dots are found in the clip; points of a table are another tool's
+    given = sight.tracks is not None and sight.tracks.clip is None
+    return [] if fit.ok or given else [FILMING]
 
 
 def unshown(poses: Poses) -> list[str]:
