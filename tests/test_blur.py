@@ -13,13 +13,14 @@ import pytest
 
 import monodyn
 from monodyn import blur
-from monodyn.blur import blurred, follow_exposed
+from monodyn.blur import Exposed, blurred, follow_exposed
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import rollout
 from monodyn.settings import RunSettings
 from monodyn.stages import track_freely
 from monodyn.types import FULL
 from monodyn.vision.drawing.shutter import Shutter
+from monodyn.vision.release import FreeSpan
 from monodyn.vision.settings import CameraSettings, TrackSettings
 from monodyn.vision.tracking.exposure import Exposure
 from pictures import CAMERA, exposed_mask
@@ -81,15 +82,17 @@ def test_sharp_pictures_are_left_as_they_are(monkeypatch: pytest.MonkeyPatch) ->
     still = SimpleNamespace(masks=None, video=SimpleNamespace(camera_path=None))
     found: Any = (still, None, None)
     monkeypatch.setattr(blur, "exposure_of", lambda *given: Exposure(0.0))
-    assert follow_exposed(found, load("bob"), RunSettings()) is found
+    assert follow_exposed(found, load("bob"), RunSettings()) == Exposed(*found)
     # the published method knows no exposure, and a user may know that there is none
     monkeypatch.setattr(blur, "exposure_of", lambda *given: Exposure(0.05))
-    assert follow_exposed(found, load("bob"), RunSettings(track=TrackSettings(method="paper"))) is found
+    assert follow_exposed(found, load("bob"), RunSettings(track=TrackSettings(method="paper"))) == Exposed(
+        *found
+    )
     none = RunSettings(camera=CameraSettings(exposure=0.0))
-    assert follow_exposed(found, load("bob"), none) is found
+    assert follow_exposed(found, load("bob"), none) == Exposed(*found)
     # a camera that moves blurs the pictures in its own way
     still.video.camera_path = "its way"
-    assert follow_exposed(found, load("bob"), RunSettings()) is found
+    assert follow_exposed(found, load("bob"), RunSettings()) == Exposed(*found)
 
 
 @pytest.mark.parametrize(
@@ -127,28 +130,43 @@ def test_scene_and_poses_are_found_again_until_exposure_and_motion_stay(
     monkeypatch.setattr(blur, "track_freely", lambda *given, **more: (None, None))
     still = SimpleNamespace(camera_path=None)
     scene: Any = SimpleNamespace(masks=None, video=still, shutter=None, mechanism=mechanism, camera=CAMERA)
-    follow_exposed((scene, None, None), mechanism, RunSettings())  # pyright: ignore
+    found = follow_exposed((scene, None, None), mechanism, RunSettings())  # pyright: ignore
     assert found_again == estimates[:rounds]
+    assert found.settled == (rounds < blur.ROUNDS)
 
 
 def test_the_note_says_how_pictures_were_exposed() -> None:
-    times = np.arange(3) / 10.0
-    scene: Any = SimpleNamespace(shutter=SHUTTER)
-    assert blurred(scene, times, CameraSettings()) == [
+    scene: Any = SimpleNamespace(shutter=SHUTTER, video=SimpleNamespace(camera_path=None))
+    poses: Any = SimpleNamespace(time=np.arange(3) / 10.0)
+
+    def notes(camera: CameraSettings, *, settled: bool = True) -> list[str]:
+        return blurred(Exposed(scene, poses, FreeSpan(0, 3, ()), settled), camera)
+
+    assert notes(CameraSettings()) == [
         "Motion blurs the pictures: each is exposed for 58.4 ± 1.8 ms, 58% of the time between two frames. "
         "Outlines that move meanwhile are compared with them; the poses are those in the middle of the "
         "exposures."
     ]
+    unsettled = (
+        "Exposure and motion still changed after scene and poses had been found with them 4 times: sizes and "
+        "poses may be off by more than stated; --camera.exposure SECONDS gives the exposure where it is "
+        "known, and shorter exposures or more pictures a second show the motion better."
+    )
+    assert notes(CameraSettings(), settled=False) == [*notes(CameraSettings()), unsettled]
     scene.shutter = replace(SHUTTER, exposure=0.05, std=0.0)
-    assert blurred(scene, times, CameraSettings()) == [
+    assert notes(CameraSettings()) == [
         "Motion blurs the pictures: each is exposed for 50 ms, 50% of the time between two frames. Outlines "
         "that move meanwhile are compared with them; the poses are those in the middle of the exposures."
     ]
     scene.shutter = replace(SHUTTER, exposure=0.0, readout=0.02)
-    assert blurred(scene, times, CameraSettings()) == []
+    assert notes(CameraSettings()) == []
+    assert notes(CameraSettings(readout=0.02), settled=False) == [unsettled]
     scene.shutter = None
-    assert blurred(scene, times, CameraSettings()) == []
-    assert blurred(scene, times, CameraSettings(readout=0.02)) == [
+    # what was found for sharp pictures before a camera at rest says nothing of one that moves
+    assert notes(CameraSettings(readout=0.02)) == []
+    scene.video.camera_path = "its way"
+    assert notes(CameraSettings()) == []
+    assert notes(CameraSettings(readout=0.02)) == [
         "The camera moves: its pictures are taken as of one instant each, and --camera.exposure and "
         "--camera.readout do not count."
     ]

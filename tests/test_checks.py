@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dotted import BALLS
 from monodyn.checks import (
     camera_choices,
     check_tracked,
@@ -30,7 +31,7 @@ from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.thumbnails import Window
-from monodyn.vision.settings import LocateSettings
+from monodyn.vision.settings import CameraSettings, LocateSettings
 from support import EXAMPLES, ClipMaker, refuses
 
 MODEL = EXAMPLES / "double.xml"
@@ -138,6 +139,19 @@ def test_a_background_that_is_not_there(make_clip: ClipMaker) -> None:
         clip_and_mechanism(make_clip(), MODEL, RunSettings(background=Path("nowhere.png")))
 
 
+def test_dots_are_of_one_instant(make_clip: ClipMaker, tmp_path: Path) -> None:
+    model = tmp_path / "balls.xml"
+    model.write_text(BALLS.replace("<mujoco>", '<mujoco model="balls">'))
+    said = (
+        "camera.exposure, camera.readout: expected a mechanism that shows its outline, got 'balls', which is "
+        "followed by its dots; leave them out."
+    )
+    for camera in (CameraSettings(exposure=0.01), CameraSettings(readout=-0.01)):
+        with refuses(SettingsError, said):
+            clip_and_mechanism(make_clip(), model, RunSettings(camera=camera))
+    clip_and_mechanism(make_clip(), model, RunSettings(camera=CameraSettings(exposure=0.0)))
+
+
 def test_frames_of_the_fit() -> None:
     assert fitted_range(None, 12) == (0, 9)
     assert fitted_range((3, None), 12) == (3, 12)
@@ -185,8 +199,13 @@ def test_a_clip_without_the_mechanism_says_so(video: Video) -> None:
 
 def test_a_refused_clip_leads_to_the_page_on_filming() -> None:
     said = ["What makes a clip good, with examples: docs/filming.md."]
-    filmed, pointed = SimpleNamespace(tracks=None), SimpleNamespace(tracks=object())
+    filmed, pointed, dotted = (
+        SimpleNamespace(tracks=tracks)
+        for tracks in (None, SimpleNamespace(clip=None), SimpleNamespace(clip=object()))
+    )
     assert how_to_film(SimpleNamespace(ok=False), filmed) == said
+    # dots are found in the clip
+    assert how_to_film(SimpleNamespace(ok=False), dotted) == said
     assert how_to_film(SimpleNamespace(ok=True), filmed) == []
     # points were filmed by somebody else
     assert how_to_film(SimpleNamespace(ok=False), pointed) == []

@@ -13,17 +13,19 @@ import numpy as np
 import pytest
 
 import monodyn
+from monodyn.blur import check_exposure
 from monodyn.checks import doubt, unshown
 from monodyn.errors import SettingsError, VideoError
 from monodyn.inputs import masks_and_mechanism, opened, points_and_mechanism
 from monodyn.settings import RunSettings
 from monodyn.types import FULL
 from monodyn.vision.clip.lens import lens_of
+from monodyn.vision.clip.repeats import Repeats
 from monodyn.vision.foreground.mask_files import OpenedMasks
 from monodyn.vision.points.tracks import PointTracks
-from monodyn.vision.settings import LocateSettings
+from monodyn.vision.settings import CameraSettings, LocateSettings
 from pictures import drawn_mask
-from support import command, refuses
+from support import ClipMaker, command, refuses
 from tracked import plain_csv, seen, spoiled, swing
 
 NAMES = ("joint1", "joint2", "link2")
@@ -142,6 +144,49 @@ def test_points_are_put_straight(tmp_path: Path) -> None:
     assert isinstance(tracks, PointTracks)
     # the table has three decimals
     assert tracks.px == pytest.approx(straight, abs=2e-3)
+
+
+def test_points_that_a_lens_cannot_show_are_said(tmp_path: Path) -> None:
+    px = np.full((20, 2, 2), [900.0, 500.0]) + np.arange(20)[:, None, None]
+    # two in a corner that the coefficients fold, and one that was not found
+    px[3:5, 0], px[7, 1] = [2.0, 2.0], np.nan
+    path = plain_csv(tmp_path / "points.csv", ("joint1", "joint2"), px)
+    given = RunSettings(
+        points=path, points_size=(1920, 1080), rate=30.0, distortion=(-0.25, 0.08, 0.0, 0.0, -0.012),
+        locate=LocateSettings(focal=870.0),
+    )  # fmt: skip
+    _, tracks, _ = opened(None, "double", given)
+    assert isinstance(tracks, PointTracks)
+    assert np.flatnonzero(~tracks.found.all(axis=1)).tolist() == [3, 4, 7]
+    assert tracks.notes[-1] == (
+        "2 of 39 points lie where no place of a straight picture appears by --camera.distortion and "
+        "--locate.focal: they count as not found. Check both where the points are right."
+    )
+    _, whole, _ = opened(None, "double", replace(given, distortion=BARREL))
+    assert isinstance(whole, PointTracks)
+    assert not any("--camera.distortion" in note for note in whole.notes)
+
+
+def test_an_exposure_is_shorter_than_the_time_between_two_pictures(make_clip: ClipMaker) -> None:
+    clip = make_clip()
+    said = (
+        "camera.exposure: expected at most 0.03333 s, the time between two pictures of the clip, got 5 s; "
+        "give it in seconds (5 ms are 0.005), and --rate if the clip has another rate."
+    )
+    with refuses(SettingsError, said):
+        opened(clip, "double", RunSettings(camera=CameraSettings(exposure=5.0)))
+    # that fits a scene of a lower rate in this clip: refused as soon as the pictures have been looked at
+    given = RunSettings(camera=CameraSettings(exposure=0.04))
+    video, _, _ = opened(clip, "double", given)
+    with refuses(SettingsError, said.replace("5 s;", "0.04 s;")):
+        check_exposure(video, given.camera)
+    every_other = video.without(Repeats(tuple(range(1, 12, 2))))
+    check_exposure(every_other, given.camera)
+    check_exposure(video.without(Repeats((5, 11), 25.0, np.arange(12) / 25.0)), given.camera)
+    with refuses(SettingsError, said.replace("exposure", "readout").replace("5 s;", "-0.04 s;")):
+        check_exposure(video, CameraSettings(readout=-0.04))
+    # what both were rounded by does not count
+    check_exposure(video, CameraSettings(exposure=0.034, readout=-1 / 30))
 
 
 def test_a_lens_bends_no_lengths_of_a_scene(tmp_path: Path) -> None:

@@ -17,13 +17,15 @@ from monodyn.checks import FILMING, doubt
 from monodyn.errors import FitError, SettingsError, VideoError
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
-from monodyn.pipeline import identify_tables, run, track_clip
+from monodyn.pipeline import Job, identify_tables, run, track_clip
+from monodyn.results.log import RunLog
 from monodyn.settings import RunSettings, settings_classes
 from monodyn.stages import segment
 from monodyn.types import Camera, Poses
 from monodyn.vision.clip.video import read
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.release import FreeSpan
+from monodyn.vision.settings import CameraSettings
 from support import ClipMaker, command, refuses
 from swings import TIMES, motion, record
 
@@ -104,6 +106,32 @@ def test_without_a_folder_nothing_is_written(table: Path) -> None:
     outcome = identify_tables([table, table], "single")
     assert (outcome.folder, len(outcome.traces), outcome.document["ok"]) == (None, 2, True)
     assert [trace.name for trace in outcome.traces] == ["swing.csv", "swing.csv"]
+
+
+def test_notes_of_a_clip_and_of_its_masks_are_said_once(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker
+) -> None:
+    video = read(seen(monkeypatch, make_clip))
+    masks = pipeline.segment(video)
+    video.remarks.extend(["Stamps were restored.", "A frame is missing."])
+    masks.video.remarks[:] = ["A frame is missing.", "A mask is missing."]
+    monkeypatch.setattr(pipeline, "given_masks", lambda *given: masks)
+    opened: Any = object()
+    job = Job(RunSettings(), RunLog("track", {}, RunSettings()), None, None, masks=opened)
+    pipeline.locate_and_track(job, video, load("single"))
+    said = [note for note in job.log.notes if note in {*video.notes, *masks.video.notes}]
+    assert said == ["Stamps were restored.", "A frame is missing.", "A mask is missing."]
+
+
+def test_an_exposure_is_compared_with_the_pictures_that_are_new(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker
+) -> None:
+    """All pictures are new: one cannot be exposed for longer than it is to the next."""
+    video = read(seen(monkeypatch, make_clip))
+    settings = RunSettings(camera=CameraSettings(exposure=0.04))
+    job = Job(settings, RunLog("track", {}, settings), None, None)
+    with pytest.raises(SettingsError, match=r"camera\.exposure: expected at most 0\.03333 s"):
+        pipeline.locate_and_track(job, video, load("single"))
 
 
 def test_a_tracked_clip_has_its_notes(

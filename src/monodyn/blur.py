@@ -6,14 +6,16 @@ blur them, the poses determine how, and scene and poses are found again with out
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from monodyn.checks import camera_choices
+from monodyn.errors import SettingsError
 from monodyn.settings import RunSettings
 from monodyn.stages import track_freely
 from monodyn.types import Poses, Progress
+from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.shutter import way
 from monodyn.vision.foreground.given import GivenMasks
@@ -33,6 +35,49 @@ SAME = 0.05
 """Difference of two exposures, as a share, that makes no difference to poses and sizes."""
 SAME_PX = 1.0
 """Difference of the ways that the outline goes in an exposure up to which poses and sizes stay [px]."""
+ROUNDED = 1.05
+"""By how much an exposure may exceed the time between two pictures, both being rounded."""
+
+
+class Exposed(NamedTuple):
+    """What was found of a clip, with how its pictures were exposed.
+
+    Attributes:
+        scene: The scene.
+        poses: The poses.
+        span: The frames in which the mechanism moves freely.
+        settled: False where exposure and motion still changed in the last round.
+    """
+
+    scene: Scene
+    poses: Poses
+    span: FreeSpan
+    settled: bool = True
+
+
+def check_exposure(video: Video, camera: CameraSettings, *, repeats: int = 0) -> None:
+    """Refuse an exposure, or a readout, that takes longer than it is from one picture to the next.
+
+    Args:
+        video: The clip.
+        camera: What was given of the camera.
+        repeats: How many pictures may repeat the one before without being known to: the scene's own rate is
+            lower then, and each picture may be exposed for longer.
+
+    Raises:
+        SettingsError: one of them does.
+    """
+    new = np.delete(video.times, list(video.repeats.frames))
+    if len(new) < 2:
+        return
+    interval = 1.0 / video.repeats.rate if video.repeats.rate else float(np.median(np.diff(new)))
+    for name, seconds in (("exposure", camera.exposure or 0.0), ("readout", camera.readout)):
+        if abs(seconds) > ROUNDED * (1 + repeats) * interval:
+            raise SettingsError(
+                f"camera.{name}: expected at most {interval:.4g} s, the time between two pictures of the "
+                f"clip, got {seconds:g} s; give it in seconds (5 ms are 0.005), and --rate if the clip has "
+                "another rate."
+            )
 
 
 def follow_exposed(
@@ -40,7 +85,7 @@ def follow_exposed(
     mechanism: Mechanism,
     settings: RunSettings,
     progress: Progress | None = None,
-) -> tuple[Scene, Poses, FreeSpan]:
+) -> Exposed:
     """Find scene and poses again where the pictures are not of one instant.
 
     Args:
@@ -51,16 +96,16 @@ def follow_exposed(
         progress: Called with the frames done by each step.
 
     Returns:
-        The same three; ``found`` itself where the pictures are sharp, where the camera moves, whose own blur
-        is not known, or where the published method is chosen, which knows no exposure.
+        The same three, as they are where the pictures are sharp, where the camera moves, whose own blur is
+        not known, or where the published method is chosen, which knows no exposure; and whether they settled.
     """
     methods = settings.camera.method, settings.locate.method, settings.track.method
     if "paper" in methods or found[0].video.camera_path is not None:
-        return found
+        return Exposed(*found)
     fix, free = camera_choices(settings)
     given, readout = settings.camera.exposure, settings.camera.readout
     report = progress or (lambda step, done, total: None)
-    for _ in range(ROUNDS):
+    for done in range(ROUNDS + 1):
         scene, poses, _ = found
         exposure = _estimated(scene, poses) if given is None else Exposure(given)
         if not (exposure.seconds or readout):
@@ -68,34 +113,47 @@ def follow_exposed(
         moving = with_shutter(scene, poses, exposure, readout)
         if _alike(scene, moving):
             break
+        if done == ROUNDS:
+            return Exposed(*found, settled=False)
         sought = Sought(scene.masks, mechanism, settings.locate, fix, free, report)
         scene = find_again(sought, moving, poses)
         found = (scene, *track_freely(scene.masks, scene, settings.track, progress=progress))
-    return found
+    return Exposed(*found)
 
 
-def blurred(scene: Scene, times: np.ndarray, camera: CameraSettings) -> list[str]:
-    """Return the note on how the pictures were exposed; nothing where they are of one instant.
+def blurred(found: Exposed, camera: CameraSettings) -> list[str]:
+    """Return notes on how the pictures were exposed; nothing where they are of one instant.
 
     Args:
-        scene: The scene.
-        times: Time stamps of the frames [s], (frame,).
+        found: What was found of the clip.
         camera: What was given of the camera.
     """
-    shutter = scene.shutter
-    if shutter is None and (camera.exposure or camera.readout):
+    scene, shutter = found.scene, found.scene.shutter
+    if shutter is None and scene.video.camera_path is not None and (camera.exposure or camera.readout):
         return [
             "The camera moves: its pictures are taken as of one instant each, and --camera.exposure and "
             "--camera.readout do not count."
         ]
     if shutter is None or not shutter.exposure:
-        return []
+        return _unsettled(found)
     known = f" ± {1000.0 * shutter.std:.2g}" if shutter.std else ""
-    share = shutter.exposure / float(np.median(np.diff(times)))
+    share = shutter.exposure / float(np.median(np.diff(found.poses.time)))
     return [
         f"Motion blurs the pictures: each is exposed for {1000.0 * shutter.exposure:.3g}{known} ms, "
         f"{share:.0%} of the time between two frames. Outlines that move meanwhile are compared with them; "
-        "the poses are those in the middle of the exposures."
+        "the poses are those in the middle of the exposures.",
+        *_unsettled(found),
+    ]
+
+
+def _unsettled(found: Exposed) -> list[str]:
+    """Return a note where exposure and motion still changed in the last round; nothing otherwise."""
+    if found.settled:
+        return []
+    return [
+        f"Exposure and motion still changed after scene and poses had been found with them {ROUNDS} times: "
+        "sizes and poses may be off by more than stated; --camera.exposure SECONDS gives the exposure where "
+        "it is known, and shorter exposures or more pictures a second show the motion better."
     ]
 
 

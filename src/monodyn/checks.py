@@ -15,7 +15,7 @@ import numpy as np
 
 from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.settings import USUAL_TERMS
-from monodyn.mechanism.dots import dots_of, shows_dots
+from monodyn.mechanism.dots import check_dots, dots_of, shows_dots
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
@@ -81,6 +81,7 @@ def drawn_mechanism(model: str | Path, settings: RunSettings) -> Mechanism:
 
     Raises:
         MechanismError: no body of the mechanism can be seen.
+        SettingsError: it is followed by its dots, whose pictures are taken as of one instant.
     """
     mechanism = chosen_mechanism(model, settings)
     if not mechanism.plan.drawn and not dots_of(mechanism):
@@ -89,20 +90,13 @@ def drawn_mechanism(model: str | Path, settings: RunSettings) -> Mechanism:
             "show, got none; add its shape."
         )
     if shows_dots(mechanism):
-        _check_dots(mechanism)
-    return mechanism
-
-
-def _check_dots(mechanism: Mechanism) -> None:
-    """Refuse a mechanism that shows dots alone, and none on a link and what hangs on it."""
-    parent, shown = mechanism.tree.parent, {dot.link for dot in dots_of(mechanism)}
-    for row in reversed(range(len(parent))):
-        if row not in shown:
-            raise MechanismError(
-                f"mechanism '{mechanism.name}': expected a dot on '{mechanism.joints[row].body}' or on a "
-                "body that it carries, as nothing else of it can be seen, got none; add a site."
+        check_dots(mechanism)
+        if settings.camera.exposure or settings.camera.readout:
+            raise SettingsError(
+                "camera.exposure, camera.readout: expected a mechanism that shows its outline, got "
+                f"'{mechanism.name}', which is followed by its dots; leave them out."
             )
-        shown.add(int(parent[row]))
+    return mechanism
 
 
 def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool = True) -> Mechanism:
@@ -401,7 +395,9 @@ def how_to_film(fit: Fit, sight: Sight) -> list[str]:
         fit: The fit.
         sight: What the run saw of its clip.
     """
-    return [] if fit.ok or sight.tracks is not None else [FILMING]
+    # dots are found in the clip; points of a table are another tool's
+    given = sight.tracks is not None and sight.tracks.clip is None
+    return [] if fit.ok or given else [FILMING]
 
 
 def unshown(poses: Poses) -> list[str]:

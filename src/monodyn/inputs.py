@@ -9,10 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from monodyn.blur import check_exposure
 from monodyn.checks import chosen_mechanism, clip_and_mechanism, drawn_mechanism
 from monodyn.errors import SettingsError, VideoError
 from monodyn.settings import RunSettings
 from monodyn.vision.clip.lens import Lens, lens_of, straightened
+from monodyn.vision.clip.repeats import LONGEST
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.mask_files import OpenedMasks, opened_masks
 from monodyn.vision.points.marks import marks_of
@@ -21,6 +23,9 @@ from monodyn.vision.points.tracks import PointTracks, without_pictures
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
+
+MOST_LOST = 0.01
+"""Share of the points above which it is said that a lens can show none where they are."""
 
 
 def opened(
@@ -38,17 +43,21 @@ def opened(
 
     Raises:
         VideoError: there is no clip, and nothing in its place.
+        SettingsError: a picture would be exposed for longer than it is to the next one.
     """
     if settings.points is not None:
         tracks, video, mechanism = points_and_mechanism(clip, model, settings)
         return _straight(video, settings), _straight_points(tracks, settings), mechanism
     if settings.masks is not None:
         opened, video, mechanism = masks_and_mechanism(clip, model, settings)
+        check_exposure(opened.objects, settings.camera)
         masks = replace(opened, objects=_straight(opened.objects, settings))
         return (masks.objects if video is opened.objects else _straight(video, settings)), masks, mechanism
     if clip is None:
         raise VideoError("clip: expected a video file or a folder of pictures, got none; name one.")
     video, mechanism = clip_and_mechanism(clip, model, settings)
+    # which pictures repeat the one before is known only once all have been looked at
+    check_exposure(video, settings.camera, repeats=LONGEST)
     return _straight(video, settings), None, mechanism
 
 
@@ -75,7 +84,15 @@ def _straight_points(tracks: PointTracks, settings: RunSettings) -> PointTracks:
         raise SettingsError(
             "camera.distortion: expected points in pixels, got lengths of a scene; leave one of them out."
         )
-    return replace(tracks, px=lens.points(tracks.px))
+    straight = replace(tracks, px=lens.points(tracks.px))
+    before, lost = int(tracks.found.sum()), int((tracks.found & ~straight.found).sum())
+    if lost <= MOST_LOST * before:
+        return straight
+    note = (
+        f"{lost} of {before} points lie where no place of a straight picture appears by --camera.distortion "
+        "and --locate.focal: they count as not found. Check both where the points are right."
+    )
+    return replace(straight, notes=(*straight.notes, note))
 
 
 def input_files(clip: str | Path | None, model: str | Path, settings: RunSettings) -> dict[str, str | Path]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monodyn.blur import blurred, follow_exposed
+from monodyn.blur import blurred, check_exposure, follow_exposed
 from monodyn.checks import (
     camera_choices,
     check_tracked,
@@ -340,6 +340,7 @@ def locate_and_track(
             # before a moving camera the clip goes on as one that stands still
             sight.video = masks.video
             job.write_camera(masks.video)
+            check_exposure(masks.video, settings.camera)
         else:
             masks = given_masks(job.masks, mechanism, settings.segment, progress)
     sight.masks = masks
@@ -357,14 +358,15 @@ def locate_and_track(
     with log.stage("track"):
         # the scene's masks, not the first ones: their colours were measured on the located mechanism
         found = scene, *track_freely(scene.masks, scene, settings.track, progress=progress)
-        scene, poses, span = follow_exposed(found, mechanism, settings, progress)
+        exposed = follow_exposed(found, mechanism, settings, progress)
+    scene, poses, span, _ = exposed
     sight.scene = scene
     sight.poses, sight.free_frames = poses, span[:2]
     moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
     repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, moving.frame)))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
-    notes = video.notes if job.masks is None else scene.masks.video.notes
-    notes = [*notes, *blurred(scene, poses.time, settings.camera), *span.notes, *untracked(moving, repeats)]
+    notes = _clip_notes(video, None if job.masks is None else scene.masks.video)
+    notes = [*notes, *blurred(exposed, settings.camera), *span.notes, *untracked(moving, repeats)]
     log.notes += [*scene.advice, *others, *notes]
     log.free_frames, log.region = span[:2], scene.masks.background.window
     job.write_poses(poses)
@@ -387,10 +389,16 @@ def _locate_and_track_points(
         poses, span = track_freely(tracks, scene, settings.track, span=settings.time_range, progress=progress)
     sight.poses, sight.free_frames = poses, span[:2]
     moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
-    log.notes += [*tracks.notes, *scene.advice, *sight.video.notes, *span.notes, *unshown(moving)]
+    notes = _clip_notes(sight.video, tracks.clip)
+    log.notes += [*tracks.notes, *scene.advice, *notes, *span.notes, *unshown(moving)]
     log.free_frames = span[:2]
     job.write_poses(poses)
     return scene, poses, span
+
+
+def _clip_notes(video: Video, masks: Video | None) -> list[str]:
+    """Return the notes of a clip and of the masks of it, a clip of their own, each once."""
+    return list(dict.fromkeys([*video.notes, *(() if masks is None else masks.notes)]))
 
 
 def predicted(fit: Fit, poses: Poses, times: np.ndarray, name: str) -> list[Trace]:

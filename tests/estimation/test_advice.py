@@ -183,6 +183,15 @@ def test_zero_frictions_are_those_not_estimated(double):
     assert advice.zero_frictions(freed, choose_unknowns(freed)) == ["joint1.friction"]
 
 
+def test_records_that_share_a_roll():
+    assert advice.one_roll(1) == []
+    assert advice.one_roll(2) == [
+        "One camera.roll was taken for all 2 records: where the camera was turned otherwise in one of them, "
+        "its angles against gravity are off by the difference, which no interval contains. Positions against "
+        "gravity (poses.csv of a run of each clip by itself) have no roll in common."
+    ]
+
+
 def test_a_tilt_that_is_large_or_hardly_known():
     def told(value, std, free=True):
         return advice.tilt([Estimate("camera.roll", value, std, -9.0, 9.0, "rad", free, True, False)])

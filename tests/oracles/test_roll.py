@@ -81,6 +81,16 @@ def test_a_record_against_gravity_has_no_roll(tmp_path: Path) -> None:
     assert ROLL not in [p.name for p in fit.parameters]
 
 
+def test_one_roll_of_several_records_is_said(tmp_path: Path) -> None:
+    one, other = (filmed(double_truth(), np.radians(degrees), tmp_path)[0] for degrees in (2.0, -2.0))
+    said = "One camera.roll was taken for all 2 records"
+    mechanism = with_roll(load("double"), 0.0, free=True)
+    assert any(line.startswith(said) for line in identify([one, other], mechanism).advice)
+    # a record against gravity shares nothing with one that was filmed
+    upright = identify([one, replace(other, roll=None)], mechanism)
+    assert not any("One camera.roll" in line for line in (*upright.advice, *identified(one).advice))
+
+
 def test_what_a_picture_was_taken_with_is_taken_into_account(tmp_path: Path) -> None:
     """The same poses by a camera whose roll was known in part: the same roll of the camera comes out."""
     poses, _ = filmed(double_truth(), np.radians(5.0), tmp_path)

@@ -10,7 +10,7 @@ import pytest
 
 from monodyn.errors import SettingsError
 from monodyn.types import Frame
-from monodyn.vision.clip.lens import lens_of, straightened
+from monodyn.vision.clip.lens import Lens, lens_of, straightened
 from monodyn.vision.clip.video import Video
 from support import refuses
 
@@ -52,6 +52,31 @@ def test_a_point_that_was_not_found_stays_so() -> None:
     found = lens.points(np.array([[[np.nan, np.nan], [79.5, 59.5]]]))
     assert np.isnan(found[0, 0]).all()
     assert found[0, 1] == pytest.approx([79.5, 59.5])
+
+
+def test_what_no_straight_picture_shows_is_not_found() -> None:
+    """Points in corners that the coefficients fold have no place, the others have theirs."""
+    coefficients = (-0.25, 0.08, 0.0, 0.0, -0.012)
+    lens = lens_of(coefficients, 870.0, 1920, 1080)
+    assert np.isnan(lens.points(np.array([[2.0, 2.0], [1917.0, 1075.0]]))).all()
+    straight = np.stack(np.meshgrid(np.linspace(300, 1600, 9), np.linspace(100, 900, 7)), axis=-1)
+    ahead = (straight - lens.centre) / 870.0
+    matrix = np.array([[870.0, 0.0, 959.5], [0.0, 870.0, 539.5], [0.0, 0.0, 1.0]])
+    rays = np.dstack([ahead, np.ones(ahead.shape[:2])]).reshape(-1, 3)
+    px, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.array(coefficients))
+    assert lens.points(px.reshape(straight.shape)) == pytest.approx(straight, abs=1e-6)
+
+
+def test_a_place_behind_a_fold_is_none() -> None:
+    """Beyond a fold this lens shows places of the picture once more, in order: they are no preimages."""
+    lens = Lens((-1.2, 0.6, 0.0, 0.0), 100.0, 160, 120)
+    radius = np.linspace(1.0, 200.0, 400)
+    found = lens.points(lens.centre + np.outer(radius, [1.0, 0.0]))
+    away = found[:, 0] - lens.centre[0]
+    seen = np.isfinite(away)
+    # r - 1.2 r^3 + 0.6 r^5 rises to its fold at r = 0.65 and again from r = 0.88
+    assert 0 < seen.sum() < len(seen)
+    assert np.all(away[seen] < 66.0)
 
 
 def test_pictures_are_put_straight() -> None:
@@ -102,3 +127,7 @@ def test_what_cannot_be_a_lens_is_refused() -> None:
     )
     with refuses(SettingsError, said):
         lens_of((-2.0, 0.0, 0.0, 0.0), FOCAL, WIDTH, HEIGHT)
+    # the straight picture is not folded, and a third of the bent one has no place in it
+    said = said.replace("160x120", "1280x720").replace("150", "700")
+    with refuses(SettingsError, said):
+        lens_of((-0.3, 0.0, 0.0, 0.0), 700.0, 1280, 720)

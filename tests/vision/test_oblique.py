@@ -124,3 +124,30 @@ def test_doubt_moves_all_poses_by_what_the_camera_may_be_wrong() -> None:
     assert again is not None
     assert not again[:, 3].any()
     np.testing.assert_allclose(np.delete(again, 3, axis=1), np.delete(shifts, 3, axis=1))
+
+
+def test_what_hides_a_joint_leaves_the_doubt_of_the_others() -> None:
+    looks = found(0.0)
+    doubt = doubt_of(looks.bundle, looks.known(looks.bundle), looks.off(looks.bundle), 2.0, scale_free=True)
+    # a slow swing, in which a hidden link is about where it was in the frames around
+    swing = np.linspace(0.0, 1.0, 12)
+    positions = np.column_stack([swing - 2.0, 0.5 - swing])
+    poses = Poses(
+        ("joint1", "joint2"), np.arange(12), np.arange(12) / 30.0, positions,
+        np.tile(1e-6 * np.eye(2), (12, 1, 1)), np.ones(12, bool), metric=False,
+    )  # fmt: skip
+    whole = doubt.with_shifts(poses, np.zeros(2, bool)).shifts
+    gaps = positions.copy()
+    gaps[[0, 5, 6], 1] = np.nan
+    some = doubt.with_shifts(replace(poses, position=gaps), np.zeros(2, bool)).shifts
+    gaps[:, 1] = np.nan
+    never = doubt.with_shifts(replace(poses, position=gaps), np.zeros(2, bool)).shifts
+    assert whole is not None
+    assert some is not None
+    assert never is not None
+    assert not some[:, [0, 5, 6], 1].any()
+    np.testing.assert_allclose(some[:, 5:7], whole[:, 5:7] * [1.0, 0.0], atol=1e-9)
+    # beyond the ends it is taken to be as in the nearest frame
+    np.testing.assert_allclose(some[:, 0, 0], whole[:, 0, 0], rtol=0.2, atol=1e-3)
+    assert np.sqrt(np.sum(never[:, :, 0] ** 2, axis=0)).min() > 1e-4
+    assert not never[:, :, 1].any()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn.errors import MechanismError
 from monodyn.mechanism.axis import TOUCHING, profile
 from monodyn.mechanism.parts import Geom, Link, Site
 
@@ -73,6 +74,25 @@ def shows_dots(mechanism: Mechanism) -> bool:
     """
     dots = dots_of(mechanism)
     return len(dots) > 1 or (len(dots) == 1 and not mechanism.plan.drawn)
+
+
+def check_dots(mechanism: Mechanism) -> None:
+    """Refuse a mechanism that shows dots alone, and none on a link and what hangs on it.
+
+    Args:
+        mechanism: The mechanism.
+
+    Raises:
+        MechanismError: nothing would show where a link is.
+    """
+    parent, shown = mechanism.tree.parent, {dot.link for dot in dots_of(mechanism)}
+    for row in reversed(range(len(parent))):
+        if row not in shown:
+            raise MechanismError(
+                f"mechanism '{mechanism.name}': expected a dot on '{mechanism.joints[row].body}' or on a "
+                "body that it carries, as nothing else of it can be seen, got none; add a site."
+            )
+        shown.add(int(parent[row]))
 
 
 def chosen_bodies(mechanism: Mechanism, bodies: str) -> str:

@@ -55,20 +55,23 @@ def prediction_table(joints: Sequence[str], trace: Trace | None) -> str:
 
 
 def camera_table(video: Video) -> str:
-    """Return ``camera.csv``: ``frame,time,registered,x_px,y_px,turn,zoom,std_px``.
+    """Return ``camera.csv``: ``frame,time,registered,x_px,y_px,turn,zoom,std_px``, and what perspective adds,
+    ``stretch,shear,lean_x,lean_y``.
 
-    Where the still scene appears in a frame: what a camera at its mean place shows at ``p`` [px] is at
-    ``c + zoom R(turn) (p - c) + (x_px, y_px)``, with the middle of the picture ``c``, x to the right and y
-    down; the turn is counter-clockwise as seen [rad].
+    Where the still scene appears in a frame: what a camera at its mean place shows at ``c + d`` [px] is at
+    ``c + (zoom R d + S d + (x_px, y_px)) / (1 + lean_x d_x + lean_y d_y)``, with the middle of the picture
+    ``c``, x to the right and y down, ``R = [[cos turn, sin turn], [-sin turn, cos turn]]`` (the turn is
+    counter-clockwise as seen [rad]) and ``S = [[stretch, shear], [shear, -stretch]]``; the last four columns
+    are zero but for rounding where no perspective shows, ``lean`` is in 1/px.
 
     Args:
         video: A clip of a camera that moves.
     """
     path = video.camera_path
-    text = "frame,time,registered,x_px,y_px,turn,zoom,std_px\n"
+    text = "frame,time,registered,x_px,y_px,turn,zoom,std_px,stretch,shear,lean_x,lean_y\n"
     if path is None:
         return text
-    table = np.column_stack([path.shift, path.turn, path.zoom, path.std])
+    table = np.column_stack([path.shift, path.turn, path.zoom, path.std, path.stretch, path.lean])
     table[~path.registered] = np.nan
     for frame, (time, known) in enumerate(zip(video.times.tolist(), path.registered.tolist(), strict=True)):
         numbers = ",".join(map(repr, table[frame].tolist()))

@@ -219,6 +219,24 @@ def tilt(parameters: Sequence[Estimate]) -> list[str]:
     return []
 
 
+def one_roll(records: int) -> list[str]:
+    """Report that one roll of the camera was estimated for several records.
+
+    Args:
+        records: Number of records whose positions were measured against the picture.
+
+    Returns:
+        Sentences; none for a single record.
+    """
+    if records < 2:
+        return []
+    return [
+        f"One camera.roll was taken for all {records} records: where the camera was turned otherwise in one "
+        "of them, its angles against gravity are off by the difference, which no interval contains. "
+        "Positions against gravity (poses.csv of a run of each clip by itself) have no roll in common."
+    ]
+
+
 def free_torques(mechanism: Mechanism) -> list[str]:
     """List the given values on which free torques depend, and that they end with the record.
 

@@ -259,6 +259,8 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     sentences += advice.stamps(found.noise.stamps)
     sentences += advice.limits(mechanism, problem.simulated(optimum.trial))
     sentences += advice.contradictions(problem.prior.negative)
+    if ROLL in unknowns.names:
+        sentences += advice.one_roll(int(problem.data.by_roll.any(axis=1).sum()))
     if fit.ok:
         without_effect = found.known.without_effect(unknowns.names)
         sentences += advice.tilt(fit.parameters)

@@ -20,6 +20,14 @@ ROUNDS = 20
 """Newton steps by which a place in a straight picture is found."""
 GRID = 33
 """Places along a side of the picture at which it is tried whether the lens folds it."""
+SHARES = 16
+"""Places on the way from the middle to a point at which that is tried for a point."""
+OFF_PX = 0.1
+"""Distance up to which a place counts as found [px]."""
+MOST_LOST = 0.1
+"""Share of the picture, at most, that the coefficients may leave without a place in the straight one: a
+calibration that had no points in the corners may fold them. Outside of the circle that touches the left and
+the right side of a picture of 4:3 lies about as much."""
 
 
 @dataclass(frozen=True)
@@ -56,20 +64,30 @@ class Lens:
             px: Places [px], (..., 2); NaN stays.
 
         Returns:
-            Places in the straight picture [px], (..., 2).
+            Places in the straight picture [px], (..., 2); NaN where the coefficients have nothing appear.
         """
         bent = (np.asarray(px, dtype=np.float64) - self.centre) / self.focal
         straight = bent.copy()
-        for _ in range(ROUNDS):
-            there, slope = _bent(self.coefficients, straight)
-            # NaN passes through, where a solver would stop at a singular matrix
-            straight = straight - np.einsum("...ij,...j->...i", _inverse(slope), there - bent)
-        return self.centre + self.focal * straight
+        # where no place appears there the steps lead anywhere, and the numbers may overflow
+        with np.errstate(all="ignore"):
+            for _ in range(ROUNDS):
+                there, slope = _bent(self.coefficients, straight)
+                # NaN passes through, where a solver would stop at a singular matrix
+                straight = straight - np.einsum("...ij,...j->...i", _inverse(slope), there - bent)
+            off = np.hypot(*np.moveaxis(_bent(self.coefficients, straight)[0] - bent, -1, 0))
+            found = (self.focal * off <= OFF_PX) & self._unfolded(straight)
+        return np.where(found[..., None], self.centre + self.focal * straight, np.nan)
 
     @property
     def centre(self) -> np.ndarray:
         """The principal point [px], (2,)."""
         return np.array([(self.width - 1) / 2.0, (self.height - 1) / 2.0])
+
+    def _unfolded(self, straight: np.ndarray) -> np.ndarray:
+        """Return whether the lens keeps neighbours in order all the way from the middle to directions
+        (..., 2) [focal lengths], bool (...): behind a fold the same place of the picture is reached again."""
+        ways = (share * straight for share in np.linspace(0.0, 1.0, SHARES + 1)[1:])
+        return np.all([_in_order(_bent(self.coefficients, way)[1]) for way in ways], axis=0)
 
     def _plane(self, plane: np.ndarray) -> np.ndarray:
         """Return one plane of a picture, of any size, put straight."""
@@ -155,11 +173,21 @@ def lens_of(coefficients: Sequence[float], focal: float, width: int, height: int
 
 
 def _is_one_to_one(lens: Lens) -> bool:
-    """Return whether neighbours in the straight picture are neighbours in the same order in the bent one."""
-    sides = (np.linspace(-0.5, 0.5, GRID) * side / lens.focal for side in (lens.width, lens.height))
-    _, slope = _bent(lens.coefficients, np.stack(np.meshgrid(*sides), axis=-1))
-    # written so that what is no number, NaN, is refused
-    return bool(np.all(slope[..., 0, 0] > 0.0) and np.all(np.linalg.det(slope) > 0.0))
+    """Return whether neighbours in the straight picture are neighbours in the same order in the bent one, and
+    whether all but corners of that one show something."""
+    size = np.array([lens.width, lens.height])
+    sides = (np.linspace(-0.5, 0.5, GRID) * side for side in size)
+    grid = np.stack(np.meshgrid(*sides), axis=-1)
+    if not np.all(_in_order(_bent(lens.coefficients, grid / lens.focal)[1])):
+        return False
+    return float(np.isnan(lens.points(lens.centre + grid)[..., 0]).mean()) <= MOST_LOST
+
+
+def _in_order(slope: np.ndarray) -> np.ndarray:
+    """Return where a lens of derivatives (..., 2, 2) keeps neighbours in order, bool (...)."""
+    (a, b), (c, d) = np.moveaxis(slope, (-2, -1), (0, 1))
+    # written so that what is no number, NaN, is not in order
+    return (a > 0.0) & (a * d - b * c > 0.0)
 
 
 def straightened(video: Video, lens: Lens) -> Video:

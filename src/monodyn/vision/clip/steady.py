@@ -96,6 +96,18 @@ class CameraPath:
         return np.abs(self.growth)
 
     @property
+    def stretch(self) -> np.ndarray:
+        """What perspective adds to turn and zoom in the middle of the picture: the map has
+        [[a, b], [b, -a]] in addition, (frame, (a, b))."""
+        m = self.maps
+        return 0.5 * np.column_stack([m[:, 0, 0] - m[:, 1, 1], m[:, 1, 0] + m[:, 0, 1]])
+
+    @property
+    def lean(self) -> np.ndarray:
+        """By how much the scene is smaller to the right and down, seen from the side [1/px], (frame, 2)."""
+        return self.maps[:, 2, :2]
+
+    @property
     def size(self) -> tuple[int, int]:
         """Width and height of the pictures [px]."""
         height, width = self.scene.luma.shape

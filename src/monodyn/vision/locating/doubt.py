@@ -46,11 +46,21 @@ class Doubt:
         x = variables.read(mechanism, camera)
         rig, shifts = shifted_rigs(variables, x, mechanism, camera, 1.0)
         unit = np.where(slides, self.metre, 1.0)
-        whole = np.isfinite(poses.position).all(axis=1)
-        gains = np.zeros((len(poses), len(slides), len(x)))
-        gains[whole] = pose_gains(rig, shifts, np.ascontiguousarray(poses.position[whole] * unit))
+        # what hides a joint does not make the others any surer: it is taken to be where it went meanwhile
+        gains = pose_gains(rig, shifts, _filled(poses) * unit)
         moved = np.einsum("fdp,pk->kfd", gains, self.root) / unit
-        return replace(poses, shifts=moved)
+        return replace(poses, shifts=np.where(np.isfinite(poses.position), moved, 0.0))
+
+
+def _filled(poses: Poses) -> np.ndarray:
+    """Return joint positions (frame, dof), of those that were not seen between the frames in which they were,
+    beyond these as in the nearest, and zero where a joint was never seen."""
+    filled = np.zeros(poses.position.shape)
+    for joint, path in enumerate(poses.position.T):
+        known = np.isfinite(path)
+        if known.any():
+            filled[:, joint] = np.interp(poses.time, poses.time[known], path[known])
+    return filled
 
 
 def doubt_of(bundle: Bundle, known: Bundle, off: np.ndarray, metre: float, *, scale_free: bool) -> Doubt:

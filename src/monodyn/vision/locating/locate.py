@@ -396,7 +396,7 @@ def found_scene(
 
 
 def _mismatch_share(frames: KeyFrames, shown: SceneGuess) -> float:
-    """Return the mean mismatch of outline and mask as a share of the mask's area (paper eq. 3)."""
+    """Return the median mismatch of outline and mask as a share of the mask's area (paper eq. 3)."""
     rig = rig_of(as_thick(frames, shown.mechanism, shown.camera), shown.camera, shrink=frames.shrink)
     shares = []
     for frame, q in zip(frames.frames, shown.positions, strict=True):

@@ -338,6 +338,7 @@ def _about(path: CameraPath) -> str:
     turn, zoom = float(np.degrees(np.abs(path.turn[known]).max())), path.zoom[known]
     zooms = f", with a zoom of {zoom.min():.3f} to {zoom.max():.3f}" if np.ptp(zoom) > LEAST_ZOOM else ""
     return (
-        f"The camera moves: up to {far:.1f} px and {turn:.2f} deg from its mean place{zooms}; its pictures were registered on the still scene, each within "
+        f"The camera moves: up to {far:.1f} px and {turn:.2f} deg from its mean place{zooms}; its "
+        f"pictures were registered on the still scene, each within "
         f"{float(np.median(path.std[known])):.2f} px (camera.csv)."
     )
