@@ -14,6 +14,7 @@ from monodyn.errors import MechanismError, SettingsError, VideoError
 from monodyn.mechanism import load, write_mjcf
 from monodyn.stages import locate, track, track_freely
 from monodyn.types import Camera
+from monodyn.vision.drawing.camera import from_origin
 from monodyn.vision.points.begin import begin, circle
 from monodyn.vision.points.drift import drift_of, smoothed
 from monodyn.vision.points.found import camera_notes, exchange_notes, proportion_notes
@@ -225,6 +226,48 @@ def test_an_angle_of_the_camera_is_found_where_it_is_freed(double) -> None:
     px = spoiled(seen(truth, q, NAMES, camera=camera))
     scene = locate(tracks(NAMES, px), file, free=["camera.yaw"])
     assert scene.camera.yaw == pytest.approx(-0.3, abs=4.0 * scene.camera_std["camera.yaw"] + 1e-3)
+
+
+@pytest.mark.parametrize("yaw", [-0.35, 0.17])
+def test_an_oblique_camera_is_found(double, yaw: float) -> None:
+    file, truth, q = double
+    camera = from_origin(replace(CAMERA, yaw=yaw))
+    scene = locate(tracks(NAMES, spoiled(seen(truth, q, NAMES, camera=camera))), file)
+    assert abs(scene.camera.yaw - yaw) < 4.0 * scene.camera_std["camera.yaw"] < 0.03
+    assert abs(scene.camera.focal - CAMERA.focal) < 4.0 * scene.camera_std["camera.focal"]
+    assert scene.rms_px < 0.6
+    assert not scene.off.any()
+    poses = track(scene.tracks, scene)
+    assert (poses.measured.mean(axis=0) > [0.95, 0.8]).all()
+    off = apart(poses.position, q) / np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
+    # in units of the noise; the first hinge takes up the roll, which a picture does not show
+    assert np.nanstd(off, axis=0).max() < 1.2
+
+
+def test_what_is_not_known_of_turns_is_in_what_moves_all_poses(double) -> None:
+    file, truth, q = double
+    camera = from_origin(replace(CAMERA, yaw=np.radians(3.0)))
+    table = tracks(NAMES, spoiled(seen(truth, q, NAMES, camera=camera), noise=2.0))
+    scene = locate(table, file)
+    assert scene.camera.yaw == 0.0
+    assert np.radians(3.0) < 3.0 * scene.camera_std["camera.yaw"]
+    assert scene.camera_std["camera.focal"] < 2.0 * 0.25 * CAMERA.focal
+    assert scene.advice == tuple(proportion_notes(sorted(scene.mechanism.measured.assumed)))
+    given = locate(table, file, fix={"camera.yaw": 0.0, "camera.pitch": 0.0, "camera.focal": CAMERA.focal})
+    assert not {"camera.yaw", "camera.pitch", "camera.focal"} & set(given.camera_std)
+    doubted, known = (np.sqrt(np.sum(np.var(track(table, s).shifts, axis=1), axis=0)) for s in (scene, given))
+    assert (doubted > 3.0 * known).all()
+
+
+def test_before_a_square_camera_turns_are_held(double) -> None:
+    file, truth, q = double
+    table = tracks(NAMES, spoiled(seen(truth, q, NAMES)))
+    scene = locate(table, file)
+    assert (scene.camera.pitch, scene.camera.yaw, scene.camera.focal) == (0.0, 0.0, CAMERA.focal)
+    # the scene of a given focal length doubts the turns alone
+    told = locate(table, file, LocateSettings(focal=CAMERA.focal))
+    assert {"camera.pitch", "camera.yaw"} < set(told.camera_std)
+    assert "camera.focal" not in told.camera_std
 
 
 def test_a_camera_that_moves_is_taken_out(double) -> None:

@@ -72,7 +72,8 @@ def follow_points(tracks: PointTracks, scene: PointScene) -> Poses:
     position = unwrapped(position, tracks.time, scene.mechanism.tree.kind, shown)
     seen_rows = np.all(shown, axis=1)
     names = tuple(joint.name for joint in joints)
-    shifts = np.where(shown, common_shifts(adjustment, fitted, kept)[:, :, :dofs], 0.0)
+    doubted = replace(scene.doubted, jitter=adjustment.jitter)
+    shifts = np.where(shown, common_shifts(doubted, fitted, kept, scene.off)[:, :, :dofs], 0.0)
     return Poses(
         names, tracks.frame, tracks.time, position, covariance, seen_rows, metric=False, joint_seen=shown,
         roll=scene.camera.roll, shifts=shifts,

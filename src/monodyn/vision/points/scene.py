@@ -27,6 +27,8 @@ class PointScene:
         tracks: The points.
         marks: What they are, points of the scene included.
         adjustment: The marks of the mechanism, and what was refined.
+        doubted: The same with what of the camera is held but not known among what is refined.
+        off: How far its unknowns would go if none were held, (param,).
         fitted: Mechanism, camera and poses as they were refined.
         drift: How the camera moved, or None.
         seen: The points by mark of the adjustment, names that were exchanged put right, as a camera at rest
@@ -46,6 +48,8 @@ class PointScene:
     tracks: PointTracks = field(repr=False)
     marks: tuple[Mark, ...]
     adjustment: Adjustment = field(repr=False)
+    doubted: Adjustment = field(repr=False)
+    off: np.ndarray = field(repr=False)
     fitted: Fitted = field(repr=False)
     drift: Drift | None = field(repr=False)
     seen: Seen = field(repr=False)
