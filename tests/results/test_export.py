@@ -51,17 +51,17 @@ def test_tables_without_motion_hold_their_header_alone() -> None:
 
 def test_the_way_of_the_camera_reads_back(make_clip: ClipMaker) -> None:
     video = read(make_clip(count=3))
-    assert camera_table(video) == "frame,time,registered,x_px,y_px,turn,zoom,std_px\n"
+    assert camera_table(video.times, None) == "frame,time,registered,x_px,y_px,turn,zoom,std_px\n"
     c, s = 1.1 * np.cos(0.02), 1.1 * np.sin(0.02)
     at = np.array([[c, -s, 2.5], [s, c, -1.25], [0.0, 0.0, 1.0]])
     maps = np.array([np.eye(3), at, np.full((3, 3), np.nan)])
     frame = next(iter(video.frames()))
     moving = replace(video, camera_path=CameraPath(maps, np.array([0.0, 0.05, np.nan]), frame))
-    rows = [line.split(",") for line in camera_table(moving).splitlines()[1:]]
+    rows = [line.split(",") for line in camera_table(moving.times, moving.camera_path).splitlines()[1:]]
     assert rows[0] == ["0", "0.0", "1", "0.0", "0.0", "-0.0", "1.0", "0.0"]
     assert [float(value) for value in rows[1]] == pytest.approx([1, 1 / 30, 1, 2.5, -1.25, -0.02, 1.1, 0.05])
     assert rows[2][2:] == ["0", "nan", "nan", "nan", "nan", "nan"]
-    plots = camera_curves(moving)
+    plots = camera_curves(moving.times, moving.camera_path)
     assert [(plot["title"], plot["unit"]) for plot in plots] == [
         ("still scene, to the right", "px"),
         ("still scene, down", "px"),
@@ -70,7 +70,7 @@ def test_the_way_of_the_camera_reads_back(make_clip: ClipMaker) -> None:
     ]
     assert plots[0]["fitted"]["value"] == [0.0, 2.5, None]
     assert plots[3]["fitted"]["value"] == [100.0, 110.0, None]
-    assert camera_curves(video) == []
+    assert camera_curves(video.times, None) == []
 
 
 def test_whatever_a_document_holds_becomes_json() -> None:

@@ -146,8 +146,8 @@ class Adjustment:
         """
         whole = np.ones(len(fitted.position))
         return Bundle(
-            fitted.mechanism, fitted.camera, fitted.position, self.variables, fitted.information, whole, whole,
-            whole,
+            fitted.mechanism, fitted.camera, fitted.position, self.variables, fitted.information,
+            whole, whole, whole,
         )  # fmt: skip
 
     def springs(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray]:

@@ -16,9 +16,10 @@ from monodyn.vision.locating.advice import vague_from
 from monodyn.vision.locating.knowledge import size_information
 from monodyn.vision.locating.unit import growth
 from monodyn.vision.points.adjust import Adjustment, Fitted, Seen
+from monodyn.vision.points.drift import Drift
 from monodyn.vision.points.marks import Mark
 from monodyn.vision.points.oblique import Looking
-from monodyn.vision.points.poses import Exchange
+from monodyn.vision.points.poses import MOST_PAIRS, Exchange
 from monodyn.vision.points.rest import Named
 from monodyn.vision.points.scene import PointScene
 from monodyn.vision.points.shown import (
@@ -84,7 +85,9 @@ def scene_of(
         outside=outside,
         extent_px=float(np.nanmax(np.nanmax(base, axis=(0, 1)) - np.nanmin(base, axis=(0, 1)))),
         advice=(
+            *motion_notes(found.drift, sought.tracks),
             *exchange_notes(found.exchanges, adjustment.places.marks, sought.tracks),
+            *pair_notes(adjustment.places.marks, sought.tracks),
             *proportion_notes(sorted(unseen)),
             *camera_notes(fitted.camera, {n: value for n, value in std.items() if n in sought.free}),
         ),
@@ -200,6 +203,53 @@ def camera_notes(camera: Camera, std: Mapping[str, float]) -> list[str]:
         return []
     return [
         f"The points hardly determine {', '.join(vague)}: leave out --free, or give the value with --fix."
+    ]
+
+
+def motion_notes(drift: Drift | None, tracks: PointTracks) -> list[str]:
+    """Write the sentences about a camera that moves.
+
+    Args:
+        drift: How the points that stand still show it to move, or None.
+        tracks: The points.
+
+    Returns:
+        The sentences; none for a camera that stands still.
+    """
+    notes = []
+    if tracks.clip is not None and tracks.clip.camera_path is not None:
+        notes.append(
+            "No parallax is measured of dots: before this camera, which moves, they are taken to be as far "
+            "away as the still scene. A mechanism that is nearer sways with the camera, which no interval "
+            "contains: put the camera on a tripod."
+        )
+    if drift is not None:
+        far, turn = float(np.hypot(*drift.shift.T).max()), float(np.degrees(np.abs(drift.turn).max()))
+        turned = f" and {turn:.2f} deg" if turn > 0.0 else ""
+        notes.append(
+            f"The camera moves: points that stand still shift by up to {far:.1f} px{turned} from their mean "
+            "place; taken out of all points (camera.csv)."
+        )
+    return notes
+
+
+def pair_notes(marks: Sequence[Mark], tracks: PointTracks) -> list[str]:
+    """Write the sentence about pairs of points of which it was not found out whether they exchanged names.
+
+    Args:
+        marks: The marks.
+        tracks: The table.
+
+    Returns:
+        The sentence; none where all pairs were looked at.
+    """
+    left = len(marks) * (len(marks) - 1) // 2 - MOST_PAIRS
+    if tracks.told_apart or left <= 0:
+        return []
+    return [
+        f"Of {left} of {left + MOST_PAIRS} pairs of points it was not found out whether they have exchanged "
+        f"names, '{marks[-2].track}' and '{marks[-1].track}' among them; leave points out with --points.map "
+        "NAME=none where tracks may have."
     ]
 
 

@@ -171,6 +171,30 @@ def covariances(adjustment: Adjustment, fitted: Fitted, seen: Seen, *, robust: b
     return np.linalg.inv(block)
 
 
+def registered(
+    adjustment: Adjustment, fitted: Fitted, seen: Seen, covariance: np.ndarray, std: np.ndarray
+) -> np.ndarray:
+    """Add what the registration of a moving camera leaves open: it displaces all points of a frame.
+
+    Args:
+        adjustment: The marks.
+        fitted: Mechanism, camera and poses.
+        seen: The points that lie on their marks; the others have no weight.
+        covariance: Covariance of each frame's pose by the noise of its points, (frame, dof, dof).
+        std: Standard deviation of the displacement of each frame [px], (frame,); NaN where it is not known.
+
+    Returns:
+        Covariances, (frame, dof, dof).
+    """
+    base = project(adjustment.shown(fitted), fitted.position)
+    slopes = np.nan_to_num(pose_slopes(adjustment.shown(fitted), fitted.position, base))
+    weight = weights(seen, base, fitted.noise, robust=False) / fitted.noise**2
+    gain = np.einsum("nij,npcj,np->nic", covariance, slopes, weight)
+    # the whole displacement is stated, of which each axis has one half
+    half = 0.5 * np.nan_to_num(std) ** 2
+    return covariance + half[:, None, None] * np.einsum("nic,njc->nij", gain, gain)
+
+
 def inside(adjustment: Adjustment, fitted: Fitted, seen: Seen) -> Seen:
     """Return the points that lie on their marks; the others have no weight.
 
