@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import monodyn
+import tracked
 from fits import identified, made_fit
 from monodyn import pipeline
 from monodyn.checks import FILMING, doubt
@@ -144,6 +145,24 @@ def test_a_tracked_clip_has_its_notes(
     assert outcome.document["files"] == ["poses.csv", "diagnosis.png", "overlay.mp4", "run.json"]
     assert list(outcome.seconds) == ["segment", "locate", "track", "results"]
     assert read(tmp_path / "run" / "overlay.mp4").count == 12
+
+
+def test_the_way_of_the_camera_that_points_show_is_written(tmp_path: Path) -> None:
+    mechanism, names = load("double"), ("joint1", "joint2", "link2")
+    px = tracked.seen(mechanism, tracked.swing(mechanism, 60, (0.5, 0.6)), names)
+    way = 20.0 * np.sin(np.arange(60) / 20.0)
+    draw = np.random.default_rng(0)
+    px = px + way[:, None, None] * [1.0, 0.0] + 0.2 * draw.normal(size=px.shape)
+    points = tracked.plain_csv(tmp_path / "points.csv", names, px)
+    settings = RunSettings(points=points, rate=30.0, points_size=(1280, 720))
+    outcome = track_clip(None, "double", tmp_path / "run", settings)
+    assert [note for note in outcome.notes if note.startswith("The camera moves: points that stand still ")]
+    assert "camera.csv" in outcome.document["files"]
+    file = np.genfromtxt(tmp_path / "run" / "camera.csv", delimiter=",", names=True)
+    assert file["registered"].tolist() == [1.0] * 60
+    np.testing.assert_allclose(file["x_px"] - file["x_px"].mean(), way - way.mean(), atol=1.0)
+    np.testing.assert_allclose(file["y_px"], 0.0, atol=1.0)
+    np.testing.assert_array_equal(file["zoom"], 1.0)
 
 
 def test_a_clip_without_the_mechanism_keeps_its_poses(

@@ -46,6 +46,7 @@ from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track_freely
 from monodyn.turns import with_right_turns
 from monodyn.types import Poses, Progress
+from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.clip.video import Video
 from monodyn.vision.dots.find import find_dots
 from monodyn.vision.foreground.given import given_masks
@@ -111,14 +112,15 @@ class Job:
         if self.folder is not None:
             self.folder.write("poses.csv", lambda path: write_poses(poses, path))
 
-    def write_camera(self, video: Video) -> None:
+    def write_camera(self, video: Video, path: CameraPath | None) -> None:
         """Write ``camera.csv`` where the camera moves.
 
         Args:
-            video: The clip as it was segmented.
+            video: The clip.
+            path: The way of the camera, or None.
         """
-        if self.folder is not None and video.camera_path is not None:
-            self.folder.write_text("camera.csv", camera_table(video))
+        if self.folder is not None and path is not None:
+            self.folder.write_text("camera.csv", camera_table(video.times, path))
 
     def show_sight(self, status: str, *, ok: bool | None) -> None:
         """Write ``diagnosis.png`` and ``overlay.mp4`` of a run that has no fit.
@@ -339,7 +341,7 @@ def locate_and_track(
             masks = segment(video, settings.segment, background=settings.background, progress=progress)
             # before a moving camera the clip goes on as one that stands still
             sight.video = masks.video
-            job.write_camera(masks.video)
+            job.write_camera(masks.video, masks.video.camera_path)
             check_exposure(masks.video, settings.camera)
         else:
             masks = given_masks(job.masks, mechanism, settings.segment, progress)
@@ -385,6 +387,7 @@ def _locate_and_track_points(
             mapped=settings.points_map, progress=progress,
         )  # fmt: skip
     sight.points = scene
+    job.write_camera(sight.video, scene.camera_path(sight.video.count))
     with log.stage("track"):
         poses, span = track_freely(tracks, scene, settings.track, span=settings.time_range, progress=progress)
     sight.poses, sight.free_frames = poses, span[:2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from fits import made_fit
 from monodyn.estimation.fit import Estimate
 from monodyn.mechanism import load
 from monodyn.mechanism.upright import ROLL, with_roll
-from monodyn.results.filmed import filmed_of
+from monodyn.results.filmed import Filmed, filmed_of
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.page import page_text
 from monodyn.types import Camera, Poses
@@ -64,9 +64,21 @@ def test_where_nothing_was_identified_the_located_mechanism_is_drawn() -> None:
     assert filmed_of(made_fit(starts=()), found, POSES).mechanism is found.mechanism
 
 
+def test_the_way_of_the_camera_is_that_of_the_scene_or_of_the_points() -> None:
+    video: Any = SimpleNamespace(camera_path="by the scene", count=7)
+    points = SimpleNamespace(camera_path=lambda count: f"by points, {count} frames")
+    for sight, way in (
+        (None, "by the scene"),
+        (SimpleNamespace(points=None), "by the scene"),
+        (SimpleNamespace(points=points), "by points, 7 frames"),
+    ):
+        filmed = Filmed(video, load("double"), Camera(64, 48, 100.0), POSES, sight=cast(Any, sight))
+        assert filmed.camera_path == way
+
+
 def test_the_exposure_is_told_with_the_camera() -> None:
     shutter = Shutter(0.02, 0.001, -0.01, *np.zeros((3, 2, 2)))
-    still = SimpleNamespace(video=SimpleNamespace(camera_path=None))
+    still = SimpleNamespace(video=SimpleNamespace(camera_path=None, times=np.zeros(0)))
     found = scene(shutter=shutter, masks=still)
     filmed = filmed_of(made_fit(mechanism=load("cartpole"), starts=()), found, POSES)
     assert filmed.shutter is shutter

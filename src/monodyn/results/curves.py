@@ -12,7 +12,7 @@ from monodyn.results.trace import Trace
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
-    from monodyn.vision.clip.video import Video
+    from monodyn.vision.clip.steady import CameraPath
 
 BAND = 1.96
 """Standard deviations from the middle of a 95 % band to its edge."""
@@ -83,16 +83,16 @@ def torque_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
     return plots
 
 
-def camera_curves(video: Video) -> list[dict[str, Any]]:
+def camera_curves(times: np.ndarray, path: CameraPath | None) -> list[dict[str, Any]]:
     """Return the data of the figures of a camera's way: displacement, turn and zoom of the still scene.
 
     Args:
-        video: The clip.
+        times: Time stamps of the clip [s], (frame,).
+        path: The way, or None.
 
     Returns:
         One figure each; none for a camera that stands still.
     """
-    path = video.camera_path
     if path is None:
         return []
     nothing, reach = np.zeros(0), 0.5 * math.hypot(*path.size)
@@ -104,8 +104,8 @@ def camera_curves(video: Video) -> list[dict[str, Any]]:
     ]
     plots = []
     for title, unit, values, std in shown:
-        curve = _band(video.times, values, np.where(path.registered, std, np.nan), nothing, nothing)
-        window = [float(video.times[0]), float(video.times[-1])]
+        curve = _band(times, values, np.where(path.registered, std, np.nan), nothing, nothing)
+        window = [float(times[0]), float(times[-1])]
         plots.append(
             {"title": title, "unit": unit, "time": [], "observed": [], "window": window, "fitted": curve,
              "predicted": None, "alone": True}

@@ -17,7 +17,7 @@ import numpy as np
 from monodyn.results.trace import Trace
 
 if TYPE_CHECKING:
-    from monodyn.vision.clip.video import Video
+    from monodyn.vision.clip.steady import CameraPath
 
 
 def states_table(joints: Sequence[str], traces: Sequence[Trace]) -> str:
@@ -54,7 +54,7 @@ def prediction_table(joints: Sequence[str], trace: Trace | None) -> str:
     return text + rows_text(trace.future_frame, [future.time, future.position, future.std])
 
 
-def camera_table(video: Video) -> str:
+def camera_table(times: np.ndarray, path: CameraPath | None) -> str:
     """Return ``camera.csv``: ``frame,time,registered,x_px,y_px,turn,zoom,std_px``, and what perspective adds,
     ``stretch,shear,lean_x,lean_y``.
 
@@ -65,15 +65,15 @@ def camera_table(video: Video) -> str:
     are zero but for rounding where no perspective shows, ``lean`` is in 1/px.
 
     Args:
-        video: A clip of a camera that moves.
+        times: Time stamps of the clip [s], (frame,).
+        path: The way of a camera that moves; None writes the header alone.
     """
-    path = video.camera_path
     text = "frame,time,registered,x_px,y_px,turn,zoom,std_px,stretch,shear,lean_x,lean_y\n"
     if path is None:
         return text
     table = np.column_stack([path.shift, path.turn, path.zoom, path.std, path.stretch, path.lean])
     table[~path.registered] = np.nan
-    for frame, (time, known) in enumerate(zip(video.times.tolist(), path.registered.tolist(), strict=True)):
+    for frame, (time, known) in enumerate(zip(times.tolist(), path.registered.tolist(), strict=True)):
         numbers = ",".join(map(repr, table[frame].tolist()))
         text += f"{frame},{time!r},{int(known)},{numbers}\n"
     return text

@@ -22,6 +22,7 @@ from monodyn.vision.points.scene import PointScene
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
     from monodyn.mechanism import Mechanism
+    from monodyn.vision.clip.steady import CameraPath
     from monodyn.vision.clip.video import Video
     from monodyn.vision.drawing.shutter import Shutter
     from monodyn.vision.locating.scene import Scene
@@ -52,6 +53,12 @@ class Filmed:
     camera_std: Mapping[str, float] = field(default_factory=dict)
     sight: Sight | None = None
     shutter: Shutter | None = None
+
+    @property
+    def camera_path(self) -> CameraPath | None:
+        """The way of a camera that moves, as the still scene or points that stand still show it."""
+        points = None if self.sight is None else self.sight.points
+        return self.video.camera_path if points is None else points.camera_path(self.video.count)
 
 
 def filmed_of(fit: Fit, scene: Scene | PointScene, poses: Poses, sight: Sight | None = None) -> Filmed:

@@ -41,7 +41,8 @@ def page_text(
     fit, traces = findings.fit, findings.traces
     several = len(traces) > 1
     plots = [plot for trace in traces for plot in motion_curves(fit, trace, several=several)]
-    camera = [] if findings.filmed is None else camera_curves(findings.filmed.video)
+    filmed = findings.filmed
+    camera = [] if filmed is None else camera_curves(filmed.video.times, filmed.camera_path)
     listed = listed_rows(fit)
     # the rest goes into a part of the page that is folded up
     others = [row for row in fit.parameters if not row.free and row not in listed]

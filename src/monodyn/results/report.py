@@ -96,8 +96,9 @@ def write_results(
     findings = replace(findings, notes=[*findings.notes, *lost_in_urdf(fit.mechanism)])
     if record is not None:
         folder.write("poses.csv", lambda path: write_poses(record, path))
-    if findings.filmed is not None and findings.filmed.video.camera_path is not None:
-        folder.write_text("camera.csv", camera_table(findings.filmed.video))
+    filmed = findings.filmed
+    if filmed is not None and filmed.camera_path is not None:
+        folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))
     document = fit_document(findings)
     folder.write_text("fit.json", json_text(document))
     write_models(folder, fit.mechanism)

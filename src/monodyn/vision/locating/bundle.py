@@ -141,6 +141,12 @@ class SceneVariables:
         """True for places, bool (param,)."""
         return np.array([kind in PLACE_KINDS for kind in self.kinds], dtype=bool)
 
+    @property
+    def assumed(self) -> np.ndarray:
+        """Information that what is assumed of the camera has on each variable, (param,)."""
+        # infinity stands for nothing
+        return np.array([CAMERA_STD.get(name, np.inf) ** -2.0 for name in self.names])
+
     def read(self, mechanism: Mechanism, camera: Camera) -> np.ndarray:
         """Read the vector off a mechanism and a camera.
 
@@ -251,9 +257,7 @@ def refine(
         np.array([getattr(found, name) for found in final.agreement])
         for name in ("matched", "rms_px", "inside", "samples")
     )
-    # what is assumed of the camera counts; infinity stands for nothing
-    assumed = [CAMERA_STD.get(name, np.inf) ** -2.0 for name in variables.names]
-    information = _information(final) + np.diag(assumed)
+    information = _information(final) + np.diag(variables.assumed)
     return Bundle(mechanism, camera, q, variables, information, rms, matched, inside, samples)
 
 

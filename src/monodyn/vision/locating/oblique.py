@@ -124,20 +124,25 @@ def looking(
     """
     if not names:
         return Looking(bundle, bundle.variables, bundle)
-    every = _with_camera(bundle, names)
+    every = with_camera(bundle.variables, bundle.mechanism, names)
     tried = _refined(masks, bundle, every, search._replace(reaches=np.array(TRIED)))
     wanted = any(name in asked for name in names)
-    if wanted or _turned(tried, bundle, names) > WORTH:
+    if wanted or turned_by(tried, bundle, names) > WORTH:
         found = _refined(masks, tried, every, search)
         if wanted or _believed(found, bundle, names):
             return Looking(found, every, found)
     return Looking(bundle, bundle.variables, tried)
 
 
-def _with_camera(bundle: Bundle, names: Sequence[str]) -> SceneVariables:
-    """Return the variables of a refinement and further parameters of the camera."""
-    before = bundle.variables
-    more = scene_variables(bundle.mechanism, [*before.names, *names])
+def with_camera(before: SceneVariables, mechanism: Mechanism, names: Sequence[str]) -> SceneVariables:
+    """Return the variables of a refinement and further parameters of the camera.
+
+    Args:
+        before: The variables.
+        mechanism: The mechanism.
+        names: The parameters.
+    """
+    more = scene_variables(mechanism, [*before.names, *names])
     return replace(
         more, start=before.start, length=before.length, thick=before.thick, focal=before.focal,
         creeps=np.concatenate((before.creeps, np.zeros(len(names), dtype=bool))),
@@ -157,7 +162,7 @@ def _believed(found: Bundle, before: Bundle, names: Sequence[str]) -> bool:
     stay farther from the outline than the noise by which the turns would seem to be known.
     """
     within = float(np.sqrt(np.mean(found.rms_px**2))) <= NOISE_PX
-    clear = min(_turned(found, before, names), float(np.sqrt(max(_fall(found, before), 0.0))))
+    clear = min(turned_by(found, before, names), float(np.sqrt(max(_fall(found, before), 0.0))))
     return within and clear > CLEAR
 
 
@@ -171,8 +176,14 @@ def _fall(found: Bundle, before: Bundle) -> float:
     return float(lost[0] - lost[1]) / NOISE_PX**2
 
 
-def _turned(found: Bundle, before: Bundle, names: Sequence[str]) -> float:
-    """Return how far the camera has turned away from what was held, in standard deviations."""
+def turned_by(found: Bundle, before: Bundle, names: Sequence[str]) -> float:
+    """Return how far the camera has turned away from what was held, in standard deviations.
+
+    Args:
+        found: A refinement with its turns free.
+        before: The one before.
+        names: What was free in addition.
+    """
     variables = found.variables
     x = variables.read(found.mechanism, found.camera)
     information = found.information + np.diag(

@@ -13,7 +13,8 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera
-from monodyn.vision.locating.bundle import LOG_STD, OFFSET_STD, PLACE_STD, SceneVariables
+from monodyn.vision.drawing.camera import CAMERA_STD
+from monodyn.vision.locating.bundle import LOG_CAMERA, LOG_STD, OFFSET_STD, PLACE_STD, Bundle, SceneVariables
 from monodyn.vision.points.shown import SHIFT_PX, STEP, Places, Shown, pose_slopes, project, shown_by
 
 REDESCENDS = 3.0
@@ -32,8 +33,6 @@ CALM = 0.02
 """Relative change of every standard deviation below which a refinement has settled."""
 MOST_STEP = 0.5
 """Largest change of an unknown in a step."""
-TURN_STD = 1.0
-"""Standard deviation of the camera's turns where these are free [rad]."""
 HINGE_STD = 0.03
 """Standard deviation of a site from the hinge that it marks, as a share of the length of its body."""
 LEAST_SHOWN = 1e-8
@@ -65,7 +64,8 @@ class Fitted:
         own: Places of the free marks as ratios to their bodies' lengths, (point, 2).
         position: Joint positions [rad or m], and shifts of the picture where the camera moves, (frame, dof).
         noise: Standard deviation of each mark's points [px], (point,).
-        information: Information matrix of the variables of the scene, all else eliminated, (param, param).
+        information: Information matrix of the variables of the scene, all else eliminated, with what is
+            assumed of the camera, (param, param).
     """
 
     mechanism: Mechanism
@@ -138,6 +138,18 @@ class Adjustment:
         logs = variables.is_size | np.isin(variables.kinds, ("camera.depth",))
         return np.concatenate([np.where(logs, 1.0, np.where(lengths, x[: len(lengths)], 0.0)), own])
 
+    def bundle(self, fitted: Fitted) -> Bundle:
+        """Return a refined mechanism with what is known of it, in the form of a refinement on edges.
+
+        Args:
+            fitted: Where the refinement ended.
+        """
+        whole = np.ones(len(fitted.position))
+        return Bundle(
+            fitted.mechanism, fitted.camera, fitted.position, self.variables, fitted.information,
+            whole, whole, whole,
+        )  # fmt: skip
+
     def springs(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray]:
         """Return where weak springs hold the shared unknowns, and their stiffness, each (param,).
 
@@ -155,8 +167,9 @@ class Adjustment:
             elif kind == "offset":
                 reach = abs(start[name]) + OFFSET_STD * variables.length + 1e-12
                 anchor[i], stiffness[i] = start[name], 1.0 / reach**2
-            elif name in ("camera.roll", "camera.pitch", "camera.yaw"):
-                stiffness[i] = 1.0 / TURN_STD**2
+            elif name in CAMERA_STD:
+                anchor[i] = np.log(variables.focal) if name in LOG_CAMERA else 0.0
+                stiffness[i] = 1.0 / CAMERA_STD[name] ** 2
         # places of marks have no other anchor than where they stand: only the data move them; but what marks
         # a hinge is about there
         places, own, std = self.places, fitted.own.copy(), np.full(fitted.own.shape, PLACE_STD)
@@ -286,13 +299,14 @@ def held(block: np.ndarray) -> np.ndarray:
     return block + LOOSE * np.eye(len(usual)) * usual
 
 
-def common_shifts(adjustment: Adjustment, fitted: Fitted, seen: Seen) -> np.ndarray:
+def common_shifts(adjustment: Adjustment, fitted: Fitted, seen: Seen, off: np.ndarray) -> np.ndarray:
     """Return what the errors of camera, sizes and places of marks do to the poses of all frames together.
 
     Args:
-        adjustment: What was refined.
+        adjustment: What was refined, and what was held but is not known.
         fitted: Where it ended.
         seen: The points that lie on their marks; the others have no weight.
+        off: How far the unknowns would go if none were held, (param,).
 
     Returns:
         One standard deviation along each independent direction, (direction, frame, dof).
@@ -307,7 +321,7 @@ def common_shifts(adjustment: Adjustment, fitted: Fitted, seen: Seen) -> np.ndar
     # the motion finds the common scale, to which the poses do not react
     scaling = adjustment.scaling(fitted)
     known = known + np.trace(known) / max(float(scaling @ scaling), 1e-12) * np.outer(scaling, scaling)
-    values, vectors = np.linalg.eigh(np.linalg.inv(known))
+    values, vectors = np.linalg.eigh(np.linalg.inv(known) + np.outer(off, off))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     return -np.einsum("nij,njx,xk->kni", inverse, terms.qx, root)
 
@@ -337,7 +351,8 @@ def _information(adjustment: Adjustment, fitted: Fitted, terms: _Terms) -> np.nd
     count = len(adjustment.variables.names)
     rest = known[count:, count:] + np.diag(adjustment.springs(fitted)[1][count:])
     cross = known[:count, count:]
-    return known[:count, :count] - cross @ np.linalg.solve(rest, cross.T) if len(rest) else known
+    known = known[:count, :count] - (cross @ np.linalg.solve(rest, cross.T) if len(rest) else 0.0)
+    return known + np.diag(adjustment.variables.assumed)
 
 
 def noise_of(

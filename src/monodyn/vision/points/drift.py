@@ -53,6 +53,21 @@ class Drift:
         one = slice(row, row + 1)
         return Drift(self.shift[one], self.turn[one], self.centre)
 
+    def maps(self, middle: np.ndarray) -> np.ndarray:
+        """Return the motion as maps of the whole picture, from a camera at rest to each frame.
+
+        Args:
+            middle: Middle of the picture [px], (2,), from which the maps count columns and rows.
+
+        Returns:
+            Homographies, (frame, 3, 3).
+        """
+        maps = np.zeros((len(self.turn), 3, 3))
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        maps[:, 0, 0], maps[:, 0, 1], maps[:, 1, 0], maps[:, 1, 1], maps[:, 2, 2] = c, -s, s, c, 1.0
+        maps[:, :2, 2] = self.added(np.broadcast_to(middle, (len(maps), 1, 2)))[:, 0] - middle
+        return maps
+
     def removed(self, px: np.ndarray) -> np.ndarray:
         """Return points as the camera at rest would show them, (frame, point, 2).
 

@@ -15,7 +15,7 @@ import numpy as np
 from monodyn.mechanism.tree import HINGE
 from monodyn.types import Poses
 from monodyn.vision.points.adjust import Adjustment, Fitted, Seen, common_shifts, cost, noise_of
-from monodyn.vision.points.locate import covariances, inside
+from monodyn.vision.points.locate import covariances, inside, registered
 from monodyn.vision.points.poses import named_rightly, solved, unwrapped
 from monodyn.vision.points.rest import Named, at_rest
 from monodyn.vision.points.scene import PointScene
@@ -66,13 +66,18 @@ def follow_points(tracks: PointTracks, scene: PointScene) -> Poses:
         # a frame that is not believed says nothing of those around it
         fitted, known = _with_motion(adjustment, fitted, seen, known)
     kept = inside(adjustment, fitted, seen)
-    covariance = covariances(adjustment, fitted, kept, robust=False)[:, :dofs, :dofs]
+    covariance = covariances(adjustment, fitted, kept, robust=False)
+    path = None if tracks.clip is None else tracks.clip.camera_path
+    if path is not None:
+        covariance = registered(adjustment, fitted, kept, covariance, path.std[tracks.frame])
+    covariance = covariance[:, :dofs, :dofs]
     shown = np.asarray(known & _shown(adjustment, fitted, kept))
     position = np.where(shown, fitted.position[:, :dofs], np.nan)
     position = unwrapped(position, tracks.time, scene.mechanism.tree.kind, shown)
     seen_rows = np.all(shown, axis=1)
     names = tuple(joint.name for joint in joints)
-    shifts = np.where(shown, common_shifts(adjustment, fitted, kept)[:, :, :dofs], 0.0)
+    doubted = replace(scene.doubted, jitter=adjustment.jitter)
+    shifts = np.where(shown, common_shifts(doubted, fitted, kept, scene.off)[:, :, :dofs], 0.0)
     return Poses(
         names, tracks.frame, tracks.time, position, covariance, seen_rows, metric=False, joint_seen=shown,
         roll=scene.camera.roll, shifts=shifts,

@@ -13,12 +13,13 @@ from monodyn.types import Camera
 from monodyn.vision.drawing.camera import PARAMETERS, with_values
 from monodyn.vision.drawing.rig import SIZE_KINDS
 from monodyn.vision.locating.advice import vague_from
-from monodyn.vision.locating.bundle import Bundle
-from monodyn.vision.locating.knowledge import camera_std, size_information
+from monodyn.vision.locating.knowledge import size_information
 from monodyn.vision.locating.unit import growth
 from monodyn.vision.points.adjust import Adjustment, Fitted, Seen
+from monodyn.vision.points.drift import Drift
 from monodyn.vision.points.marks import Mark
-from monodyn.vision.points.poses import Exchange
+from monodyn.vision.points.oblique import Looking
+from monodyn.vision.points.poses import MOST_PAIRS, Exchange
 from monodyn.vision.points.rest import Named
 from monodyn.vision.points.scene import PointScene
 from monodyn.vision.points.shown import (
@@ -33,7 +34,9 @@ PROPORTION_STD = 0.5
 file's."""
 
 
-def scene_of(sought: SoughtPoints, marks: tuple[Mark, ...], found: Named, kept: Seen) -> PointScene:
+def scene_of(
+    sought: SoughtPoints, marks: tuple[Mark, ...], found: Named, kept: Seen, looks: Looking
+) -> PointScene:
     """Collect the result in the scale of the file, and what the points know of the sizes.
 
     Args:
@@ -41,6 +44,7 @@ def scene_of(sought: SoughtPoints, marks: tuple[Mark, ...], found: Named, kept: 
         marks: What the points are, those of the scene included.
         found: Points by their right names, what was refined, and where it ended.
         kept: The points that lie on their marks; the others have no weight.
+        looks: How the camera looks at the plane.
 
     Returns:
         The scene.
@@ -49,18 +53,17 @@ def scene_of(sought: SoughtPoints, marks: tuple[Mark, ...], found: Named, kept: 
     names, file = adjustment.variables.names, sought.mechanism
     sizes = [p.name for p in file.parameters if p.kind in SIZE_KINDS and p.name in sought.pinned]
     scale_free = "camera.depth" in names and not any(_moves(adjustment, name) for name in sizes)
-    fitted = _in_file_scale(fitted, file) if scale_free else fitted
-    count = len(fitted.position)
-    whole = np.ones(count)
-    bundle = Bundle(
-        fitted.mechanism, fitted.camera, fitted.position, adjustment.variables, fitted.information, whole,
-        whole, whole,
-    )  # fmt: skip
+    if scale_free:
+        fitted = _in_file_scale(fitted, file)
+        looks = replace(looks, away=_in_file_scale(looks.away, file))
+    bundle = adjustment.bundle(fitted)
     unseen = unseen_sizes(file, names, sought.pinned)
     measured = with_proportions(size_information(bundle, scale_free=scale_free), unseen)
-    std = camera_std(bundle, scale_free=scale_free)
+    std = looks.camera_std(adjustment, fitted, scale_free=scale_free)
+    doubted = adjustment if looks.clear else looks.doubted
+    off = np.zeros(len(doubted.read(fitted))) if looks.clear else looks.off(fitted)
     base = project(adjustment.shown(fitted), fitted.position)
-    off = np.sum((kept.px - base) ** 2, axis=2)
+    squares = np.sum((kept.px - base) ** 2, axis=2)
     lying = kept.weight > 0.0
     outside = 1.0 - float(lying.sum()) / max(int(np.sum(found.seen.weight > 0.0)), 1)
     mechanism = _in_proportion(fitted.mechanism, file, unseen)
@@ -71,18 +74,22 @@ def scene_of(sought: SoughtPoints, marks: tuple[Mark, ...], found: Named, kept: 
         tracks=sought.tracks,
         marks=marks,
         adjustment=adjustment,
+        doubted=doubted,
+        off=off,
         fitted=fitted,
         drift=found.drift,
         seen=found.seen,
         lying=lying,
         camera_std={n: value for n, value in std.items() if n in PARAMETERS},
-        rms_px=float(np.sqrt(np.mean(off[lying]) / 2.0)) if lying.any() else float("nan"),
+        rms_px=float(np.sqrt(np.mean(squares[lying]) / 2.0)) if lying.any() else float("nan"),
         outside=outside,
         extent_px=float(np.nanmax(np.nanmax(base, axis=(0, 1)) - np.nanmin(base, axis=(0, 1)))),
         advice=(
+            *motion_notes(found.drift, sought.tracks),
             *exchange_notes(found.exchanges, adjustment.places.marks, sought.tracks),
+            *pair_notes(adjustment.places.marks, sought.tracks),
             *proportion_notes(sorted(unseen)),
-            *camera_notes(fitted.camera, std),
+            *camera_notes(fitted.camera, {n: value for n, value in std.items() if n in sought.free}),
         ),
     )
 
@@ -196,6 +203,53 @@ def camera_notes(camera: Camera, std: Mapping[str, float]) -> list[str]:
         return []
     return [
         f"The points hardly determine {', '.join(vague)}: leave out --free, or give the value with --fix."
+    ]
+
+
+def motion_notes(drift: Drift | None, tracks: PointTracks) -> list[str]:
+    """Write the sentences about a camera that moves.
+
+    Args:
+        drift: How the points that stand still show it to move, or None.
+        tracks: The points.
+
+    Returns:
+        The sentences; none for a camera that stands still.
+    """
+    notes = []
+    if tracks.clip is not None and tracks.clip.camera_path is not None:
+        notes.append(
+            "No parallax is measured of dots: before this camera, which moves, they are taken to be as far "
+            "away as the still scene. A mechanism that is nearer sways with the camera, which no interval "
+            "contains: put the camera on a tripod."
+        )
+    if drift is not None:
+        far, turn = float(np.hypot(*drift.shift.T).max()), float(np.degrees(np.abs(drift.turn).max()))
+        turned = f" and {turn:.2f} deg" if turn > 0.0 else ""
+        notes.append(
+            f"The camera moves: points that stand still shift by up to {far:.1f} px{turned} from their mean "
+            "place; taken out of all points (camera.csv)."
+        )
+    return notes
+
+
+def pair_notes(marks: Sequence[Mark], tracks: PointTracks) -> list[str]:
+    """Write the sentence about pairs of points of which it was not found out whether they exchanged names.
+
+    Args:
+        marks: The marks.
+        tracks: The table.
+
+    Returns:
+        The sentence; none where all pairs were looked at.
+    """
+    left = len(marks) * (len(marks) - 1) // 2 - MOST_PAIRS
+    if tracks.told_apart or left <= 0:
+        return []
+    return [
+        f"Of {left} of {left + MOST_PAIRS} pairs of points it was not found out whether they have exchanged "
+        f"names, '{marks[-2].track}' and '{marks[-1].track}' among them; leave points out with --points.map "
+        "NAME=none where tracks may have."
     ]
 
 

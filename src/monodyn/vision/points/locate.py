@@ -19,6 +19,7 @@ from monodyn.vision.points.adjust import OUTSIDE, Adjustment, Fitted, Seen, refi
 from monodyn.vision.points.begin import rigid_marks
 from monodyn.vision.points.found import scene_of
 from monodyn.vision.points.marks import SCENE, Mark, marks_of
+from monodyn.vision.points.oblique import Looking, looking
 from monodyn.vision.points.poses import combined, named_rightly
 from monodyn.vision.points.rest import Named, at_rest, own_points
 from monodyn.vision.points.scene import PointScene
@@ -56,11 +57,14 @@ def locate_points(sought: SoughtPoints) -> PointScene:
     check_shown(own, mechanism, own_points(tracks, marks), tracks)
     sought.progress("locate", 0, 2)
     found = at_rest(tracks, marks, mechanism, lambda seen, moving: _named(sought, own, seen, moving=moving))
+    looks = looking(sought, found)
+    if looks.clear:
+        found = _named_again(found, looks, told_apart=tracks.told_apart)
     sought.progress("locate", 1, 2)
     kept = inside(found.adjustment, found.fitted, found.seen)
     fitted = refine(found.adjustment, found.fitted, kept, robust=False)
     sought.progress("locate", 2, 2)
-    return scene_of(sought, marks, replace(found, fitted=fitted), kept)
+    return scene_of(sought, marks, replace(found, fitted=fitted), kept, looks)
 
 
 def _named(sought: SoughtPoints, marks: tuple[Mark, ...], seen: Seen, *, moving: bool) -> Named:
@@ -75,6 +79,15 @@ def _named(sought: SoughtPoints, marks: tuple[Mark, ...], seen: Seen, *, moving:
         exchanges = combined([*always, *found])
         adjustment, fitted = _settled(adjustment, replace(fitted, position=position), renamed)
     return Named(adjustment, fitted, renamed, tuple(exchanges))
+
+
+def _named_again(found: Named, looks: Looking, *, told_apart: bool) -> Named:
+    """Refine before a camera that is turned, and put names right once more: before one that looks squarely
+    other names may have explained the points better."""
+    renamed, position, more = named_rightly(looks.doubted, looks.away, found.seen, told_apart=told_apart)
+    adjustment, fitted = _settled(looks.doubted, replace(looks.away, position=position), renamed)
+    exchanges = tuple(combined([*found.exchanges, *more]))
+    return replace(found, adjustment=adjustment, fitted=fitted, seen=renamed, exchanges=exchanges)
 
 
 def check_shown(marks: Sequence[Mark], mechanism: Mechanism, seen: Seen, tracks: PointTracks) -> None:
@@ -156,6 +169,30 @@ def covariances(adjustment: Adjustment, fitted: Fitted, seen: Seen, *, robust: b
     least[: len(hinge)] = np.where(hinge, ANYWHERE, SHORT * mean_length(fitted.mechanism)) ** -2.0
     block = np.einsum("npci,np,npcj->nij", slopes, weight, slopes) + np.diag(least)
     return np.linalg.inv(block)
+
+
+def registered(
+    adjustment: Adjustment, fitted: Fitted, seen: Seen, covariance: np.ndarray, std: np.ndarray
+) -> np.ndarray:
+    """Add what the registration of a moving camera leaves open: it displaces all points of a frame.
+
+    Args:
+        adjustment: The marks.
+        fitted: Mechanism, camera and poses.
+        seen: The points that lie on their marks; the others have no weight.
+        covariance: Covariance of each frame's pose by the noise of its points, (frame, dof, dof).
+        std: Standard deviation of the displacement of each frame [px], (frame,); NaN where it is not known.
+
+    Returns:
+        Covariances, (frame, dof, dof).
+    """
+    base = project(adjustment.shown(fitted), fitted.position)
+    slopes = np.nan_to_num(pose_slopes(adjustment.shown(fitted), fitted.position, base))
+    weight = weights(seen, base, fitted.noise, robust=False) / fitted.noise**2
+    gain = np.einsum("nij,npcj,np->nic", covariance, slopes, weight)
+    # the whole displacement is stated, of which each axis has one half
+    half = 0.5 * np.nan_to_num(std) ** 2
+    return covariance + half[:, None, None] * np.einsum("nic,njc->nij", gain, gain)
 
 
 def inside(adjustment: Adjustment, fitted: Fitted, seen: Seen) -> Seen:

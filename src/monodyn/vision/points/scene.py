@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from monodyn.mechanism import Mechanism
-from monodyn.types import Camera
+from monodyn.types import Camera, Frame
+from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.clip.video import Video
 from monodyn.vision.points.adjust import Adjustment, Fitted, Seen
 from monodyn.vision.points.drift import Drift
@@ -27,6 +28,8 @@ class PointScene:
         tracks: The points.
         marks: What they are, points of the scene included.
         adjustment: The marks of the mechanism, and what was refined.
+        doubted: The same with what of the camera is held but not known among what is refined.
+        off: How far its unknowns would go if none were held, (param,).
         fitted: Mechanism, camera and poses as they were refined.
         drift: How the camera moved, or None.
         seen: The points by mark of the adjustment, names that were exchanged put right, as a camera at rest
@@ -46,6 +49,8 @@ class PointScene:
     tracks: PointTracks = field(repr=False)
     marks: tuple[Mark, ...]
     adjustment: Adjustment = field(repr=False)
+    doubted: Adjustment = field(repr=False)
+    off: np.ndarray = field(repr=False)
     fitted: Fitted = field(repr=False)
     drift: Drift | None = field(repr=False)
     seen: Seen = field(repr=False)
@@ -60,6 +65,25 @@ class PointScene:
     def video(self) -> Video:
         """The clip of the points; of those of a table one without pictures."""
         return self.tracks.clip or without_pictures(self.tracks)
+
+    def camera_path(self, count: int) -> CameraPath | None:
+        """Return the way of a camera that moves, as the still scene or the points that stand still show it.
+
+        Args:
+            count: Number of frames of the clip.
+
+        Returns:
+            Its way, without a picture of the scene where points show it; None for a camera that stands still.
+        """
+        if self.drift is None or self.video.camera_path is not None:
+            return self.video.camera_path
+        tracks, size = self.tracks, np.array([self.tracks.width, self.tracks.height])
+        maps, std = np.full((count, 3, 3), np.nan), np.full(count, np.nan)
+        maps[tracks.frame] = self.drift.maps(0.5 * (size - 1.0))
+        # what of each frame's shift is not smooth is left to its pose
+        std[tracks.frame] = np.sqrt(2.0) * self.adjustment.jitter
+        nothing = np.broadcast_to(np.zeros(1, dtype=np.uint8), (tracks.height, tracks.width))
+        return CameraPath(maps, std, Frame(-1, 0.0, nothing))
 
     @property
     def found_px(self) -> np.ndarray:

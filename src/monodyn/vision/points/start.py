@@ -105,13 +105,20 @@ def named(
         start = tried(other)
         # one noise for both: each by its own would be explained alike
         noise = np.full(len(marks), min(float(np.median(fitted.noise)) for _, fitted in (best, start)))
-        if _unexplained(*start, other, noise) < BETTER * _unexplained(*best, chosen, noise):
+        if unexplained(*start, other, noise) < BETTER * unexplained(*best, chosen, noise):
             best, chosen, exchanges = start, other, [Exchange(pair, 0, len(seen.px))]
     return chosen, best, exchanges
 
 
-def _unexplained(adjustment: Adjustment, fitted: Fitted, seen: Seen, noise: np.ndarray) -> float:
-    """Return the robust cost of all points at a noise [px], (point,)."""
+def unexplained(adjustment: Adjustment, fitted: Fitted, seen: Seen, noise: np.ndarray) -> float:
+    """Return the robust cost of all points.
+
+    Args:
+        adjustment: The marks.
+        fitted: Mechanism, camera and poses.
+        seen: The points.
+        noise: Standard deviation of each mark's points [px], (point,).
+    """
     return float(np.sum(cost(seen, project(adjustment.shown(fitted), fitted.position), noise)))
 
 
@@ -157,7 +164,8 @@ def started(
     fitted = replace(fitted, own=_first_places(places, fitted, seen))
     names = _refined_names(sought, places)
     jitter = START_JITTER_PX if moving else 0.0
-    return Adjustment(places, scene_variables(file, names), jitter), fitted
+    variables = replace(scene_variables(file, names), focal=sought.start_camera.focal)
+    return Adjustment(places, variables, jitter), fitted
 
 
 def _sized(sought: SoughtPoints, scale: np.ndarray, root: np.ndarray) -> tuple[Mechanism, Camera]:
