@@ -203,9 +203,16 @@ def shown(take: Take, folder: Path) -> tuple[np.ndarray, str]:
         f"**{document['status']}**" if document["ok"] else f"**Not to be trusted.** {document['status']}"
     )
     notes = [note for note in outcome.notes if "clip k times slower" not in note][:MOST_NOTES]
-    off = f"*Off by {angle:.2g} deg and {length:.2g} % of a length.*"
+    off = f"*Off by {_amount(angle, 'deg')} and {_amount(length, '% of a length')}.*"
     say(f"{folder.name}: {document['status']} {off}")
     return _picture(folder / "run" / "overlay.mp4"), " ".join([verdict, *notes, off])
+
+
+def _amount(value: float, unit: str) -> str:
+    """Return an error in words: two digits, no power of ten."""
+    if not np.isfinite(value):
+        return f"an unknown number of {unit}"
+    return f"{float(f'{value:.2g}'):g} {unit}"
 
 
 def _plain(error: Exception) -> str:

@@ -154,9 +154,10 @@ def test_the_note_says_how_pictures_were_exposed() -> None:
     )
     assert notes(CameraSettings(), settled=False) == [*notes(CameraSettings()), unsettled]
     scene.shutter = replace(SHUTTER, exposure=0.05, std=0.0)
-    assert notes(CameraSettings()) == [
-        "Motion blurs the pictures: each is exposed for 50 ms, 50% of the time between two frames. Outlines "
-        "that move meanwhile are compared with them; the poses are those in the middle of the exposures."
+    assert notes(CameraSettings(exposure=0.05)) == [
+        "As given with --camera.exposure, each picture is exposed for 50 ms, 50% of the time between two "
+        "frames. Outlines that move meanwhile are compared with them; the poses are those in the middle of "
+        "the exposures."
     ]
     scene.shutter = replace(SHUTTER, exposure=0.0, readout=0.02)
     assert notes(CameraSettings()) == []

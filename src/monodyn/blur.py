@@ -136,12 +136,15 @@ def blurred(found: Exposed, camera: CameraSettings) -> list[str]:
         ]
     if shutter is None or not shutter.exposure:
         return _unsettled(found)
-    known = f" ± {1000.0 * shutter.std:.2g}" if shutter.std else ""
     share = shutter.exposure / float(np.median(np.diff(found.poses.time)))
+    if camera.exposure is None:
+        begin, known = "Motion blurs the pictures: each is exposed for", f" ± {1000.0 * shutter.std:.2g}"
+    else:
+        begin, known = "As given with --camera.exposure, each picture is exposed for", ""
     return [
-        f"Motion blurs the pictures: each is exposed for {1000.0 * shutter.exposure:.3g}{known} ms, "
-        f"{share:.0%} of the time between two frames. Outlines that move meanwhile are compared with them; "
-        "the poses are those in the middle of the exposures.",
+        f"{begin} {1000.0 * shutter.exposure:.3g}{known} ms, {share:.0%} of the time between two frames. "
+        "Outlines that move meanwhile are compared with them; the poses are those in the middle of the "
+        "exposures.",
         *_unsettled(found),
     ]
 

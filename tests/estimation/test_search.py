@@ -26,7 +26,7 @@ from monodyn.stages import identify
         ),
         (
             lambda p: replace(p, position=np.where([True, False], p.position, np.nan)),
-            "Joint 'joint2' was measured under 5 times in record 0; give more frames.",
+            "Joint 'joint2' was measured under 5 times; give more frames.",
         ),
     ],
 )

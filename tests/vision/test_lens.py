@@ -122,8 +122,8 @@ def test_what_cannot_be_a_lens_is_refused() -> None:
         lens_of(BARREL, 0.0, WIDTH, HEIGHT)
     said = (
         "camera.distortion: expected coefficients that bend a picture of 160x120 px at a focal length of 150 "
-        "px, got some that fold it; give K1,K2,P1,P2[,K3] in the order of OpenCV, and the focal length in "
-        "pixels of this clip."
+        "px, got some that fold it or move it far off; give K1,K2,P1,P2[,K3] in the order of OpenCV, and the "
+        "focal length in pixels of this clip."
     )
     with refuses(SettingsError, said):
         lens_of((-2.0, 0.0, 0.0, 0.0), FOCAL, WIDTH, HEIGHT)
@@ -131,3 +131,7 @@ def test_what_cannot_be_a_lens_is_refused() -> None:
     said = said.replace("160x120", "1280x720").replace("150", "700")
     with refuses(SettingsError, said):
         lens_of((-0.3, 0.0, 0.0, 0.0), 700.0, 1280, 720)
+    # in order all over, and far outside; and beyond all numbers, without a warning
+    for coefficients in ((50.0, 0.0, 0.0, 0.0), (1e300, 0.0, 0.0, 0.0)):
+        with refuses(SettingsError, said):
+            lens_of(coefficients, 700.0, 1280, 720)

@@ -469,7 +469,8 @@ def test_sentences_about_what_was_found() -> None:
     assert proportion_notes([]) == []
     assert proportion_notes(["link1.width"]) == [
         "No point shows link1.width: as in the file in proportion to the length of the body, within a "
-        "factor of 1.6, which the intervals contain; give measured values with --fix where that counts."
+        "factor of 1.6 (one standard deviation), which the intervals contain; give measured values with "
+        "--fix where that counts."
     ]
     camera = Camera(640, 480, 500.0)
     assert camera_notes(camera, {"camera.yaw": 0.05, "camera.x": 9.0}) == []

@@ -225,3 +225,52 @@ def test_damaged_hdf5(tmp_path: Path) -> None:
         f"a.h5: cannot be read as a table of points ({reason}); export it again, or as CSV.",
     ):
         read_points(path, rate=50.0)
+
+
+def analysis_with(path: Path, **arrays: Any) -> Path:
+    """Write an analysis file of two nodes in three frames, some of its arrays replaced."""
+    h5py: Any = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        file["node_names"] = [b"pivot", b"tip"]
+        for name, array in ({"tracks": np.zeros((1, 2, 2, 3))} | arrays).items():
+            file[name] = array
+    return path
+
+
+def test_arrays_that_are_no_table_of_points(tmp_path: Path) -> None:
+    with refuses(VideoError, "a.h5: expected numbers in '/tracks', got complex128."):
+        read_points(analysis_with(tmp_path / "a.h5", tracks=np.zeros((1, 2, 2, 3), complex)), rate=30.0)
+    with refuses(
+        VideoError,
+        "b.h5: expected 'point_scores' as (track, node, frame), (1, 2, 3), got (3, 7); export the analysis "
+        "HDF5 of SLEAP.",
+    ):
+        read_points(analysis_with(tmp_path / "b.h5", point_scores=np.ones((3, 7))), rate=30.0)
+
+
+def test_arrays_in_other_files_and_too_large_ones(tmp_path: Path) -> None:
+    h5py: Any = pytest.importorskip("h5py")
+    (tmp_path / "other.bin").write_bytes(bytes(96))
+    for name in ("external.h5", "linked.h5", "large.h5"):
+        with h5py.File(tmp_path / name, "w") as file:
+            file["node_names"] = [b"pivot", b"tip"]
+            if name == "external.h5":
+                places = [(str(tmp_path / "other.bin"), 0, 96)]
+                file.create_dataset("tracks", (1, 2, 2, 3), "f8", external=places)
+            elif name == "linked.h5":
+                file["tracks"] = h5py.ExternalLink("external.h5", "/tracks")
+            else:
+                file.create_dataset("tracks", (1, 2, 2, 10**11), "f8", chunks=(1, 2, 2, 1000))
+    for name, found in (("external.h5", "tracks"), ("linked.h5", "/")):
+        with refuses(
+            VideoError,
+            f"{name}: expected all numbers in the file itself, got '{found}', which takes them from another "
+            "one; export the points anew.",
+        ):
+            read_points(tmp_path / name, rate=30.0)
+    with refuses(
+        VideoError,
+        "large.h5: expected arrays of up to 2 GB, got 'tracks' of 3.2e+03 GB; export the points of one clip "
+        "alone.",
+    ):
+        read_points(tmp_path / "large.h5", rate=30.0)

@@ -183,7 +183,8 @@ def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
     for i, found in enumerate(smoothed):
         for dof in range(dofs):
             if not np.isfinite(found.noise[dof]):
-                return f"Joint {names[dof]!r} was measured under 5 times in record {i}; give more frames."
+                record = f" in record {i}" if records > 1 else ""
+                return f"Joint {names[dof]!r} was measured under 5 times{record}; give more frames."
     if all(_still(data, dof) for dof in range(dofs)):
         return NOTHING_MOVES
     return None

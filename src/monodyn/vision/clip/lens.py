@@ -24,6 +24,9 @@ SHARES = 16
 """Places on the way from the middle to a point at which that is tried for a point."""
 OFF_PX = 0.1
 """Distance up to which a place counts as found [px]."""
+MOST_BENT = 2.0
+"""How far from the middle the border may be shown, in longer sides of the picture; not bent, it is half of
+one away."""
 MOST_LOST = 0.1
 """Share of the picture, at most, that the coefficients may leave without a place in the straight one: a
 calibration that had no points in the corners may fold them. Outside of the circle that touches the left and
@@ -166,19 +169,23 @@ def lens_of(coefficients: Sequence[float], focal: float, width: int, height: int
     if not _is_one_to_one(lens):
         raise SettingsError(
             f"camera.distortion: expected coefficients that bend a picture of {width}x{height} px at a focal "
-            f"length of {focal:g} px, got some that fold it; give K1,K2,P1,P2[,K3] in the order of OpenCV, "
-            "and the focal length in pixels of this clip."
+            f"length of {focal:g} px, got some that fold it or move it far off; give K1,K2,P1,P2[,K3] in the "
+            "order of OpenCV, and the focal length in pixels of this clip."
         )
     return lens
 
 
 def _is_one_to_one(lens: Lens) -> bool:
-    """Return whether neighbours in the straight picture are neighbours in the same order in the bent one, and
-    whether all but corners of that one show something."""
+    """Return whether neighbours in the straight picture are neighbours in the same order in the bent one, not
+    far outside of it, and whether all but corners of that one show something."""
     size = np.array([lens.width, lens.height])
     sides = (np.linspace(-0.5, 0.5, GRID) * side for side in size)
     grid = np.stack(np.meshgrid(*sides), axis=-1)
-    if not np.all(_in_order(_bent(lens.coefficients, grid / lens.focal)[1])):
+    # numbers that are beyond all lenses may be beyond all numbers, too
+    with np.errstate(all="ignore"):
+        bent, slope = _bent(lens.coefficients, grid / lens.focal)
+        ordered = _in_order(slope)
+    if not (np.all(ordered) and np.abs(bent).max() * lens.focal <= MOST_BENT * size.max()):
         return False
     return float(np.isnan(lens.points(lens.centre + grid)[..., 0]).mean()) <= MOST_LOST
 

@@ -38,9 +38,10 @@ def from_hdf5(path: Path, file: Any) -> PointTable:
         VideoError: the arrays have other shapes than those of SLEAP.
     """
     nodes = [_word(name) for name in file["node_names"][:]]
-    tracks = _array(file["tracks"], AXES)
+    tracks = _array(path, file["tracks"], AXES)
     shape = tracks.shape
-    scores = _array(file["point_scores"], (AXES[0], *AXES[2:])) if "point_scores" in file else None
+    scored = "point_scores" in file
+    scores = _array(path, file["point_scores"], (AXES[0], *AXES[2:])) if scored else None
     if tracks.ndim == 4 and shape[1:3] != (2, len(nodes)):
         # as it is in Python, before SLEAP turns it round for Matlab: (frame, node, 2, track)
         tracks = np.transpose(tracks)
@@ -50,8 +51,13 @@ def from_hdf5(path: Path, file: Any) -> PointTable:
             f"{path.name}: expected 'tracks' as (track, 2, {len(nodes)}, frame), got {shape}; export the "
             "analysis HDF5 of SLEAP."
         )
-    if scores is None or scores.shape != (len(tracks), len(nodes), tracks.shape[3]):
-        scores = np.ones((len(tracks), len(nodes), tracks.shape[3]))
+    each = (len(tracks), len(nodes), tracks.shape[3])
+    if scores is not None and scores.shape != each:
+        raise VideoError(
+            f"{path.name}: expected 'point_scores' as (track, node, frame), {each}, got {scores.shape}; "
+            "export the analysis HDF5 of SLEAP."
+        )
+    scores = np.ones(each) if scores is None else scores
     # labels made by hand have no score
     scores = np.where(np.isfinite(scores), scores, 1.0)
     scores = np.where(scores <= HIGHEST_SCORE, np.minimum(scores, 1.0), scores)
@@ -71,8 +77,10 @@ def from_hdf5(path: Path, file: Any) -> PointTable:
     )  # fmt: skip
 
 
-def _array(data: Any, axes: tuple[str, ...]) -> np.ndarray:
+def _array(path: Path, data: Any, axes: tuple[str, ...]) -> np.ndarray:
     """Return an array with its axes in the order of Matlab, where it names them."""
+    if data.dtype.kind not in "iuf":
+        raise VideoError(f"{path.name}: expected numbers in '{data.name}', got {data.dtype}.")
     array = np.array(data[:], dtype=float)
     named = json.loads(data.attrs["dims"]) if "dims" in data.attrs else []
     return array.transpose([named.index(axis) for axis in axes]) if named else array

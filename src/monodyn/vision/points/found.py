@@ -183,8 +183,8 @@ def proportion_notes(unseen: Sequence[str]) -> list[str]:
         return []
     return [
         f"No point shows {', '.join(unseen)}: as in the file in proportion to the length of the body, "
-        "within a factor of 1.6, which the intervals contain; give measured values with --fix where that "
-        "counts."
+        "within a factor of 1.6 (one standard deviation), which the intervals contain; give measured values "
+        "with --fix where that counts."
     ]
 
 

@@ -28,6 +28,8 @@ MOST_BEYOND = 0.1
 """Share of the places that may lie outside of the picture, by more than the margin."""
 EXTREME = 0.5
 """Percentile of the coordinates, from either end, within which the picture of a table is taken to lie."""
+MOST_BYTES = 2e9
+"""Largest array of a file."""
 MOST_FRAMES = 1_000_000
 """Most frames of a table: what is told frame by frame has room for as many."""
 TOOLS = (
@@ -112,9 +114,33 @@ def _from_hdf5(path: Path) -> PointTable:
             "or give the points as CSV."
         ) from None
     with h5py.File(path, "r") as file:
+        _check_arrays(path, file, h5py)
         if "tracks" in file and "node_names" in file:
             return sleap.from_hdf5(path, file)
         return deeplabcut.from_hdf5(path, file)
+
+
+def _check_arrays(path: Path, file: Any, h5py: Any) -> None:
+    """Refuse HDF5 that takes its numbers from other files, or announces more of them than any table has."""
+
+    def check(name: str, found: Any) -> None:
+        if isinstance(found, h5py.Group):
+            elsewhere = any(isinstance(found.get(n, getlink=True), h5py.ExternalLink) for n in found)
+        else:
+            elsewhere = bool(found.external) or found.is_virtual
+            if found.nbytes > MOST_BYTES:
+                raise VideoError(
+                    f"{path.name}: expected arrays of up to {MOST_BYTES / 1e9:g} GB, got '{name}' of "
+                    f"{found.nbytes / 1e9:.3g} GB; export the points of one clip alone."
+                )
+        if elsewhere:
+            raise VideoError(
+                f"{path.name}: expected all numbers in the file itself, got '{name}', which takes them from "
+                "another one; export the points anew."
+            )
+
+    check("/", file)
+    file.visititems(check)
 
 
 def _from_text(path: Path, text: str) -> PointTable:
