@@ -45,3 +45,17 @@ def series_driven(mechanism: Mechanism) -> Mechanism:
     driven = mechanism.with_torque("fourier", terms=2, period=0.8)
     names = [name for name in driven.values if ".torque." in name]
     return driven.with_values({name: 0.001 * (k + 1) for k, name in enumerate(names)})
+
+
+def with_discs(folder: Path, radius: float) -> Mechanism:
+    """Return two rods of a radius [m] with a disc at the end of each."""
+
+    def rod(name: str, length: float) -> str:
+        return (
+            f'<geom type="capsule" size="{radius}" fromto="0 0 0 0 0 -{length}"/>'
+            f'<geom name="{name}" type="cylinder" size=".03 .01" pos="0 0 -{length}" euler="1.5707963 0 0"/>'
+        )
+
+    outer = f'<body name="link2" pos="0 0 -0.16"><joint name="j2" axis="0 -1 0"/>{rod("tip", 0.11)}</body>'
+    inner = f'<body name="link1"><joint name="j1" axis="0 -1 0"/>{rod("elbow", 0.16)}{outer}</body>'
+    return read(folder, mjcf(inner, '<compiler angle="radian"/>'), "discs.xml")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from monodyn.mechanism import Mechanism
+from monodyn.mechanism import Mechanism, load
 from monodyn.mechanism.simulate import rollout
 from monodyn.types import Camera
 from monodyn.vision.points.marks import marks_of
@@ -24,6 +24,14 @@ def swing(mechanism: Mechanism, count: int, start: Sequence[float]) -> np.ndarra
     """Return a free motion from rest, (frame, dof)."""
     rest = np.zeros(len(start))
     return rollout(mechanism.tree, np.arange(count) / RATE, np.array(start, float), rest, substeps=16)[0]
+
+
+def stretched() -> tuple[Mechanism, Mechanism, np.ndarray]:
+    """Return the double pendulum, one of other proportions, and a motion of that (frame, dof)."""
+    file = load("double")
+    sizes = {"link1.length": 1.4, "link2.length": 0.8}
+    truth = file.with_values({name: by * file.values[name] for name, by in sizes.items()})
+    return file, truth, swing(truth, 120, (0.5, 0.6))
 
 
 def seen(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monodyn.mechanism import Mechanism, load
+from models import with_discs
 from monodyn.types import Camera
 from monodyn.vision.locating.coarse import reconsidered, variables_of
 from monodyn.vision.locating.grow import SceneStart
@@ -19,25 +19,8 @@ POSES = np.array([[0.1, 0.9], [-0.6, 0.4], [0.7, -0.8], [1.3, 0.3], [-1.2, -0.5]
 NAMES = ["link1.length", "link1.elbow.width", "link2.length", "link2.tip.width"]
 
 
-def with_discs(folder: Path) -> Mechanism:
-    """Return two rods with a disc at the end of each."""
-
-    def rod(name: str, length: float) -> str:
-        return (
-            f'<geom type="capsule" size=".008" fromto="0 0 0 0 0 -{length}"/>'
-            f'<geom name="{name}" type="cylinder" size=".03 .01" pos="0 0 -{length}" euler="1.5707963 0 0"/>'
-        )
-
-    (folder / "discs.xml").write_text(
-        '<mujoco><compiler angle="radian"/><worldbody><body name="link1"><joint name="j1" axis="0 -1 0"/>'
-        f'{rod("elbow", 0.16)}<body name="link2" pos="0 0 -0.16"><joint name="j2" axis="0 -1 0"/>'
-        f"{rod('tip', 0.11)}</body></body></worldbody></mujoco>"
-    )
-    return load(folder / "discs.xml")
-
-
 def test_a_hinge_in_the_wrong_place_is_mended_on_better_masks(tmp_path: Path) -> None:
-    true = with_discs(tmp_path)
+    true = with_discs(tmp_path, 0.008)
     wrong = true.with_values({"link1.length": 0.145, "link1.elbow.width": 0.04, "link2.length": 0.125})
     guess = SceneGuess(wrong, CAMERA, POSES, np.zeros(len(POSES)))
     frames = drawn_frames(true, CAMERA, POSES)
@@ -50,7 +33,7 @@ def test_a_hinge_in_the_wrong_place_is_mended_on_better_masks(tmp_path: Path) ->
 
 
 def test_a_guess_that_explains_its_masks_stays_as_it_is(tmp_path: Path) -> None:
-    true = with_discs(tmp_path)
+    true = with_discs(tmp_path, 0.008)
     guess = SceneGuess(true, CAMERA, POSES, np.zeros(len(POSES)))
     start = SceneStart(true, CAMERA, frozenset())
     variables = variables_of(guess, start, NAMES)
@@ -58,7 +41,7 @@ def test_a_guess_that_explains_its_masks_stays_as_it_is(tmp_path: Path) -> None:
 
 
 def test_a_disc_without_a_size_is_found_on_better_masks(tmp_path: Path) -> None:
-    true = with_discs(tmp_path)
+    true = with_discs(tmp_path, 0.008)
     closed = true.with_values({"link1.width": 0.03, "link1.elbow.width": 0.005, "link1.length": 0.15})
     guess = SceneGuess(closed, CAMERA, POSES, np.zeros(len(POSES)))
     start, names = SceneStart(closed, CAMERA, frozenset()), [*NAMES, "link1.width"]
@@ -69,7 +52,7 @@ def test_a_disc_without_a_size_is_found_on_better_masks(tmp_path: Path) -> None:
 
 
 def test_lengths_are_held_to_those_of_the_guess(tmp_path: Path) -> None:
-    file = with_discs(tmp_path)
+    file = with_discs(tmp_path, 0.008)
     grown = file.with_values({"link1.length": 0.32, "link2.length": 0.22, "link1.elbow.width": 0.02})
     variables = variables_of(
         SceneGuess(grown, CAMERA, POSES, np.zeros(len(POSES))), SceneStart(file, CAMERA, frozenset()), NAMES

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monodyn.mechanism import Mechanism, load
+from models import with_discs
+from monodyn.mechanism import Mechanism
 from monodyn.types import Camera
 from monodyn.vision.locating.arrange import resettled
 from monodyn.vision.locating.grow import SceneStart
@@ -19,29 +20,12 @@ CAMERA = Camera(200, 160, 150.0, x=0.0, y=0.02, depth=0.75)
 POSES = np.array([[0.1, 0.9], [-0.6, 0.4], [0.7, -0.8], [1.3, 0.3], [-1.2, -0.5], [2.1, 0.6]])
 
 
-def with_discs(folder: Path) -> Mechanism:
-    """Return two bars with a disc at the end of each."""
-
-    def bar(name: str, length: float) -> str:
-        return (
-            f'<geom type="capsule" size=".0125" fromto="0 0 0 0 0 -{length}"/>'
-            f'<geom name="{name}" type="cylinder" size=".03 .01" pos="0 0 -{length}" euler="1.5707963 0 0"/>'
-        )
-
-    (folder / "discs.xml").write_text(
-        '<mujoco><compiler angle="radian"/><worldbody><body name="link1"><joint name="j1" axis="0 -1 0"/>'
-        f'{bar("elbow", 0.16)}<body name="link2" pos="0 0 -0.16"><joint name="j2" axis="0 -1 0"/>'
-        f"{bar('tip', 0.11)}</body></body></worldbody></mujoco>"
-    )
-    return load(folder / "discs.xml")
-
-
 def guessed(mechanism: Mechanism) -> SceneGuess:
     return SceneGuess(mechanism, CAMERA, POSES, np.zeros(len(POSES)))
 
 
 def test_a_disc_inside_of_its_bar_is_opened(tmp_path: Path) -> None:
-    true = with_discs(tmp_path)
+    true = with_discs(tmp_path, 0.0125)
     frames, start = drawn_frames(true, CAMERA, POSES), SceneStart(true, CAMERA, frozenset())
     guess = guessed(true.with_values({"link1.width": 0.035, "link1.elbow.width": 0.005}))
     # steps of single sizes leave it there: it is inside of the bar until it is seven times as wide
@@ -53,13 +37,13 @@ def test_a_disc_inside_of_its_bar_is_opened(tmp_path: Path) -> None:
 
 
 def test_sizes_that_explain_the_masks_stay(tmp_path: Path) -> None:
-    true = with_discs(tmp_path)
+    true = with_discs(tmp_path, 0.0125)
     guess = guessed(true)
     assert reopened(drawn_frames(true, CAMERA, POSES), guess, SceneStart(true, CAMERA, frozenset())) is guess
 
 
 def test_what_is_held_keeps_its_size(tmp_path: Path) -> None:
-    true = with_discs(tmp_path)
+    true = with_discs(tmp_path, 0.0125)
     held = frozenset({"link2.tip.width"})
     guess = guessed(true.with_values({"link1.elbow.width": 0.005, "link2.tip.width": 0.05}))
     frames = drawn_frames(true, CAMERA, POSES).thickened(2)
@@ -69,7 +53,7 @@ def test_what_is_held_keeps_its_size(tmp_path: Path) -> None:
 
 
 def test_in_thicker_masks_sizes_come_out_as_thick_as_they_are(tmp_path: Path) -> None:
-    true = with_discs(tmp_path)
+    true = with_discs(tmp_path, 0.0125)
     frames = drawn_frames(true, CAMERA, POSES).thickened(2)
     guess = guessed(true.with_values({"link1.width": 0.035, "link1.elbow.width": 0.005}))
     found = reopened(frames, guess, SceneStart(true, CAMERA, frozenset())).mechanism.values

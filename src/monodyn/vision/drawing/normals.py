@@ -127,13 +127,7 @@ def _geom_samples(
     # without a plane of any difference the geom's own stands in for it, and shows nothing that it did not
     border = view.part[g] if view.border < 0 else view.border
     borders, borders_known = planes[border], view.trust[border]
-    # What stands out more than its geom's colour, by light, counts as that colour. Covered for half of an
-    # exposure it does not stand out more: where pictures are blurred, all of it counts at all edges.
-    top = float(FULL)
-    for k in range(swept.shape[0]):
-        if swept[k, BEGIN_X] != 0.0 or swept[k, BEGIN_Y] != 0.0:
-            top = MOST
-            break
+    top = _most_that_counts(swept)
     # ``rest`` carries the spacing over the soft corners of a ring, whose edges are shorter than it
     rest = 0.5 * spacing
     for i in range(size):
@@ -194,6 +188,19 @@ def _geom_samples(
             along += spacing
         rest = along - length if along > length else 0.5 * spacing
     return count
+
+
+@njit(cache=True)
+def _most_that_counts(swept: np.ndarray) -> float:
+    """Return the most coverage that counts, from how the outline moves, (outline point, column).
+
+    What stands out more than its geom's colour, by light, counts as that colour. Covered for half of an
+    exposure it does not stand out more: where pictures are blurred, all of it counts at all edges.
+    """
+    for k in range(swept.shape[0]):
+        if swept[k, BEGIN_X] != 0.0 or swept[k, BEGIN_Y] != 0.0:
+            return MOST
+    return float(FULL)
 
 
 @njit(cache=True)

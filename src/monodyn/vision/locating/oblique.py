@@ -14,6 +14,7 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.upright import ROLL, by_roll
+from monodyn.types import Camera
 from monodyn.vision.drawing.camera import CAMERA_STD, CAMERA_TURNS, PARAMETERS, value_of
 from monodyn.vision.drawing.edges import MATCHED_PX
 from monodyn.vision.drawing.follow import EdgeSearch
@@ -85,11 +86,25 @@ class Looking:
         Returns:
             Standard deviation by name; of what is held, about the value that it is held at.
         """
-        std = camera_std(self.known(bundle), scale_free=scale_free)
-        for name in set(std) & set(CAMERA_STD) - set(bundle.variables.names):
-            off = value_of(self.doubted.camera, name) - value_of(bundle.camera, name)
-            std[name] = float(np.hypot(std[name], off))
-        return std
+        return std_about(bundle, self.known(bundle), self.doubted.camera, scale_free=scale_free)
+
+
+def std_about(held: Bundle, known: Bundle, away: Camera, *, scale_free: bool) -> dict[str, float]:
+    """Return the standard deviations of the camera's parameters [m, rad, px].
+
+    Args:
+        held: The last refinement, in which turns may be held.
+        known: The same with what is known if the camera may be turned.
+        away: The camera where it was free to turn.
+        scale_free: True where nothing pins the common scale.
+
+    Returns:
+        Standard deviation by name; of what is held, about the value that it is held at.
+    """
+    std = camera_std(known, scale_free=scale_free)
+    for name in set(std) & set(CAMERA_STD) - set(held.variables.names):
+        std[name] = float(np.hypot(std[name], value_of(away, name) - value_of(held.camera, name)))
+    return std
 
 
 def open_turns(mechanism: Mechanism, held: Collection[str]) -> list[str]:

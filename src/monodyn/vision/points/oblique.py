@@ -10,9 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.vision.drawing.camera import CAMERA_STD, value_of
-from monodyn.vision.locating.knowledge import camera_std
-from monodyn.vision.locating.oblique import CLEAR, open_turns, turned_by, with_camera
+from monodyn.vision.locating.oblique import CLEAR, open_turns, std_about, turned_by, with_camera
 from monodyn.vision.points.adjust import Adjustment, Fitted, refine
 from monodyn.vision.points.rest import Named
 from monodyn.vision.points.start import SoughtPoints, unexplained
@@ -51,15 +49,10 @@ class Looking:
         Returns:
             Standard deviation by name; of what is held, about the value that it is held at.
         """
-        if self.clear:
-            return camera_std(adjustment.bundle(fitted), scale_free=scale_free)
-        known = replace(fitted, information=self.away.information)
-        std = camera_std(self.doubted.bundle(known), scale_free=scale_free)
-        for name in set(std) & set(CAMERA_STD) - set(adjustment.variables.names):
-            std[name] = float(
-                np.hypot(std[name], value_of(self.away.camera, name) - value_of(fitted.camera, name))
-            )
-        return std
+        held = known = adjustment.bundle(fitted)
+        if not self.clear:
+            known = self.doubted.bundle(replace(fitted, information=self.away.information))
+        return std_about(held, known, self.away.camera, scale_free=scale_free)
 
 
 def looking(sought: SoughtPoints, found: Named) -> Looking:
