@@ -47,11 +47,10 @@ class Homography(NamedTuple):
     @property
     def matrix(self) -> np.ndarray:
         """Its matrix for points in pixels, (3, 3)."""
-        to = np.eye(3)
-        to[:2, 2] = self.middle
-        back = np.eye(3)
-        back[:2, 2] = -self.middle
-        return to @ self.entries @ back
+        middle, matrix = self.middle, self.entries.copy()
+        matrix[:, 2] -= matrix[:, :2] @ middle
+        matrix[:2] += middle[:, np.newaxis] * matrix[2]
+        return matrix
 
     @property
     def inverse(self) -> Homography:

@@ -7,6 +7,7 @@ show is filled from a picture of the whole scene, so that for everything after i
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -179,6 +180,7 @@ class CameraPath:
         return replace(self, window=(slice(top, bottom), slice(left, right)))
 
 
+@cache
 def light_grid(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the places at which the light of a whole picture is compared.
 
@@ -210,7 +212,7 @@ def _warped(
     out = behind.copy()
     if lit and window is not None:
         row, column = light_grid(*plane.shape)
-        at_x, at_y = at.of(np.column_stack([column, row]).astype(np.float64)).astype(np.float32).T
+        at_x, at_y = at.of(np.column_stack([column, row])).astype(np.float32).T
         grid = np.ascontiguousarray(out[row, column][np.newaxis])
         out[row, column] = cv2.remap(
             plane, at_x[np.newaxis], at_y[np.newaxis], cv2.INTER_LINEAR, grid, cv2.BORDER_TRANSPARENT
@@ -252,7 +254,7 @@ def warp(
             )
             for full, count, whole in zip(window, plane.shape, at.size[::-1], strict=True)
         )
-        part = np.ascontiguousarray(out[rows, columns])
+        part = out[rows, columns]
         matrix = matrix @ np.array([[1.0, 0.0, columns.start], [0.0, 1.0, rows.start], [0.0, 0.0, 1.0]])
     size, flags = (plane if part is None else part).shape[::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     far = np.abs(at.entries[2, :2]) @ at.middle * float(np.hypot(*at.middle))
@@ -261,10 +263,7 @@ def warp(
         warped = cv2.warpAffine(plane, matrix[:2] / matrix[2, 2], size, part, flags=flags, borderMode=border)
     else:
         warped = cv2.warpPerspective(plane, matrix, size, part, flags=flags, borderMode=border)
-    if out is None or part is out:
-        return warped
-    out[rows, columns] = warped
-    return out
+    return warped if out is None else out
 
 
 def plane_matrix(at: Homography, shape: tuple[int, ...]) -> np.ndarray:

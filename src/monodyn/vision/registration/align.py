@@ -47,6 +47,10 @@ CUTOFF = 3.0
 """Times that, beyond which a point does not count."""
 UNKNOWNS = 8
 """Displacement to the right and down, zoom, turn, perspective across and down, gain and offset."""
+GAIN = 6
+"""The gain among them."""
+OUTSIDE = -1.0
+"""Weight of a point that a picture does not show."""
 BENT = slice(4, 6)
 """The two of perspective."""
 BENDING, BENDING_PX = 0.1, 0.05
@@ -68,13 +72,16 @@ class Level(NamedTuple):
     Attributes:
         scale: Pixels of the clip per pixel.
         points: Place from the middle of the clip's picture, grey level and its gradient to the right and down
-            [per px of the clip], float32 (point, column).
-        block: Block of each point, int64 (point,).
+            [per px of the clip], (column, point).
+        rows: Derivative of its grey level by the unknowns, (unknown, point); by the gain it is the grey level
+            over the mean of all.
+        block: Block of each point, int64 (point,), rising.
         noise: Standard deviation of a difference of two grey levels [grey levels].
     """
 
     scale: float
     points: np.ndarray
+    rows: np.ndarray
     block: np.ndarray
     noise: float
 
@@ -192,9 +199,22 @@ def _level(grey: np.ndarray, scale: float, middle: np.ndarray, noise: tuple[floa
         chosen.append(np.stack([y + top, x + left], axis=1))
     y, x = np.concatenate(chosen).T
     place_x, place_y = (x + 1) * scale - middle[0], (y + 1) * scale - middle[1]
-    points = np.stack([place_x, place_y, grey[y + 1, x + 1], right[y, x] / scale, down[y, x] / scale], axis=1)
     block = (x * BLOCKS[0] // width) + BLOCKS[0] * (y * BLOCKS[1] // height)
-    return Level(scale, points.astype(np.float32), block.astype(np.int64), noise[0])
+    points = np.stack([place_x, place_y, grey[y + 1, x + 1], right[y, x] / scale, down[y, x] / scale])
+    order = np.argsort(block, kind="stable")
+    points = np.ascontiguousarray(points[:, order], dtype=float)
+    return Level(scale, points, _rows(points, middle), block[order].astype(np.int64), noise[0])
+
+
+def _rows(points: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Return the derivative of the points' grey levels by the unknowns, (unknown, point)."""
+    x, y, grey, gx, gy = points
+    reach = _reach(middle)
+    outward, turned = (gx * x + gy * y) / reach, (gy * x - gx * y) / reach
+    over = grey - grey.sum() / max(1, len(grey))
+    return np.stack(
+        [gx, gy, outward, turned, outward * x / reach, outward * y / reach, over, np.ones_like(x)]
+    )
 
 
 def _noise(grey: np.ndarray) -> float:
@@ -230,7 +250,7 @@ def align(pictures: Sequence[np.ndarray], key: Key, start: Homography) -> Alignm
         _align(picture, level, middle, off, entries, light, normal, right, counts)
     at = Homography(entries / entries[2, 2], start.size)
     agreeing, within = counts.sum(axis=0).tolist()
-    share, overlap = agreeing / max(within, 1.0), within / max(len(key.levels[-1].points), 1)
+    share, overlap = agreeing / max(within, 1.0), within / max(len(key.levels[-1].block), 1)
     held = int(np.sum(counts[:, 0] >= LEAST_POINTS))
     bending = BENDING * float(np.hypot(*at.shift)) + BENDING_PX
     return Alignment(at, share, overlap, held, _spread(normal, right, bending))
@@ -246,9 +266,9 @@ def difference(picture: np.ndarray, level: Level, at: Homography) -> float:
     """
     import cv2
 
-    places = (at.of(level.points[:, :2] + at.middle) / level.scale).astype(np.float32)
+    places = (at.of(level.points[:2].T + at.middle) / level.scale).astype(np.float32)
     shown = cv2.remap(picture, places[:, np.newaxis], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
-    off = shown[:, 0].astype(np.float64) - level.points[:, 2]
+    off = shown[:, 0].astype(np.float64) - level.points[2]
     return float(np.median(np.abs(off - np.median(off))))
 
 
@@ -271,7 +291,7 @@ def _spread(normal: np.ndarray, right: np.ndarray, bending: float) -> float:
     known[BENT] += 1.0 / bending**2
     without = normal.sum(axis=0) - normal[shown] + np.diag(known)
     inverse = np.linalg.inv(without)
-    steps = np.einsum("bij,bj->bi", inverse, right.sum(axis=0) - right[shown])
+    steps = (inverse @ (right.sum(axis=0) - right[shown])[:, :, np.newaxis])[:, :, 0]
     # zoom and turn count as what they do halfway to a corner, perspective, which hardly shows in the middle,
     # does not; what is left without the most important block must determine the displacement too
     spread = float(np.sum(steps[:, :4] ** 2)) * (count - 1) / count
@@ -297,66 +317,17 @@ def _align(
     ``normal`` (block, unknown, unknown) and ``right`` (block, unknown) become the last normal equations, each
     block's own; ``counts`` (block, 2) the points that agree and those within the picture.
     """
-    height, width = picture.shape
-    points, scale = level.points, level.scale
-    # all unknowns but the light are what they displace halfway to a corner [px]
-    reach = 0.5 * math.sqrt(middle[0] ** 2 + middle[1] ** 2)
-    row, change = np.empty(UNKNOWNS), np.zeros((3, 3))
-    grey = 0.0
-    for i in range(points.shape[0]):
-        grey += points[i, 2]
-    grey /= max(1, points.shape[0])
+    scale, count = level.scale, level.points.shape[1]
+    reach = _reach(middle)
+    residuals, weights = np.empty(count), np.empty(count)
+    change = np.zeros((3, 3))
     for done in range(ROUNDS):
         # what is off at first may only not have been met yet
         far = off if done >= WIDE else max(off, OFF_COARSE_PX)
-        normal[:] = 0.0
-        right[:] = 0.0
-        counts[:] = 0.0
-        agreeing = 0
-        gain, offset = light[0], light[1]
-        h = entries
-        for i in range(points.shape[0]):
-            x, y, gx, gy = points[i, 0], points[i, 1], points[i, 3], points[i, 4]
-            z = (h[2, 0] * x + h[2, 1] * y + h[2, 2]) * scale
-            u = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / z + middle[0] / scale
-            v = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / z + middle[1] / scale
-            if not (u >= 0.0 and v >= 0.0 and u < width - 1.001 and v < height - 1.001):
-                continue
-            b = level.block[i]
-            counts[b, 1] += 1.0
-            iu, iv = int(u), int(v)
-            fu, fv = u - iu, v - iv
-            top = (1.0 - fu) * picture[iv, iu] + fu * picture[iv, iu + 1]
-            low = (1.0 - fu) * picture[iv + 1, iu] + fu * picture[iv + 1, iu + 1]
-            shown = (1.0 - fv) * top + fv * low
-            r = shown - (gain * (points[i, 2] - grey) + grey + offset)
-            slack = level.noise**2 + (far * scale) ** 2 * (gx * gx + gy * gy)
-            share = r * r / (slack * CUTOFF**2)
-            if share >= 1.0:
-                continue
-            counts[b, 0] += 1.0
-            agreeing += 1
-            w = (1.0 - share) ** 2 / slack
-            outward = (gx * x + gy * y) / reach
-            row[0] = gx
-            row[1] = gy
-            row[2] = outward
-            row[3] = (gy * x - gx * y) / reach
-            row[4] = outward * x / reach
-            row[5] = outward * y / reach
-            row[6] = points[i, 2] - grey
-            row[7] = 1.0
-            for j in range(UNKNOWNS):
-                right[b, j] += w * row[j] * r
-                for k in range(j + 1):
-                    normal[b, j, k] += w * row[j] * row[k]
-        for b in range(normal.shape[0]):
-            for j in range(UNKNOWNS):
-                for k in range(j):
-                    normal[b, k, j] = normal[b, j, k]
+        agreeing = _compare(picture, level, middle, far, entries, light, residuals, weights)
         if agreeing < 2 * UNKNOWNS:
-            return
-        whole, g = normal.sum(axis=0), right.sum(axis=0)
+            break
+        whole, g = _normal(level.rows, residuals, weights, 0, count)
         for j in range(UNKNOWNS):
             whole[j, j] += 1e-9 + 1e-6 * whole[j, j]
         # only a turn makes perspective, and it displaces: the few edges of a bare wall say little of it
@@ -376,6 +347,102 @@ def _align(
         entries[:] = entries / entries[2, 2]
         light[0] += step[6]
         light[1] += step[7]
-        moved = np.abs(step[0]) + np.abs(step[1]) + np.abs(step[2]) + np.abs(step[3])
-        if far == off and moved + np.abs(step[4]) + np.abs(step[5]) < SETTLED_PX * scale:
-            return
+        moved = np.abs(step[:6]).sum()
+        if far == off and moved < SETTLED_PX * scale:
+            break
+    _by_block(level, residuals, weights, normal, right, counts)
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _compare(
+    picture: np.ndarray,
+    level: Level,
+    middle: np.ndarray,
+    far: float,
+    entries: np.ndarray,
+    light: np.ndarray,
+    residuals: np.ndarray,
+    weights: np.ndarray,
+) -> int:
+    """Return how many points agree with the picture.
+
+    ``residuals`` (point,) [grey levels] and ``weights`` (point,) are filled; a weight is 0 where a point does
+    not agree, and ``OUTSIDE`` where the picture does not show it.
+    """
+    height, width = picture.shape
+    scale, h = level.scale, entries
+    x, y, grey, gx, gy = level.points
+    over = level.rows[GAIN]
+    from_x, from_y = middle[0] / scale, middle[1] / scale
+    right, down = np.empty_like(x), np.empty_like(x)
+    for i in range(len(x)):
+        z = 1.0 / ((h[2, 0] * x[i] + h[2, 1] * y[i] + h[2, 2]) * scale)
+        right[i] = (h[0, 0] * x[i] + h[0, 1] * y[i] + h[0, 2]) * z + from_x
+        down[i] = (h[1, 0] * x[i] + h[1, 1] * y[i] + h[1, 2]) * z + from_y
+    for i in range(len(x)):
+        u, v = right[i], down[i]
+        residuals[i], weights[i] = 0.0, OUTSIDE
+        if u >= 0.0 and v >= 0.0 and u < width - 1.001 and v < height - 1.001:
+            iu, iv = int(u), int(v)
+            fu, fv = u - iu, v - iv
+            top = (1.0 - fu) * picture[iv, iu] + fu * picture[iv, iu + 1]
+            low = (1.0 - fu) * picture[iv + 1, iu] + fu * picture[iv + 1, iu + 1]
+            residuals[i] = (1.0 - fv) * top + fv * low - grey[i] - (light[0] - 1.0) * over[i] - light[1]
+            weights[i] = 1.0
+    agreeing = 0
+    for i in range(len(x)):
+        slack = level.noise**2 + (far * scale) ** 2 * (gx[i] * gx[i] + gy[i] * gy[i])
+        share = max(0.0, 1.0 - residuals[i] * residuals[i] / (slack * CUTOFF**2))
+        if weights[i] > 0.0:
+            weights[i] = share * share / slack
+            agreeing += share > 0.0
+    return agreeing
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _normal(
+    rows: np.ndarray, residuals: np.ndarray, weights: np.ndarray, first: int, end: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the normal matrix (unknown, unknown) and the right side (unknown,) of some points."""
+    normal, right = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
+    weighted = np.empty(end - first)
+    for j in range(UNKNOWNS):
+        one, total = rows[j], 0.0
+        for i in range(first, end):
+            weighted[i - first] = max(0.0, weights[i]) * one[i]
+            total += weighted[i - first] * residuals[i]
+        right[j] = total
+        for k in range(j + 1):
+            other, total = rows[k], 0.0
+            for i in range(first, end):
+                total += weighted[i - first] * other[i]
+            normal[j, k] = normal[k, j] = total
+    return normal, right
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _by_block(
+    level: Level,
+    residuals: np.ndarray,
+    weights: np.ndarray,
+    normal: np.ndarray,
+    right: np.ndarray,
+    counts: np.ndarray,
+) -> None:
+    """Fill the normal equations and the counts of each block, as ``_align`` returns them."""
+    end = 0
+    for b in range(counts.shape[0]):
+        first = end
+        counts[b] = 0.0
+        while end < len(weights) and level.block[end] == b:
+            counts[b, 0] += weights[end] > 0.0
+            counts[b, 1] += weights[end] != OUTSIDE
+            end += 1
+        normal[b], right[b] = _normal(level.rows, residuals, weights, first, end)
+
+
+@njit(cache=True)
+def _reach(middle: np.ndarray) -> float:
+    """Return how far it is halfway to a corner [px]: all unknowns but the light are what they displace
+    there."""
+    return 0.5 * math.sqrt(middle[0] ** 2 + middle[1] ** 2)

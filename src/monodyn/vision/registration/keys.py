@@ -71,7 +71,9 @@ class Registrar:
 
     def _found(self, pictures: list[np.ndarray], likely: Homography | None) -> Alignment | None:
         """Align a frame with the nearest key picture; make it one where that is far."""
-        key = min(self._keys, key=lambda key: key.at.apart(self._last))
+        key = self._keys[0]
+        if len(self._keys) > 1:
+            key = min(self._keys, key=lambda key: key.at.apart(self._last))
         found = self._aligned(pictures, key, self._last)
         if not found.known:
             found = self._aligned(pictures, key, self._leapt(pictures[0]))
