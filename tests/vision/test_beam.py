@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from models import read
 from monodyn.mechanism import load
 from monodyn.types import FULL, Camera
+from monodyn.vision.drawing.camera import from_origin
 from monodyn.vision.drawing.mismatch import pose_balance, row_balance
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.locating.beam import BEYOND, Beam, best_peaks, extended, slide_places
@@ -53,6 +55,17 @@ def test_a_slide_is_tried_where_the_foreground_is() -> None:
     half = 0.5 * np.hypot(np.ptp(columns), np.ptp(rows)) * 0.9 / 150.0
     np.testing.assert_allclose(places[[0, -1]], seen + BEYOND * half * np.array([-1.0, 1.0]), atol=1e-12)
     assert places[0] < 0.04 < places[-1]
+
+
+def test_a_slide_is_tried_where_the_foreground_is_before_a_turned_camera() -> None:
+    """The camera's place, told far aside, is not where the foreground is."""
+    mechanism = load("cartpole")
+    camera = from_origin(replace(CAMERA, yaw=0.5))
+    frame = frame_of(drawn_mask(mechanism, camera, np.array([0.04, -1.5])))
+    places = slide_places(frame, rig_of(mechanism, camera), 0, 5)
+    assert abs(camera.x) > 0.3
+    assert places[0] < 0.04 < places[-1]
+    assert np.ptp(places) < 0.5
 
 
 def test_poses_are_improved_between_the_tried_positions() -> None:

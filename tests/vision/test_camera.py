@@ -16,6 +16,7 @@ from monodyn.vision.drawing.camera import (
     X,
     Y,
     camera_array,
+    on_plane,
     pixels,
     rotation,
     shrunk,
@@ -44,6 +45,19 @@ def test_camera_turns_as_documented(turn: dict[str, float]) -> None:
     if not turn:
         assert right[0] > middle[0]
         assert up[1] < middle[1]
+
+
+@pytest.mark.parametrize("turn", [{}, {"yaw": -0.4}, {"roll": 0.1, "pitch": -0.2, "yaw": 0.3}])
+def test_points_of_the_plane_appear_where_they_are_looked_for(turn: dict[str, float]) -> None:
+    camera = Camera(100, 80, 90.0, x=0.3, y=-0.1, depth=2.0, **turn)
+    points = np.array([[0.0, 0.0], [0.4, -0.2], [-0.3, 0.5]])
+    places = pixels(camera, np.column_stack([points, np.zeros(3)]))
+    np.testing.assert_allclose(on_plane(camera_array(camera), places), points, atol=1e-12)
+
+
+def test_beyond_the_horizon_is_far_away() -> None:
+    camera = Camera(100, 80, 90.0, depth=2.0, yaw=1.4)
+    assert np.abs(on_plane(camera_array(camera), np.array([[99.0, 40.0]]))).max() > 10.0
 
 
 def test_reduced_camera_sees_the_centre_of_each_block() -> None:

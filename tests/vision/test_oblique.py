@@ -11,9 +11,9 @@ from monodyn.mechanism import load
 from monodyn.types import Camera, Poses
 from monodyn.vision.drawing.camera import CAMERA_STD, around_origin, from_origin
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.locating.bundle import KeyMasks, refine, scene_variables
+from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
 from monodyn.vision.locating.doubt import doubt_of
-from monodyn.vision.locating.oblique import Looking, looking, open_turns
+from monodyn.vision.locating.oblique import Looking, from_other_sides, looking, open_turns
 from monodyn.vision.locating.search import SceneGuess
 from pictures import drawn_mask, trusted
 
@@ -22,8 +22,8 @@ OPEN = ["camera.pitch", "camera.yaw", "camera.focal"]
 SEARCH = EdgeSearch(np.array([8.0, 6.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0]), 2.0)
 
 
-def found(yaw: float, asked: tuple[str, ...] = (), *, exact: bool = False) -> Looking:
-    """Refine a double pendulum before a camera as if it looked squarely, and find out."""
+def squarely(yaw: float) -> tuple[KeyMasks, Bundle]:
+    """Refine a double pendulum before a camera as if it looked squarely."""
     double = load("double")
     # turned about the hinge, which stays where it is in the picture
     camera = from_origin(Camera(400, 300, 400.0, x=0.02, y=-0.03, depth=0.95, yaw=yaw))
@@ -32,7 +32,12 @@ def found(yaw: float, asked: tuple[str, ...] = (), *, exact: bool = False) -> Lo
     masks = KeyMasks([drawn_mask(double, camera, q) for q in poses], trusted(double, camera))
     guess = SceneGuess(double, Camera(400, 300, 400.0, x=0.02, y=-0.03, depth=0.95), poses, np.zeros(12))
     variables = replace(scene_variables(double, NAMES), focal=400.0, about_origin=True)
-    bundle = refine(masks, guess, variables, SEARCH)
+    return masks, refine(masks, guess, variables, SEARCH)
+
+
+def found(yaw: float, asked: tuple[str, ...] = (), *, exact: bool = False) -> Looking:
+    """Refine a double pendulum before a camera as if it looked squarely, and find out."""
+    masks, bundle = squarely(yaw)
     if exact:
         bundle = replace(bundle, rms_px=np.zeros(12), matched=np.ones(12))
     return looking(masks, bundle, OPEN, asked, SEARCH)
@@ -75,6 +80,19 @@ def test_an_oblique_camera_is_found(yaw: float) -> None:
 def test_a_camera_far_aside_is_found() -> None:
     """The ends of the links, which show it, are far from where a square camera would see them."""
     assert found(0.7).bundle.camera.yaw == pytest.approx(0.7, abs=0.03)
+
+
+def test_a_camera_on_the_other_side_is_found() -> None:
+    """As if the first steps had led to the wrong side; what is right is kept as it is."""
+    masks, bundle = squarely(0.35)
+    good = looking(masks, bundle, OPEN, (), SEARCH).bundle
+    assert from_other_sides(masks, bundle, good, SEARCH) is good
+    camera = from_origin(replace(around_origin(bundle.camera), yaw=-0.3))
+    wrong = replace(good, camera=camera, rms_px=np.full(12, 2.0))
+    assert from_other_sides(masks, bundle, wrong, SEARCH).camera.yaw == pytest.approx(0.35, abs=0.02)
+    # where the camera stands is given
+    given = replace(wrong, variables=replace(wrong.variables, about_origin=False))
+    assert from_other_sides(masks, bundle, given, SEARCH) is given
 
 
 def test_turns_that_bring_no_edge_nearer_are_not_believed() -> None:

@@ -45,6 +45,8 @@ CAMERA_STD = {
 """Standard deviations of what is assumed of a camera of which nothing is known: turns about zero [rad], and
 the logarithm of the focal length about its start."""
 
+GRAZING = 0.1
+"""Least slope of a ray to the plane that is told apart from one along it."""
 ROTATION = 9
 """The first entries of a packed camera, this many, are its rotation ``R_camera_plane``, row by row."""
 X, Y, DEPTH, FOCAL, CENTRE_X, CENTRE_Y = range(ROTATION, 15)
@@ -162,6 +164,23 @@ def pixels(camera: Camera, points: np.ndarray) -> np.ndarray:
     seen = (np.asarray(points, dtype=np.float64) - [camera.x, camera.y, camera.depth]) @ rotation(camera).T
     centre = np.array([(camera.width - 1) / 2.0, (camera.height - 1) / 2.0])
     return centre + camera.focal * seen[:, :2] / seen[:, 2:]
+
+
+def on_plane(packed: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the points of the plane z = 0 that appear at places in the picture.
+
+    Args:
+        packed: The camera as the kernels take it, (entry,).
+        places: Places in the picture [px], (place, 2).
+
+    Returns:
+        The points [m], (place, 2); of a place beyond the horizon one that is far away.
+    """
+    rays = np.column_stack([(places - packed[[CENTRE_X, CENTRE_Y]]) / packed[FOCAL], np.ones(len(places))])
+    seen = rays @ packed[:ROTATION].reshape(3, 3)
+    # the camera looks along -z; what looks away from the plane, or along it, meets it nowhere near
+    steps = packed[DEPTH] / np.maximum(-seen[:, 2], GRAZING)
+    return packed[[X, Y]] + steps[:, np.newaxis] * seen[:, :2]
 
 
 def value_of(camera: Camera, name: str) -> float:

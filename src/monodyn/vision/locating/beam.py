@@ -12,7 +12,7 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
-from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, X, Y
+from monodyn.vision.drawing.camera import on_plane
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import Rig, joint_limits
 from monodyn.vision.locating.keyframes import KeyFrame
@@ -112,11 +112,9 @@ def slide_places(frame: KeyFrame, rig: Rig, row: int, count: int) -> np.ndarray:
         The positions [m], (candidate,).
     """
     rows, columns = frame.extent
-    camera, link = rig.camera, rig.links[row]
-    per_px = camera[DEPTH] / camera[FOCAL]
-    x = (columns - camera[CENTRE_X]) * per_px + camera[X]
-    y = (camera[CENTRE_Y] - rows) * per_px + camera[Y]
-    half = 0.5 * float(np.hypot(np.ptp(x), np.ptp(y)))
+    link = rig.links[row]
+    corners = on_plane(rig.camera, np.array([(x, y) for x in columns for y in rows], dtype=float))
+    half = 0.5 * float(np.hypot(*np.ptp(corners, axis=0)))
     if rig.parent[row] >= 0:
         return np.linspace(-2.0 * half, 2.0 * half, count)
     turn = link[ANGLE]
@@ -124,9 +122,9 @@ def slide_places(frame: KeyFrame, rig: Rig, row: int, count: int) -> np.ndarray:
         np.cos(turn) * link[AXIS_X] - np.sin(turn) * link[AXIS_Y],
         np.sin(turn) * link[AXIS_X] + np.cos(turn) * link[AXIS_Y],
     )
-    places = [(px - link[ANCHOR_X]) * along[0] + (py - link[ANCHOR_Y]) * along[1] for px in x for py in y]
+    places = (corners - link[[ANCHOR_X, ANCHOR_Y]]) @ np.array(along)
     margin = BEYOND * half
-    return np.linspace(min(places) - margin, max(places) + margin, count)
+    return np.linspace(places.min() - margin, places.max() + margin, count)
 
 
 def best_peaks(costs: np.ndarray, circular: bool, count: int) -> np.ndarray:

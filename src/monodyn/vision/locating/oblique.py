@@ -15,7 +15,15 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.types import Camera
-from monodyn.vision.drawing.camera import CAMERA_STD, CAMERA_TURNS, PARAMETERS, value_of
+from monodyn.vision.drawing.camera import (
+    CAMERA_STD,
+    CAMERA_TURNS,
+    PARAMETERS,
+    around_origin,
+    from_origin,
+    value_of,
+    with_values,
+)
 from monodyn.vision.drawing.edges import MATCHED_PX
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating.bundle import (
@@ -33,6 +41,8 @@ from monodyn.vision.locating.search import SceneGuess
 CLEAR = 6.0
 """Standard deviations from a camera that looks squarely, by noise alone, from which its turns are estimated.
 A part of the noise of edges is the same in all frames, so that three of them would not be far enough."""
+ASIDE = 0.3
+"""Turn of the cameras from which it is looked for again once it is known to be turned [rad]."""
 WORTH = 3.0
 """The same after the steps of ``TRIED``, which go only a part of the way."""
 TRIED = (8.0, 4.0, 3.0)
@@ -145,8 +155,39 @@ def looking(
     if wanted or turned_by(tried, bundle, names) > WORTH:
         found = _refined(masks, tried, every, search)
         if wanted or _believed(found, bundle, names):
+            found = from_other_sides(masks, bundle, found, search)
             return Looking(found, every, found)
     return Looking(bundle, bundle.variables, tried)
+
+
+def from_other_sides(masks: KeyMasks, bundle: Bundle, found: Bundle, search: EdgeSearch) -> Bundle:
+    """Return the best of what is found from cameras that look from either side, from above and from below.
+
+    A link before a camera on the left is foreshortened as before one on the right: from where it looks
+    squarely the steps may lead to the wrong side, and stay there.
+
+    Args:
+        masks: Masks of the key frames.
+        bundle: The refinement before a camera that looks squarely.
+        found: One before a camera that is turned.
+        search: How the edges are looked for.
+
+    Returns:
+        The one that leaves clearly less, or ``found``; this, too, where the camera's place is given.
+    """
+    best = found
+    if not found.variables.about_origin:
+        return best
+    wide = search._replace(reaches=np.array(TRIED))
+    square = around_origin(bundle.camera)
+    for name in ("camera.yaw", "camera.pitch"):
+        for turn in (ASIDE, -ASIDE):
+            if name in found.variables.names:
+                camera = from_origin(with_values(square, {name: turn}))
+                tried = _refined(masks, replace(bundle, camera=camera), found.variables, wide)
+                other = _refined(masks, tried, found.variables, search)
+                best = other if _fall(other, best) > CLEAR**2 else best
+    return best
 
 
 def with_camera(before: SceneVariables, mechanism: Mechanism, names: Sequence[str]) -> SceneVariables:
