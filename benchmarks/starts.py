@@ -170,8 +170,8 @@ def _compared(name: str, data: Path, scenes: list[Scene | None]) -> list[Figure]
     best = int(np.argmax(agree.sum(axis=1)))
     share = 100.0 * float(agree[best].sum()) / len(scenes)
     alike = sum(_is_same(found[best], other, joints_alone=True) for other in found)
-    for scene, same in zip(found, agree[best], strict=True):
-        if not same:
+    for scene, agrees in zip(found, agree[best], strict=True):
+        if not agrees:
             pivot, length = _first_link(scene)
             say(f"  another scene: pivot {pivot.round(1)}, first link {length:.1f} px")
     pivot, length = _first_link(found[best])
