@@ -9,7 +9,8 @@ import pytest
 
 from monodyn.types import Frame
 from monodyn.vision.clip.homography import Homography, at_rest
-from monodyn.vision.registration.align import align, key_of, pyramid
+from monodyn.vision.registration.align import align
+from monodyn.vision.registration.keypicture import key_of, pyramid
 from scenes import SIZE, disc, moved, taken, wall
 
 REST = at_rest(SIZE)

@@ -6,7 +6,7 @@ import numpy as np
 
 from monodyn.types import Frame
 from monodyn.vision.clip.homography import at_rest
-from monodyn.vision.registration.align import key_of, pyramid
+from monodyn.vision.registration.keypicture import key_of, pyramid
 from monodyn.vision.registration.keys import PATIENCE, Registrar
 from scenes import SIZE, hand_held, moved, taken, wall
 

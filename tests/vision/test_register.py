@@ -14,7 +14,7 @@ from monodyn.types import Frame
 from monodyn.vision.clip.homography import Homography, at_rest
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.soft import soft_masks
-from monodyn.vision.registration.align import key_of, pyramid
+from monodyn.vision.registration.keypicture import key_of, pyramid
 from monodyn.vision.registration.register import camera_moves, levelled, onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
 from scenes import SIZE, disc, hand_held, moved, taken, wall

@@ -171,10 +171,10 @@ def on_plane(packed: np.ndarray, places: np.ndarray) -> np.ndarray:
 
     Args:
         packed: The camera as the kernels take it, (entry,).
-        places: Places in the picture [px], (place, 2).
+        places: Places in the picture [px], (point, 2).
 
     Returns:
-        The points [m], (place, 2); of a place beyond the horizon one that is far away.
+        The points [m], (point, 2); of a place beyond the horizon one that is far away.
     """
     rays = np.column_stack([(places - packed[[CENTRE_X, CENTRE_Y]]) / packed[FOCAL], np.ones(len(places))])
     seen = rays @ packed[:ROTATION].reshape(3, 3)

@@ -11,7 +11,8 @@ import numpy as np
 
 from monodyn.types import Frame
 from monodyn.vision.clip.homography import Homography, at_rest
-from monodyn.vision.registration.align import Alignment, Key, align, key_of, pyramid
+from monodyn.vision.registration.align import Alignment, align
+from monodyn.vision.registration.keypicture import Key, key_of, pyramid
 
 LEAST_WITHIN = 0.6
 """Share of a key picture's points that must be in view; else the frame becomes another one."""

@@ -16,7 +16,8 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.homography import Homography, at_rest
 from monodyn.vision.clip.steady import CameraPath, warp
 from monodyn.vision.clip.video import Video
-from monodyn.vision.registration.align import Key, align, difference, key_of, pyramid
+from monodyn.vision.registration.align import align, difference
+from monodyn.vision.registration.keypicture import Key, key_of, pyramid
 from monodyn.vision.registration.keys import Registrar
 
 COMPARED = 12
