@@ -194,6 +194,8 @@ def light_grid(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
     columns, rows = GRID
     row = np.linspace(0, height - 1, rows + 2).round().astype(np.intp)[1:-1].repeat(columns)
     column = np.tile(np.linspace(0, width - 1, columns + 2).round().astype(np.intp)[1:-1], rows)
+    # every caller has the same ones
+    row.flags.writeable = column.flags.writeable = False
     return row, column
 
 

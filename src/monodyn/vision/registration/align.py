@@ -79,13 +79,12 @@ def align(pictures: Sequence[np.ndarray], key: Key, start: Homography) -> Alignm
     Returns:
         The map, and how well it is known.
     """
-    middle, blocks = start.middle, BLOCKS[0] * BLOCKS[1]
     entries, light = start.entries.copy(), np.array([1.0, 0.0])
-    normal, right = np.zeros((blocks, UNKNOWNS, UNKNOWNS)), np.zeros((blocks, UNKNOWNS))
-    counts = np.zeros((blocks, 2))
+    residuals = weights = np.zeros(0)
     for picture, level in zip(pictures, key.levels, strict=True):
         off = OFF_PX if level is key.levels[-1] else OFF_COARSE_PX
-        _align(picture, level, middle, off, entries, light, normal, right, counts)
+        residuals, weights = _align(picture, level, start.middle, off, entries, light)
+    normal, right, counts = _by_block(key.levels[-1], residuals, weights)
     at = Homography(entries / entries[2, 2], start.size)
     agreeing, within = counts.sum(axis=0).tolist()
     share, overlap = agreeing / max(within, 1.0), within / max(len(key.levels[-1].block), 1)
@@ -146,14 +145,10 @@ def _align(
     off: float,
     entries: np.ndarray,
     light: np.ndarray,
-    normal: np.ndarray,
-    right: np.ndarray,
-    counts: np.ndarray,
-) -> None:
+) -> tuple[np.ndarray, np.ndarray]:
     """Change the map ``entries`` (3, 3) and the light (gain, offset) until the picture agrees.
 
-    ``normal`` (block, unknown, unknown) and ``right`` (block, unknown) become the last normal equations, each
-    block's own; ``counts`` (block, 2) the points that agree and those within the picture.
+    Returns the last residuals and weights, (point,) each, as ``_compare`` fills them.
     """
     scale, count = level.scale, level.points.shape[1]
     reach = halfway(middle)
@@ -188,7 +183,7 @@ def _align(
         moved = np.abs(step[:6]).sum()
         if far == off and moved < SETTLED_PX * scale:
             break
-    _by_block(level, residuals, weights, normal, right, counts)
+    return residuals, weights
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
@@ -260,20 +255,18 @@ def _normal(
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _by_block(
-    level: Level,
-    residuals: np.ndarray,
-    weights: np.ndarray,
-    normal: np.ndarray,
-    right: np.ndarray,
-    counts: np.ndarray,
-) -> None:
-    """Fill the normal equations and the counts of each block, as ``_align`` returns them."""
-    end = 0
-    for b in range(counts.shape[0]):
+    level: Level, residuals: np.ndarray, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the normal equations of each block, (block, unknown, unknown) and (block, unknown), and how many
+    points agree and are within the picture, (block, 2)."""
+    blocks, end = BLOCKS[0] * BLOCKS[1], 0
+    normal, right = np.empty((blocks, UNKNOWNS, UNKNOWNS)), np.empty((blocks, UNKNOWNS))
+    counts = np.zeros((blocks, 2))
+    for b in range(blocks):
         first = end
-        counts[b] = 0.0
         while end < len(weights) and level.block[end] == b:
             counts[b, 0] += weights[end] > 0.0
             counts[b, 1] += weights[end] != OUTSIDE
             end += 1
         normal[b], right[b] = _normal(level.rows, residuals, weights, first, end)
+    return normal, right, counts
