@@ -293,7 +293,7 @@ def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
     )
 
 
-def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
+def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
     """Find a reason not to trust any fit to the poses: what was followed is hardly the mechanism.
 
     Args:

@@ -18,7 +18,7 @@ from monodyn.checks import (
     camera_choices,
     check_tracked,
     chosen_mechanism,
-    doubt,
+    doubtful_sight,
     fitted_range,
     free_range,
     how_to_film,
@@ -28,7 +28,7 @@ from monodyn.checks import (
     untracked,
 )
 from monodyn.errors import FitError, MonodynError, VideoError
-from monodyn.estimation.fit import Fit
+from monodyn.estimation.fit import Doubt, Fit, Grade
 from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.inputs import input_files, opened
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
@@ -37,6 +37,7 @@ from monodyn.results.export import camera_table
 from monodyn.results.filmed import filmed_of, write_sight_film
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
+from monodyn.results.heldout import heldout_doubts
 from monodyn.results.log import RunLog, recorded
 from monodyn.results.predict import predict
 from monodyn.results.report import write_results
@@ -122,16 +123,16 @@ class Job:
         if self.folder is not None and path is not None:
             self.folder.write_text("camera.csv", camera_table(video.times, path))
 
-    def show_sight(self, status: str, *, ok: bool | None) -> None:
+    def show_sight(self, status: str, grade: Grade | None) -> None:
         """Write ``diagnosis.png`` and ``overlay.mp4`` of a run that has no fit.
 
         Args:
             status: What came of it, a sentence.
-            ok: Whether that can be trusted; None where nothing was to be identified.
+            grade: How far that can be relied on; None where nothing was to be identified.
         """
         if self.folder is None or self.sight is None:
             return
-        self.sight.status, self.sight.ok = status, ok
+        self.sight.status, self.sight.grade = status, grade
         # a clip without pictures leaves nothing
         if write_diagnosis(self.folder, self.sight) is not None:
             write_sight_film(self.folder, self.sight, self.progress)
@@ -193,20 +194,21 @@ def run(
         first, stop = np.searchsorted(poses.frame, frames).tolist()
         check_tracked(poses.part(first, stop), video, log.notes)
         with log.stage("identify"):
-            poses, doubts = with_right_turns(
+            poses, unsure = with_right_turns(
                 poses, (first, stop), scene.mechanism, settings.identify, progress
             )
             fit = identify(poses.part(first, stop), scene.mechanism, settings.identify, progress=progress)
             uniform = chosen_bodies(mechanism, settings.identify.bodies) == "uniform"
             log.notes += mass_notes(mechanism, "uniform" if uniform else "free")
-            why = doubt(sight, poses.part(first, stop), uniform=uniform)
-        log.notes += doubts
+            why = doubtful_sight(sight, poses.part(first, stop), uniform=uniform)
+        log.notes += unsure
         if why:
             # a motion may be followed in the wrong place: then no advice on the model helps
-            fit = replace(fit, status=why, ok=False, advice=())
-        log.notes += how_to_film(fit, sight)
+            fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
         with log.stage("predict"):
             traces = predicted(fit, poses, times, video.path.name)
+            fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+        log.notes += how_to_film(fit, sight)
         # only the fit has the metric scale: the poses are written again with their slides in metres
         filmed = filmed_of(fit, scene, poses, sight)
         findings = Findings(
@@ -254,7 +256,7 @@ def track_clip(
         _, poses, _ = locate_and_track(job, video, mechanism)
         share = f"{int(np.sum(poses.seen))} of {len(poses)} frames were tracked."
         with log.stage("results"):
-            job.show_sight(" ".join([share, *log.notes]), ok=None if np.any(poses.seen) else False)
+            job.show_sight(" ".join([share, *log.notes]), None if np.any(poses.seen) else "refused")
     check_tracked(poses, video, log.notes)
     return job.outcome(log.document("done", folder.written), poses)
 
@@ -314,7 +316,7 @@ def shown_if_refused(job: Job) -> Iterator[None]:
     except (VideoError, FitError) as error:
         # what cannot be written must not hide why the run was refused
         with job.log.stage("results"), suppress(MonodynError):
-            job.show_sight(str(error), ok=False)
+            job.show_sight(str(error), "refused")
         raise
 
 

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
     from monodyn.pipeline import Outcome
 
+STYLES = {"trusted": "bold green", "approximate": "bold yellow", "refused": "bold red"}
+"""How the status is shown, by grade."""
+
 
 @contextmanager
 def progress_on(stream: TextIO, *, quiet: bool) -> Iterator[Progress | None]:
@@ -165,7 +168,7 @@ def _print_fit(outcome: Outcome) -> None:
     if document["combinations"]:
         console.print(_combinations(document["combinations"]))
     console.print(_errors(outcome))
-    console.print(document["status"], style="bold" if document["ok"] else "bold red", markup=False)
+    console.print(document["status"], style=STYLES[document["grade"]], markup=False)
     for sentence in document["advice"]:
         console.print(f"- {sentence}", markup=False)
     if outcome.folder is not None:

@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from monodyn.errors import FitError
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import Directions
+
+Grade = Literal["trusted", "approximate", "refused"]
+"""How far a fit can be relied on: in full; for what its status says holds; not at all."""
+GRADES: tuple[Grade, ...] = ("trusted", "approximate", "refused")
+"""All of them, the best first."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What speaks against a fit.
+
+    Attributes:
+        grade: What is left of the fit: ``approximate`` or ``refused``.
+        reason: What was found, and what to do about it, in sentences.
+    """
+
+    grade: Grade
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -79,8 +99,7 @@ class Fit:
 
     Attributes:
         status: What came of it, one sentence.
-        ok: True when the result can be used: no joint's rms residual is above both 20 times its stated noise
-            and 1.5 % of its range of motion (see ``verdict``).
+        doubts: What speaks against it, the gravest first.
         advice: Plain sentences: what is not known, and what would fix it.
         mechanism: The identified mechanism.
         parameters: All parameters with their intervals.
@@ -104,7 +123,7 @@ class Fit:
     """
 
     status: str
-    ok: bool
+    doubts: tuple[Doubt, ...]
     advice: tuple[str, ...]
     mechanism: Mechanism
     parameters: tuple[Estimate, ...]
@@ -120,6 +139,29 @@ class Fit:
     evaluations: int
     seconds: float
     stamp_error: float = 0.0
+
+    @property
+    def grade(self) -> Grade:
+        """How far it can be relied on: as the gravest doubt has it."""
+        return self.doubts[0].grade if self.doubts else GRADES[0]
+
+    @property
+    def ok(self) -> bool:
+        """True where it can be used, at least for what its status says holds."""
+        return self.grade != "refused"
+
+    def doubted(self, doubts: Sequence[Doubt]) -> Fit:
+        """Return the fit with more doubts; the gravest becomes its status.
+
+        Args:
+            doubts: What else speaks against it.
+        """
+        if not doubts:
+            return self
+        gravest = sorted((*self.doubts, *doubts), key=lambda doubt: -GRADES.index(doubt.grade))
+        said = gravest[0].reason
+        status = said if gravest[0].grade == "refused" else f"Approximate. {said}"
+        return replace(self, status=status, doubts=tuple(gravest))
 
     @cached_property
     def shared(self) -> tuple[str, ...]:

@@ -45,8 +45,8 @@ class Findings:
 
     @property
     def advice(self) -> list[str]:
-        """The fit's own advice and the notes after it."""
-        return [*self.fit.advice, *self.notes]
+        """What else speaks against the fit, its own advice and the notes after it."""
+        return [*(doubt.reason for doubt in self.fit.doubts[1:]), *self.fit.advice, *self.notes]
 
     @property
     def frames(self) -> list[int] | None:
@@ -68,7 +68,9 @@ def fit_document(findings: Findings) -> dict[str, Any]:
     starts = [start_row(joints, start) for start in fit.starts]
     return {
         "status": str(fit.status),
-        "ok": bool(fit.ok),
+        "grade": fit.grade,
+        "ok": fit.ok,
+        "doubts": [asdict(doubt) for doubt in fit.doubts],
         "advice": findings.advice,
         "torque": fit.torque,
         "unknowns": sum(estimate.free for estimate in fit.parameters),

@@ -50,7 +50,7 @@ def page_text(
         title=findings.title,
         subtitle=findings.subtitle,
         status=str(fit.status),
-        ok=bool(fit.ok),
+        grade=fit.grade,
         advice=findings.advice,
         facts=_facts(findings),
         plots=plots,

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.fit import Estimate, Fit, Start
+from monodyn.estimation.fit import Doubt, Estimate, Fit, Start
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.prior import THICKNESS_STD, thickness_ratios
@@ -18,7 +18,7 @@ from monodyn.estimation.verdict import advice, assumed
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined, refine
-from monodyn.estimation.verdict.trust import LOST_SHARE, verdict
+from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism, Parameter
@@ -60,15 +60,28 @@ def summarize(
         return replace(refused(problem, status, records, time.perf_counter() - began), advice=solution.advice)
     found = refine(problem, optimum, settings)
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
-    status, ok = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
-    reason = _unlikely(found, fit) if ok else None
-    if reason is not None:
-        status, ok = reason, False
-    fit = replace(fit, status=status, ok=ok, stamp_error=found.noise.stamps)
-    # of a motion that is refused it does not matter how exactly it was integrated
-    accuracy = advice.integration(found.substeps, found.error, settings.error_bound) if ok else []
-    sentences = (*solution.advice, *accuracy, *_advice(found, fit, records))
-    return replace(fit, advice=(*sentences, *advice.search_end(found.optimum.converged, solution.tried)))
+    fit = replace(fit, status=identified(found.problem, fit.rms), stamp_error=found.noise.stamps)
+    fit = fit.doubted(_doubts(found, fit, settings))
+    advised = (*solution.advice, *_advice(found, fit, records), *advice.starts_tried(solution.tried))
+    return replace(fit, advice=advised)
+
+
+def _doubts(found: Refined, fit: Fit, settings: IdentifySettings) -> list[Doubt]:
+    """Return what the search and its end say against a fit."""
+    doubts = []
+    if missed := verdict(found.problem, found.optimum, fit.rms, found.noise.size):
+        doubts.append(missed)
+        if missed.grade == "refused":
+            # of a motion that is refused it does not matter how exactly it was found
+            return doubts
+    if reason := _unlikely(found, fit):
+        return [Doubt("refused", reason), *doubts]
+    found_so = [
+        *advice.integration(found.substeps, found.error, settings.error_bound),
+        *advice.bounds_met(fit.parameters),
+        *advice.search_end(found.optimum.converged),
+    ]
+    return [*doubts, *(Doubt("approximate", reason) for reason in found_so)]
 
 
 def _unlikely(found: Refined, fit: Fit) -> str | None:
@@ -148,8 +161,9 @@ def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: 
     )
     residual = tuple(np.full(record.position.shape, np.nan) for record in records)
     return Fit(
-        status=status, ok=False, advice=(), mechanism=problem.mechanism, parameters=parameters,
-        combinations=(), starts=(), tied=(), covariance=np.zeros((0, 0)), residual=residual,
+        status=status, doubts=(Doubt("refused", status),), advice=(), mechanism=problem.mechanism,
+        parameters=parameters, combinations=(), starts=(), tied=(), covariance=np.zeros((0, 0)),
+        residual=residual,
         rms={joint.name: float("nan") for joint in problem.mechanism.joints}, scale=1.0,
         torque=problem.mechanism.torque, time=tuple(record.time for record in records), evaluations=0,
         seconds=seconds,
@@ -189,7 +203,7 @@ def fit_of(
     covariance = _natural(problem, optimum, known)
     return Fit(
         status="",
-        ok=True,
+        doubts=(),
         advice=(),
         mechanism=mechanism,
         parameters=estimates(problem, optimum, known, float(stdtrit(max(freedom, 1.0), 0.975))),
@@ -265,7 +279,7 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
         without_effect = found.known.without_effect(unknowns.names)
         sentences += advice.tilt(fit.parameters)
         sentences += advice.open_parameters(mechanism, fit.parameters, without_effect)
-        sentences += advice.bounds(fit.parameters)
+        sentences += advice.nothing_seen(fit.parameters)
         sentences += assumed.proportions(
             [mechanism.parameter(n) for n in unknowns.tied] if unknowns.uniform else ()
         )
