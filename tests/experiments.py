@@ -75,7 +75,7 @@ def moved(
         starts=(None,),
         mechanism=mechanism(),
         evaluations=7,
-        ok=True,
+        doubts=(),
         parameters=(),
         advice=(),
     )

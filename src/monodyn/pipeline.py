@@ -207,7 +207,8 @@ def run(
             fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
         with log.stage("predict"):
             traces = predicted(fit, poses, times, video.path.name)
-            fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+            if fit.ok:
+                fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
         log.notes += how_to_film(fit, sight)
         # only the fit has the metric scale: the poses are written again with their slides in metres
         filmed = filmed_of(fit, scene, poses, sight)

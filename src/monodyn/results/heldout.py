@@ -90,15 +90,15 @@ def heldout_doubts(fit: Fit, trace: Trace) -> list[Doubt]:
     doubts, joints = [], trace.poses.joints
     if np.isfinite(found.holds):
         name = joints[found.joint]
+        rms = amount(fit.mechanism, name, trace.heldout()[name] or 0.0)
         off = (
-            f"{name} is off by more than {WITHIN:.0%} of its range, "
-            f"{amount(fit.mechanism, name, trace.heldout()[name] or 0.0)} rms over the {found.time[-1]:.2g} s "
-            "that were held out."
+            f"{name} is off by more than {WITHIN:.0%} of its range, {rms} rms over the "
+            f"{found.time[-1]:.2g} s that were held out."
         )
         soon = found.time <= AT_ONCE * (fit.time[0][-1] - fit.time[0][0])
         if soon.any() and found.share[soon][-1] > USELESS:
             said = (
-                f"The motion does not go on as identified: after {found.holds:.2g} s {off} Check the model."
+                f"The motion does not go on as identified: after {found.holds:.2g} s {off}"
             )
             doubts.append(Doubt("refused", said))
         else:
