@@ -31,6 +31,7 @@ from monodyn.errors import FitError, MonodynError, VideoError
 from monodyn.estimation.fit import Doubt, Fit, Grade
 from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.inputs import input_files, opened
+from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.diagnosis import write_diagnosis
 from monodyn.results.export import camera_table
@@ -296,6 +297,7 @@ def identify_tables(
     with recorded(folder, log):
         with log.stage("identify"):
             fit = identify(records, mechanism, settings.identify, progress=progress)
+            fit = fit.doubted(kept_doubts(fit, records, mechanism, settings.identify, progress))
         traces = []
         if fit.starts:
             traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]

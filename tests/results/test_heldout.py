@@ -63,7 +63,7 @@ def test_the_time_for_which_a_prediction_holds_is_said() -> None:
     assert heldout_doubts(fit, trace) == [
         Doubt(
             "approximate",
-            "The prediction holds for 0.27 s after the last fitted frame; then joint1 is off by more than "
+            "The prediction holds for 0.27 s after the fitted frames; then joint1 is off by more than "
             f"10% of its range, {rms:.3g} deg rms over the 0.33 s that were held out.",
         )
     ]

@@ -77,17 +77,19 @@ def held_out(fit: Fit, trace: Trace) -> HeldOut | None:
     return HeldOut(bands, so_far, time - float(fitted.time[-1]), int(np.argmax(shares[row])))
 
 
-def heldout_doubts(fit: Fit, trace: Trace) -> list[Doubt]:
+def heldout_doubts(fit: Fit, trace: Trace, *, kept: bool = False) -> list[Doubt]:
     """Return what the frames after the fitted ones say against a fit.
 
     Args:
         fit: The fit.
         trace: A record of it with its prediction.
+        kept: True where they were kept back of what is fitted.
     """
     found = held_out(fit, trace)
     if found is None:
         return []
     doubts, joints = [], trace.poses.joints
+    without = f"Identified from all but the last {found.time[-1]:.2g} s: " if kept else ""
     if np.isfinite(found.holds):
         name = joints[found.joint]
         rms = amount(fit.mechanism, name, trace.heldout()[name] or 0.0)
@@ -97,19 +99,19 @@ def heldout_doubts(fit: Fit, trace: Trace) -> list[Doubt]:
         )
         soon = found.time <= AT_ONCE * (fit.time[0][-1] - fit.time[0][0])
         if soon.any() and found.share[soon][-1] > USELESS:
-            said = (
-                f"The motion does not go on as identified: after {found.holds:.2g} s {off}"
-            )
+            said = f"{without}The motion does not go on as identified: after {found.holds:.2g} s {off}"
             doubts.append(Doubt("refused", said))
         else:
-            said = f"The prediction holds for {found.holds:.2g} s after the last fitted frame; then {off}"
+            said = (
+                f"{without}The prediction holds for {found.holds:.2g} s after the fitted frames; then {off}"
+            )
             doubts.append(Doubt("approximate", said))
     outside = [joint for joint, bands in zip(joints, found.bands, strict=True) if bands > MOST_BANDS]
     if outside:
         doubts.append(
             Doubt(
                 "approximate",
-                f"The frames that were held out lie {np.nanmax(found.bands):.2g} standard deviations from "
+                f"{without}The frames that were held out lie {np.nanmax(found.bands):.2g} standard deviations from "
                 f"their prediction ({listed(outside)}): its band is too narrow, and so may be the intervals "
                 "of the parameters.",
             )
