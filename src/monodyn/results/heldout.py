@@ -89,7 +89,6 @@ def heldout_doubts(fit: Fit, trace: Trace, *, kept: bool = False) -> list[Doubt]
     if found is None:
         return []
     doubts, joints = [], trace.poses.joints
-    without = f"Identified from all but the last {found.time[-1]:.2g} s: " if kept else ""
     if np.isfinite(found.holds):
         name = joints[found.joint]
         rms = amount(fit.mechanism, name, trace.heldout()[name] or 0.0)
@@ -99,21 +98,18 @@ def heldout_doubts(fit: Fit, trace: Trace, *, kept: bool = False) -> list[Doubt]
         )
         soon = found.time <= AT_ONCE * (fit.time[0][-1] - fit.time[0][0])
         if soon.any() and found.share[soon][-1] > USELESS:
-            said = f"{without}The motion does not go on as identified: after {found.holds:.2g} s {off}"
+            said = f"The motion does not go on as identified: after {found.holds:.2g} s {off}"
             doubts.append(Doubt("refused", said))
         else:
-            said = (
-                f"{without}The prediction holds for {found.holds:.2g} s after the fitted frames; then {off}"
-            )
+            said = f"The prediction holds for {found.holds:.2g} s after the fitted frames; then {off}"
             doubts.append(Doubt("approximate", said))
     outside = [joint for joint, bands in zip(joints, found.bands, strict=True) if bands > MOST_BANDS]
     if outside:
-        doubts.append(
-            Doubt(
-                "approximate",
-                f"{without}The frames that were held out lie {np.nanmax(found.bands):.2g} standard deviations from "
-                f"their prediction ({listed(outside)}): its band is too narrow, and so may be the intervals "
-                "of the parameters.",
-            )
+        said = (
+            f"The frames that were held out lie {np.nanmax(found.bands):.2g} standard deviations from their "
+            f"prediction ({listed(outside)}): its band is too narrow, and so may be the intervals of the "
+            "parameters."
         )
-    return doubts
+        doubts.append(Doubt("approximate", said))
+    without = f"Identified without the last {found.time[-1]:.2g} s of the record: " if kept else ""
+    return [Doubt(doubt.grade, f"{without}{doubt.reason}") for doubt in doubts]
