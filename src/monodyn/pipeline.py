@@ -30,6 +30,7 @@ from monodyn.checks import (
 from monodyn.errors import FitError, MonodynError, VideoError
 from monodyn.estimation.fit import Doubt, Fit, Grade
 from monodyn.estimation.record.tables import read_poses, write_poses
+from monodyn.estimation.record.units import wrong_units
 from monodyn.inputs import input_files, opened
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
@@ -290,6 +291,8 @@ def identify_tables(
     # all tables are read before the folder is made
     records = [read_poses(table, mechanism) for table in tables]
     names = [Path(table).name for table in tables]
+    if wrong := wrong_units(records, mechanism):
+        raise VideoError(f"{', '.join(names[:3])}: {wrong}")
     inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
     log = RunLog("identify", inputs, settings)
     folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables))
