@@ -49,8 +49,15 @@ def test_whirling_is_no_degrees() -> None:
 
 def test_degrees_are_named(swinging: Poses) -> None:
     said = wrong_units([replace(swinging, position=np.degrees(swinging.position))], load("double"))
+    # as many radians as a swing of about two has degrees
+    turns = 20.0
     assert said is not None
-    assert said.endswith("these look like degrees; multiply them by pi / 180.")
+    found = float(said.split("swings of ")[1].split()[0])
+    assert found == pytest.approx(turns, rel=0.5)
+    assert said == (
+        f"expected angles in radians, got swings of {found:.3g} turns from one reversal to the next: these "
+        "look like degrees; multiply them by pi / 180."
+    )
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (60.0, "frame numbers or another unit")])
@@ -58,7 +65,12 @@ def test_other_units_of_time_are_named_where_time_counts(swinging: Poses, factor
     slow, double = replace(swinging, time=factor * TIMES), load("double")
     said = wrong_units([slow], double)
     assert said is not None
-    assert f"these look like {unit}; give seconds, or free the clock with --free time_scale." in said
+    found = float(said.split("lengths of ")[1].split()[0])
+    assert found == pytest.approx(0.2 * factor**2, rel=1.0)
+    assert said == (
+        f"expected times in seconds, got a motion so slow that gravity would move lengths of {found:.2g} m "
+        f"like that: these look like {unit}; give seconds, or free the clock with --free time_scale."
+    )
     assert wrong_units([slow], double.with_choices(free=["time_scale"])) is None
     assert wrong_units([slow], double.with_choices(free=["gravity"])) is None
 
