@@ -304,6 +304,33 @@ def cut(data: Data, samples: int) -> Pieces:
     return Pieces(np.array([*first, int(data.first[-1])]), np.array(record))
 
 
+def spread(data: Data, pieces: Pieces, most: int) -> tuple[Data, Pieces]:
+    """Leave out all but some of the pieces, evenly chosen, which stand for all.
+
+    Args:
+        data: The samples.
+        pieces: How their records are cut.
+        most: Number of pieces that stay, at most.
+
+    Returns:
+        The samples of the chosen pieces, of the same records, and how they are cut.
+    """
+    chosen = np.unique(np.linspace(0, len(pieces.record) - 1, most).astype(int))
+    lengths = np.diff(pieces.first)[chosen]
+    rows = np.concatenate([np.arange(pieces.first[k], pieces.first[k + 1]) for k in chosen])
+    part = replace(
+        data,
+        times=data.times[rows],
+        position=data.position[rows],
+        white=data.white[rows],
+        measured=data.measured[rows],
+        first=np.searchsorted(rows, data.first),
+        source=data.source[rows],
+        shifts=None if data.shifts is None else data.shifts[:, rows],
+    )
+    return part, Pieces(np.concatenate(([0], np.cumsum(lengths))), pieces.record[chosen])
+
+
 def merge(pieces: Pieces) -> tuple[Pieces, np.ndarray]:
     """Join neighbouring pieces of a record two by two.
 

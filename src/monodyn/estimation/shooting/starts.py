@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.record.samples import cut
+from monodyn.estimation.record.samples import cut, spread
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.shooting.accelerations import (
     SmoothMotion,
@@ -33,6 +33,8 @@ MATCH = SearchSettings(evaluations=30, relative=1e-4)
 """For matching accelerations, which are only as good as the smoothing."""
 STATES_ALONE = SearchSettings(evaluations=4, relative=1e-2)
 """For start states alone, to see which common scale is near."""
+MOST_ROLLED = 100
+"""Short rollouts by which the common scale is found."""
 SHORTEST_PIECE = 5
 """Measured samples in the shortest pieces."""
 SCATTER = {"length": np.log(1.5), "thickness": np.log(3.0), "mass": np.log(3.0), "inertia": np.log(3.0)}
@@ -102,7 +104,8 @@ def _match(problem: Problem, motion: SmoothMotion, x: np.ndarray) -> np.ndarray:
 
 def _rolled(problem: Problem, smoothed: tuple[Smoothed, ...], route: Route) -> np.ndarray:
     """Find the common scale at which short rollouts with free start states come closest, (param,)."""
-    pieces = cut(problem.data, route.piece)
+    data, pieces = spread(problem.data, cut(problem.data, route.piece), MOST_ROLLED)
+    problem = problem.with_data(data)
 
     def cost(x: np.ndarray) -> float:
         trial = problem.started(x, pieces, smoothed)
