@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -93,6 +93,18 @@ class Start:
     covariance: np.ndarray
 
 
+class Unmodelled(NamedTuple):
+    """What a model lacks, as random accelerations.
+
+    Attributes:
+        density: Spectral density of each joint's random acceleration [rad^2/s^3 or m^2/s^3], (dof,).
+        off: Mean square of positions, then rates of the motion less the identified one [SI], (2 dof, 2 dof).
+    """
+
+    density: np.ndarray
+    off: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """An identified mechanism with its error bars.
@@ -120,6 +132,8 @@ class Fit:
         seconds: Wall time [s].
         stamp_error: Standard deviation of the time stamps, as the residuals show it [s]; 0 where they show
             none.
+        unmodelled: What the model lacks, which predictions go astray by; None where the noise explains the
+            residuals.
     """
 
     status: str
@@ -139,6 +153,7 @@ class Fit:
     evaluations: int
     seconds: float
     stamp_error: float = 0.0
+    unmodelled: Unmodelled | None = None
 
     @property
     def grade(self) -> Grade:

@@ -249,6 +249,43 @@ def rollout_derivatives(
     )  # fmt: skip
 
 
+def transitions(
+    tree: Tree, times: np.ndarray, start: np.ndarray, *, substeps: int, drive: Drive | None = None
+) -> np.ndarray:
+    """Differentiate the state at each time stamp by the state at the one before.
+
+    Args:
+        tree: The joint tree.
+        times: Time stamps [s], (frame,).
+        start: Joint positions, then rates at ``times[0]`` [rad or m, rad/s or m/s], (2 dof,).
+        substeps: Equal steps between two stamps.
+        drive: Torques over time in addition to friction and springs, or None.
+
+    Returns:
+        Derivatives, (frame, 2 dof, 2 dof); the first is the identity.
+
+    Raises:
+        MechanismError: From ``_agree``: an array is not of the tree's joints.
+    """
+    drive = drive or UNDRIVEN(len(tree.parent))
+    q, v = rollout(tree, times, *np.split(start, 2), substeps=substeps, drive=drive)
+    none = Directions(
+        np.zeros((*tree.links.shape, 0)),
+        np.zeros((2, 0)),
+        np.full(drive.table.shape, -1),
+        np.zeros(0),
+        np.zeros(0),
+    )
+    found = np.empty((len(times), len(start), len(start)))
+    found[0] = np.eye(len(start))
+    for i in range(1, len(times)):
+        _, _, dq, dv = rollout_derivatives(
+            tree, none, times[i - 1 : i + 1], q[i - 1], v[i - 1], substeps=substeps, drive=drive
+        )
+        found[i] = np.concatenate((dq[1], dv[1]))
+    return found
+
+
 def _begins(stamps: np.ndarray, times: np.ndarray, entry: np.ndarray, params: int) -> np.ndarray:
     """Return the interval of ``times`` (1 ends at frame 1) in which each parameter first acts by its knots.
 

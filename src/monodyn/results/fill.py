@@ -42,8 +42,8 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
-    covariance; infinite before and after free torques, where nothing is known of them, and throughout where
-    the fit has no intervals.
+    covariance; after the fitted frames also what the model lacks. It is infinite before and after free
+    torques, where nothing is known of them, and throughout where the fit has no intervals.
 
     Args:
         fit: The identified mechanism.
@@ -96,8 +96,9 @@ def _one_way(
     if "time_scale" in fit.shared:
         dq[:, :, fit.shared.index("time_scale")] += v * ((stamps - start.time)[:, None])
     covariance = fit.motion_covariance(record)
-    dq = dq[rows]
-    variance = np.einsum("fip,pr,fir->fi", dq, covariance, dq, optimize=True)
+    by_unknowns = dq[rows]
+    variance = np.einsum("fip,pr,fir->fi", by_unknowns, covariance, by_unknowns, optimize=True)
+    variance += _astray(fit, record, stamps, clock, np.concatenate(state), substeps)[rows]
     # a fit that is not determined has no covariance
     unknown = np.isnan(variance).any(axis=1)
     if fit.torque == "free":  # no torque is known outside of its knots
@@ -105,6 +106,34 @@ def _one_way(
     # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
     return q[rows], v[rows], std
+
+
+def _astray(
+    fit: Fit, record: int, stamps: np.ndarray, clock: np.ndarray, state: np.ndarray, substeps: int
+) -> np.ndarray:
+    """Return by how much the motion goes astray of the identified one after the fitted frames, for what the
+    model lacks: variances of the positions, (frame, dof)."""
+    dofs = len(state) // 2
+    added = np.zeros((len(stamps), dofs))
+    last = fit.time[record][-1]
+    after = np.flatnonzero(stamps > last + 1e-9)
+    if fit.unmodelled is None or not len(after) or not stamps[-1] > stamps[0]:
+        return added
+    from monodyn.mechanism.simulate import transitions
+
+    mechanism = fit.mechanism
+    carried = transitions(mechanism.tree, clock, state, substeps=substeps, drive=mechanism.drive)
+    density, covariance = fit.unmodelled
+    for i in after:
+        h = clock[i] - clock[i - 1]
+        covariance = carried[i] @ covariance @ carried[i].T
+        # of a random acceleration and its integrals
+        covariance[:dofs, :dofs] += np.diag(density) * h**3 / 3.0
+        covariance[:dofs, dofs:] += np.diag(density) * h**2 / 2.0
+        covariance[dofs:, :dofs] += np.diag(density) * h**2 / 2.0
+        covariance[dofs:, dofs:] += np.diag(density) * h
+        added[i] = np.diag(covariance)[:dofs]
+    return added
 
 
 def _stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:

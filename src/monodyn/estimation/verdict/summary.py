@@ -20,6 +20,7 @@ from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined, refine
 from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
 from monodyn.estimation.verdict.uncertainty import Knowledge
+from monodyn.estimation.verdict.unmodelled import unmodelled
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism, Parameter
 from monodyn.mechanism.upright import ROLL, feels_roll
@@ -60,7 +61,13 @@ def summarize(
         return replace(refused(problem, status, records, time.perf_counter() - began), advice=solution.advice)
     found = refine(problem, optimum, settings)
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
-    fit = replace(fit, status=identified(found.problem, fit.rms), stamp_error=found.noise.stamps)
+    lacking = unmodelled(found.problem, found.optimum.trial, found.noise)
+    fit = replace(
+        fit,
+        status=identified(found.problem, fit.rms),
+        stamp_error=found.noise.stamps,
+        unmodelled=lacking,
+    )
     fit = fit.doubted(_doubts(found, fit, settings))
     advised = (*solution.advice, *_advice(found, fit, records), *advice.starts_tried(solution.tried))
     return replace(fit, advice=advised)
