@@ -4,10 +4,10 @@ The picture comes first. A mechanism with a link too few leaves foreground unexp
 many explains no more than without it. Every joint and every geom that a mechanism has more than another must
 take ``CHARGE`` off what is unexplained: Schwarz's criterion, n ln(unexplained) + k / 2 ln(n), for the n
 independent places of an outline and the k unknowns of a picture, with a charge above that of noise alone,
-because bodies are no exact boxes. Links that end at their hinges are simpler than those that reach beyond: how
-far one link reaches under another no picture shows. What the picture leaves open is followed and identified:
-then the grade of the fit decides, then how far its prediction is off, and between those that are alike the
-number of parts.
+because bodies are no exact boxes. Links that end at their hinges are simpler than those that reach beyond,
+as no picture shows how far one link reaches under another. What the picture leaves open is followed and
+identified: then the grade of the fit decides, then how far its prediction is off, and between those that are
+alike the number of parts.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ an unknown of each picture: noise alone, at a hundred independent places of an o
 NEAR = 1.5
 """Factor on what the best one leaves unexplained, parts charged, up to which the motion has to decide."""
 LITTLE = 0.08
-"""Unexplained share of the foreground, as rounded corners and soft edges leave it, below which no mechanism
-of more joints is tried."""
+"""Unexplained share of the foreground, as soft edges leave it, below which no mechanism of more joints is
+tried."""
 BENT = 0.02
-"""Standard deviation of a joint over the key frames below which it does not move: of a hinge [rad], of a slide
-as a share of the mechanism's longest length."""
+"""Standard deviation of a joint over the key frames below which it does not move: of a hinge [rad], of a
+slide as a share of the mechanism's longest length."""
 ALIKE, EXACT = 1.5, 0.02
 """Factor between the errors of two predictions, and error as a share of the motion, up to which they count as
 equally good."""
@@ -374,7 +374,8 @@ def _said(one: Tried, best: Tried) -> str:
         return f"not located: {one.refusal}"
     ends = " ".join(f"{name}={value:g}" for name, value in one.fixed.items())
     said = f"with --fix {ends}, links that end at their hinges: " if ends else ""
-    said += f"off the foreground by {one.mismatch:.1%} of its area, on it in {one.lies} of {one.frames} key frames"
+    said += f"off the foreground by {one.mismatch:.1%} of its area, "
+    said += f"on it in {one.lies} of {one.frames} key frames"
     if one.still:
         said += f", {one.still} does not move"
     if one.fit is not None:
