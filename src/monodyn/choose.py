@@ -30,7 +30,7 @@ from monodyn.results.sight import Sight
 from monodyn.results.trace import trace_of
 from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, track_freely
-from monodyn.types import Poses, Progress
+from monodyn.types import Poses, under
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED
 from monodyn.vision.locating.region import EXPLAINED, agreement
@@ -282,8 +282,7 @@ def _looked(job: Job, masks: Masks, one: Tried, *, once: bool = False) -> Tried:
     """Locate a mechanism and compare it with the masks; ``once`` in the whole of the picture alone."""
     settings = job.settings
     fix, free = camera_choices(settings)
-    step = f"try {one.model}"
-    report = _named(job.progress, step)
+    report = under(job.progress, f"try {one.model}")
     try:
         scene = locate(
             masks, one.mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, once=once,
@@ -310,16 +309,11 @@ def _settled(job: Job, one: Tried) -> bool:
     return scene is not None and not moves and "paper" not in methods and agreement(scene) >= EXPLAINED
 
 
-def _named(progress: Progress | None, step: str) -> Progress | None:
-    """Return progress under one name, whatever the steps are called."""
-    return None if progress is None else lambda _, done, total: progress(step, done, total)
-
-
 def _followed(job: Job, masks: Masks, one: Tried) -> Tried:
     """Follow a located mechanism, identify it, and let its prediction be compared with the motion."""
     settings, scene = job.settings, one.scene
     assert scene is not None
-    report = _named(job.progress, f"follow {one.model}")
+    report = under(job.progress, f"follow {one.model}")
     try:
         poses, span = track_freely(scene.masks, scene, settings.track, progress=report)
         known = job.sight and job.sight.fit_frames

@@ -33,7 +33,6 @@ from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
 from monodyn.inputs import input_files, opened
 from monodyn.job import Job, Outcome, shown_if_refused
-from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
@@ -46,6 +45,7 @@ from monodyn.results.sight import Sight
 from monodyn.results.trace import Trace, trace_of
 from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track_freely
+from monodyn.tabled import Tabled, best_fit, tabled
 from monodyn.turns import with_right_turns
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
@@ -201,20 +201,28 @@ def identify_tables(
         What was found; ``fit.status`` states whether the fit can be trusted.
     """
     settings = settings or RunSettings()
-    mechanism = chosen_mechanism(model, settings, camera=False)
-    # all tables are read before the folder is made
-    records = [read_poses(table, mechanism) for table in tables]
     names = [Path(table).name for table in tables]
-    if wrong := wrong_units(records, mechanism):
-        raise VideoError(f"{', '.join(names[:3])}: {wrong}")
+    # all tables are read before the folder is made
+    if str(model) == AUTO:
+        tried = tabled(tables, settings)
+    else:
+        mechanism = chosen_mechanism(model, settings, camera=False)
+        tried = [Tabled(str(model), mechanism, [read_poses(table, mechanism) for table in tables])]
+    wrong = [wrong_units(one.records, one.mechanism) for one in tried]
+    if all(wrong):
+        raise VideoError(f"{', '.join(names[:3])}: {wrong[0]}")
     inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
     log = RunLog("identify", inputs, settings)
     folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables))
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         with log.stage("identify"):
-            fit = identify(records, mechanism, settings.identify, progress=progress)
-            fit = fit.doubted(kept_doubts(fit, records, mechanism, settings.identify, progress))
+            right = [one for one, found in zip(tried, wrong, strict=True) if not found]
+            best, fit, comparison = best_fit(right, settings, progress)
+        if str(model) == AUTO:
+            log.chose(comparison)
+            log.notes += nearest(fit, comparison)
+        records, mechanism = best.records, best.mechanism
         traces = []
         if fit.starts:
             traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]
