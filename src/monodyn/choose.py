@@ -51,6 +51,8 @@ NEAR = 1.5
 LITTLE = 0.08
 """Unexplained share of the foreground, as soft edges leave it, below which no mechanism of more joints is
 tried."""
+QUICK = 12
+"""Key frames of a quick look, at most."""
 BENT = 0.02
 """Standard deviation of a joint over the key frames below which it does not move: of a hinge [rad], of a
 slide as a share of the mechanism's longest length."""
@@ -121,21 +123,6 @@ class Tried:
         return ""
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """The mechanism that the evidence prefers.
-
-    Attributes:
-        mechanism: The mechanism with the user's choices.
-        scene: Where it was located.
-        comparison: All that were tried, the chosen one first.
-    """
-
-    mechanism: Mechanism
-    scene: Scene
-    comparison: tuple[Compared, ...]
-
-
 def candidates(settings: RunSettings) -> dict[str, Mechanism]:
     """Return the bundled mechanisms that have what the user chose, with these choices, by name.
 
@@ -169,7 +156,7 @@ def _chain(links: int) -> str:
     return f"chain:{links}"
 
 
-def choose(job: Job, masks: Masks, models: dict[str, Mechanism]) -> Choice:
+def choose(job: Job, masks: Masks, models: dict[str, Mechanism]) -> tuple[Mechanism, tuple[Compared, ...]]:
     """Find the mechanism that explains a clip best, with as few parts as do.
 
     Args:
@@ -178,7 +165,7 @@ def choose(job: Job, masks: Masks, models: dict[str, Mechanism]) -> Choice:
         models: What may be tried, from ``candidates``.
 
     Returns:
-        The choice, and what spoke for and against each.
+        The mechanism, and what spoke for and against each that was tried, the chosen one first.
 
     Raises:
         FitError: none of them was located.
@@ -193,16 +180,19 @@ def choose(job: Job, masks: Masks, models: dict[str, Mechanism]) -> Choice:
             "and name it with --model."
         )
     given_up = [one for one in tried if one not in left]
-    # what a look at the key frames does not explain may be explained in a part of the picture
-    near = [one if _settled(job, one) else _looked(job, masks, one) for one in left]
-    near += [_looked(job, masks, flush) for one in near if (flush := _flush(job.settings, one))]
-    left = left_by_picture(near)
+    near = [
+        *left,
+        *(_looked(job, masks, one) for one in [_flush(job.settings, one) for one in left] if one is not None),
+    ]
+    if all(one.scene is None or agreement(one.scene) < EXPLAINED for one in near):
+        # what a look at the key frames does not explain may be explained in a part of the picture
+        near = [_looked(job, masks, one, whole=True) for one in near]
+    left = left_by_picture(near) or left
     given_up += [one for one in near if one not in left]
     if len(left) > 1:
-        left = [_followed(job, masks, one) for one in left]
+        left = [_followed(job, masks, _looked(job, masks, one, whole=True)) for one in left]
     best = left_by_motion(left)
-    assert best.scene is not None
-    return Choice(best.mechanism, best.scene, compared([*left, *given_up], best))
+    return best.mechanism, compared([*left, *given_up], best)
 
 
 def overhangs(mechanism: Mechanism) -> list[str]:
@@ -267,9 +257,7 @@ def _looked_at(job: Job, masks: Masks, models: dict[str, Mechanism]) -> Iterator
     chains = [(_chain(links),) for links in range(4, LONGEST_CHAIN + 1)]
     least = np.inf
     for group in (*FIRST, *chains):
-        found = [
-            _looked(job, masks, Tried(name, models[name]), once=True) for name in group if name in models
-        ]
+        found = [_looked(job, masks, Tried(name, models[name])) for name in group if name in models]
         yield from found
         now = min((one.charged for one in found), default=np.inf)
         # a parameter that the user names may be one that only mechanisms of more joints have
@@ -278,14 +266,14 @@ def _looked_at(job: Job, masks: Masks, models: dict[str, Mechanism]) -> Iterator
         least = min(least, now)
 
 
-def _looked(job: Job, masks: Masks, one: Tried, *, once: bool = False) -> Tried:
-    """Locate a mechanism and compare it with the masks; ``once`` in the whole of the picture alone."""
-    settings = job.settings
+def _looked(job: Job, masks: Masks, one: Tried, *, whole: bool = False) -> Tried:
+    """Locate a mechanism and compare it with the masks: as a run does, or a quick look at few key frames."""
+    settings = job.settings if whole else _quick(job.settings)
     fix, free = camera_choices(settings)
     report = under(job.progress, f"try {one.model}")
     try:
         scene = locate(
-            masks, one.mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, once=once,
+            masks, one.mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, once=not whole,
             progress=report,
         )  # fmt: skip
     except MonodynError as refusal:
@@ -301,12 +289,10 @@ def _looked(job: Job, masks: Masks, one: Tried, *, once: bool = False) -> Tried:
     return replace(one, scene=scene, mismatch=usual, lies=lies, frames=frames)
 
 
-def _settled(job: Job, one: Tried) -> bool:
-    """Return whether locating it in full would find the same scene."""
-    methods = job.settings.camera.method, job.settings.locate.method
-    scene = one.scene
-    moves = scene is None or scene.video.camera_path is not None
-    return scene is not None and not moves and "paper" not in methods and agreement(scene) >= EXPLAINED
+def _quick(settings: RunSettings) -> RunSettings:
+    """Return the settings of a quick look."""
+    few = min(settings.locate.refine_frames, QUICK)
+    return replace(settings, locate=replace(settings.locate, refine_frames=few))
 
 
 def _followed(job: Job, masks: Masks, one: Tried) -> Tried:

@@ -98,8 +98,8 @@ def run(
     sight = Sight(video, fit_frames=wanted, tracks=given if isinstance(given, PointTracks) else None)
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
-        mechanism, scene = _chosen(job, video, models) if models else (mechanism, None)
-        scene, poses, span = locate_and_track(job, video, mechanism, scene)
+        mechanism = _chosen(job, video, models) if models else mechanism
+        scene, poses, span = locate_and_track(job, video, mechanism)
         frames = free_range(settings.fit_frames, wanted, span)
         sight.fit_frames = frames
         # the motion may have shown that the stamps are not the times
@@ -169,8 +169,8 @@ def track_clip(
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
         # a table without a pose is written all the same: it shows in which frames the search ended
-        mechanism, scene = _chosen(job, video, models) if models else (mechanism, None)
-        _, poses, _ = locate_and_track(job, video, mechanism, scene)
+        mechanism = _chosen(job, video, models) if models else mechanism
+        _, poses, _ = locate_and_track(job, video, mechanism)
         share = f"{int(np.sum(poses.seen))} of {len(poses)} frames were tracked."
         with log.stage("results"):
             job.show_sight(" ".join([share, *log.notes]), None if np.any(poses.seen) else "refused")
@@ -232,18 +232,18 @@ def identify_tables(
     return job.outcome(document, records[0], findings)
 
 
-def _chosen(job: Job, video: Video, models: dict[str, Mechanism]) -> tuple[Mechanism, Scene]:
-    """Return the bundled mechanism that the clip shows, and where it was located; note the comparison."""
+def _chosen(job: Job, video: Video, models: dict[str, Mechanism]) -> Mechanism:
+    """Return the bundled mechanism that the clip shows, and note the comparison."""
     sight = job.sight or Sight(video)
     masks = _segmented(job, sight, next(iter(models.values())))
     with job.log.stage("choose"):
-        choice = choose(job, masks, models)
-    job.log.chose(choice.comparison)
-    return choice.mechanism, choice.scene
+        mechanism, comparison = choose(job, masks, models)
+    job.log.chose(comparison)
+    return mechanism
 
 
 def locate_and_track(
-    job: Job, video: Video, mechanism: Mechanism, scene: Scene | None = None
+    job: Job, video: Video, mechanism: Mechanism
 ) -> tuple[Scene | PointScene, Poses, FreeSpan]:
     """Go from the clip, or from tracked points, to poses, and write them.
 
@@ -251,7 +251,6 @@ def locate_and_track(
         job: The run; its log takes the notes on clip, camera and tracking.
         video: The clip.
         mechanism: The mechanism with the user's choices.
-        scene: Where it was located; None where it was not yet.
 
     Returns:
         The scene, the poses of the whole clip, and the frames in which the mechanism moves freely.
@@ -268,12 +267,10 @@ def locate_and_track(
                 masks, mechanism, focal=settings.locate.focal, fix=fix, progress=progress
             )
         return _locate_and_track_points(job, sight, sight.tracks, mechanism)
-    if scene is None:
-        with log.stage("locate"):
-            scene = locate(
-                masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free,
-                progress=progress,
-            )  # fmt: skip
+    with log.stage("locate"):
+        scene = locate(
+            masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, progress=progress
+        )
     sight.scene = scene
     with log.stage("track"):
         # the scene's masks, not the first ones: their colours were measured on the located mechanism

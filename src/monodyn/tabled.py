@@ -93,7 +93,7 @@ def tabled(tables: Sequence[str | Path], settings: RunSettings) -> list[Tabled]:
     models = ("cartpole",) if slides else BY_JOINTS.get(count, (f"chain:{count}",))
     if not 1 <= count <= LONGEST_CHAIN:
         raise SettingsError(
-            f"model: expected columns joint1, joint2, ... of a bundled mechanism in '{Path(tables[0]).name}', "
+            f"model: expected the columns joint1, joint2, ... in '{Path(tables[0]).name}', "
             f"got {', '.join(header)}; name the mechanism with --model."
         )
     found, refusals = [], []
