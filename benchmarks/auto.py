@@ -75,7 +75,7 @@ def main() -> int:
 
 
 def compared(clip: Path, truth: str, runs: Path) -> list[Figure]:
-    """Run a clip without a model, and with the one that was chosen.
+    """Return the figures of a clip that is run without a model, and with the one that was chosen.
 
     Args:
         clip: The clip.
@@ -97,7 +97,7 @@ def compared(clip: Path, truth: str, runs: Path) -> list[Figure]:
 
 
 def timed(clip: Path, model: str, fixed: dict[str, float], out: Path) -> tuple[dict[str, Any], float]:
-    """Run a clip; return the content of fit.json, or what takes its place, and the time [s].
+    """Return, of a run of a clip, the content of fit.json, or what takes its place, and the time [s].
 
     Args:
         clip: The clip.

@@ -116,8 +116,8 @@ def test_a_parameter_that_the_user_names_leaves_those_that_have_it() -> None:
 def test_without_the_pictures_of_a_clip_a_model_is_needed(given: str) -> None:
     with refuses(
         SettingsError,
-        f"model: expected a mechanism file or a bundled name next to --{given}, got auto, which looks at the "
-        "pictures of a clip; name one with --model.",
+        "model: expected a mechanism file or a bundled name next to --points or --masks, got none; it is looked "
+        "for in the pictures of a clip alone, name it with --model.",
     ):
         candidates(RunSettings(**{given: Path("tracks.csv")}))
 

@@ -133,10 +133,9 @@ def candidates(settings: RunSettings) -> dict[str, Mechanism]:
         SettingsError: points or masks of another tool take the place of the pictures.
     """
     if settings.points is not None or settings.masks is not None:
-        given = "--masks" if settings.points is None else "--points"
         raise SettingsError(
-            f"model: expected a mechanism file or a bundled name next to {given}, got {AUTO}, which looks at "
-            "the pictures of a clip; name one with --model."
+            "model: expected a mechanism file or a bundled name next to --points or --masks, got none; it is "
+            "looked for in the pictures of a clip alone, name it with --model."
         )
     found: dict[str, Mechanism] = {}
     first: MechanismError | None = None
@@ -279,8 +278,6 @@ def _looked(job: Job, masks: Masks, one: Tried, *, whole: bool = False) -> Tried
     except MonodynError as refusal:
         return replace(one, refusal=str(refusal))
     judged = Sight(masks.video, masks=masks, scene=scene).judged
-    if not judged:
-        return replace(one, refusal=f"No key frame of '{one.model}' can be compared with its mask.")
     on_mask = [look.matched > LEAST_MATCHED and look.inside > LEAST_INSIDE for look in judged]
     frames = min(settings.locate.refine_frames, len(scene.masks.samples.frames))
     # frames that were left out of the refinement did not fit either

@@ -75,7 +75,7 @@ def run(
 
     Args:
         clip: Video file or folder of pictures; None where ``settings.points`` or ``masks`` take its place.
-        model: Mechanism file (MJCF, URDF) or a bundled name.
+        model: Mechanism file (MJCF, URDF), a bundled name, or ``auto`` for the one that the evidence prefers.
         out: The run folder.
         settings: What to do.
         force: Replace a run that is already in ``out``.
@@ -150,7 +150,7 @@ def track_clip(
 
     Args:
         clip: Video file or folder of pictures; None where ``settings.points`` or ``masks`` take its place.
-        model: Mechanism file (MJCF, URDF) or a bundled name.
+        model: Mechanism file (MJCF, URDF), a bundled name, or ``auto`` for the one that the evidence prefers.
         out: The run folder.
         settings: What to do.
         force: Replace a run that is already in ``out``.
@@ -191,7 +191,7 @@ def identify_tables(
 
     Args:
         tables: ``poses.csv`` files or encoder logs.
-        model: Mechanism file (MJCF, URDF) or a bundled name.
+        model: Mechanism file (MJCF, URDF), a bundled name, or ``auto`` for the one that the evidence prefers.
         out: Folder for the results; None writes nothing.
         settings: What to do; those of the clip do not matter.
         force: Replace a run that is already in ``out``.
@@ -199,6 +199,9 @@ def identify_tables(
 
     Returns:
         What was found; ``fit.status`` states whether the fit can be trusted.
+
+    Raises:
+        VideoError: the tables are in other units than radians and seconds.
     """
     settings = settings or RunSettings()
     names = [Path(table).name for table in tables]

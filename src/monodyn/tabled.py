@@ -28,8 +28,9 @@ from monodyn.types import Poses, Progress, under
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
-BY_JOINTS = {1: ("single", "bob"), 2: ("double", "cartpole"), 3: ("triple",)}
-"""Bundled mechanisms by their number of joints; of more there are chains."""
+BY_JOINTS = {1: ("single",), 2: ("double", "cartpole"), 3: ("triple",)}
+"""Bundled mechanisms by their number of joints; of more there are chains. Whatever hangs on a single hinge
+moves alike, so that no table tells a ball from a rod."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +122,9 @@ def best_fit(
         tried: The mechanisms, the likeliest first.
         settings: How to identify.
         progress: Called with the steps done.
+
+    Returns:
+        The mechanism with its records, its fit, and what spoke for and against each.
 
     Raises:
         MonodynError: none of them can be identified; the reason is that of the first one.
