@@ -97,7 +97,7 @@ def compared(clip: Path, truth: str, runs: Path) -> list[Figure]:
 
 
 def timed(clip: Path, model: str, fixed: dict[str, float], out: Path) -> tuple[dict[str, Any], float]:
-    """Return, of a run of a clip, the content of fit.json, or what takes its place, and the time [s].
+    """Return of a run the content of fit.json, or what takes its place, and the time [s].
 
     Args:
         clip: The clip.

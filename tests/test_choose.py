@@ -112,14 +112,18 @@ def test_a_parameter_that_the_user_names_leaves_those_that_have_it() -> None:
         candidates(RunSettings(fix={"nothing.length": 0.1}))
 
 
-@pytest.mark.parametrize("given", ["points", "masks"])
-def test_without_the_pictures_of_a_clip_a_model_is_needed(given: str) -> None:
+@pytest.mark.parametrize(
+    "settings",
+    [RunSettings(points=Path("tracks.csv")), RunSettings(masks=Path("masks"))],
+    ids=["points", "masks"],
+)
+def test_without_the_pictures_of_a_clip_a_model_is_needed(settings: RunSettings) -> None:
     with refuses(
         SettingsError,
-        "model: expected a mechanism file or a bundled name next to --points or --masks, got none; it is looked "
-        "for in the pictures of a clip alone, name it with --model.",
+        "model: expected a mechanism file or a bundled name next to --points or --masks, got none; it is "
+        "looked for in the pictures of a clip alone, name it with --model.",
     ):
-        candidates(RunSettings(**{given: Path("tracks.csv")}))
+        candidates(settings)
 
 
 def test_a_clip_in_which_none_is_located_is_refused(

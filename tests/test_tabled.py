@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,11 +52,16 @@ def test_a_single_joint_is_the_simpler_mechanism(tmp_path: Path) -> None:
     table = written(tmp_path, "single", [0.5], joints(1))
     rows = identify_tables([table], "auto").document["comparison"]
     assert (rows[0]["model"], len(rows)) == ("single", 1)
-    assert rows[0]["said"].startswith("fit trusted, residuals of ")
+    said = re.fullmatch(r"fit trusted, residuals of (.*) times the noise, (\d+) unknowns\.", rows[0]["said"])
+    assert said
+    assert rows[0]["said"] == f"fit trusted, residuals of {said[1]} times the noise, {said[2]} unknowns."
+    # the noise is white and as stated
+    assert 0.8 < float(said[1]) < 1.2
 
 
 def test_the_columns_limit_what_is_tried(tmp_path: Path) -> None:
-    chains = tabled([written(tmp_path, "chain:4", [-0.9, 0.2, 0.1, 0.1], joints(4))], RunSettings())
+    four = written(tmp_path, "chain:4", [-0.9, 0.2, 0.1, 0.1], joints(4))
+    chains = tabled([four], RunSettings())
     assert [one.model for one in chains] == ["chain:4"]
     carts = tabled([written(tmp_path, "cartpole", [0.0, -0.4], ("slide", "joint1"))], RunSettings())
     assert [one.model for one in carts] == ["cartpole"]
@@ -68,7 +74,7 @@ def test_columns_of_other_names_need_a_model(tmp_path: Path) -> None:
     table.write_text("time,hip\n" + "".join(f"{t:.2f},{np.sin(t):.4f}\n" for t in np.arange(20) / 20))
     with refuses(
         SettingsError,
-        "model: expected the columns joint1, joint2, ... in 'log.csv', got time, hip; name the mechanism with "
-        "--model.",
+        "model: expected the columns joint1, joint2, ... in 'log.csv', got time, hip; name the mechanism "
+        "with --model.",
     ):
         tabled([table], RunSettings())
