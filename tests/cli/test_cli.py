@@ -161,7 +161,7 @@ def test_bounds_hold_and_are_recorded(demo: Done, tmp_path: Path) -> None:
 def test_the_seed_that_is_recorded_is_the_one_that_was_used(
     demo: Done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from monodyn import pipeline, tabled
+    from monodyn import tabled
 
     used = []
 
