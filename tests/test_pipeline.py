@@ -13,7 +13,7 @@ import pytest
 import monodyn
 import tracked
 from fits import identified, made_fit
-from monodyn import pipeline
+from monodyn import job, pipeline
 from monodyn.checks import FILMING, doubtful_sight
 from monodyn.errors import FitError, SettingsError, VideoError
 from monodyn.estimation.fit import Doubt
@@ -196,7 +196,7 @@ def test_pictures_that_cannot_be_written_do_not_hide_the_reason(
     def full(*args: object) -> None:
         raise SettingsError("disk full")
 
-    monkeypatch.setattr(pipeline, "write_diagnosis", full)
+    monkeypatch.setattr(job, "write_diagnosis", full)
     with pytest.raises(VideoError, match="got a still picture"):
         run(make_clip(places=[5] * 12), "single", tmp_path / "run")
     assert not (tmp_path / "run").exists()
@@ -308,7 +308,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_file(
         path.write_text("half a f")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(pipeline, "write_poses", full)
+    monkeypatch.setattr(job, "write_poses", full)
     done = command("run", clip, "--model", "single", "--out", out, "--quiet")
     assert (done.code, done.err) == (
         2,

@@ -175,3 +175,13 @@ class Poses:
             self.seen[rows], self.metric, None if self.joint_seen is None else self.joint_seen[rows],
             self.roll, None if self.shifts is None else self.shifts[:, rows],
         )  # fmt: skip
+
+
+def under(progress: Progress | None, name: str) -> Progress | None:
+    """Return progress that is reported under one name, whatever its steps are called.
+
+    Args:
+        progress: Where to, or None.
+        name: The name; an empty one leaves the steps as they are.
+    """
+    return progress if progress is None or not name else lambda _, done, total: progress(name, done, total)

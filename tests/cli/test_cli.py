@@ -161,7 +161,7 @@ def test_bounds_hold_and_are_recorded(demo: Done, tmp_path: Path) -> None:
 def test_the_seed_that_is_recorded_is_the_one_that_was_used(
     demo: Done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from monodyn import pipeline
+    from monodyn import tabled
 
     used = []
 
@@ -169,7 +169,7 @@ def test_the_seed_that_is_recorded_is_the_one_that_was_used(
         used.append(settings.seed)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pipeline, "identify", interrupt)
+    monkeypatch.setattr(tabled, "identify", interrupt)
     words = ("identify", demo.folder / "poses.csv", "--model", MODEL, "--out", tmp_path, "--quiet")
     assert command(*words, "--seed", "5", "--identify.starts", "2").code == 130
     log = json.loads((tmp_path / "run.json").read_text())

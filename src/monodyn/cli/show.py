@@ -146,8 +146,16 @@ def _console() -> Any:
     return PipeConsole(highlight=False, soft_wrap=True)
 
 
+def _print_comparison(console: Any, rows: list[dict[str, Any]]) -> None:
+    if rows:
+        console.print(f"model: {rows[0]['model']}", style="bold", markup=False)
+    for row in rows:
+        console.print(f"- {row['model']}: {row['said']}", markup=False)
+
+
 def _print_tracking(outcome: Outcome) -> None:
     console = _console()
+    _print_comparison(console, outcome.document["comparison"])
     poses = outcome.poses
     console.print(
         f"{int(poses.seen.sum())} of {len(poses)} frames tracked in {sum(outcome.seconds.values()):.1f} s."
@@ -162,6 +170,7 @@ def _print_fit(outcome: Outcome) -> None:
 
     console = _console()
     document, fit = outcome.document, outcome.fit
+    _print_comparison(console, document["comparison"])
     names = set() if fit is None else {row.name for row in listed_rows(fit)}
     if names:
         console.print(_parameters([row for row in document["parameters"] if row["name"] in names]))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monodyn.results.filmed import Filmed
-from monodyn.results.log import RunLog
+from monodyn.results.log import Compared, RunLog
 from monodyn.results.trace import Trace
 from monodyn.types import Poses
 
@@ -49,6 +49,11 @@ class Findings:
         return [*(doubt.reason for doubt in self.fit.doubts[1:]), *self.fit.advice, *self.notes]
 
     @property
+    def comparison(self) -> Sequence[Compared]:
+        """The mechanisms that were tried, the chosen one first; none where the user named it."""
+        return () if self.log is None else self.log.comparison
+
+    @property
     def frames(self) -> list[int] | None:
         """First fitted frame and the one after the last, or None where nothing was identified."""
         if self.fit_frames is not None:
@@ -84,6 +89,7 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "stamp_error": fit.stamp_error,
         "camera": None if filmed is None else _camera_document(filmed),
         "fit_frames": findings.frames,
+        "comparison": [asdict(one) for one in findings.comparison],
     }
 
 

@@ -52,6 +52,7 @@ def page_text(
         status=str(fit.status),
         grade=fit.grade,
         advice=findings.advice,
+        comparison=findings.comparison,
         facts=_facts(findings),
         plots=plots,
         torques=[plot for trace in traces for plot in torque_curves(fit, trace, several=several)],

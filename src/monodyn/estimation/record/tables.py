@@ -65,6 +65,18 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     return poses if np.isfinite(std[poses.measured]).all() else _with_noise(poses, std)
 
 
+def column_names(path: str | Path) -> list[str]:
+    """Return the names of the columns of a table.
+
+    Args:
+        path: File of comma-separated values.
+
+    Raises:
+        VideoError: The file cannot be read, or holds no table.
+    """
+    return _table(Path(path))[0]
+
+
 def write_poses(poses: Poses, path: str | Path) -> None:
     """Write a record as a table that `read_poses` reads back.
 
