@@ -42,7 +42,7 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
-    covariance; infinite before and after free torques, where nothing is known of them, and throughout where
+    covariance; infinite before and after free or known torques, where nothing is known of them, and throughout where
     the fit has no intervals.
 
     Args:
@@ -81,8 +81,9 @@ def _one_way(
     from monodyn.mechanism.simulate import least_substeps, rollout, rollout_derivatives
 
     mechanism = fit.mechanism
-    tree, drive, stretch = mechanism.tree, mechanism.drive, mechanism.values["time_scale"]
+    tree, stretch = mechanism.tree, mechanism.values["time_scale"]
     stamps, rows = _stamps(start.time, times, usual)
+    drive, least = fit.driven(stamps, record)
     # a clip k times slower than life has time_scale 1/k: dynamics and drive run on the stretched clock
     clock = stamps * stretch
     state = (start.position, start.velocity)
@@ -90,7 +91,7 @@ def _one_way(
     def positions(substeps: int) -> np.ndarray:
         return rollout(tree, clock, *state, substeps=substeps, drive=drive)[0]
 
-    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_FILL_SUBSTEPS)
+    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_FILL_SUBSTEPS, least)
     q, v, dq, _ = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
     # q is a function of the stretched clock, so its slope in the stretch is the rate times the time since
     if "time_scale" in fit.shared:
@@ -99,9 +100,7 @@ def _one_way(
     dq = dq[rows]
     variance = np.einsum("fip,pr,fir->fi", dq, covariance, dq, optimize=True)
     # a fit that is not determined has no covariance
-    unknown = np.isnan(variance).any(axis=1)
-    if fit.torque == "free":  # no torque is known outside of its knots
-        unknown |= (clock[rows] < drive.times[0] - 1e-9) | (clock[rows] > drive.times[-1] + 1e-9)
+    unknown = np.isnan(variance).any(axis=1) | fit.unpushed(stamps[rows], record)
     # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
     return q[rows], v[rows], std

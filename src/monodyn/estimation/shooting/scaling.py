@@ -39,6 +39,22 @@ def with_masses_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
     return np.clip(moved, unknowns.lower, unknowns.upper)
 
 
+def with_masses(problem: Problem, x: np.ndarray, factor: float) -> np.ndarray:
+    """Make all masses, dampings, ... larger by one factor.
+
+    Args:
+        problem: The problem.
+        x: Coordinates, (param,).
+        factor: The factor.
+
+    Returns:
+        Coordinates within the bounds, (param,).
+    """
+    # of a body of given density it is the thickness that makes it heavier
+    units = {"mass": 1.0} if "density" in problem.unknowns.kinds else {"mass": 1.0, "thickness": 1.0}
+    return _rescaled(problem, x, factor, **units)
+
+
 def with_gravity_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Bring gravity to its start, and change lengths and what goes with them to match.
 

@@ -61,7 +61,7 @@ class Unknowns:
             all but places, (param,).
         lower: Lower bounds of the coordinates, (param,).
         upper: Upper bounds of the coordinates, (param,).
-        tied: Sizes that keep their proportion to a length.
+        tied: Sizes that keep their proportion to a length, densities that keep theirs to the first one.
         tied_to: For each of them the unknown it follows, (tied,).
         tied_start: Their start values, (tied,).
     """
@@ -224,8 +224,13 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         The unknowns; bounds of logarithms stay finite.
     """
     measured = _measured_names(mechanism)
+    material = _one_material(mechanism)
     # what follows from other parameters is not itself an unknown, and neither is what nothing determines
-    chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p, measured)]
+    chosen = [
+        p
+        for p in mechanism.parameters
+        if p.free and not p.follows and _wanted(p, measured) and p.name not in material[1:]
+    ]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]
     log = np.array([p.kind in LOGARITHMIC and p.value > 0 for p in chosen], dtype=bool)
@@ -245,6 +250,10 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         for p in mechanism.parameters
         if p.free and p.kind in SEEN_ONLY and p.kind != "turn" and p.name not in names and p.owner in lengths
     ]
+    tied_to = [lengths[p.owner] for p in tied]
+    for name in material[1:] if not torques_only else ():
+        tied.append(mechanism.parameter(name))
+        tied_to.append(names.index(material[0]))
     values = mechanism.values
     against = [names.index(p.against) if p.kind in PLACE_KINDS and p.against in names else -1 for p in chosen]
     unit = [values.get(p.against, 1.0) if p.kind in PLACE_KINDS else 1.0 for p in chosen]
@@ -259,12 +268,21 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         lower=lower,
         upper=upper,
         tied=tuple(p.name for p in tied),
-        tied_to=np.array([lengths[p.owner] for p in tied], dtype=int),
+        tied_to=np.array(tied_to, dtype=int),
         tied_start=np.array([p.value for p in tied], dtype=float),
     )
     # a place's bounds are ratios to the size at the start: the size's own bounds have no part in them
     fixed = replace(blank, against=np.full(len(names), -1))
     return replace(blank, lower=fixed.coordinates(lower), upper=fixed.coordinates(upper))
+
+
+def _one_material(mechanism: Mechanism) -> list[str]:
+    """Names of the densities that are free without the user's choice: they keep their proportion."""
+    return [
+        p.name
+        for p in mechanism.parameters
+        if p.kind == "density" and p.free and p.name not in mechanism.chosen
+    ]
 
 
 def _measured_names(mechanism: Mechanism) -> set[str]:
