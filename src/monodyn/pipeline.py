@@ -29,9 +29,10 @@ from monodyn.checks import (
 )
 from monodyn.errors import FitError, MonodynError, VideoError
 from monodyn.estimation.fit import Doubt, Fit, Grade
+from monodyn.estimation.record.samples import check_covered
 from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.estimation.record.units import wrong_units
-from monodyn.inputs import input_files, opened
+from monodyn.inputs import input_files, opened, opened_torques, torque_files
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.diagnosis import write_diagnosis
@@ -181,6 +182,10 @@ def run(
     video, given, mechanism = opened(clip, model, settings)
     wanted = fitted_range(settings.fit_frames, video.count)
     prediction_times(video, wanted[1], settings.until)
+    torques = opened_torques(settings, mechanism, 1)[0]
+    if torques is not None:
+        begin, end = video.times[[wanted[0], wanted[1] - 1]].tolist()
+        check_covered(torques, begin, end, f"the frames to fit ({wanted[0]}:{wanted[1]})")
     inputs = input_files(clip, model, settings)
     log = RunLog("run", inputs, settings)
     folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))
@@ -188,6 +193,7 @@ def run(
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
         scene, poses, span = locate_and_track(job, video, mechanism)
+        poses = replace(poses, torques=torques)
         frames = free_range(settings.fit_frames, wanted, span)
         sight.fit_frames = frames
         # the motion may have shown that the stamps are not the times
@@ -290,12 +296,15 @@ def identify_tables(
     mechanism = chosen_mechanism(model, settings, camera=False)
     # all tables are read before the folder is made
     records = [read_poses(table, mechanism) for table in tables]
+    logs = opened_torques(settings, mechanism, len(records))
+    records = [replace(record, torques=log) for record, log in zip(records, logs, strict=True)]
     names = [Path(table).name for table in tables]
     if wrong := wrong_units(records, mechanism):
         raise VideoError(f"{', '.join(names[:3])}: {wrong}")
     inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
+    inputs |= torque_files(settings)
     log = RunLog("identify", inputs, settings)
-    folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables))
+    folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables, *settings.torques))
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         with log.stage("identify"):

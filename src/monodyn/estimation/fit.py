@@ -202,6 +202,13 @@ class Fit:
         chosen = np.concatenate((np.arange(count), count + record * width + np.arange(width)))
         return self.covariance[np.ix_(chosen, chosen)]
 
+    @property
+    def mass_scale(self) -> str | None:
+        """What determines masses themselves: ``"torques"`` that are known; None where only ratios are."""
+        kinds = {p.name: p.kind for p in self.mechanism.parameters}
+        weighed = [p for p in self.parameters if kinds[p.name] == "mass" and p.std > 0.0]
+        return "torques" if self.torques and any(p.identifiable for p in weighed) else None
+
     def driven(self, stamps: np.ndarray, record: int) -> tuple[Drive, int]:
         """Return what acts at the joints of one record in addition to friction and springs.
 

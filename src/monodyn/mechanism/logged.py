@@ -57,7 +57,6 @@ class LoggedTorque:
         table, slope = (values[:, self.dofs] * (self.dofs >= 0) for values in on_knots(self.log, knots, lag))
         return Drive(KNOTS, knots * stretch, table.T, slope.T)
 
-
     def at(self, lag: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the torques at the stamps, without what is faster than these, and their derivative by the lag.
 
@@ -67,7 +66,9 @@ class LoggedTorque:
         Returns:
             Torques [N m or N] and derivatives by lag, each (frame, dof).
         """
-        values, slopes = (values[:, self.dofs] * (self.dofs >= 0) for values in on_knots(self.log, self.times, lag))
+        values, slopes = (
+            values[:, self.dofs] * (self.dofs >= 0) for values in on_knots(self.log, self.times, lag)
+        )
         return values, slopes
 
 

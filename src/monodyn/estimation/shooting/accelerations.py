@@ -78,9 +78,7 @@ def smooth_motion(problem: Problem, smoothed: tuple[Smoothed, ...]) -> SmoothMot
     t, q, v, a, std, slide, turned, of = (np.concatenate(part) for part in zip(*parts, strict=True))
     if len(q) > MOST_STAMPS:
         pick = np.linspace(0, len(q) - 1, MOST_STAMPS).astype(int)
-        t, q, v, a, std, slide, turned, of = (
-            values[pick] for values in (t, q, v, a, std, slide, turned, of)
-        )
+        t, q, v, a, std, slide, turned, of = (values[pick] for values in (t, q, v, a, std, slide, turned, of))
     # the noise alone would give the smoothest rows all the weight, and smoothing misses more than noise there
     usual = np.sqrt(np.mean(a**2, axis=0)) + 1e-9 if len(a) else np.ones(q.shape[1])
     weight = 1.0 / np.sqrt(std**2 + (MODEL_SHARE * usual) ** 2)
