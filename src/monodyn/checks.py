@@ -171,7 +171,7 @@ def _of_camera(name: str) -> bool:
 
 
 def _with_torque(mechanism: Mechanism, settings: RunSettings) -> Mechanism:
-    """Return the mechanism with the parameters of a periodic torque, or known ones, for the user to choose from.
+    """Return the mechanism with the parameters of a periodic torque, or of a known one, to choose from.
 
     Free torques have theirs only once the time stamps are known, so none of them can be chosen.
     """

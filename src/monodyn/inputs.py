@@ -9,10 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from monodyn.blur import check_exposure
 from monodyn.checks import chosen_mechanism, clip_and_mechanism, drawn_mechanism
 from monodyn.errors import SettingsError, VideoError
 from monodyn.estimation.record.logs import read_torques
+from monodyn.estimation.record.samples import check_covered
 from monodyn.settings import RunSettings
 from monodyn.types import TorqueLog
 from monodyn.vision.clip.lens import Lens, lens_of, straightened
@@ -118,6 +121,25 @@ def torque_files(settings: RunSettings) -> dict[str, Path]:
     return {f"torques {i + 1}": path for i, path in enumerate(settings.torques)}
 
 
+def clip_torques(
+    settings: RunSettings, mechanism: Mechanism, times: np.ndarray, frames: tuple[int, int]
+) -> TorqueLog | None:
+    """Return the known torques of a clip, or None; they have to reach over the frames to fit.
+
+    Args:
+        settings: The user's choices.
+        mechanism: Gives the joints.
+        times: Time stamps of the clip [s], (frame,).
+        frames: First frame to fit and the one after the last.
+    """
+    log = opened_torques(settings, mechanism, 1)[0]
+    if log is not None:
+        first, stop = frames
+        what = f"the frames to fit ({first}:{stop})"
+        check_covered(log, float(times[first]), float(times[stop - 1]), what)
+    return log
+
+
 def opened_torques(settings: RunSettings, mechanism: Mechanism, records: int) -> list[TorqueLog] | list[None]:
     """Return the known torques of each record, or none for any.
 
@@ -133,8 +155,8 @@ def opened_torques(settings: RunSettings, mechanism: Mechanism, records: int) ->
         return [None] * records
     if len(settings.torques) != records:
         raise SettingsError(
-            f"torques: expected one log for each of {records} records, got {len(settings.torques)}; name as many, "
-            "in their order."
+            f"torques: expected one log for each of {records} records, got {len(settings.torques)}; name "
+            "as many, in their order."
         )
     return [read_torques(path, mechanism) for path in settings.torques]
 

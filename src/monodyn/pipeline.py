@@ -29,10 +29,9 @@ from monodyn.checks import (
 )
 from monodyn.errors import FitError, MonodynError, VideoError
 from monodyn.estimation.fit import Doubt, Fit, Grade
-from monodyn.estimation.record.samples import check_covered
 from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.estimation.record.units import wrong_units
-from monodyn.inputs import input_files, opened, opened_torques, torque_files
+from monodyn.inputs import clip_torques, input_files, opened, opened_torques, torque_files
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.diagnosis import write_diagnosis
@@ -182,10 +181,7 @@ def run(
     video, given, mechanism = opened(clip, model, settings)
     wanted = fitted_range(settings.fit_frames, video.count)
     prediction_times(video, wanted[1], settings.until)
-    torques = opened_torques(settings, mechanism, 1)[0]
-    if torques is not None:
-        begin, end = video.times[[wanted[0], wanted[1] - 1]].tolist()
-        check_covered(torques, begin, end, f"the frames to fit ({wanted[0]}:{wanted[1]})")
+    torques = clip_torques(settings, mechanism, video.times, wanted)
     inputs = input_files(clip, model, settings)
     log = RunLog("run", inputs, settings)
     folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))

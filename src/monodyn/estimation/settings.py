@@ -94,6 +94,6 @@ def check_known(settings: IdentifySettings) -> None:
     if settings.torque != "friction" or settings.method == "paper":
         got = "the method 'paper'" if settings.method == "paper" else f"--identify.torque {settings.torque}"
         raise SettingsError(
-            f"torques: expected the method 'fast' and --identify.torque friction with known torques, got {got}; "
-            "leave one of them out."
+            f"torques: expected the method 'fast' and --identify.torque friction with known torques, got "
+            f"{got}; leave one of them out."
         )

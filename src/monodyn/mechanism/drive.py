@@ -36,7 +36,7 @@ class Drive:
         mode: ``NONE``, ``FOURIER`` or ``KNOTS``.
         times: The period [s], (1,); or the knots [s], (knot,); or empty.
         table: Coefficients [N m or N], (dof, column), float or complex.
-        lagging: Derivative of the table by a lag of known torques [N m/s or N/s], (dof, column); None for zero.
+        lagging: Derivative of the table by a lag of known torques [N m/s or N/s], (dof, column); None for 0.
 
     Source: the 2012 paper, eq. (13), and its Case III, which has an unknown torque "at each time instant" and
         leaves open how it runs in between; here it is linear.

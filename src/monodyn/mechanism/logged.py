@@ -1,10 +1,10 @@
 """A log of known torques in, the drive of an integration out: hats at the record's stamps and in between.
 
-Where a torque bends within a Runge-Kutta step the step loses its order, and a log has a bend in every row. So
-the log is brought onto knots at which steps end: of all torques that are linear between those, the one nearest
-to the log in the mean square. It has the log's impulse about every knot, so that the motion is the same but for what
-the torque does within a knot's interval. The log may lag behind the motion's clock; then it is moved
-before it is brought onto the knots, and these stay where they are.
+Where a torque bends within a Runge-Kutta step the step loses its order, and a log bends in every row. So the
+log is brought onto knots at which steps end: of all torques that are linear between those, the one nearest to
+it in the mean square. That one has the log's impulse about every knot, so that the motion is the same but for
+what the torque does within a knot's interval. Where the torque lags behind its log, the log is moved before
+that, and the knots stay where they are.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from monodyn.mechanism.drive import KNOTS, UNDRIVEN, Drive
 from monodyn.types import TorqueLog
 
 FINEST = 8
-"""Intervals between two stamps at most: what a torque does within an eighth of one hardly moves the next position."""
+"""Intervals between two stamps, at most: what is faster than an eighth hardly shows in the next position."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class LoggedTorque:
     """Known torques at the stamps of a record.
 
     Attributes:
-        log: The log.
+        log: What acted by the record's clock.
         dofs: Column of the log for each joint of the mechanism, -1 for none, int (dof,).
         times: Stamps of the record [s], (frame,).
         parts: Intervals between two stamps, a power of two: no integration step may be longer.
@@ -58,7 +58,7 @@ class LoggedTorque:
         return Drive(KNOTS, knots * stretch, table.T, slope.T)
 
     def at(self, lag: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the torques at the stamps, without what is faster than these, and their derivative by the lag.
+        """Return the torques at the stamps, without what is faster, and their derivative by the lag.
 
         Args:
             lag: How much later than in the log they act [s].
@@ -66,10 +66,9 @@ class LoggedTorque:
         Returns:
             Torques [N m or N] and derivatives by lag, each (frame, dof).
         """
-        values, slopes = (
-            values[:, self.dofs] * (self.dofs >= 0) for values in on_knots(self.log, self.times, lag)
-        )
-        return values, slopes
+        values, slopes = on_knots(self.log, self.times, lag)
+        acts = self.dofs >= 0
+        return values[:, self.dofs] * acts, slopes[:, self.dofs] * acts
 
 
 def logged(log: TorqueLog, joints: tuple[str, ...], times: np.ndarray) -> LoggedTorque:
@@ -93,7 +92,7 @@ def logged(log: TorqueLog, joints: tuple[str, ...], times: np.ndarray) -> Logged
 
 
 def on_knots(log: TorqueLog, knots: np.ndarray, lag: float) -> tuple[np.ndarray, np.ndarray]:
-    """Bring a log onto knots: minimize the integral of (sum_k c_k hat_k(t) - tau(t - lag))^2 between their ends.
+    """Bring a log onto knots: minimize the integral of (sum_k c_k hat_k(t) - tau(t - lag))^2 over them.
 
     Args:
         log: The log.
@@ -104,7 +103,7 @@ def on_knots(log: TorqueLog, knots: np.ndarray, lag: float) -> tuple[np.ndarray,
         The values c at the knots and their derivatives by the lag, each (knot, joint).
 
     Source:
-        The normal equations M c = b of the linear finite elements: M_jk the integral of hat_j hat_k, b_j that of
+        The normal equations M c = b of linear finite elements: M_jk the integral of hat_j hat_k, b_j that of
         hat_j tau, whose derivative by the lag is minus that of hat_j times the slope of tau.
     """
     from scipy.linalg import solveh_banded

@@ -42,8 +42,8 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
-    covariance; infinite before and after free or known torques, where nothing is known of them, and throughout where
-    the fit has no intervals.
+    covariance; infinite before and after free or known torques, where nothing is known of them, and
+    throughout where the fit has no intervals.
 
     Args:
         fit: The identified mechanism.

@@ -151,7 +151,7 @@ def listed_rows(fit: Fit) -> list[Estimate]:
     """
     kinds = {parameter.name: parameter.kind for parameter in fit.mechanism.parameters}
     if fit.torque != "free":
-        # what follows is listed where it is what the user wants to know: masses that a known torque determines
+        # what follows is listed where it is what was asked for: masses that a known torque determines
         heavy = fit.torque == "known"
         return [
             row

@@ -25,8 +25,8 @@ NO_TORQUES = ("time", "frame")
 def read_torques(path: str | Path, joints: Mechanism | Sequence[str]) -> TorqueLog:
     """Read a log of known torques.
 
-    The header names the columns: ``time`` [s] on the clock of the record, and ``<joint>_torque`` [N m or N] for
-    each joint at which one acts; without any such column they are called ``<joint>``.
+    The header names the columns: ``time`` [s] on the clock of the record, and ``<joint>_torque`` [N m or N]
+    for each joint at which one acts; without any such column they are called ``<joint>``.
 
     Args:
         path: File of comma-separated values.
@@ -37,7 +37,7 @@ def read_torques(path: str | Path, joints: Mechanism | Sequence[str]) -> TorqueL
 
     Raises:
         VideoError: The file cannot be read, names no joint or one that the mechanism has not, holds something
-            that is not a finite number, has under two rows, its times do not increase, or all torques are zero.
+            that is not a finite number, its times do not increase, or no torque acts.
     """
     path = Path(path)
     names = tuple(joints if isinstance(joints, Sequence) else (joint.name for joint in joints.joints))
@@ -50,8 +50,8 @@ def read_torques(path: str | Path, joints: Mechanism | Sequence[str]) -> TorqueL
             line, row = rows[bad[0]]
             cell = row[column].strip() or "an empty cell"
             raise VideoError(
-                f"{path.name}: line {line}, column '{name}': expected a finite number, got {cell}; a torque has "
-                "to be known throughout."
+                f"{path.name}: line {line}, column '{name}': expected a finite number, got {cell}; a "
+                "torque has to be known throughout."
             )
     time = increasing(f"{path.name}: column 'time'", table[:, header.index("time")], error=VideoError)
     torque = table[:, list(columns.values())]
@@ -59,8 +59,8 @@ def read_torques(path: str | Path, joints: Mechanism | Sequence[str]) -> TorqueL
         raise VideoError(f"{path.name}: expected two rows of torques or more, got {len(time)}.")
     if not torque.any():
         raise VideoError(
-            f"{path.name}: expected torques that act, got zeros alone, which say nothing of masses; leave the log "
-            "out."
+            f"{path.name}: expected torques that act, got zeros alone, which say nothing of masses; leave "
+            "the log out."
         )
     return TorqueLog(tuple(columns), time, torque)
 
@@ -77,8 +77,8 @@ def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str,
     if "time" not in header or not found:
         has = ", ".join(map(repr, header))
         raise VideoError(
-            f"{path.name}: expected columns 'time' and '<joint>{SUFFIX}' or '<joint>' of joints with a torque, "
-            f"got {has}; joints: {known}."
+            f"{path.name}: expected columns 'time' and '<joint>{SUFFIX}' or '<joint>' of joints with a "
+            f"torque, got {has}; joints: {known}."
         )
     twice = sorted({name for name in header if name and header.count(name) > 1})
     if twice:
@@ -88,7 +88,7 @@ def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str,
     for name, column in found.items():
         if name not in names:
             raise VideoError(
-                f"{path.name}: column {header[column]!r} is of no joint of the mechanism; joints: {known}. Name the "
-                "column as its joint, or leave it out."
+                f"{path.name}: column {header[column]!r} is of no joint of the mechanism; joints: {known}. "
+                "Name the column as its joint, or leave it out."
             )
     return found

@@ -140,7 +140,7 @@ def prepare(poses: Sequence[Poses], mechanism: Mechanism) -> Data:
     turning = by_roll(mechanism)
     turned = np.array([turning * (record.roll is not None) for record in poses])
     shifts = _shifts([ordered(record, mechanism) for record in poses], first, source)
-    stamps = [times[a:b] for a, b in zip(first[:-1], first[1:], strict=True)]
+    stamps = np.split(times, first[1:-1])
     torques = known_torques(poses, mechanism, stamps)
     return Data(times, position, white, measured, first, source, slide, turned, shifts, torques)
 
@@ -169,8 +169,8 @@ def known_torques(
         log = record.torques
         if log is None:
             raise VideoError(
-                f"record {number}: expected known torques as other records have them, got none; give a log for "
-                "each record, or for none."
+                f"record {number}: expected known torques as other records have them, got none; give a log "
+                "for each record, or for none."
             )
         for name in log.joints:
             if name not in names:
@@ -197,8 +197,8 @@ def check_covered(log: TorqueLog, begin: float, end: float, what: str) -> None:
     if log.time[0] > begin + step or log.time[-1] < end - step:
         raise VideoError(
             f"torques: expected a log of all of {what}, {begin:.4g} to {end:.4g} s, got one from "
-            f"{log.time[0]:.4g} to {log.time[-1]:.4g} s; both are on one clock: shift the times of the log, or "
-            "leave out the rows that it does not cover."
+            f"{log.time[0]:.4g} to {log.time[-1]:.4g} s; both are on one clock: shift the times of the log, "
+            "or leave out the rows that it does not cover."
         )
 
 

@@ -35,9 +35,9 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
         quantile: Half width of an interval in standard deviations.
 
     Returns:
-        One estimate by parameter of the mechanism, in its order. A size that keeps its proportion to a length has
-        no interval, because nothing determines it; nor have offsets, on which the motion does not depend, and
-        what is held under free torques.
+        One estimate by parameter of the mechanism, in its order. A size that keeps its proportion to a length
+        has no interval, because nothing determines it; nor have offsets, on which the motion does not depend,
+        and what is held under free torques.
     """
     unknowns, x = problem.unknowns, optimum.x
     where = {name: i for i, name in enumerate(unknowns.names)}
