@@ -35,7 +35,7 @@ def with_masses_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
         return x
     # only positive masses have a logarithm to average; what may be zero goes along with them
     factor = float(np.exp(np.mean((unknowns.x0 - x)[anchors])))
-    moved = np.where(anchors, x + np.log(factor), np.where(heavy, x * factor, x))
+    moved = np.where(anchors, x + np.log(factor), np.where(heavy & (unknowns.against < 0), x * factor, x))
     return np.clip(moved, unknowns.lower, unknowns.upper)
 
 
@@ -144,7 +144,8 @@ def _rescaled(problem: Problem, x: np.ndarray, k: float, **units: float) -> np.n
             for kind, owner in zip(unknowns.kinds, unknowns.owners, strict=True)
         ]
     )
-    # the coordinate of a place is a ratio, which no change of units changes
+    # the coordinate of a place is a ratio, which no change of units changes; a friction's may be one
+    powers = np.where(unknowns.against >= 0, powers - powers[unknowns.against], powers)
     powers = np.where(unknowns.ratio, 0.0, powers)
     moved = np.where(unknowns.log, x + powers * np.log(k), x * k**powers)
     return np.clip(moved, unknowns.lower, unknowns.upper)

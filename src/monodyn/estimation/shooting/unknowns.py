@@ -40,6 +40,11 @@ LOGARITHMIC = (
 CENTRE_KINDS = ("com_x", "com_y")
 """Kinds that are one vector, either part of which may be zero or negative."""
 
+FORCES = ("damping", "friction", "stiffness", "drag")
+"""Kinds that are in proportion to the scale of masses and may be zero."""
+WEIGHTS = ("density", "thickness", "mass")
+"""Kinds that stand for that scale, the first that there is."""
+
 MEASURED = 16.0
 """Information of the logarithm above which a picture has measured a size: it determines it to a quarter."""
 LONGEST_STEP = 1.5
@@ -56,9 +61,10 @@ class Unknowns:
         owners: Names of the bodies and joints that they belong to, empty for ``gravity`` and the like.
         start: Start values, (param,).
         log: True where the coordinate is the logarithm, (param,).
-        against: Unknown that a place is searched as a ratio to, -1 for none, int (param,).
+        against: Unknown that a place, or under known torques a friction, is searched as a ratio to, -1 for
+            none, int (param,).
         unit: What else the coordinate is a ratio to: the value of the size where that is no unknown; 1 for
-            all but places, (param,).
+            what is no ratio, (param,).
         lower: Lower bounds of the coordinates, (param,).
         upper: Upper bounds of the coordinates, (param,).
         tied: Sizes that keep their proportion to a length, densities that keep theirs to the first one.
@@ -257,6 +263,10 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
     values = mechanism.values
     against = [names.index(p.against) if p.kind in PLACE_KINDS and p.against in names else -1 for p in chosen]
     unit = [values.get(p.against, 1.0) if p.kind in PLACE_KINDS else 1.0 for p in chosen]
+    heavy = _mass_unknown(mechanism, chosen, log)
+    for i, p in enumerate(chosen):
+        if heavy >= 0 and p.kind in FORCES:
+            against[i], unit[i] = heavy, chosen[heavy].value
     blank = Unknowns(
         names=names,
         kinds=tuple(p.kind for p in chosen),
@@ -274,6 +284,18 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
     # a place's bounds are ratios to the size at the start: the size's own bounds have no part in them
     fixed = replace(blank, against=np.full(len(names), -1))
     return replace(blank, lower=fixed.coordinates(lower), upper=fixed.coordinates(upper))
+
+
+def _mass_unknown(mechanism: Mechanism, chosen: list[Parameter], log: np.ndarray) -> int:
+    """Place of the unknown that frictions are ratios to; -1 for none.
+
+    Under known torques the scale of masses is an unknown like others, which the motion may show far less
+    clearly than what masses and frictions are to one another: a search can follow straight lines alone.
+    """
+    kinds = [p.kind for p in chosen]
+    if mechanism.torque != "known" or "inertia" in kinds:
+        return -1
+    return next((i for k in WEIGHTS for i, kind in enumerate(kinds) if kind == k and log[i]), -1)
 
 
 def _one_material(mechanism: Mechanism) -> list[str]:

@@ -49,6 +49,7 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
     unknowns, values = problem.unknowns, problem.unknowns.values(x)
     # a product needs logarithms: what may be zero or negative is no factor of it
     usable = (values > 0) & ~unknowns.of_kind(*CENTRE_KINDS)
+    usable &= unknowns.ratio | (unknowns.against < 0)
     moved = _moved(unknowns, known)
     if not moved.any():
         return []
