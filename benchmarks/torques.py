@@ -50,7 +50,7 @@ class Case:
 
     kind: str
     joints: tuple[str, ...]
-    share: float = 0.3
+    share: float = 0.2
     noise: float = 1e-3
     friction: float = 0.0
     lag: float = 0.0
@@ -58,14 +58,14 @@ class Case:
     hold: bool = False
     rate: float = 60.0
     records: int = 1
-    seconds: float = 4.0
+    seconds: float = 3.0
 
 
 CASES = {
     "single": Case("single", ("joint1",)),
     "single, lag": Case("single", ("joint1",), lag=0.03),
     "single, dry": Case("single", ("joint1",), friction=0.03),
-    "single, weak": Case("single", ("joint1",), share=0.05),
+    "single, weak": Case("single", ("joint1",), share=0.02),
     "single, held": Case("single", ("joint1",), log=50.0, hold=True),
     "bob": Case("bob", ("joint1",)),
     "double, shoulder": Case("double", ("joint1",)),
@@ -73,7 +73,7 @@ CASES = {
     "double, both, lag": Case("double", ("joint1", "joint2"), lag=0.05),
     "double, dry": Case("double", ("joint1",), friction=0.02),
     "double, 30 Hz": Case("double", ("joint1",), rate=30.0, log=500.0, noise=3e-3),
-    "double, 2 records": Case("double", ("joint1",), records=2, seconds=2.0),
+    "double, 2 records": Case("double", ("joint1",), records=2, seconds=1.5),
     "triple": Case("triple", ("joint1", "joint2")),
     "cartpole": Case("cartpole", ("slider",)),
     "cartpole, lag": Case("cartpole", ("slider",), lag=0.02, hold=True, log=100.0),
@@ -168,7 +168,7 @@ def simulated(case: Case, rng: np.random.Generator, folder: Path) -> Made:
     path = folder / "moved.xml"
     monodyn.write_mjcf(mechanism, path)
     body = mujoco.MjModel.from_xml_path(str(path))
-    body.opt.timestep, body.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    body.opt.timestep, body.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_RK4
     level = 9.81 * float(body.body_mass.sum()) * 0.1
     body.dof_frictionloss[:] = case.friction * level
     masses = {p.name: p.value for p in mechanism.parameters if p.name.endswith(".mass")}

@@ -20,8 +20,8 @@ SCALE_AND_LAG = 2
 """Unknowns that a known torque adds."""
 TOO_WEAK = (
     "The known torques do not show in the motion, which is explained as well without them: they were left "
-    "out, and masses are known only in ratios. A stronger torque would fix the mass scale; check the unit (N m) "
-    "and the clock of the log."
+    "out, and masses are known only in ratios. A stronger torque would fix the mass scale; check the unit (N "
+    "m) and the clock of the log."
 )
 
 

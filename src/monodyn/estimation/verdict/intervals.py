@@ -64,7 +64,8 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
             i = where[p.name]
             log = bool(unknowns.log[i])
             deviation = Deviation(float(known.std[i]) * (p.value if log else 1.0), log)
-            if unknowns.ratio[i] or unknowns.against[i] >= 0:  # its own ratio may be known better than the size that it is a ratio to
+            if unknowns.ratio[i] or unknowns.against[i] >= 0:
+                # its own ratio may be known better than what it is a ratio to
                 along = _along(chain[i], p.value, known)
                 deviation = Deviation(along.std, False)
             found.append(_estimate(p, deviation, quantile, free=True, at_bound=bool(optimum.at_bound[i])))
