@@ -75,8 +75,8 @@ CASES = {
     "double, 30 Hz": Case("double", ("joint1",), rate=30.0, log=500.0, noise=3e-3),
     "double, 2 records": Case("double", ("joint1",), records=2, seconds=1.5),
     "triple": Case("triple", ("joint1", "joint2")),
-    "cartpole": Case("cartpole", ("slider",)),
-    "cartpole, lag": Case("cartpole", ("slider",), lag=0.02, hold=True, log=100.0),
+    "cartpole": Case("cartpole", ("slide",)),
+    "cartpole, lag": Case("cartpole", ("slide",), lag=0.02, hold=True, log=100.0),
 }
 """The made records by name."""
 
@@ -120,7 +120,7 @@ def main() -> int:
 
 
 def made(folder: Path) -> list[Figure]:
-    """Identify every made record, and compare masses and lag with the truth.
+    """Return how masses and lag of every made record compare with the truth.
 
     Args:
         folder: Where the tables go.
@@ -148,7 +148,7 @@ def made(folder: Path) -> list[Figure]:
 
 
 def simulated(case: Case, rng: np.random.Generator, folder: Path) -> Made:
-    """Draw a mechanism, push it with torques that a log has, and write what was measured.
+    """Return what is measured of a drawn mechanism that is pushed with the torques of a log.
 
     Args:
         case: What to make.
@@ -219,7 +219,7 @@ def _pendubot() -> tuple[Path, Path]:
 
 
 def pendubot(folder: Path) -> list[Figure]:
-    """Identify the pendubot from its encoders and the torque that its motor reports.
+    """Return what is found of the pendubot from its encoders and the torque that its motor reports.
 
     Args:
         folder: Where the windows go.

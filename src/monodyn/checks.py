@@ -175,8 +175,7 @@ def _with_torque(mechanism: Mechanism, settings: RunSettings) -> Mechanism:
 
     Free torques have theirs only once the time stamps are known, so none of them can be chosen.
     """
-    torque = settings.identify.torque
-    if torque == "fourier":
+    if (torque := settings.identify.torque) == "fourier":
         # any start value within the bounds will do here: the search for the period brings its own
         low, high = settings.bounds.get("torque.period", (1.0, 1.0))
         period = min(max(1.0, low), high)

@@ -5,6 +5,7 @@ Everything here is refused before anything is written.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,8 +17,10 @@ from monodyn.checks import chosen_mechanism, clip_and_mechanism, drawn_mechanism
 from monodyn.errors import SettingsError, VideoError
 from monodyn.estimation.record.logs import read_torques
 from monodyn.estimation.record.samples import check_covered
+from monodyn.estimation.record.tables import read_poses
+from monodyn.estimation.record.units import wrong_units
 from monodyn.settings import RunSettings
-from monodyn.types import TorqueLog
+from monodyn.types import Poses, TorqueLog
 from monodyn.vision.clip.lens import Lens, lens_of, straightened
 from monodyn.vision.clip.repeats import LONGEST
 from monodyn.vision.clip.video import Video, read
@@ -119,6 +122,24 @@ def torque_files(settings: RunSettings) -> dict[str, Path]:
         settings: The user's choices.
     """
     return {f"torques {i + 1}": path for i, path in enumerate(settings.torques)}
+
+
+def opened_tables(tables: Sequence[str | Path], mechanism: Mechanism, settings: RunSettings) -> list[Poses]:
+    """Return the records of tables of joint positions, with the torques that are known.
+
+    Args:
+        tables: The files.
+        mechanism: Gives the joints.
+        settings: The user's choices.
+
+    Raises:
+        VideoError: The tables are not in radians and seconds.
+    """
+    records = [read_poses(table, mechanism) for table in tables]
+    if wrong := wrong_units(records, mechanism):
+        raise VideoError(f"{', '.join(Path(table).name for table in tables[:3])}: {wrong}")
+    logs = opened_torques(settings, mechanism, len(records))
+    return [replace(record, torques=log) for record, log in zip(records, logs, strict=True)]
 
 
 def clip_torques(

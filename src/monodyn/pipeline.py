@@ -29,9 +29,8 @@ from monodyn.checks import (
 )
 from monodyn.errors import FitError, MonodynError, VideoError
 from monodyn.estimation.fit import Doubt, Fit, Grade
-from monodyn.estimation.record.tables import read_poses, write_poses
-from monodyn.estimation.record.units import wrong_units
-from monodyn.inputs import clip_torques, input_files, opened, opened_torques, torque_files
+from monodyn.estimation.record.tables import write_poses
+from monodyn.inputs import clip_torques, input_files, opened, opened_tables, torque_files
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.diagnosis import write_diagnosis
@@ -291,14 +290,10 @@ def identify_tables(
     settings = settings or RunSettings()
     mechanism = chosen_mechanism(model, settings, camera=False)
     # all tables are read before the folder is made
-    records = [read_poses(table, mechanism) for table in tables]
-    logs = opened_torques(settings, mechanism, len(records))
-    records = [replace(record, torques=log) for record, log in zip(records, logs, strict=True)]
+    records = opened_tables(tables, mechanism, settings)
     names = [Path(table).name for table in tables]
-    if wrong := wrong_units(records, mechanism):
-        raise VideoError(f"{', '.join(names[:3])}: {wrong}")
-    inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
-    inputs |= torque_files(settings)
+    measured = {f"poses {i + 1}": table for i, table in enumerate(tables)}
+    inputs = {"model": model, **measured, **torque_files(settings)}
     log = RunLog("identify", inputs, settings)
     folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables, *settings.torques))
     job = Job(settings, log, folder, progress)

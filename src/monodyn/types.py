@@ -99,7 +99,7 @@ class TorqueLog:
     Attributes:
         joints: Names of the joints at which they act; none acts at the others.
         time: Time stamps on the clock of the record [s], (row,).
-        torque: Torque [N m] at a hinge, force [N] at a slide, (row, joint); linear between the rows, before
+        torque: Torque [N m] at a hinge, force [N] at a slide, (row, dof); linear between the rows, before
             the first and after the last as there.
     """
 

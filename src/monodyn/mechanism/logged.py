@@ -100,7 +100,7 @@ def on_knots(log: TorqueLog, knots: np.ndarray, lag: float) -> tuple[np.ndarray,
         lag: How much later than in the log the torques act [s].
 
     Returns:
-        The values c at the knots and their derivatives by the lag, each (knot, joint).
+        The values c at the knots and their derivatives by the lag, each (knot, dof), by joint of the log.
 
     Source:
         The normal equations M c = b of linear finite elements: M_jk the integral of hat_j hat_k, b_j that of
