@@ -458,7 +458,8 @@ def test_known_torques_make_masses_absolute(tmp_path: Path) -> None:
     table.write_text(text, encoding="utf-8")
     model.write_text(
         '<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="rod">'
-        '<joint name="joint1" axis="0 -1 0"/><geom type="capsule" size="0.001" fromto="0 0 0 0 0 -0.2"/></body></worldbody></mujoco>',
+        '<joint name="joint1" axis="0 -1 0"/><geom type="capsule" size="0.001" fromto="0 0 0 0 0 -0.2"/>'
+        "</body></worldbody></mujoco>",
         encoding="utf-8",
     )
     out = tmp_path / "out"
