@@ -61,6 +61,8 @@ def poses(seen: int, count: int) -> Poses:
         (RunSettings(fix={"torque.period": 1.0}),
          "parameter 'torque.period': a torque over time belongs to --identify.torque fourier; "
          "add that option, or leave the parameter out."),
+        (RunSettings(fix={"torque.lag": 0.01}),
+         "parameter 'torque.lag': belongs to --torques FILE; name the file, or leave it out."),
         (RunSettings(free=["joint1.torque.3"], identify=FREE),
          "parameter 'joint1.torque.3': a free torque cannot be chosen; leave it out."),
         (RunSettings(fix={"camera.zoom": 1.0}),

@@ -31,7 +31,7 @@ from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
-from monodyn.inputs import input_files, opened
+from monodyn.inputs import clip_torques, input_files, opened, torque_files, with_torques
 from monodyn.job import Job, Outcome, shown_if_refused
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
@@ -92,6 +92,7 @@ def run(
     video, given, mechanism = opened(clip, next(iter(models), model), settings)
     wanted = fitted_range(settings.fit_frames, video.count)
     prediction_times(video, wanted[1], settings.until)
+    torques = clip_torques(settings, mechanism, video.times, wanted)
     inputs = input_files(clip, model, settings)
     log = RunLog("run", inputs, settings)
     folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))
@@ -100,6 +101,7 @@ def run(
     with recorded(folder, log), shown_if_refused(job):
         mechanism = _chosen(job, video, models) if models else mechanism
         scene, poses, span = locate_and_track(job, video, mechanism)
+        poses = replace(poses, torques=torques)
         frames = free_range(settings.fit_frames, wanted, span)
         sight.fit_frames = frames
         # the motion may have shown that the stamps are not the times
@@ -214,9 +216,11 @@ def identify_tables(
     wrong = [wrong_units(one.records, one.mechanism) for one in tried]
     if all(wrong):
         raise VideoError(f"{', '.join(names[:3])}: {wrong[0]}")
-    inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
+    tried = [replace(one, records=with_torques(one.records, one.mechanism, settings)) for one in tried]
+    measured = {f"poses {i + 1}": table for i, table in enumerate(tables)}
+    inputs = {"model": model, **measured, **torque_files(settings)}
     log = RunLog("identify", inputs, settings)
-    folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables))
+    folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables, *settings.torques))
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         with log.stage("identify"):

@@ -16,7 +16,7 @@ from typing import Any, get_args
 
 from monodyn.choices import METHOD_NAMES, Method, check_choice
 from monodyn.errors import SettingsError
-from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.settings import IdentifySettings, check_known
 from monodyn.vision.settings import (
     LEAST_SIDE,
     MOST_SIDE,
@@ -105,6 +105,9 @@ class RunSettings:
             -0.28,0.09,0,0. They belong to a focal length, which --locate.focal has to give, in pixels of this
             clip, with the principal point in its middle. Pictures and points are put straight before anything
             else looks at them.
+        torques: Log of known torques [N m, a slide's N] by time [s] on the clock of the record, one for each
+            table, columns time and <joint> or <joint>_torque; linear in between. Masses and friction are
+            absolute with it. How much later they act is estimated, or given with --fix torque.lag=SECONDS.
         rate: Frames a second [Hz] in place of the time stamps of the clip.
         seed: Seed of every random start; it replaces the seeds of the stages.
         method: fast, or paper for the method of 2012 as published; a stage may have its own.
@@ -129,6 +132,7 @@ class RunSettings:
     points_size: tuple[int, int] | None = field(default=None, metadata={"name": "points.size"})
     points_axis: Axis = field(default="auto", metadata={"name": "points.axis"})
     distortion: tuple[float, ...] | None = field(default=None, metadata={"name": "camera.distortion"})
+    torques: tuple[Path, ...] = ()
     rate: float | None = field(default=None, metadata={"metavar": "HZ"})
     seed: int = 0
     method: Method = "fast"
@@ -170,6 +174,8 @@ class RunSettings:
             )
         for stage, kind in settings_classes().items():
             object.__setattr__(self, stage, self._stage(stage, kind))
+        if self.torques:
+            check_known(self.identify)
         published = "paper" in (self.camera.method, self.locate.method, self.track.method)
         if (self.camera.exposure or self.camera.readout) and (published or self.points is not None):
             got = "a stage by the published method" if published else "--points"

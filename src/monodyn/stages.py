@@ -16,7 +16,7 @@ from typing import overload
 from monodyn.errors import SettingsError, VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify_jointly
-from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.settings import IdentifySettings, check_known
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dots import as_rods, chosen_bodies
 from monodyn.mechanism.upright import ROLL, by_roll, feels_roll, with_roll
@@ -386,6 +386,8 @@ def identify(
     mechanism = mechanism.with_bodies(bodies)
     mechanism = as_rods(mechanism) if bodies == "free" else mechanism
     settings = replace(settings, method=method)
+    if any(record.torques is not None for record in records):
+        check_known(settings)
     fit = IDENTIFY_METHODS[method](records, mechanism, settings, progress)
     return replace(fit, seconds=time.perf_counter() - began)
 

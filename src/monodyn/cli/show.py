@@ -209,7 +209,7 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
         )
         if row["at_bound"]:
             interval = "at its bound"
-        elif not row["free"]:
+        elif not row["free"] and not known:
             interval = "held"
         table.add_row(row["name"], number(row["value"], std), interval, row["unit"])
     return table

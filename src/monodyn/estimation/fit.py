@@ -11,7 +11,11 @@ import numpy as np
 
 from monodyn.errors import FitError
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.drive import Drive
+from monodyn.mechanism.logged import logged
+from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.tree import Directions
+from monodyn.types import TorqueLog
 
 Grade = Literal["trusted", "approximate", "refused"]
 """How far a fit can be relied on: in full; for what its status says holds; not at all."""
@@ -134,6 +138,7 @@ class Fit:
             none.
         unmodelled: What the model lacks, which predictions go astray by; None where the noise explains the
             residuals.
+        torques: Known torques of each record; empty where none are known.
     """
 
     status: str
@@ -154,6 +159,7 @@ class Fit:
     seconds: float
     stamp_error: float = 0.0
     unmodelled: Unmodelled | None = None
+    torques: tuple[TorqueLog, ...] = ()
 
     @property
     def grade(self) -> Grade:
@@ -210,6 +216,50 @@ class Fit:
         # start states of the other records do not move this one
         chosen = np.concatenate((np.arange(count), count + record * width + np.arange(width)))
         return self.covariance[np.ix_(chosen, chosen)]
+
+    @property
+    def mass_scale(self) -> str | None:
+        """What determines masses themselves: ``"torques"`` that are known; None where only ratios are."""
+        kinds = {p.name: p.kind for p in self.mechanism.parameters}
+        weighed = [p for p in self.parameters if kinds[p.name] == "mass" and p.std > 0.0]
+        return "torques" if self.torques and any(p.identifiable for p in weighed) else None
+
+    def driven(self, stamps: np.ndarray, record: int) -> tuple[Drive, int]:
+        """Return what acts at the joints of one record in addition to friction and springs.
+
+        Args:
+            stamps: Time stamps [s], (frame,), rising or falling.
+            record: Which record.
+
+        Returns:
+            The drive in true time, and the least number of integration steps between two stamps.
+        """
+        if not self.torques:
+            return self.mechanism.drive, 1
+        values, joints = self.mechanism.values, tuple(joint.name for joint in self.mechanism.joints)
+        known = logged(self.torques[record], joints, np.sort(stamps))
+        return known.drive(values[LAG], values["time_scale"]), known.parts
+
+    def unpushed(self, stamps: np.ndarray, record: int) -> np.ndarray:
+        """Mark the time stamps at which the torques are not known although they are elsewhere.
+
+        Args:
+            stamps: Time stamps [s], (frame,).
+            record: Which record.
+
+        Returns:
+            True before and after known torques, and before and after free ones, bool (frame,).
+        """
+        if self.torques:
+            log, late = self.torques[record].time, self.mechanism.values[LAG]
+            # a lag leaves the torque open for as long at the beginning; that of the first row stands for it
+            first, last = min(log[0], log[0] + late), max(log[-1], log[-1] + late)
+            step = float(np.median(np.diff(log)))
+            return (stamps < first - step) | (stamps > last + step)
+        if self.torque != "free":
+            return np.zeros(len(stamps), dtype=bool)
+        knots = self.mechanism.drive.times / self.mechanism.values["time_scale"]
+        return (stamps < knots[0] - 1e-9) | (stamps > knots[-1] + 1e-9)
 
     def directions(self) -> Directions:
         """Differentiate tree and drive by the estimated parameters; a size tied to a length moves with it.

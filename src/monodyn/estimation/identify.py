@@ -19,6 +19,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
+from monodyn.estimation.torque.known import fit_known
 from monodyn.estimation.torque.task import Task
 from monodyn.estimation.verdict.stretches import (
     beginning,
@@ -35,8 +36,9 @@ TORQUE_MODELS = {
     "friction": fit_friction,
     "fourier": fit_series,
     "free": fit_free_torques,
+    "known": fit_known,
 }
-"""How a motion is explained, by torque model."""
+"""How a motion is explained, by torque model; where torques are known that is the one."""
 SHORTEST_BEGINNING = 20
 """Rows of the shortest beginning that is tried when the whole record does not fit."""
 
@@ -86,7 +88,8 @@ def _identified(
     began = time.perf_counter()
     data = prepare(records, mechanism)
     smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
-    solution = TORQUE_MODELS[settings.torque](mechanism, Task(data, smoothed, settings, progress))
+    model = "known" if data.torques else settings.torque
+    solution = TORQUE_MODELS[model](mechanism, Task(data, smoothed, settings, progress))
     return summarize(solution, records, settings, began)
 
 

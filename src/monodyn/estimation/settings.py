@@ -80,3 +80,20 @@ class IdentifySettings:
                 raise SettingsError(f"{shown}: expected {low:g} to {high:g}, got {value:g}.")
         if self.outlier != 0 and not (self.outlier >= 3 and isfinite(self.outlier)):
             raise SettingsError(f"identify.outlier: expected 0 or at least 3, got {self.outlier:g}.")
+
+
+def check_known(settings: IdentifySettings) -> None:
+    """Refuse known torques next to torques that are to be found, or with the published method.
+
+    Args:
+        settings: How the mechanism is identified.
+
+    Raises:
+        SettingsError: They cannot be used so.
+    """
+    if settings.torque != "friction" or settings.method == "paper":
+        got = "the method 'paper'" if settings.method == "paper" else f"--identify.torque {settings.torque}"
+        raise SettingsError(
+            f"torques: expected the method 'fast' and --identify.torque friction with known torques, got "
+            f"{got}; leave one of them out."
+        )

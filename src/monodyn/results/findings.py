@@ -86,6 +86,7 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "rms": dict(fit.rms),
         "heldout_rms": findings.traces[0].heldout() if findings.traces else dict.fromkeys(joints),
         "scale": fit.scale,
+        "mass_scale": fit.mass_scale,
         "stamp_error": fit.stamp_error,
         "camera": None if filmed is None else _camera_document(filmed),
         "fit_frames": findings.frames,
@@ -154,9 +155,15 @@ def listed_rows(fit: Fit) -> list[Estimate]:
     Args:
         fit: The fit.
     """
-    if fit.torque != "free":
-        return [row for row in fit.parameters if row.free]
     kinds = {parameter.name: parameter.kind for parameter in fit.mechanism.parameters}
+    if fit.torque != "free":
+        # what follows is listed where it is what was asked for: masses that a known torque determines
+        heavy = fit.torque == "known"
+        return [
+            row
+            for row in fit.parameters
+            if row.free or (heavy and row.std > 0.0 and kinds[row.name] in ("mass", "inertia", "density"))
+        ]
     rows = [row for row in fit.parameters if kinds[row.name] != "torque"]
     # an offset shows in the picture alone: the motion gives no information about it, held or not
     held = [

@@ -144,7 +144,7 @@ def trace_of(
     numbers = None
     if future is not None:
         numbers = frame_numbers(future.time, poses.time, poses.frame)
-    acting = torques(fit, poses.time) if fit.torque != "friction" else None
+    acting = torques(fit, poses.time, record=record) if fit.torque != "friction" else None
     states = fill(fit, poses.time, record=record)
     turning = tuple(
         i

@@ -252,5 +252,6 @@ def choose_substeps(problem: Problem, trial: Trial, error_bound: float) -> tuple
     pick = np.unique(np.linspace(0, len(runs) - 1, MOST_RUNS).astype(int))
     chosen = [runs[k] for k in pick]
     return least_substeps(
-        lambda steps: problem.rollouts(trial.x, chosen, steps), error_bound, MOST_SHOOTING_STEPS
-    )
+        lambda steps: problem.rollouts(trial.x, chosen, steps), error_bound, MOST_SHOOTING_STEPS,
+        max((torque.parts for torque in problem.data.torques), default=1),
+    )  # fmt: skip

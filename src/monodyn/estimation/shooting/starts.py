@@ -21,6 +21,7 @@ from monodyn.estimation.shooting.accelerations import (
     torque_response,
 )
 from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.pushed import at_best_torque
 from monodyn.estimation.shooting.scaling import starts_of_scales
 from monodyn.estimation.shooting.shoot import Route, fit_pieces
 from monodyn.optimize import SearchSettings, minimize, scatter
@@ -70,7 +71,7 @@ def starts(
     if count < 2:
         return
     short = replace(route, piece=max(SHORTEST_PIECE, route.piece // 2))
-    rolled = _rolled(problem, smoothed, short)
+    rolled = _rolled(problem, motion, smoothed, short)
     yield rolled, short
     width = np.array([SCATTER.get(kind, 0.0) for kind in unknowns.kinds])
     for i, x in enumerate(scatter(rolled, width, count - 1, seed=seed)[1:]):
@@ -89,8 +90,17 @@ def matched(problem: Problem, motion: SmoothMotion) -> np.ndarray:
     Returns:
         Coordinates, (param,).
     """
-    nearest = min(starts_of_scales(problem, FACTORS), key=lambda x: mismatch_cost(problem, x, motion))
+    tried = _scales(problem, motion)
+    nearest = min(tried, key=lambda x: mismatch_cost(problem, x, motion))
     return _match(problem, motion, nearest)
+
+
+def _scales(problem: Problem, motion: SmoothMotion) -> list[np.ndarray]:
+    """Return the start at common scales of its sizes, under known torques with masses and lag to match."""
+    found = starts_of_scales(problem, FACTORS)
+    if problem.data.torques and len(motion.time):
+        return [at_best_torque(problem, x, motion) for x in found]
+    return found
 
 
 def _match(problem: Problem, motion: SmoothMotion, x: np.ndarray) -> np.ndarray:
@@ -102,7 +112,9 @@ def _match(problem: Problem, motion: SmoothMotion, x: np.ndarray) -> np.ndarray:
     return found.x
 
 
-def _rolled(problem: Problem, smoothed: tuple[Smoothed, ...], route: Route) -> np.ndarray:
+def _rolled(
+    problem: Problem, motion: SmoothMotion, smoothed: tuple[Smoothed, ...], route: Route
+) -> np.ndarray:
     """Find the common scale at which short rollouts with free start states come closest, (param,)."""
     data, pieces = spread(problem.data, cut(problem.data, route.piece), MOST_ROLLED)
     problem = problem.with_data(data)
@@ -113,7 +125,7 @@ def _rolled(problem: Problem, smoothed: tuple[Smoothed, ...], route: Route) -> n
         # the typical residual, not the cost: at a wrong scale some pieces are lost, which must not decide
         return found.sigma if np.isfinite(found.cost) else float("inf")
 
-    return min(starts_of_scales(problem, FACTORS), key=cost)
+    return min(_scales(problem, motion), key=cost)
 
 
 def least_driven(problem: Problem, motion: SmoothMotion) -> np.ndarray:

@@ -25,7 +25,19 @@ def fit_friction(mechanism: Mechanism, task: Task) -> TorqueSolution:
     Returns:
         The solution.
     """
-    problem = posed(mechanism.with_torque("friction"), task.data)
+    return fit_damped(posed(mechanism.with_torque("friction"), task.data), task)
+
+
+def fit_damped(problem: Problem, task: Task) -> TorqueSolution:
+    """Search from one start after the other, then with dry friction where it shows.
+
+    Args:
+        problem: The problem with dry friction held.
+        task: What is to be explained.
+
+    Returns:
+        The solution.
+    """
     reason = obstacle(problem, task.smoothed)
     if reason is not None:
         return TorqueSolution(problem, None, reason=reason)

@@ -225,6 +225,7 @@ def fit_of(
         time=tuple(record.time for record in records),
         evaluations=optimum.evaluations,
         seconds=time.perf_counter() - began,
+        torques=tuple(torque.log for torque in data.torques),
     )
 
 

@@ -17,6 +17,7 @@ from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism.simulate import transitions
+from monodyn.mechanism.torques import LAG
 
 LARGER, SLOWER = 2.0, 1.5
 """Residuals over the stated noise, and root of what their autocorrelation costs, above which the model lacks
@@ -52,12 +53,12 @@ def unmodelled(problem: Problem, trial: Trial, noise: NoiseFactors) -> Unmodelle
     residual = problem.differences(trial) * unit
     # what is no motion at all changes from row to row
     white = _noise_of_rows(residual, np.where(data.measured, data.std, np.nan) * unit)
-    carried = np.concatenate(
-        [
-            transitions(mechanism.tree, clock[a:b], state, substeps=trial.substeps, drive=mechanism.drive)
-            for a, b, state in trial.runs
-        ]
-    )
+    lag, stretch, parts = mechanism.values.get(LAG, 0.0), problem.stretch(trial.x), []
+    for first, stop, state in trial.runs:
+        drive = problem.driven(mechanism.drive, lag, stretch, first, stop)
+        fine = trial.substeps
+        parts.append(transitions(mechanism.tree, clock[first:stop], state, substeps=fine, drive=drive))
+    carried = np.concatenate(parts)
     steps = np.diff(clock, prepend=clock[0])
     begins = np.zeros(len(clock), dtype=np.bool_)
     begins[trial.pieces.first[:-1]] = True
