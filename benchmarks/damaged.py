@@ -77,6 +77,9 @@ def drawn(
         seconds: Its length [s].
         base: Amplitude [m] and rate [rad/s] of a base that swings to the right and back.
         friction: Dry friction of every hinge, as a share of what holds the mechanism level.
+
+    Returns:
+        The record.
     """
     mechanism = monodyn.load(kind)
     changes = {

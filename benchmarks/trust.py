@@ -99,6 +99,9 @@ def counted(group: str, verdicts: Sequence[Verdict]) -> list[Figure]:
     Args:
         group: Its name.
         verdicts: What its runs said.
+
+    Returns:
+        How many there were, how many were trusted and wrong, the longest, and the share of each grade.
     """
     count = max(1, len(verdicts))
     figures = [
@@ -119,6 +122,9 @@ def models(data: Path, runs: Path) -> Iterator[Verdict]:
     Args:
         data: The folder of clips.
         runs: Where the run folders go.
+
+    Yields:
+        What each run said, and whether it was so.
     """
     for clip in KINDS:
         for model in KINDS:
@@ -132,6 +138,9 @@ def clips(data: Path, runs: Path) -> Iterator[Verdict]:
     Args:
         data: The folder of clips.
         runs: Where the run folders go.
+
+    Yields:
+        What each run said, and whether it was so.
     """
     for clip in sorted((data / "rendered").glob("*.mp4")):
         yield filmed(data, clip.stem, clip.stem, runs)
@@ -145,6 +154,9 @@ def filmed(data: Path, clip: str, model: str, runs: Path) -> Verdict:
         clip: Name of the clip.
         model: Name of the model.
         runs: Where the run folder goes.
+
+    Returns:
+        What it said, and whether it was so.
     """
     folder, out = data / "rendered", runs / f"{clip}_with_{model}"
     case, began = f"{clip} with {model}", time.perf_counter()
@@ -167,6 +179,9 @@ def judged(case: str, document: dict[str, Any], known: dict[str, float], seconds
         document: The content of ``fit.json``.
         known: True values by name.
         seconds: Wall time [s].
+
+    Returns:
+        What it said, and whether it was so.
     """
     wrong = []
     for row in document["parameters"]:
@@ -186,6 +201,9 @@ def tables(data: Path, runs: Path) -> Iterator[Verdict]:
     Args:
         data: Not used.
         runs: Where the tables go.
+
+    Yields:
+        What each run said, and whether it was so.
     """
     for name, damage in DAMAGES.items():
         for seed in range(SEEDS):
@@ -199,6 +217,9 @@ def right(data: Path, runs: Path) -> Iterator[Verdict]:
     Args:
         data: Not used.
         runs: Where the tables go.
+
+    Yields:
+        What each run said, and whether it was so.
     """
     for seed in range(DRAWN):
         yield identified(f"drawn {seed}", drawn(np.random.default_rng(1000 + seed)), runs)
@@ -211,6 +232,9 @@ def identified(case: str, record: Record, runs: Path) -> Verdict:
         case: What it is called.
         record: The record.
         runs: Where the table goes.
+
+    Returns:
+        What it said, and whether it was so.
     """
     path = runs / f"{case.replace(' ', '_')}.csv"
     path.write_text(record.text(), encoding="utf-8")
@@ -229,6 +253,9 @@ def encoders(data: Path, runs: Path) -> Iterator[Verdict]:
     Args:
         data: The folder of records.
         runs: Not used.
+
+    Yields:
+        What each run said, and whether it was so.
     """
     for path in sorted((data / "encoders").glob("double_*.csv"))[:ENCODED]:
         began = time.perf_counter()
