@@ -16,6 +16,7 @@ from monodyn.arrays import frozen
 from monodyn.errors import VideoError
 from monodyn.types import Frame
 from monodyn.vision.clip.homography import Homography
+from monodyn.vision.clip.warping import put_in_place
 
 GRID = (32, 24)
 """Columns and rows of places at which the light of a whole picture is compared."""
@@ -219,53 +220,35 @@ def _warped(
         out[row, column] = cv2.remap(
             plane, at_x[np.newaxis], at_y[np.newaxis], cv2.INTER_LINEAR, grid, cv2.BORDER_TRANSPARENT
         )[0]
-    warp(plane, at, border=cv2.BORDER_TRANSPARENT, out=out, window=window)
+    shown_in_place(plane, at, out, window)
     out.flags.writeable = False
     return out
 
 
-def warp(
-    plane: np.ndarray,
-    at: Homography,
-    *,
-    border: int,
-    out: np.ndarray | None = None,
-    window: tuple[slice, slice] | None = None,
-) -> np.ndarray:
-    """Return a plane of a picture in the place of the scene.
+def shown_in_place(
+    plane: np.ndarray, at: Homography, out: np.ndarray, window: tuple[slice, slice] | None = None
+) -> None:
+    """Write what a plane of a picture shows of the scene to its place there.
 
     Args:
         plane: The plane, uint8 (height, width); it may be reduced.
         at: Map from the scene to the picture.
-        border: What is put where the picture does not show the scene, as OpenCV names it.
-        out: Where to write it, uint8 (height, width), or None.
-        window: Rows and columns of the whole picture outside of which ``out`` stays as it is; None for all.
-
-    Returns:
-        The plane, uint8 (height, width).
+        out: Where to write it, uint8 (height, width); what the plane does not show stays.
+        window: Rows and columns of the whole picture outside of which it stays too; None for all of it.
     """
-    import cv2
-
-    matrix, part = plane_matrix(at, plane.shape), out
-    rows = columns = slice(None)
-    if out is not None and window is not None:
-        rows, columns = (
-            slice(
-                max(0, (full.start - MARGIN_PX) * count // whole),
-                min(count, -(-(full.stop + MARGIN_PX) * count // whole)),
-            )
-            for full, count, whole in zip(window, plane.shape, at.size[::-1], strict=True)
+    rows, columns = window or (slice(0, at.size[1]), slice(0, at.size[0]))
+    ends = [
+        end
+        for full, count, whole in zip((rows, columns), plane.shape, at.size[::-1], strict=True)
+        for end in (
+            max(0, (full.start - MARGIN_PX) * count // whole),
+            min(count, -(-(full.stop + MARGIN_PX) * count // whole)),
         )
-        part = out[rows, columns]
-        matrix = matrix @ np.array([[1.0, 0.0, columns.start], [0.0, 1.0, rows.start], [0.0, 0.0, 1.0]])
-    size, flags = (plane if part is None else part).shape[::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    far = np.abs(at.entries[2, :2]) @ at.middle * float(np.hypot(*at.middle))
-    if far < BENT_PX:
-        # a window's last entry is not 1 where the map is bent by less
-        warped = cv2.warpAffine(plane, matrix[:2] / matrix[2, 2], size, part, flags=flags, borderMode=border)
-    else:
-        warped = cv2.warpPerspective(plane, matrix, size, part, flags=flags, borderMode=border)
-    return warped if out is None else out
+    ]
+    matrix = plane_matrix(at, plane.shape)
+    if np.abs(at.entries[2, :2]) @ at.middle * float(np.hypot(*at.middle)) < BENT_PX:
+        matrix[2] = 0.0, 0.0, 1.0
+    put_in_place(np.ascontiguousarray(plane), matrix, out, (ends[0], ends[1], ends[2], ends[3]))
 
 
 def plane_matrix(at: Homography, shape: tuple[int, ...]) -> np.ndarray:
@@ -275,11 +258,12 @@ def plane_matrix(at: Homography, shape: tuple[int, ...]) -> np.ndarray:
         at: The map.
         shape: Height and width of the plane.
     """
-    by = np.array([at.size[0] / shape[1], at.size[1] / shape[0]])
+    by_x, by_y = at.size[0] / shape[1], at.size[1] / shape[0]
     # a pixel of the plane lies in the middle of those that it stands for
-    whole = np.diag([*by, 1.0])
-    whole[:2, 2] = 0.5 * (by - 1.0)
-    matrix = np.linalg.inv(whole) @ at.matrix @ whole
+    x, y = 0.5 * (by_x - at.size[0]), 0.5 * (by_y - at.size[1])
+    matrix = at.entries @ np.array([[by_x, 0.0, x], [0.0, by_y, y], [0.0, 0.0, 1.0]])
+    matrix[0] = (matrix[0] - x * matrix[2]) / by_x
+    matrix[1] = (matrix[1] - y * matrix[2]) / by_y
     return matrix / matrix[2, 2]
 
 

@@ -34,8 +34,8 @@ GAIN = 6
 """The gain among them."""
 OUTSIDE = -1.0
 """Weight of a point that a picture does not show."""
-BENT = slice(4, 6)
-"""The two of perspective."""
+BENT = 4
+"""The first of the two of perspective."""
 BENDING, BENDING_PX = 0.1, 0.05
 """Standard deviation of the perspective before the picture is looked at, as what it makes halfway to a
 corner: as a share of the displacement, as a turn of a usual camera has it, and least [px]."""
@@ -109,6 +109,7 @@ def difference(picture: np.ndarray, level: Level, at: Homography) -> float:
     return float(np.median(np.abs(off - np.median(off))))
 
 
+@njit(cache=True, error_model="numpy")
 def _spread(normal: np.ndarray, right: np.ndarray, bending: float) -> float:
     """Return the standard deviation of a displacement [px], by leaving out each block once.
 
@@ -120,21 +121,24 @@ def _spread(normal: np.ndarray, right: np.ndarray, bending: float) -> float:
     Source:
         The delete-one-group jackknife: Shao and Tu, "The Jackknife and Bootstrap", 1995.
     """
-    shown = normal[:, 0, 0] + normal[:, 1, 1] > 0.0
-    count = int(np.sum(shown))
-    if count < 3:
-        return math.inf
-    known = np.full(UNKNOWNS, 1e-9)
-    known[BENT] += 1.0 / bending**2
-    without = normal.sum(axis=0) - normal[shown] + np.diag(known)
-    inverse = np.linalg.inv(without)
-    steps = (inverse @ (right.sum(axis=0) - right[shown])[:, :, np.newaxis])[:, :, 0]
-    # zoom and turn count as what they do halfway to a corner, perspective, which hardly shows in the middle,
-    # does not; what is left without the most important block must determine the displacement too
-    spread = float(np.sum(steps[:, :4] ** 2)) * (count - 1) / count
-    noise = float(np.trace(inverse[:, :4, :4], axis1=1, axis2=2).max())
-    variance = spread + noise
-    return math.sqrt(variance) if 0.0 < variance < math.inf else math.inf
+    whole, total = normal.sum(axis=0), right.sum(axis=0)
+    for j in range(UNKNOWNS):
+        whole[j, j] += 1e-9
+    for j in range(BENT, BENT + 2):
+        whole[j, j] += 1.0 / bending**2
+    count, spread, noise = 0, 0.0, 0.0
+    for b in range(len(normal)):
+        if normal[b, 0, 0] + normal[b, 1, 1] > 0.0:
+            inverse = np.linalg.inv(whole - normal[b])
+            step = inverse @ (total - right[b])
+            # zoom and turn count as what they do halfway to a corner, perspective, which hardly shows in the
+            # middle, does not; what is left without the most important block must determine the
+            # displacement too
+            spread += np.sum(step[:4] ** 2)
+            noise = max(noise, inverse[0, 0] + inverse[1, 1] + inverse[2, 2] + inverse[3, 3])
+            count += 1
+    variance = spread * (count - 1) / max(count, 1) + noise
+    return math.sqrt(variance) if count >= 3 and 0.0 < variance < math.inf else math.inf
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
@@ -167,8 +171,8 @@ def _align(
         bending = BENDING * math.sqrt(entries[0, 2] ** 2 + entries[1, 2] ** 2) + BENDING_PX
         for j in range(2):
             bent = -entries[2, j] * reach * reach
-            whole[4 + j, 4 + j] += 1.0 / bending**2
-            g[4 + j] += bent / bending**2
+            whole[BENT + j, BENT + j] += 1.0 / bending**2
+            g[BENT + j] += bent / bending**2
         step = np.linalg.solve(whole, g)
         # The picture shows at W(z) what the key picture shows at z moved by the step: W is taken back by it.
         change[0, 0] = change[1, 1] = 1.0 + step[2] / reach
@@ -238,17 +242,19 @@ def _normal(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the normal matrix (unknown, unknown) and the right side (unknown,) of some points."""
     normal, right = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
-    weighted = np.empty(end - first)
+    counted, off = np.maximum(weights[first:end], 0.0), residuals[first:end]
+    weighted = np.empty_like(counted)
+    # parts counted from 0 on: an index that may be negative would keep the sums from going many at a time
     for j in range(UNKNOWNS):
-        one, total = rows[j], 0.0
-        for i in range(first, end):
-            weighted[i - first] = max(0.0, weights[i]) * one[i]
-            total += weighted[i - first] * residuals[i]
+        one, total = rows[j, first:end], 0.0
+        for i in range(len(counted)):
+            weighted[i] = counted[i] * one[i]
+            total += weighted[i] * off[i]
         right[j] = total
         for k in range(j + 1):
-            other, total = rows[k], 0.0
-            for i in range(first, end):
-                total += weighted[i - first] * other[i]
+            other, total = rows[k, first:end], 0.0
+            for i in range(len(counted)):
+                total += weighted[i] * other[i]
             normal[j, k] = normal[k, j] = total
     return normal, right
 

@@ -14,7 +14,7 @@ import numpy as np
 from monodyn.errors import VideoError
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.homography import Homography, at_rest
-from monodyn.vision.clip.steady import CameraPath, warp
+from monodyn.vision.clip.steady import CameraPath, shown_in_place
 from monodyn.vision.clip.video import Video
 from monodyn.vision.registration.align import align, difference
 from monodyn.vision.registration.keypicture import Key, key_of, pyramid
@@ -314,14 +314,15 @@ def _median(planes: Sequence[np.ndarray], maps: Sequence[Homography]) -> np.ndar
     """Return the median of planes in the place of the scene, over those that show a pixel."""
     import cv2
 
-    full = np.full(planes[0].shape, 255, np.uint8)
-    stack, shown = [], np.zeros(full.shape, dtype=np.int64)
+    nothing = np.zeros(planes[0].shape, np.uint8)
+    stack, shown = [], np.zeros(nothing.shape, dtype=np.int64)
     for plane, at in zip(planes, maps, strict=True):
-        within = warp(full, at, border=cv2.BORDER_CONSTANT) == 255
-        picture = warp(plane, at, border=cv2.BORDER_REPLICATE)
-        # what is not shown comes last in the order of the values, where nothing else shows it all the same
-        stack.append(np.maximum(picture, np.where(within, np.uint8(0), np.uint8(255))))
-        shown += within
+        # what is not shown comes last in the order of the values
+        picture, within = np.full_like(nothing, 255), np.full_like(nothing, 255)
+        shown_in_place(plane, at, picture)
+        shown_in_place(nothing, at, within)
+        stack.append(picture)
+        shown += within == 0
     ordered = np.sort(np.stack(stack), axis=0)
     found = np.take_along_axis(ordered, np.maximum(shown - 1, 0)[np.newaxis] // 2, axis=0)[0]
     # what no frame shows looks like what is next to it
