@@ -153,11 +153,15 @@ def _wrong(mechanism: monodyn.Mechanism, rng: np.random.Generator) -> monodyn.Me
 
 def _located(masks, mechanism: monodyn.Mechanism) -> Scene | None:
     """Locate a mechanism; None where that is refused."""
+    began = time.perf_counter()
     try:
-        return monodyn.locate(masks, mechanism)
+        scene = monodyn.locate(masks, mechanism)
     except monodyn.MonodynError as error:
         say(str(error))
         return None
+    pivot, length = _first_link(scene)
+    say(f"  pivot {pivot.round(1)}, first link {length:.1f} px, {time.perf_counter() - began:.1f} s")
+    return scene
 
 
 def _compared(name: str, data: Path, scenes: list[Scene | None]) -> list[Figure]:

@@ -44,6 +44,16 @@ def test_thin_masks_are_made_as_thick_as_the_search_needs(width: int) -> None:
     assert np.count_nonzero(thick[:, 30]) == 2 * by + width
 
 
+def test_thin_links_with_wide_discs_are_searched_as_they_are() -> None:
+    """Rods and cables of a pixel beside discs that the search meets, a third of the foreground."""
+    mask = line(1)
+    for centre in ((60, 30), (90, 70)):
+        cv2.circle(mask, centre, 3, FULL, -1)
+    cv2.line(mask, (0, 70), (50, 45), FULL, 1)
+    assert lacking([line(1)]) is not None
+    assert lacking([mask]) is None
+
+
 def test_wide_but_faint_masks_are_evened_only() -> None:
     faint = line(8, 0.4)
     assert lacking([faint]) == 0

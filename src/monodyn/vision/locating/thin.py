@@ -21,8 +21,10 @@ LEAST_WIDTH_PX = 1.5
 MET_PX = 4.0
 """Width of what the search meets: half a step of a hinge away, a link as long as half of the reduced picture
 still touches itself at its far end [reduced px]."""
-WIDE_SHARE = 0.5
-"""Share of the foreground in places at least as wide, below which everything is made thicker."""
+WIDE_SHARE = 0.2
+"""Share of the foreground in places at least as wide, below which everything is made thicker. Links of two
+reduced pixels, of which hardly anything is as wide, are still met as they are; and where much is wide, what
+is made thicker grows together with the shadows beside it."""
 LEAST_GAIN = 0.4
 """Share of the foreground that even the best outline explains, to a score that compares areas, below which
 the levels are too low for that score."""
