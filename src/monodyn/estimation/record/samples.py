@@ -382,7 +382,8 @@ def spread(data: Data, pieces: Pieces, most: int) -> tuple[Data, Pieces]:
         return data, pieces
     chosen = np.unique(np.linspace(0, len(pieces.record) - 1, most).astype(int))
     lengths = np.diff(pieces.first)[chosen]
-    rows = np.concatenate([np.arange(pieces.first[k], pieces.first[k + 1]) for k in chosen])
+    bounds = zip(pieces.first[chosen].tolist(), pieces.first[chosen + 1].tolist(), strict=True)
+    rows = np.concatenate([np.arange(begin, end) for begin, end in bounds])
     part = replace(
         data,
         times=data.times[rows],
