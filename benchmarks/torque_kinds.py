@@ -38,6 +38,8 @@ FRICTION = ("damping", "friction", "drag")
 """Parameters of friction, all of them zero where none acts."""
 KINDS = ("none", "viscous", "dry", "drag", "periodic", "free")
 """What may act at the joints."""
+SHOWN = 3.0
+"""Standard deviations that a friction is above zero where it acts."""
 WITHIN = 0.01
 """Largest relative error of a period that counts as found."""
 
@@ -145,7 +147,8 @@ def kind_of(fit: monodyn.Fit) -> str:
     if fit.torque != "friction":
         return {"fourier": "periodic"}.get(fit.torque, fit.torque)
     kinds = {p.name: p.kind for p in fit.mechanism.parameters}
-    acting = {kinds[p.name] for p in fit.parameters if kinds[p.name] in FRICTION and p.value > 0.0}
+    shown = [p for p in fit.parameters if p.value > SHOWN * p.std and kinds[p.name] in FRICTION]
+    acting = {kinds[p.name] for p in shown}
     return "drag" if "drag" in acting else "dry" if "friction" in acting else "viscous" if acting else "none"
 
 

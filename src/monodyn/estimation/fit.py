@@ -97,6 +97,20 @@ class Start:
     covariance: np.ndarray
 
 
+class TriedTorque(NamedTuple):
+    """One of the kinds of torque between which the evidence decided.
+
+    Attributes:
+        kind: What acts, in words.
+        chosen: Whether it is the one that was taken.
+        said: How well it follows the record, a sentence with its figures.
+    """
+
+    kind: str
+    chosen: bool
+    said: str
+
+
 class Unmodelled(NamedTuple):
     """What a model lacks, as random accelerations.
 
@@ -139,6 +153,8 @@ class Fit:
         unmodelled: What the model lacks, which predictions go astray by; None where the noise explains the
             residuals.
         torques: Known torques of each record; empty where none are known.
+        tried_torques: The kinds of torque that were tried, the chosen one first; empty where friction left
+            nothing to explain, or where the kind was named.
     """
 
     status: str
@@ -160,6 +176,7 @@ class Fit:
     stamp_error: float = 0.0
     unmodelled: Unmodelled | None = None
     torques: tuple[TorqueLog, ...] = ()
+    tried_torques: tuple[TriedTorque, ...] = ()
 
     @property
     def grade(self) -> Grade:

@@ -16,6 +16,7 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.torque.auto import fit_auto
 from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
@@ -33,6 +34,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
 
 TORQUE_MODELS = {
+    "auto": fit_auto,
     "friction": fit_friction,
     "fourier": fit_series,
     "free": fit_free_torques,
@@ -58,7 +60,8 @@ def identify_jointly(
         The identified mechanism with intervals.
     """
     fit = _identified(records, mechanism, settings, progress)
-    if not fit.ok and fit.starts and settings.torque == "friction":
+    if not fit.ok and fit.starts and settings.torque in ("auto", "friction") and fit.torque == "friction":
+        settings = replace(settings, torque="friction")
         reason = _other_rate(records, mechanism, settings) or _beginning(records, mechanism, settings)
         fit = replace(fit, advice=(*reason, *fit.advice))
     return fit

@@ -13,7 +13,7 @@ MOST_TERMS = 50
 """Harmonics of the longest Fourier series."""
 USUAL_TERMS = 7
 """Where the number of harmonics is open, no more than these are tried."""
-Torque = Literal["friction", "fourier", "free"]
+Torque = Literal["auto", "friction", "fourier", "free"]
 Series = Literal["with-friction", "alone"]
 Bodies = Literal["auto", "uniform", "free"]
 
@@ -26,7 +26,8 @@ class IdentifySettings:
         method: ``fast``: parameters and start state in one weighted least squares; ``paper``: eq. (14) of
             the 2012 paper, start state from the filtered poses; None is as the whole run.
         torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
-            Fourier series) or ``free`` (one torque a joint and time stamp); see ``series`` for friction.
+            Fourier series), ``free`` (one torque a joint and time stamp), or ``auto``, the simplest that the
+            evidence supports, quadratic drag among them; see ``series`` for friction.
         terms: Harmonics of the Fourier series; 0 takes as many as the record supports, 7 with ``paper``.
         series: ``with-friction`` keeps friction in addition to a torque over time, ``alone`` leaves it out;
             None is with friction, and alone with ``paper``.
@@ -42,7 +43,7 @@ class IdentifySettings:
     """
 
     method: Method | None = None
-    torque: Torque = "friction"
+    torque: Torque = "auto"
     terms: int = 0
     series: Series | None = None
     bodies: Bodies = "auto"
@@ -63,10 +64,10 @@ class IdentifySettings:
                 "identify.terms: expected --identify.torque fourier with it, got "
                 f"'{self.torque}'; add it, or leave it out."
             )
-        if self.torque == "friction" and self.series is not None:
+        if self.torque in ("auto", "friction") and self.series is not None:
             raise SettingsError(
-                "identify.series: expected --identify.torque fourier or free with it, got 'friction'; "
-                "add it, or leave it out."
+                "identify.series: expected --identify.torque fourier or free with it, got "
+                f"'{self.torque}'; add it, or leave it out."
             )
         ranges = (
             ("terms", 0, MOST_TERMS),
@@ -91,7 +92,7 @@ def check_known(settings: IdentifySettings) -> None:
     Raises:
         SettingsError: They cannot be used so.
     """
-    if settings.torque != "friction" or settings.method == "paper":
+    if settings.torque not in ("auto", "friction") or settings.method == "paper":
         got = "the method 'paper'" if settings.method == "paper" else f"--identify.torque {settings.torque}"
         raise SettingsError(
             f"torques: expected the method 'fast' and --identify.torque friction with known torques, got "

@@ -107,6 +107,23 @@ class Data:
         along = np.einsum("fi,fij->fj", u, white)
         return replace(self, white=white - gain[:, None, None] * u[:, :, None] * along[:, None, :])
 
+    def part(self, rows: np.ndarray) -> Data:
+        """Return the data of some rows alone; known torques, which are laid out along whole records, stay.
+
+        Args:
+            rows: The rows, rising, int (row,).
+        """
+        return replace(
+            self,
+            times=self.times[rows],
+            position=self.position[rows],
+            white=self.white[rows],
+            measured=self.measured[rows],
+            first=np.searchsorted(rows, self.first),
+            source=self.source[rows],
+            shifts=None if self.shifts is None else self.shifts[:, rows],
+        )
+
     def without(self, rows: np.ndarray) -> Data:
         """Return the data with the measurements of some rows left out.
 
@@ -384,16 +401,7 @@ def spread(data: Data, pieces: Pieces, most: int) -> tuple[Data, Pieces]:
     lengths = np.diff(pieces.first)[chosen]
     bounds = zip(pieces.first[chosen].tolist(), pieces.first[chosen + 1].tolist(), strict=True)
     rows = np.concatenate([np.arange(begin, end) for begin, end in bounds])
-    part = replace(
-        data,
-        times=data.times[rows],
-        position=data.position[rows],
-        white=data.white[rows],
-        measured=data.measured[rows],
-        first=np.searchsorted(rows, data.first),
-        source=data.source[rows],
-        shifts=None if data.shifts is None else data.shifts[:, rows],
-    )
+    part = data.part(rows)
     return part, Pieces(np.concatenate(([0], np.cumsum(lengths))), pieces.record[chosen])
 
 

@@ -67,8 +67,10 @@ def summarize(
         status=identified(found.problem, fit.rms),
         stamp_error=found.noise.stamps,
         unmodelled=lacking,
+        tried_torques=solution.compared,
     )
-    fit = fit.doubted(_doubts(found, fit, settings))
+    unsupported = [Doubt("approximate", solution.doubt)] if solution.doubt else []
+    fit = fit.doubted([*unsupported, *_doubts(found, fit, settings)])
     advised = (*solution.advice, *_advice(found, fit, records), *advice.starts_tried(solution.tried))
     return replace(fit, advice=advised)
 
