@@ -171,6 +171,8 @@ def _print_fit(outcome: Outcome) -> None:
     console = _console()
     document, fit = outcome.document, outcome.fit
     _print_comparison(console, document["comparison"])
+    for row in document["tried_torques"]:
+        console.print(f"- {row['kind']}: {row['said']}", markup=False)
     names = set() if fit is None else {row.name for row in listed_rows(fit)}
     if names:
         console.print(_parameters([row for row in document["parameters"] if row["name"] in names]))

@@ -21,6 +21,8 @@ Grade = Literal["trusted", "approximate", "refused"]
 """How far a fit can be relied on: in full; for what its status says holds; not at all."""
 GRADES: tuple[Grade, ...] = ("trusted", "approximate", "refused")
 """All of them, the best first."""
+SHOWN = 3.0
+"""Standard deviations above zero from which on a friction shows."""
 
 
 @dataclass(frozen=True)
@@ -240,6 +242,25 @@ class Fit:
         kinds = {p.name: p.kind for p in self.mechanism.parameters}
         weighed = [p for p in self.parameters if kinds[p.name] == "mass" and p.std > 0.0]
         return "torques" if self.torques and any(p.identifiable for p in weighed) else None
+
+    @cached_property
+    def acting(self) -> tuple[str, ...]:
+        """What acts at the joints, as far as it shows: ``"viscous friction"``, ``"dry friction"``,
+        ``"quadratic drag"``, and one of ``"periodic torque"``, ``"free torque"``, ``"known torque"``.
+
+        A friction shows where it, or its ratio to a mass, is three standard deviations above zero.
+        """
+        kinds = {p.name: p.kind for p in self.mechanism.parameters}
+        given = {p.name for p in self.parameters if not p.free and p.value > 0.0}
+        rows = [(p.name, p.value, p.std) for p in self.parameters if p.free]
+        # without a mass a friction is known in proportion to one alone
+        rows += [(c.name.split(" ")[0], c.value, c.std) for c in self.combinations]
+        shown = {kinds.get(name) for name, value, std in rows if value > SHOWN * std}
+        shown |= {kinds[name] for name in given}
+        laws = {"damping": "viscous friction", "friction": "dry friction", "drag": "quadratic drag"}
+        over_time = {"fourier": "periodic torque", "free": "free torque", "known": "known torque"}
+        also = (over_time[self.torque],) if self.torque in over_time else ()
+        return (*(word for kind, word in laws.items() if kind in shown), *also)
 
     def driven(self, stamps: np.ndarray, record: int) -> tuple[Drive, int]:
         """Return what acts at the joints of one record in addition to friction and springs.

@@ -78,6 +78,8 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "doubts": [asdict(doubt) for doubt in fit.doubts],
         "advice": findings.advice,
         "torque": fit.torque,
+        "acting": list(fit.acting),
+        "tried_torques": [tried._asdict() for tried in fit.tried_torques],
         "unknowns": sum(estimate.free for estimate in fit.parameters),
         "evaluations": fit.evaluations,
         "parameters": [parameter_row(estimate) for estimate in fit.parameters],

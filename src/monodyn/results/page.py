@@ -53,6 +53,7 @@ def page_text(
         grade=fit.grade,
         advice=findings.advice,
         comparison=findings.comparison,
+        tried_torques=findings.fit.tried_torques,
         facts=_facts(findings),
         plots=plots,
         torques=[plot for trace in traces for plot in torque_curves(fit, trace, several=several)],

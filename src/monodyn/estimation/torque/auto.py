@@ -13,7 +13,7 @@ import numpy as np
 
 from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.shooting.problem import Problem, posed
-from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
+from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, relative_difference
 from monodyn.estimation.torque.evidence import likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import NEAR_NOISE, fit_free_torques, residual_rms
@@ -28,6 +28,8 @@ SLOW = 1.0
 """Slow part of the residuals, in units of the stated noise, above which a model lacks something."""
 FARTHEST = 4.0
 """A residual beyond this many typical ones counts as that: a gross error is no torque."""
+FAR_FROM_DRAG = 0.1
+"""Typical difference, as a share of the motion, above which the law of friction is not what is lacking."""
 HALVED = 2.0
 """Factor by which a torque over time lowers the error of rows that it was found without, at least."""
 FEWEST_FREE = 3.0
@@ -59,14 +61,31 @@ def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
     Returns:
         The solution; where more than friction was tried it has the comparison.
     """
-    solution = fit_friction(mechanism, task)
-    if solution.optimum is None or slow_part(solution.problem, solution.optimum) < SLOW:
+    # where the first start explains the motion no other is tried; where it does not the reason is a torque as
+    # often as the start, and many starts in vain take longer than the search of a period
+    once = replace(task, settings=replace(task.settings, starts=1))
+    solution = fit_friction(mechanism, once)
+    if solution.optimum is None or _at_noise(solution):
         return solution
+    found = _further(mechanism, once, solution)
+    if _at_noise(found) or task.settings.starts == 1:
+        return found
+    search = task.search(solution.problem)
+    if not search.explained(solution.optimum):
+        solution = fit_friction(mechanism, task)
+        if not _at_noise(solution):
+            return _further(mechanism, once, solution)
+        return solution
+    return found
+
+
+def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> TorqueSolution:
+    """Try more than friction, whose solution leaves something over; return the best."""
     route = task.search(solution.problem).route
     friction = _Tried("friction", solution)
     tried = [friction, *_dragged(solution, task, route)]
     best = tried[-1]
-    if len(tried) > 1 and _lacks_nothing(best):
+    if _at_noise(best.solution):
         return _told(best, tried)
     friction = tried[0] = replace(friction, errors=_withheld(friction, task, route))
     # rows that friction misses by less than that much cannot be halved: their noise is left
@@ -105,9 +124,9 @@ def slow_part(problem: Problem, optimum: Optimum) -> float:
     return float(np.sqrt(max(float(mean.max()), 0.0)))
 
 
-def _lacks_nothing(tried: _Tried) -> bool:
-    optimum = tried.solution.optimum
-    return optimum is not None and slow_part(tried.solution.problem, optimum) < SLOW
+def _at_noise(solution: TorqueSolution) -> bool:
+    optimum = solution.optimum
+    return optimum is not None and slow_part(solution.problem, optimum) < SLOW
 
 
 def _dragged(solution: TorqueSolution, task: Task, route: Route) -> list[_Tried]:
@@ -117,6 +136,8 @@ def _dragged(solution: TorqueSolution, task: Task, route: Route) -> list[_Tried]
     names = [p.name for p in mechanism.parameters if p.kind == "drag" and p.name not in mechanism.chosen]
     names = [name for name in names if not mechanism.parameter(name).free]
     if optimum is None or not optimum.complete or not names:
+        return []
+    if relative_difference(problem, optimum.trial) > FAR_FROM_DRAG:
         return []
     dry = [p.name for p in mechanism.parameters if p.kind == "friction" and p.name not in mechanism.chosen]
     fluid = mechanism.with_choices(free=names)
