@@ -13,7 +13,7 @@ import numpy as np
 
 from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.shooting.problem import Problem, posed
-from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, relative_difference
+from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.torque.evidence import likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import NEAR_NOISE, fit_free_torques, residual_rms
@@ -28,8 +28,6 @@ SLOW = 1.0
 """Slow part of the residuals, in units of the stated noise, above which a model lacks something."""
 FARTHEST = 4.0
 """A residual beyond this many typical ones counts as that: a gross error is no torque."""
-FAR_FROM_DRAG = 0.1
-"""Typical difference, as a share of the motion, above which the law of friction is not what is lacking."""
 HALVED = 2.0
 """Factor by which a torque over time lowers the error of rows that it was found without, at least."""
 FEWEST_FREE = 3.0
@@ -136,8 +134,6 @@ def _dragged(solution: TorqueSolution, task: Task, route: Route) -> list[_Tried]
     names = [p.name for p in mechanism.parameters if p.kind == "drag" and p.name not in mechanism.chosen]
     names = [name for name in names if not mechanism.parameter(name).free]
     if optimum is None or not optimum.complete or not names:
-        return []
-    if relative_difference(problem, optimum.trial) > FAR_FROM_DRAG:
         return []
     dry = [p.name for p in mechanism.parameters if p.kind == "friction" and p.name not in mechanism.chosen]
     fluid = mechanism.with_choices(free=names)
