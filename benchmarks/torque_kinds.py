@@ -249,7 +249,9 @@ def _record(
         position[row] = data.qpos
         for _ in range(STEPS):
             now = 0.0 if push is None else push(data.time + 0.5 * body.opt.timestep)
-            data.qfrc_applied[:] = now - drag * np.abs(data.qvel) * data.qvel - dry * np.tanh(data.qvel / REST)
+            data.qfrc_applied[:] = (
+                now - drag * np.abs(data.qvel) * data.qvel - dry * np.tanh(data.qvel / REST)
+            )
             mujoco.mj_step(body, data)
     position += rng.normal(scale=NOISE, size=position.shape)
     names = tuple(body.joint(j).name for j in range(body.njnt))

@@ -21,6 +21,8 @@ Grade = Literal["trusted", "approximate", "refused"]
 """How far a fit can be relied on: in full; for what its status says holds; not at all."""
 GRADES: tuple[Grade, ...] = ("trusted", "approximate", "refused")
 """All of them, the best first."""
+PAYS = frozenset({"friction", "drag"})
+"""Kinds that are freed only where that explains more than chance would."""
 SHOWN = 3.0
 """Standard deviations above zero from which on a friction shows."""
 
@@ -256,6 +258,10 @@ class Fit:
         # without a mass a friction is known in proportion to one alone
         rows += [(c.name.split(" ")[0], c.value, c.std) for c in self.combinations]
         shown = {kinds.get(name) for name, value, std in rows if value > SHOWN * std}
+        # where no ratio is known either it is one that was freed because it pays
+        shown |= {
+            kinds[p.name] for p in self.parameters if p.free and p.value > 0.0 and np.isinf(p.std)
+        } & PAYS
         shown |= {kinds[name] for name in given}
         laws = {"damping": "viscous friction", "friction": "dry friction", "drag": "quadratic drag"}
         over_time = {"fourier": "periodic torque", "free": "free torque", "known": "known torque"}

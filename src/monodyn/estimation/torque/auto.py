@@ -24,6 +24,10 @@ from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import BRAKES
 
+FRICTION = "friction"
+"""The simplest kind."""
+SAME_END = 0.9
+"""Share of the cost above which further starts have found nothing better."""
 SLOW = 1.0
 """Slow part of the residuals, in units of the stated noise, above which a model lacks something."""
 FARTHEST = 4.0
@@ -66,22 +70,20 @@ def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
     if solution.optimum is None or _at_noise(solution):
         return solution
     found = _further(mechanism, once, solution)
-    if _at_noise(found) or task.settings.starts == 1:
+    more = bool(found.compared) and found.compared[0].kind != FRICTION
+    if more or task.settings.starts == 1 or task.search(solution.problem).explained(solution.optimum):
         return found
-    search = task.search(solution.problem)
-    if not search.explained(solution.optimum):
-        solution = fit_friction(mechanism, task)
-        if not _at_noise(solution):
-            return _further(mechanism, once, solution)
-        return solution
-    return found
+    again = fit_friction(mechanism, task)
+    if again.optimum is None or again.optimum.cost > SAME_END * solution.optimum.cost:
+        return found
+    return again if _at_noise(again) else _further(mechanism, once, again)
 
 
 def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> TorqueSolution:
     """Try more than friction, whose solution leaves something over; return the best."""
     route = task.search(solution.problem).route
-    friction = _Tried("friction", solution)
-    tried = [friction, *_dragged(solution, task, route)]
+    friction = _Tried(FRICTION, solution)
+    tried = [friction, *_dragged(mechanism, solution, task, route)]
     best = tried[-1]
     if _at_noise(best.solution):
         return _told(best, tried)
@@ -127,19 +129,15 @@ def _at_noise(solution: TorqueSolution) -> bool:
     return optimum is not None and slow_part(solution.problem, optimum) < SLOW
 
 
-def _dragged(solution: TorqueSolution, task: Task, route: Route) -> list[_Tried]:
+def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: Route) -> list[_Tried]:
     """Try quadratic drag, in place of dry friction and in addition to it; nothing where it explains no more."""
     problem, optimum = solution.problem, solution.optimum
-    mechanism = problem.mechanism
-    names = [p.name for p in mechanism.parameters if p.kind == "drag" and p.name not in mechanism.chosen]
-    names = [name for name in names if not mechanism.parameter(name).free]
+    rows = [p for p in mechanism.parameters if p.kind == "drag" and not p.free]
+    names = [p.name for p in rows if p.name not in mechanism.chosen]
     if optimum is None or not optimum.complete or not names:
         return []
-    dry = [p.name for p in mechanism.parameters if p.kind == "friction" and p.name not in mechanism.chosen]
-    fluid = mechanism.with_choices(free=names)
-    held = replace(fluid, free=fluid.free & ~np.isin([p.name for p in fluid.parameters], dry))
-    held = held.with_values(dict.fromkeys(dry, 0.0))
-    larger = posed(held, problem.data)
+    # without the dry friction that was found: it may have stood for the drag
+    larger = posed(mechanism.with_torque("friction").with_choices(free=names), problem.data)
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     found = fit_pieces(larger, optimum.trial.at(x, optimum.trial.states), route, route.fine)
     larger, found = with_dry_friction(larger, found, task)
@@ -217,7 +215,9 @@ def _said(tried: _Tried) -> str:
     problem, optimum = tried.solution.problem, tried.solution.optimum
     if optimum is None or not optimum.complete:
         return "does not follow the record."
-    said = f"residuals of {residual_rms(problem, optimum):.3g} times the noise, {len(problem.unknowns)} unknowns"
+    said = (
+        f"residuals of {residual_rms(problem, optimum):.3g} times the noise, {len(problem.unknowns)} unknowns"
+    )
     if not tried.errors:
         return f"{said}."
     return f"{said}; rows kept back are off by {listed([f'{e:.3g}' for e in tried.errors])} times the noise."
