@@ -1,8 +1,9 @@
 """Print how often the kind of torque behind a motion is found, and the period of a periodic one.
 
 Run: ``python benchmarks/torque_kinds.py [--only kinds|periods] [--count N] [--first SEED] [--json FILE]
-[--gate]``. MuJoCo makes the records of mechanisms whose sizes, masses and friction are drawn; each starts from
-the bundled file, whose sizes are others. A torque of an amplitude A is as strong as A times the weight's, held level.
+[--gate]``. MuJoCo makes the records of mechanisms whose sizes, masses and friction are drawn; each starts
+from the bundled file, whose sizes are others. A torque of share A is as strong as A times what holds a joint
+level. Times are those of the processor.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ MODELS = ("single", "double", "cartpole")
 SPREAD = {"length": 0.4, "width": 0.3, "thickness": 0.4, "mass": 0.7}
 """Half width of the drawn sizes, in logarithms."""
 REST = 2e-3
-"""Rate about which dry friction changes its sign [rad/s or m/s]: MuJoCo's own creeps, and is no dry friction."""
+"""Rate about which dry friction changes its sign [rad/s or m/s]; MuJoCo's own creeps, and is none."""
 KINDS = ("none", "viscous", "dry", "drag", "periodic", "free")
 """What may act at the joints."""
 WITHIN = 0.01
@@ -192,8 +193,7 @@ def drawn_kind(kind: str, seed: int) -> Drawn:
     model = MODELS[int(rng.integers(len(MODELS)))]
     seconds = float(rng.uniform(3.0, 6.0))
     if kind == "periodic":
-        drawn = drawn_period(1000 + seed)
-        return drawn
+        return drawn_period(1000 + seed)
     brakes = {"none": (), "viscous": ("damping",), "dry": ("damping", "friction"), "drag": ("drag",)}
     if kind != "free":
         return _record(model, rng, seconds, None, model, brakes[kind])

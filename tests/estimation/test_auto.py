@@ -48,8 +48,8 @@ def test_a_periodic_torque_is_taken_for_what_it_explains_of_other_rows(driven, t
     assert [tried.kind for tried in fit.tried_torques] == ["periodic torque", "friction"]
     assert [tried.chosen for tried in fit.tried_torques] == [True, False]
     assert fit.advice[0].startswith(
-        f"The evidence is for a periodic torque, of period {fit.parameter('torque.period').value:.4g} s with 1 "
-        f"harmonic: {fit.tried_torques[0].said} Friction alone: "
+        f"The evidence is for a periodic torque, of period {fit.parameter('torque.period').value:.4g} s with "
+        f"1 harmonic: {fit.tried_torques[0].said} Friction alone: "
     )
 
 
@@ -59,9 +59,9 @@ def test_a_torque_without_a_period_is_taken_where_sizes_are_given(tmp_path) -> N
     fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS, **given), AUTO)
     assert (fit.torque, fit.grade) == ("free", "approximate")
     assert fit.status == (
-        "Approximate. Neither friction nor a periodic torque explains the motion. One torque a joint and time "
-        "stamp was taken, which explains any motion: it is right only as far as the given sizes and masses "
-        "are, and nothing of it can be predicted."
+        "Approximate. Neither friction nor a periodic torque explains the motion. One torque a joint and "
+        "time stamp was taken, which explains any motion: it is right only as far as the given sizes and "
+        "masses are, and nothing of it can be predicted."
     )
     fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS), AUTO)
     assert fit.torque != "free"

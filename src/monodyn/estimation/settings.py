@@ -27,7 +27,8 @@ class IdentifySettings:
             the 2012 paper, start state from the filtered poses; None is as the whole run.
         torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
             Fourier series), ``free`` (one torque a joint and time stamp), or ``auto``, the simplest that the
-            evidence supports, quadratic drag among them (with ``paper`` as ``friction``); see ``series`` for friction.
+            evidence supports, quadratic drag among them (with ``paper`` as ``friction``); see ``series``
+            for friction.
         terms: Harmonics of the Fourier series; 0 takes as many as the record supports, 7 with ``paper``.
         series: ``with-friction`` keeps friction in addition to a torque over time, ``alone`` leaves it out;
             None is with friction, and alone with ``paper``.

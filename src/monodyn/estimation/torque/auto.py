@@ -16,7 +16,7 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.torque.evidence import likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
-from monodyn.estimation.torque.free import NEAR_NOISE, fit_free_torques, residual_rms
+from monodyn.estimation.torque.free import fit_free_torques, residual_rms
 from monodyn.estimation.torque.friction import fit_friction, with_dry_friction
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.torque.withheld import withheld_errors
@@ -37,8 +37,8 @@ HALVED = 2.0
 FEWEST_FREE = 3.0
 """Residual in units of the noise up to which free torques follow a record."""
 ONLY_FREE = (
-    "Neither friction nor a periodic torque explains the motion. One torque a joint and time stamp was taken, "
-    "which explains any motion: it is right only as far as the given sizes and masses are, and nothing of it "
+    "Neither friction nor a periodic torque explains the motion. One torque a joint and time stamp was "
+    "taken, which explains any motion: it is right only as far as the given sizes and masses are, and nothing of it "
     "can be predicted."
 )
 """What speaks against a torque that nothing but the record itself supports."""
@@ -130,7 +130,7 @@ def _at_noise(solution: TorqueSolution) -> bool:
 
 
 def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: Route) -> list[_Tried]:
-    """Try quadratic drag, in place of dry friction and in addition to it; nothing where it explains no more."""
+    """Try quadratic drag, without dry friction and with it; nothing where it explains no more."""
     problem, optimum = solution.problem, solution.optimum
     rows = [p for p in mechanism.parameters if p.kind == "drag" and not p.free]
     names = [p.name for p in rows if p.name not in mechanism.chosen]

@@ -202,8 +202,8 @@ class _Scan:
         self.nothing = self._criterion(float(self.left @ self.left), 0)
 
     def criteria(self, counts: Sequence[int], bounds: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the periods that the record can show [s], (period,), and their criteria by number of harmonics,
-        (count, period)."""
+        """Return the periods that the record can show [s], (period,), and their criteria by number of
+        harmonics, (count, period)."""
         periods = self.periods(counts, bounds)
         values = np.full((len(counts), len(periods)), np.inf)
         for i, period in enumerate(periods):

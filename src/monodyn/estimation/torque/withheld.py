@@ -16,7 +16,7 @@ from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.optimize import SearchSettings
 
 WITHHELD = 0.2
-"""Share of the measured rows of each record that is kept back, once of its beginnings and once of its ends."""
+"""Share of the measured rows of each record that is kept back, once at its beginning, once at its end."""
 FEWEST_WITHHELD = 10
 """Rows that are kept back of a record at least: a start state alone explains fewer."""
 AGAIN = SearchSettings(evaluations=20, decrease=1e-3, relative=1e-4)
@@ -37,8 +37,8 @@ def withheld_errors(
         route: How exact the search is.
 
     Returns:
-        Rms error of each in units of the stated noise, infinite where the motion does not follow; none where the
-        records are too short.
+        Rms error of each in units of the stated noise, infinite where the motion does not follow; none
+        where the records are too short.
     """
     errors = []
     for first, rest in _splits(problem.data):
