@@ -160,7 +160,7 @@ def _identified(drawn: Drawn, settings: IdentifySettings, given: dict[str, float
 
 
 def drawn_period(seed: int) -> Drawn:
-    """Draw a record under a random series: 1 to 7 harmonics, 1.5 to 8 periods.
+    """Return a record under a random series: 1 to 7 harmonics, 1.5 to 8 periods.
 
     Args:
         seed: Where everything comes from.
@@ -183,7 +183,7 @@ def drawn_period(seed: int) -> Drawn:
 
 
 def drawn_kind(kind: str, seed: int) -> Drawn:
-    """Draw a record of a kind of torque.
+    """Return a record of a kind of torque.
 
     Args:
         kind: One of ``KINDS``.

@@ -118,8 +118,6 @@ def _identify_published(
     # the published method takes gravity as the camera has it, and sizes and camera as they were found
     records = tuple(replace(record, roll=None, shifts=None) for record in records)
     mechanism = with_roll(mechanism, mechanism.values[ROLL], free=False)
-    # the paper chooses its cases by hand; the first one is what acts where nothing else is said
-    settings = replace(settings, torque="friction") if settings.torque == "auto" else settings
     return identify_published(records, mechanism, published(settings, PaperIdentifySettings), progress)
 
 

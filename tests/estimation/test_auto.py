@@ -1,5 +1,6 @@
 """Which kind of torque acts: the simplest that the evidence supports."""
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -47,6 +48,13 @@ def test_a_periodic_torque_is_taken_for_what_it_explains_of_other_rows(driven, t
     assert fit.parameter("torque.period").value == pytest.approx(PERIOD, rel=5e-3)
     assert [tried.kind for tried in fit.tried_torques] == ["periodic torque", "friction"]
     assert [tried.chosen for tried in fit.tried_torques] == [True, False]
+    assert re.fullmatch(
+        r"residuals of [\d.]+ times the noise, \d+ unknowns; rows kept back are off by [\d.]+ and [\d.]+ "
+        r"times the noise.",
+        fit.tried_torques[1].said,
+    )
+    off = fit.tried_torques[1].said.split("off by ")[1].split(" times")[0]
+    assert f"; rows kept back are off by {off} times the noise." in fit.advice[0]
     assert fit.advice[0].startswith(
         f"The evidence is for a periodic torque, of period {fit.parameter('torque.period').value:.4g} s with "
         f"1 harmonic: {fit.tried_torques[0].said} Friction alone: "
@@ -60,8 +68,8 @@ def test_a_torque_without_a_period_is_taken_where_sizes_are_given(tmp_path) -> N
     assert (fit.torque, fit.grade) == ("free", "approximate")
     assert fit.status == (
         "Approximate. Neither friction nor a periodic torque explains the motion. One torque a joint and "
-        "time stamp was taken, which explains any motion: it is right only as far as the given sizes and "
-        "masses are, and nothing of it can be predicted."
+        "time stamp was taken, which explains any motion: it is right only as far as the given sizes and masses "
+        "are, and predicts nothing."
     )
     fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS), AUTO)
     assert fit.torque != "free"

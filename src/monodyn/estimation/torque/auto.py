@@ -13,11 +13,11 @@ import numpy as np
 
 from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.shooting.problem import Problem, posed
-from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
+from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, relative_difference
 from monodyn.estimation.torque.evidence import likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import fit_free_torques, residual_rms
-from monodyn.estimation.torque.friction import fit_friction, with_dry_friction
+from monodyn.estimation.torque.friction import FAR_SHARE, fit_friction, with_dry_friction
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.torque.withheld import withheld_errors
 from monodyn.estimation.wording import listed
@@ -38,8 +38,8 @@ FEWEST_FREE = 3.0
 """Residual in units of the noise up to which free torques follow a record."""
 ONLY_FREE = (
     "Neither friction nor a periodic torque explains the motion. One torque a joint and time stamp was "
-    "taken, which explains any motion: it is right only as far as the given sizes and masses are, and nothing of it "
-    "can be predicted."
+    "taken, which explains any motion: it is right only as far as the given sizes and masses are, and predicts "
+    "nothing."
 )
 """What speaks against a torque that nothing but the record itself supports."""
 
@@ -84,10 +84,10 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     route = task.search(solution.problem).route
     friction = _Tried(FRICTION, solution)
     tried = [friction, *_dragged(mechanism, solution, task, route)]
-    best = tried[-1]
-    if _at_noise(best.solution):
-        return _told(best, tried)
+    if _at_noise(tried[-1].solution):
+        return _told(tried[-1], tried)
     friction = tried[0] = replace(friction, errors=_withheld(friction, task, route))
+    best = tried[-1]
     # rows that friction misses by less than that much cannot be halved: their noise is left
     if friction.errors and min(friction.errors) > HALVED:
         for further in (_periodic, _free):
@@ -140,7 +140,7 @@ def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: 
     larger = posed(mechanism.with_torque("friction").with_choices(free=names), problem.data)
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     found = fit_pieces(larger, optimum.trial.at(x, optimum.trial.states), route, route.fine)
-    larger, found = with_dry_friction(larger, found, task)
+    larger, found = _with_dry(larger, found, task)
     if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, len(names)):
         return []
     return [_Tried("friction with quadratic drag", replace(solution, problem=larger, optimum=found))]
@@ -151,11 +151,18 @@ def _periodic(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:
     solution = fit_series(mechanism, task)
     if solution.optimum is None or not solution.optimum.complete:
         return None
-    if slow_part(solution.problem, solution.optimum) > SLOW:
-        problem, optimum = with_dry_friction(solution.problem, solution.optimum, task)
-        solution = replace(solution, problem=problem, optimum=optimum)
-    tried = _Tried("periodic torque", solution)
+    problem, optimum = _with_dry(solution.problem, solution.optimum, task)
+    tried = _Tried("periodic torque", replace(solution, problem=problem, optimum=optimum))
     return replace(tried, errors=_withheld(tried, task, route))
+
+
+def _with_dry(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
+    """Free dry friction where something is left over, and little: far from the motion the search is long."""
+    if not optimum.complete or slow_part(problem, optimum) < SLOW:
+        return problem, optimum
+    if relative_difference(problem, optimum.trial) >= FAR_SHARE:
+        return problem, optimum
+    return with_dry_friction(problem, optimum, task)
 
 
 def _free(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:
