@@ -68,8 +68,8 @@ def test_a_torque_without_a_period_is_taken_where_sizes_are_given(tmp_path) -> N
     assert (fit.torque, fit.grade) == ("free", "approximate")
     assert fit.status == (
         "Approximate. Neither friction nor a periodic torque explains the motion. One torque a joint and "
-        "time stamp was taken, which explains any motion: it is right only as far as the given sizes and masses "
-        "are, and predicts nothing."
+        "time stamp was taken, which explains any motion: it is right only as far as the given sizes and "
+        "masses are, and predicts nothing."
     )
     fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS), AUTO)
     assert fit.torque != "free"

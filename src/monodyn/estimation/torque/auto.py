@@ -38,8 +38,8 @@ FEWEST_FREE = 3.0
 """Residual in units of the noise up to which free torques follow a record."""
 ONLY_FREE = (
     "Neither friction nor a periodic torque explains the motion. One torque a joint and time stamp was "
-    "taken, which explains any motion: it is right only as far as the given sizes and masses are, and predicts "
-    "nothing."
+    "taken, which explains any motion: it is right only as far as the given sizes and masses are, and "
+    "predicts nothing."
 )
 """What speaks against a torque that nothing but the record itself supports."""
 
