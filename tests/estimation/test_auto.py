@@ -61,6 +61,7 @@ def test_a_periodic_torque_is_taken_for_what_it_explains_of_other_rows(driven, t
     )
 
 
+@pytest.mark.slow
 def test_a_torque_without_a_period_is_taken_where_sizes_are_given(tmp_path) -> None:
     record, _ = simulated(DOUBLE, [-1.5, 0.3], 100, pull)
     given = {"link1.length": 0.23, "link1.width": 0.032, "link2.length": 0.17, "link2.width": 0.028}
