@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,7 +24,7 @@ from monodyn.vision.drawing.camera import (
     value_of,
     with_values,
 )
-from monodyn.vision.drawing.edges import Agreement, Shifts, edge_terms
+from monodyn.vision.drawing.edges import MATCHED_PX, Agreement, Shifts, edge_terms
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
 from monodyn.vision.drawing.shutter import Shutter
@@ -68,6 +68,15 @@ class KeyMasks:
     shrink: float = 1.0
     shutter: Shutter | None = None
 
+    def only(self, rows: Sequence[int]) -> KeyMasks:
+        """Return the masks of some of the key frames.
+
+        Args:
+            rows: Their rows.
+        """
+        moving = None if self.shutter is None else self.shutter.only(rows)
+        return replace(self, planes=[self.planes[i] for i in rows], shutter=moving)
+
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
@@ -95,6 +104,11 @@ class Bundle:
     matched: np.ndarray
     inside: np.ndarray
     samples: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def agreement(self) -> float:
+        """Mean share of outline samples on an edge, each counting less the further off it is."""
+        return float(np.mean(self.matched * (1.0 - (self.rms_px / MATCHED_PX) ** 2)))
 
 
 @dataclass(frozen=True, eq=False)

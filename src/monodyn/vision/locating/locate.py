@@ -49,6 +49,7 @@ from monodyn.vision.locating.places import with_departed, without_names, without
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess, as_thick, search_poses, search_scene
 from monodyn.vision.locating.unit import in_metres, scaled, units_per_metre
+from monodyn.vision.locating.widths import rewidened
 from monodyn.vision.settings import LocateSettings
 
 FEWEST = 3
@@ -327,17 +328,16 @@ def refined_whole(
     moving = None if shutter is None else shutter.only(rows)
     masks = replace(_whole(frames, rows), shutter=moving)
     guess = replace(guess, positions=guess.positions[rows])
-    first = refine(masks, guess, variables, search._replace(reaches=search.reaches[:half]))
+    begin = search._replace(reaches=search.reaches[:half])
+    first = rewidened(masks, refine(masks, guess, variables, begin), begin)
     # A frame with a wrong pose pulls at sizes and camera. It shows by agreeing much less than the typical
     # frame does; where most would be left out the measure itself is in doubt, and all stay.
     good = (first.matched > 0.6 * np.median(first.matched)) & (first.inside > 0.6 * np.median(first.inside))
     enough = good.sum() >= max(FEWEST, len(rows) // 4)
     kept = np.flatnonzero(good) if enough else np.arange(len(rows))
-    moving = None if moving is None else moving.only(kept)
-    masks = replace(masks, planes=[masks.planes[int(i)] for i in kept], shutter=moving)
     again = SceneGuess(first.mechanism, first.camera, first.positions[kept], guess.mismatch)
     rest = search._replace(reaches=search.reaches[half:])
-    return refine(masks, again, variables, rest, settle=10), [rows[i] for i in kept]
+    return refine(masks.only(kept.tolist()), again, variables, rest, settle=10), [rows[i] for i in kept]
 
 
 def found_scene(

@@ -13,7 +13,6 @@ from itertools import compress
 import numpy as np
 
 from monodyn.mechanism import Mechanism, Parameter
-from monodyn.vision.drawing.edges import MATCHED_PX
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SHOWN_KINDS
 from monodyn.vision.locating.bundle import (
@@ -60,12 +59,7 @@ def with_departed(
     guess = SceneGuess(mechanism, bundle.camera, bundle.positions, np.zeros(len(bundle.positions)))
     freed = refine(masks, guess, more, search, settle=10)
     # along a direction that the edges hardly show a place may go far, and they agree no better than before
-    return (freed, more) if _agreement(freed) > _agreement(bundle) + MORE_AGREE else (bundle, variables)
-
-
-def _agreement(bundle: Bundle) -> float:
-    """Return the mean share of outline samples on an edge, each counting less the further off it is."""
-    return float(np.mean(bundle.matched * (1.0 - (bundle.rms_px / MATCHED_PX) ** 2)))
+    return (freed, more) if freed.agreement > bundle.agreement + MORE_AGREE else (bundle, variables)
 
 
 def with_names(variables: SceneVariables, mechanism: Mechanism, names: list[str]) -> SceneVariables:

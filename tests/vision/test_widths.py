@@ -1,0 +1,57 @@
+"""Widths that begin anew where much of an outline lies on no edge."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monodyn.mechanism import load
+from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
+from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.widths import WELL_MATCHED, rewidened
+from pictures import CAMERA, drawn_mask, trusted
+
+SEARCH = EdgeSearch(np.array([5.0, 4.0, 4.0, 4.0]), 2.0)
+PX = CAMERA.depth / CAMERA.focal
+POSES = np.array([[-2.2, 0.9], [-1.4, -0.7], [-0.6, 0.4], [-1.0, 1.2], [-2.0, -0.5]])
+NAMES = ["link1.width", "link2.width"]
+
+
+def striped(level: float) -> list[np.ndarray]:
+    """Draw a double pendulum whose second rod, of 24 px, has a line of 6 px along it between two paler ones
+    of 6 px, of a coverage of ``level`` in the squares of one colour of a checkerboard."""
+    model = load("double").with_values(dict.fromkeys(NAMES, 24.0 * PX))
+    y, x = np.mgrid[: CAMERA.height, : CAMERA.width] // 12
+    masks = []
+    for q in POSES:
+        whole, pale, line = (
+            drawn_mask(model.with_values({"link2.width": width * PX}), CAMERA, q).astype(float)
+            for width in (24.0, 18.0, 6.0)
+        )
+        masks.append(np.round(whole - (1.0 - level) * ((x + y) % 2) * (pale - line)).astype(np.uint8))
+    return masks
+
+
+def refined(masks: list[np.ndarray], width: float) -> tuple[KeyMasks, Bundle]:
+    """Refine the widths from ``width`` of the second rod [px]."""
+    model = load("double").with_values({"link1.width": 25.0 * PX, "link2.width": width * PX})
+    frames = KeyMasks(masks, trusted(model))
+    guess = SceneGuess(model, CAMERA, POSES, np.zeros(len(POSES)))
+    return frames, refine(frames, guess, scene_variables(model, NAMES), SEARCH)
+
+
+def test_a_rod_that_settled_on_a_line_inside_of_it_gets_its_width() -> None:
+    frames, begun = refined(striped(0.0), 7.0)
+    assert begun.mechanism.values["link2.width"] < 8.0 * PX
+    assert np.median(begun.matched) < WELL_MATCHED
+    found = rewidened(frames, begun, SEARCH)
+    assert found.agreement > begun.agreement
+    assert found.positions.shape == begun.positions.shape
+    # the paler line beside it draws the narrow side inwards
+    assert [found.mechanism.values[name] / PX for name in NAMES] == pytest.approx([24.0, 23.0], abs=1.0)
+
+
+def test_outlines_on_their_edges_stay_as_they_are() -> None:
+    frames, begun = refined(striped(1.0), 22.0)
+    assert rewidened(frames, begun, SEARCH) is begun
