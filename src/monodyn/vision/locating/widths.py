@@ -47,12 +47,18 @@ def rewidened(masks: KeyMasks, bundle: Bundle, search: EdgeSearch) -> Bundle:
         now = best
         for width in _other_widths(now, name):
             tried = _refined(few, now, {name: width}, search)
-            if tried.agreement > best.agreement + MORE_AGREE:
+            # what hides inside of another geom has no outline left that could lie beside its edges
+            if tried.agreement > best.agreement + MORE_AGREE and _met(tried) >= _met(best):
                 best = tried
     if best is begun:
         return bundle
     found = replace(best, positions=bundle.positions)
     return _refined(masks, found, {}, search)
+
+
+def _met(bundle: Bundle) -> float:
+    """Return how many outline samples lie on an edge."""
+    return float(np.sum(bundle.matched * bundle.samples))
 
 
 def _other_widths(bundle: Bundle, name: str) -> Iterator[float]:
