@@ -29,7 +29,7 @@ from monodyn.vision.tracking.exposure import SHARP, Exposure, exposure_of, with_
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
-ROUNDS = 4
+ROUNDS = 6
 """Times that scene and poses are found again, at most: each time the motion is known better."""
 SAME = 0.05
 """Difference of two exposures, as a share, that makes no difference to poses and sizes."""
@@ -105,18 +105,22 @@ def follow_exposed(
     fix, free = camera_choices(settings)
     given, readout = settings.camera.exposure, settings.camera.readout
     report = progress or (lambda step, done, total: None)
+    looked = False
     for done in range(ROUNDS + 1):
         scene, poses, _ = found
         exposure = _estimated(scene, poses) if given is None else Exposure(given)
         if not (exposure.seconds or readout):
             break
         moving = with_shutter(scene, poses, exposure, readout)
-        if _alike(scene, moving):
+        settled = _alike(scene, moving)
+        if settled and looked:
             break
         if done == ROUNDS:
             return Exposed(*found, settled=False)
+        # a camera that may turn takes up what the edges of an exposure that is not yet known are off
+        looked = looked or settled or done == ROUNDS - 1
         sought = Sought(scene.masks, mechanism, settings.locate, fix, free, report)
-        scene = find_again(sought, moving, poses)
+        scene = find_again(sought, moving, poses, looks=looked)
         found = (scene, *track_freely(scene.masks, scene, settings.track, progress=progress))
     return Exposed(*found)
 

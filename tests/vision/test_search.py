@@ -81,8 +81,8 @@ def test_key_frames_are_ordered_by_what_they_add() -> None:
     assert [frame.index for frame in frames.only(order[:2]).frames] == order[:2]
 
 
-@pytest.mark.parametrize(("thicker", "score"), [(None, 0.5), (1, 0.41), (2, 0.35)])
-def test_rods_thinner_than_the_steps_of_the_search_are_found(thicker: int | None, score: float) -> None:
+@pytest.mark.parametrize(("thicker", "score"), [(0, 0.5), (1, 0.41), (2, 0.35)])
+def test_rods_thinner_than_the_steps_of_the_search_are_found(thicker: int, score: float) -> None:
     """Rods of little more than a pixel, half covered at most: as they are, the score sees nothing of them.
     Their levels are evened, and for the thinnest rods everything is made thicker."""
     start = load("double")
@@ -94,7 +94,7 @@ def test_rods_thinner_than_the_steps_of_the_search_are_found(thicker: int | None
     begin = SceneStart(start, Camera(160, 120, 150.0, depth=1.0), frozenset())
     assert search_scene(frames, begin, len(poses))[0].score > 0.95
     assert lacking([frame.coarse for frame in frames.frames]) == 0
-    thick = frames.thickened(thicker or 0)
+    thick = frames.thickened(thicker)
     best = search_scene(thick, begin, len(poses))[0]
     assert best.score < score
     found, px = best.mechanism.values, best.camera.focal / best.camera.depth

@@ -48,8 +48,25 @@ def test_a_rod_that_settled_on_a_line_inside_of_it_gets_its_width() -> None:
     found = rewidened(frames, begun, SEARCH)
     assert found.agreement > begun.agreement
     assert found.positions.shape == begun.positions.shape
-    # the paler line beside it draws the narrow side inwards
-    assert [found.mechanism.values[name] / PX for name in NAMES] == pytest.approx([24.0, 23.0], abs=1.0)
+    # the paler lines beside that one draw the sides inwards
+    assert found.mechanism.values["link1.width"] / PX == pytest.approx(24.0, abs=1.0)
+    assert found.mechanism.values["link2.width"] / PX == pytest.approx(22.0, abs=3.0)
+
+
+def test_a_ball_that_hardly_shows_is_not_hidden_in_its_rod() -> None:
+    """Without the ball, which shows in every other square, a larger share of what is left lies on edges."""
+    names = ["link1.width", "link1.sphere.width"]
+    model = load("bob").with_values({"link1.width": 6.0 * PX, "link1.sphere.width": 40.0 * PX})
+    rod = model.with_values({"link1.sphere.width": 6.0 * PX})
+    y, x = np.mgrid[: CAMERA.height, : CAMERA.width] // 6
+    poses = np.array([[-2.2], [-1.4], [-0.6], [-1.0], [-2.0]])
+    masks = [np.where((x + y) % 2, drawn_mask(model, CAMERA, q), drawn_mask(rod, CAMERA, q)) for q in poses]
+    frames = KeyMasks(masks, trusted(model))
+    guess = SceneGuess(model, CAMERA, poses, np.zeros(len(poses)))
+    begun = refine(frames, guess, scene_variables(model, names), SEARCH)
+    assert np.median(begun.matched) < WELL_MATCHED
+    found = rewidened(frames, begun, SEARCH).mechanism.values
+    assert [found[name] / PX for name in names] == pytest.approx([6.0, 40.0], rel=0.2)
 
 
 def test_outlines_on_their_edges_stay_as_they_are() -> None:

@@ -31,7 +31,7 @@ from monodyn.vision.locating.locate import (
     refined_whole,
     whole_variables,
 )
-from monodyn.vision.locating.oblique import open_turns
+from monodyn.vision.locating.oblique import Looking, open_turns, with_camera
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.unit import scaled
@@ -53,13 +53,15 @@ class _Followed:
     ways: np.ndarray
 
 
-def find_again(sought: Sought, scene: Scene, tracked: Poses) -> Scene:
+def find_again(sought: Sought, scene: Scene, tracked: Poses, *, looks: bool) -> Scene:
     """Find colours, background, camera and sizes once more, the motion in every picture being known.
 
     Args:
         sought: As for the first scene.
         scene: What was found, with its shutter.
         tracked: The poses of the clip, followed in that scene.
+        looks: True to find out, too, whether the camera looks obliquely, as far as that is open; it is taken
+            to look squarely otherwise.
 
     Returns:
         The scene, its sizes and places from pictures that are compared with that motion; the same one where
@@ -68,10 +70,11 @@ def find_again(sought: Sought, scene: Scene, tracked: Poses) -> Scene:
     unit = 1.0 / scene.camera.depth
     camera = replace(scene.camera, x=scene.camera.x * unit, y=scene.camera.y * unit, depth=1.0)
     held = {*sought.fix, *(["camera.focal"] if sought.settings.focal else [])}
-    turns = open_turns(sought.mechanism, held)
-    # blur may have turned it: whether it is turned is found out again, the hinge staying where it is seen
-    square = {name: value_of(sought.start_camera, name) for name in turns}
-    camera = from_origin(with_values(around_origin(camera), square))
+    square = {name: value_of(sought.start_camera, name) for name in open_turns(sought.mechanism, held)}
+    turned = [name for name, value in square.items() if looks and value_of(camera, name) != value]
+    if not turned:
+        # the hinge stays where it is seen
+        camera = from_origin(with_values(around_origin(camera), square))
     mechanism = scaled(scene.mechanism, unit)
     followed = _followed(scene, tracked, mechanism, camera)
     if len(followed.rows) < FEWEST:
@@ -80,15 +83,16 @@ def find_again(sought: Sought, scene: Scene, tracked: Poses) -> Scene:
     frames = key_frames(masks, len(mechanism.shapes.radius)).only(followed.rows.tolist())
     guess = SceneGuess(mechanism, camera, followed.positions, np.zeros(len(followed.rows)))
     variables = whole_variables(sought, guess, sought.start, refined_names(sought))
+    variables = with_camera(variables, mechanism, turned)
     bundle, kept = refined_whole(
         frames, guess, variables, FINE, sought.settings.refine_frames, followed.shutter
     )
     planes = [frames.frames[i].planes for i in kept]
     whole = KeyMasks(planes, frames.view, shutter=followed.shutter.only(kept))
-    looks = camera_looks(sought, whole, bundle)
+    looking = camera_looks(sought, whole, bundle) if looks else Looking(bundle, bundle.variables, bundle)
     # blur is foreground beside the outline, and says nothing about what is there
     slow = _slow(followed.blurs[kept]).tolist()
-    found = found_scene(sought, masks, frames.only(kept), looks.bundle, looks, slow)
+    found = found_scene(sought, masks, frames.only(kept), looking.bundle, looking, slow)
     return replace(found, shutter=scene.shutter)
 
 
