@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn.blur import blurred, check_exposure, follow_exposed
+from monodyn.blur import blurred, check_exposure, follow_exposed, unsettled
 from monodyn.checks import (
     camera_choices,
     check_tracked,
@@ -121,6 +121,8 @@ def run(
         if why:
             # a motion may be followed in the wrong place: then no advice on the model helps
             fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
+        elif sight.unsettled and fit.ok:
+            fit = fit.doubted([Doubt("approximate", sight.unsettled)])
         with log.stage("predict"):
             traces = predicted(fit, poses, times, video.path.name)
             if fit.ok:
@@ -173,6 +175,7 @@ def track_clip(
         # a table without a pose is written all the same: it shows in which frames the search ended
         mechanism = _chosen(job, video, models) if models else mechanism
         _, poses, _ = locate_and_track(job, video, mechanism)
+        log.notes += [sight.unsettled] if sight.unsettled else []
         share = f"{int(np.sum(poses.seen))} of {len(poses)} frames were tracked."
         with log.stage("results"):
             job.show_sight(" ".join([share, *log.notes]), None if np.any(poses.seen) else "refused")
@@ -284,7 +287,7 @@ def locate_and_track(
         found = scene, *track_freely(scene.masks, scene, settings.track, progress=progress)
         exposed = follow_exposed(found, mechanism, settings, progress)
     scene, poses, span, _ = exposed
-    sight.scene = scene
+    sight.scene, sight.unsettled = scene, unsettled(exposed)
     sight.poses, sight.free_frames = poses, span[:2]
     moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
     repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, moving.frame)))

@@ -93,6 +93,8 @@ class Sight:
         grade: How far the result can be relied on; None where nothing was to be identified.
         tracks: Points that take the place of the pictures, or None.
         points: Mechanism and camera as the points show them, or None.
+        unsettled: What of scene and poses still changed when they were last found, a sentence; empty for
+            nothing.
     """
 
     video: Video
@@ -105,6 +107,7 @@ class Sight:
     grade: Grade | None = None
     tracks: PointTracks | None = None
     points: PointScene | None = None
+    unsettled: str = ""
 
     @property
     def name(self) -> str:
