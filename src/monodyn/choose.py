@@ -303,7 +303,9 @@ def _followed(job: Job, masks: Masks, one: Tried) -> Tried:
         frames = free_range(settings.fit_frames if known else None, known or (0, len(poses)), span)
         first, stop = np.searchsorted(poses.frame, frames).tolist()
         part = poses.part(first, stop)
-        fit = identify(part, scene.mechanism, settings.identify, progress=report)
+        fit = identify(
+            part, scene.mechanism, replace(settings.identify, uncertainty="linear"), progress=report
+        )
         why = doubtful_sight(Sight(masks.video, masks=masks, scene=scene, poses=poses), part)
     except MonodynError as refusal:
         return replace(one, refusal=str(refusal))

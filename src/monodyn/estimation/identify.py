@@ -61,7 +61,7 @@ def identify_jointly(
     """
     fit = _identified(records, mechanism, settings, progress)
     if not fit.ok and fit.starts and settings.torque in ("auto", "friction") and fit.torque == "friction":
-        settings = replace(settings, torque="friction")
+        settings = replace(settings, torque="friction", uncertainty="linear")
         reason = _other_rate(records, mechanism, settings) or _beginning(records, mechanism, settings)
         fit = replace(fit, advice=(*reason, *fit.advice))
     return fit
@@ -93,7 +93,7 @@ def _identified(
     smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
     model = "known" if data.torques else settings.torque
     solution = TORQUE_MODELS[model](mechanism, Task(data, smoothed, settings, progress))
-    return summarize(solution, records, settings, began)
+    return summarize(solution, records, settings, began, progress)
 
 
 def _beginning(

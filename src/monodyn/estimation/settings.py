@@ -16,6 +16,7 @@ USUAL_TERMS = 7
 Torque = Literal["auto", "friction", "fourier", "free"]
 Series = Literal["with-friction", "alone"]
 Bodies = Literal["auto", "uniform", "free"]
+Uncertainty = Literal["linear", "profile", "bootstrap"]
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class IdentifySettings:
         outlier: A sample is left out when its residual is above this many typical ones, 3 or more; 0 keeps
             all, as ``paper`` always does.
         evaluations: Evaluations of the model in one search, at most.
+        uncertainty: Where intervals come from: ``linear``, the covariance at the optimum; ``profile``, how
+            the cost rises to either side of it; ``bootstrap``, fits of 200 records with other noise.
     """
 
     method: Method | None = None
@@ -54,11 +57,13 @@ class IdentifySettings:
     error_bound: float = 1e-5
     outlier: float = 8.0
     evaluations: int = 100
+    uncertainty: Uncertainty = "linear"
 
     def __post_init__(self) -> None:
         check_choice("identify.method", self.method, (*METHOD_NAMES, None))
         for name, words in (("torque", get_args(Torque)), ("bodies", get_args(Bodies))):
             check_choice(f"identify.{name}", getattr(self, name), words)
+        check_choice("uncertainty", self.uncertainty, get_args(Uncertainty))
         check_choice("identify.series", self.series, (*get_args(Series), None))
         if self.torque != "fourier" and self.terms:
             raise SettingsError(

@@ -268,7 +268,7 @@ def _add_torque(
             da[i, k] += load[k] * tau[i] + clock[k] * time * slope[i] + lag[k] * later
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def rollout_tangents(
     parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, table, lagging, entry,
     load, clock, lag, order, live,

@@ -159,7 +159,7 @@ class Problem:
         from monodyn.estimation.shooting.kernels import normal_blocks
 
         cost, hessian, gradient, cross, local, slope = normal_blocks(*rows, pieces.first, len(x), limit)
-        change = x - self.unknowns.x0
+        change = self.prior.away(x - self.unknowns.x0)
         pull = self.prior.information @ change
         # the picture's information is quadratic in the logarithms: it has no loss and needs no linearization
         cost += 0.5 * float(change @ pull)

@@ -155,7 +155,7 @@ def fit_pieces(
     search: SearchSettings,
     *,
     robust: bool = True,
-    states_only: bool = False,
+    held: np.ndarray | bool = False,
 ) -> Optimum:
     """Fit shared unknowns and start states without changing how the records are cut.
 
@@ -165,7 +165,7 @@ def fit_pieces(
         route: Gives the bound of the integration error.
         search: When to stop.
         robust: Bound the pull of samples beyond four typical residuals.
-        states_only: Hold the shared unknowns and fit the start states alone.
+        held: True for shared unknowns that stay as they are, (param,), or for all of them.
 
     Returns:
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
@@ -177,7 +177,7 @@ def fit_pieces(
     sigma = typical(ahead[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
     unknowns = problem.unknowns
-    lower, upper = (start.x, start.x) if states_only else (unknowns.lower, unknowns.upper)
+    lower, upper = np.where(held, start.x, unknowns.lower), np.where(held, start.x, unknowns.upper)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
         nonlocal ahead

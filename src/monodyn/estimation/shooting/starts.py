@@ -121,7 +121,7 @@ def _rolled(
 
     def cost(x: np.ndarray) -> float:
         trial = problem.started(x, pieces, smoothed)
-        found = fit_pieces(problem, trial, route, STATES_ALONE, states_only=True)
+        found = fit_pieces(problem, trial, route, STATES_ALONE, held=True)
         # the typical residual, not the cost: at a wrong scale some pieces are lost, which must not decide
         return found.sigma if np.isfinite(found.cost) else float("inf")
 

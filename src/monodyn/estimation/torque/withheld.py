@@ -42,8 +42,8 @@ def withheld_errors(
     """
     errors = []
     for first, rest in _splits(problem.data):
-        x = _found(problem, optimum.x, rest, smoothed, route, states_only=False).x
-        shown = _found(problem, x, first, smoothed, route, states_only=True)
+        x = _found(problem, optimum.x, rest, smoothed, route, held=False).x
+        shown = _found(problem, x, first, smoothed, route, held=True)
         # a few gross errors do not decide between models: the bounded ones count as four typical residuals
         residuals = shown.residuals[problem.data.part(first).measured]
         bound = 4.0 * max(shown.sigma, 1.0)
@@ -59,12 +59,12 @@ def _found(
     smoothed: tuple[Smoothed, ...],
     route: Route,
     *,
-    states_only: bool,
+    held: bool,
 ) -> Optimum:
     """Fit some rows, from unknowns near to theirs."""
     part = problem.with_data(problem.data.part(rows))
     start = part.started(x, cut(part.data, WHOLE_RECORD), smoothed)
-    return fit_pieces(part, start, route, AGAIN, states_only=states_only)
+    return fit_pieces(part, start, route, AGAIN, held=held)
 
 
 def _splits(data: Data) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -18,13 +18,14 @@ from monodyn.estimation.verdict import advice, assumed
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined, refine
+from monodyn.estimation.verdict.refits import refitted
 from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.estimation.verdict.unmodelled import unmodelled
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism, Parameter
 from monodyn.mechanism.upright import ROLL, feels_roll
-from monodyn.types import Poses
+from monodyn.types import Poses, Progress
 
 UNSTARTED = (
     "The motion of the start cannot be simulated through the record; check the mechanism file and that its "
@@ -40,8 +41,9 @@ CLEAR_SHARE = 0.01
 
 
 def summarize(
-    solution: TorqueSolution, records: tuple[Poses, ...], settings: IdentifySettings, began: float
-) -> Fit:
+    solution: TorqueSolution, records: tuple[Poses, ...], settings: IdentifySettings, began: float,
+    progress: Progress | None = None,
+) -> Fit:  # fmt: skip
     """Turn the solution of a search into a fit.
 
     Args:
@@ -49,6 +51,7 @@ def summarize(
         records: The records, for the shape of the residuals.
         settings: How gross errors are distinguished from the motion, how exact the last search is.
         began: When the identification began.
+        progress: Called with the fits done, where the intervals are from many.
 
     Returns:
         The fit; without an optimum one whose status is the reason.
@@ -61,6 +64,10 @@ def summarize(
         return replace(refused(problem, status, records, time.perf_counter() - began), advice=solution.advice)
     found = refine(problem, optimum, settings)
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
+    if settings.uncertainty != "linear":
+        quantile = _quantile(found.freedom)
+        parameters = refitted(found, fit.parameters, quantile, settings, progress)
+        fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
     lacking = unmodelled(found.problem, found.optimum.trial, found.noise)
     fit = replace(
         fit,
@@ -201,8 +208,6 @@ def fit_of(
     Returns:
         The fit, with an empty status.
     """
-    from scipy.special import stdtrit
-
     data, mechanism, unknowns = problem.data, problem.mechanism_at(optimum.x), problem.unknowns
     # residuals are given in metres of the identified scale, as the user reads them
     unit = np.where(data.slide, problem.size(optimum.x), 1.0)
@@ -215,7 +220,7 @@ def fit_of(
         doubts=(),
         advice=(),
         mechanism=mechanism,
-        parameters=estimates(problem, optimum, known, float(stdtrit(max(freedom, 1.0), 0.975))),
+        parameters=estimates(problem, optimum, known, _quantile(freedom)),
         combinations=combinations(problem, optimum.x, known),
         starts=_starts(problem, optimum, covariance),
         tied=tuple((name, unknowns.names[i]) for name, i in tied),
@@ -229,6 +234,13 @@ def fit_of(
         seconds=time.perf_counter() - began,
         torques=tuple(torque.log for torque in data.torques),
     )
+
+
+def _quantile(freedom: float) -> float:
+    """Return the half width of a 95 % interval in standard deviations."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(freedom, 1.0), 0.975))
 
 
 def _natural(problem: Problem, optimum: Optimum, known: Knowledge) -> np.ndarray:
