@@ -303,9 +303,8 @@ def _followed(job: Job, masks: Masks, one: Tried) -> Tried:
         frames = free_range(settings.fit_frames if known else None, known or (0, len(poses)), span)
         first, stop = np.searchsorted(poses.frame, frames).tolist()
         part = poses.part(first, stop)
-        fit = identify(
-            part, scene.mechanism, replace(settings.identify, uncertainty="linear"), progress=report
-        )
+        quick = replace(settings.identify, uncertainty="linear")
+        fit = identify(part, scene.mechanism, quick, progress=report)
         why = doubtful_sight(Sight(masks.video, masks=masks, scene=scene, poses=poses), part)
     except MonodynError as refusal:
         return replace(one, refusal=str(refusal))

@@ -181,7 +181,8 @@ class RunSettings:
             check_known(self.identify)
         if self.uncertainty != "linear" and self.identify.method == "paper":
             raise SettingsError(
-                f"uncertainty: expected linear with the published method, got {self.uncertainty}; leave it out."
+                f"uncertainty: expected linear with the published method, got {self.uncertainty}; leave it "
+                "out."
             )
         published = "paper" in (self.camera.method, self.locate.method, self.track.method)
         if (self.camera.exposure or self.camera.readout) and (published or self.points is not None):
