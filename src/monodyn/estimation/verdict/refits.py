@@ -1,4 +1,4 @@
-"""Intervals from many fits in place of the covariance: profiles of the cost, or resampled records.
+"""Intervals from many fits in place of the covariance: profiles of the cost, or records with other noise.
 
 Where a parameter enters the motion so that the cost is no parabola over the interval, the covariance at the
 optimum gives one that is too short on one side. Profiles follow the cost itself; the bootstrap asks how far
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.cores import on_all_cores
-from monodyn.estimation.fit import Estimate
+from monodyn.estimation.fit import Doubt, Estimate
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import Problem
@@ -29,12 +29,14 @@ SIDES = (2.5, 97.5)
 """Percentiles of the fits of drawn records between which a parameter lies."""
 LEAST_FITS = 0.8
 """Share of the drawn records that have to be fitted for intervals to be taken from them."""
+FEW_FITS = (
+    "Of {1} records with the same motion and other noise only {0} could be fitted: the intervals are those "
+    "of the covariance, and may be too short; a longer record would help."
+)
 STEPS, NEAR = 8, 0.02
 """Fits on either side of the optimum at most, and how near to the height of the cost one has to come."""
 FARTHEST = 3.0
 """A step toward the end of an interval goes this many times as far as the last one at most."""
-BLOCK = 4.0
-"""Length of the runs of residuals that are drawn, in independent samples; of a record a fifth at most."""
 AGAIN = SearchSettings(evaluations=60, decrease=1e-4, relative=1e-7)
 """From the optimum to one nearby."""
 
@@ -56,7 +58,7 @@ class _Refits:
 def refitted(
     found: Refined, estimates: Sequence[Estimate], quantile: float, settings: IdentifySettings,
     progress: Progress | None,
-) -> tuple[Estimate, ...]:  # fmt: skip
+) -> tuple[tuple[Estimate, ...], Doubt | None]:  # fmt: skip
     """Return the estimates with intervals from many fits.
 
     Args:
@@ -69,19 +71,19 @@ def refitted(
         progress: Called as ``progress("refit", done, total)``.
 
     Returns:
-        The estimates, in their order.
+        The estimates, in their order, and what the fits say against the fit.
 
     Source:
         Bates and Watts, Nonlinear Regression Analysis and Its Applications, 1988, chapter 6 (profiles);
-        Künsch, The jackknife and the bootstrap for general stationary observations, 1989 (runs of residuals).
+        Efron and Tibshirani, An Introduction to the Bootstrap, 1993, section 6.5 (noise of a model).
     """
     route = Route(settings.piece, settings.error_bound, AGAIN)
     weighted = found.weighted
     optimum = fit_pieces(weighted, found.optimum.trial, route, AGAIN, robust=False)
     refits = _Refits(weighted, optimum, route)
     if settings.uncertainty == "profile":
-        return _profiled(refits, found, estimates, quantile, _counted(progress, len(weighted.unknowns)))
-    return _resampled(refits, found, estimates, settings.seed, _counted(progress, RECORDS))
+        return _profiled(refits, found, estimates, quantile, _counted(progress, len(weighted.unknowns))), None
+    return _redrawn(refits, found, estimates, settings.seed, _counted(progress, RECORDS))
 
 
 def _counted(progress: Progress | None, total: int) -> Callable[[], None]:
@@ -165,18 +167,16 @@ def _end(refits: _Refits, i: int, first: float, along: np.ndarray, quantile: flo
     return at
 
 
-def _resampled(
+def _redrawn(
     refits: _Refits, found: Refined, estimates: Sequence[Estimate], seed: int, step: Callable[[], None]
-) -> tuple[Estimate, ...]:
+) -> tuple[tuple[Estimate, ...], Doubt | None]:
     """Take the intervals from the fits of records with other noise."""
     problem, optimum = refits.problem, refits.optimum
     difference = problem.differences(optimum.trial)
-    independent = float(np.max(found.noise.correlation)) ** 2
-    lost = 1.0 - min(found.fitted / max(problem.data.samples, 1), 0.9)
 
     def values(k: int) -> dict[str, float] | None:
         rng = np.random.default_rng((seed, k))
-        data = _drawn(problem.data, difference / np.sqrt(lost), independent, rng)
+        data = _drawn(problem.data, difference, found.freedom, rng)
         prior = problem.prior.drawn_about(optimum.x - problem.unknowns.x0, rng)
         again = refits.settled(replace(problem, data=data, prior=prior), optimum.x, False)
         step()
@@ -186,7 +186,7 @@ def _resampled(
 
     drawn = [one for one in on_all_cores(values, range(RECORDS)) if one is not None]
     if len(drawn) < LEAST_FITS * RECORDS:
-        return tuple(estimates)
+        return tuple(estimates), Doubt("approximate", FEW_FITS.format(len(drawn), RECORDS))
     made = []
     for estimate in estimates:
         if estimate.name in drawn[0] and np.isfinite(estimate.std) and estimate.std > 0.0:
@@ -194,32 +194,23 @@ def _resampled(
             low, high = np.percentile(spread, SIDES)
             estimate = replace(estimate, std=float(np.std(spread)), lower=float(low), upper=float(high))
         made.append(estimate)
-    return tuple(made)
+    return tuple(made), None
 
 
-def _drawn(data: Data, difference: np.ndarray, independent: float, rng: np.random.Generator) -> Data:
-    """Return data about the same motion with runs of residuals in another order, and shifts of their own.
+def _drawn(data: Data, difference: np.ndarray, freedom: float, rng: np.random.Generator) -> Data:
+    """Return data about the same motion with noise, and shifts, of their own.
 
     Args:
-        data: The data, with the noise as found.
+        data: The data, with the noise as found: correlated noise counts as so much more of white one.
         difference: Measured less simulated positions, NaN in gaps, (row, dof).
-        independent: Samples that know as much as one independent one.
+        freedom: Independent samples from which the noise is known; it is drawn too.
         rng: Draws them.
 
     Returns:
         The data.
     """
-    position = np.where(data.measured, data.position - difference, 0.0)
-    size = np.where(data.measured, data.std, 1.0)
-    for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
-        rows = first + np.flatnonzero(data.measured[first:stop].any(axis=1))
-        length = int(np.clip(np.ceil(BLOCK * independent), 1, max(len(rows) // 5, 1)))
-        begins = rng.integers(len(rows), size=-(-len(rows) // length))
-        # runs go on at the beginning of the record where they reach its end
-        order = ((begins[:, None] + np.arange(length)) % len(rows)).ravel()[: len(rows)]
-        relative = np.nan_to_num(difference[rows] / size[rows])
-        relative -= relative.mean(axis=0)
-        position[rows] += size[rows] * relative[order]
+    size = np.sqrt(freedom / rng.chisquare(freedom))
+    position = data.position - difference + size * data.std * rng.normal(size=data.position.shape)
     if data.shifts is not None:
         position = position + np.tensordot(rng.normal(size=len(data.shifts)), data.shifts, axes=1)
     return replace(data, position=np.where(data.measured, position, 0.0))

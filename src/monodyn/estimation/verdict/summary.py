@@ -64,9 +64,10 @@ def summarize(
         return replace(refused(problem, status, records, time.perf_counter() - began), advice=solution.advice)
     found = refine(problem, optimum, settings)
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
+    hardly = None
     if settings.uncertainty != "linear":
         quantile = _quantile(found.freedom)
-        parameters = refitted(found, fit.parameters, quantile, settings, progress)
+        parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
     lacking = unmodelled(found.problem, found.optimum.trial, found.noise)
     fit = replace(
@@ -77,7 +78,8 @@ def summarize(
         tried_torques=solution.compared,
     )
     unsupported = [Doubt("approximate", solution.doubt)] if solution.doubt else []
-    fit = fit.doubted([*unsupported, *_doubts(found, fit, settings)])
+    few = [hardly] if hardly else []
+    fit = fit.doubted([*unsupported, *few, *_doubts(found, fit, settings)])
     advised = (*solution.advice, *_advice(found, fit, records), *advice.starts_tried(solution.tried))
     return replace(fit, advice=advised)
 
