@@ -11,8 +11,10 @@ import monodyn
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.prior import Prior
+from monodyn.estimation.verdict import refits
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import rollout
+from monodyn.optimize import SearchSettings
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
 
@@ -46,6 +48,24 @@ def test_where_the_cost_is_a_parabola_intervals_are_those_of_the_covariance(unce
         assert other.upper - other.lower == pytest.approx(one.upper - one.lower, rel=0.25)
         assert other.lower < one.value < other.upper
         assert (other.lower, other.upper) != (one.lower, one.upper)
+
+
+@pytest.mark.slow
+def test_records_that_cannot_be_fitted_leave_the_intervals_of_the_covariance(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    poses = record()
+    usual = fitted("linear", poses)
+    monkeypatch.setattr(refits, "RECORDS", 6)
+    # one evaluation ends no search
+    monkeypatch.setattr(refits, "AGAIN", SearchSettings(evaluations=1, decrease=1e-4, relative=1e-7))
+    fit = fitted("bootstrap", poses)
+    assert fit.grade == "approximate"
+    assert fit.status == (
+        "Approximate. Of 6 records with the same motion and other noise only 0 could be fitted: the "
+        "intervals are those of the covariance, and may be too short; a longer record would help."
+    )
+    assert fit.parameters == usual.parameters
 
 
 def test_a_prior_is_drawn_about_what_is_true() -> None:
