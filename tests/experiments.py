@@ -75,7 +75,7 @@ def moved(
         starts=(None,),
         mechanism=mechanism(),
         evaluations=7,
-        doubts=(),
+        ok=True,
         parameters=(),
         advice=(),
     )

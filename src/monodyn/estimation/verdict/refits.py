@@ -29,10 +29,6 @@ SIDES = (2.5, 97.5)
 """Percentiles of the fits of drawn records between which a parameter lies."""
 LEAST_FITS = 0.8
 """Share of the drawn records that have to be fitted for intervals to be taken from them."""
-FEW_FITS = (
-    "Of {1} records with the same motion and other noise only {0} could be fitted: the intervals are those "
-    "of the covariance, and may be too short; a longer record would help."
-)
 STEPS, NEAR = 8, 0.02
 """Fits on either side of the optimum at most, and how near to the height of the cost one has to come."""
 FARTHEST = 3.0
@@ -186,7 +182,11 @@ def _redrawn(
 
     drawn = [one for one in on_all_cores(values, range(RECORDS)) if one is not None]
     if len(drawn) < LEAST_FITS * RECORDS:
-        return tuple(estimates), Doubt("approximate", FEW_FITS.format(len(drawn), RECORDS))
+        few = (
+            f"Of {RECORDS} records with the same motion and other noise only {len(drawn)} could be fitted: "
+            "the intervals are those of the covariance, and may be too short; a longer record would help."
+        )
+        return tuple(estimates), Doubt("approximate", few)
     made = []
     for estimate in estimates:
         if estimate.name in drawn[0] and np.isfinite(estimate.std) and estimate.std > 0.0:
