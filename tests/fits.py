@@ -37,7 +37,7 @@ def made_fit(**changes: Any) -> Fit:
     """Return that fit with some of what it says replaced."""
     said = {
         "status": "Identified from 20 frames.",
-        "ok": True,
+        "doubts": (),
         "advice": ("Measure <b>one</b> mass & be done.",),
         "parameters": (
             Estimate("link1.length", 0.2, 1e-3, 0.198, 0.202, "m", True, True, False),

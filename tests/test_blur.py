@@ -13,7 +13,7 @@ import pytest
 
 import monodyn
 from monodyn import blur
-from monodyn.blur import Exposed, blurred, follow_exposed
+from monodyn.blur import Exposed, blurred, follow_exposed, unsettled
 from monodyn.mechanism import Mechanism, load
 from monodyn.mechanism.simulate import rollout
 from monodyn.settings import RunSettings
@@ -161,20 +161,22 @@ def test_the_note_says_how_pictures_were_exposed() -> None:
     scene: Any = SimpleNamespace(shutter=SHUTTER, video=SimpleNamespace(camera_path=None))
     poses: Any = SimpleNamespace(time=np.arange(3) / 10.0)
 
-    def notes(camera: CameraSettings, *, settled: bool = True) -> list[str]:
-        return blurred(Exposed(scene, poses, FreeSpan(0, 3, ()), settled), camera)
+    found = Exposed(scene, poses, FreeSpan(0, 3, ()))
+
+    def notes(camera: CameraSettings) -> list[str]:
+        return blurred(found, camera)
 
     assert notes(CameraSettings()) == [
         "Motion blurs the pictures: each is exposed for 58.4 ± 1.8 ms, 58% of the time between two frames. "
         "Outlines that move meanwhile are compared with them; the poses are those in the middle of the "
         "exposures."
     ]
-    unsettled = (
+    assert unsettled(found) == ""
+    assert unsettled(found._replace(settled=False)) == (
         "Exposure and motion still changed after scene and poses had been found with them 6 times: sizes and "
         "poses may be off by more than stated; --camera.exposure SECONDS gives the exposure where it is "
         "known, and shorter exposures or more pictures a second show the motion better."
     )
-    assert notes(CameraSettings(), settled=False) == [*notes(CameraSettings()), unsettled]
     scene.shutter = replace(SHUTTER, exposure=0.05, std=0.0)
     assert notes(CameraSettings(exposure=0.05)) == [
         "As given with --camera.exposure, each picture is exposed for 50 ms, 50% of the time between two "
@@ -183,7 +185,7 @@ def test_the_note_says_how_pictures_were_exposed() -> None:
     ]
     scene.shutter = replace(SHUTTER, exposure=0.0, readout=0.02)
     assert notes(CameraSettings()) == []
-    assert notes(CameraSettings(readout=0.02), settled=False) == [unsettled]
+    assert notes(CameraSettings(readout=0.02)) == []
     scene.shutter = None
     # what was found for sharp pictures before a camera at rest says nothing of one that moves
     assert notes(CameraSettings(readout=0.02)) == []

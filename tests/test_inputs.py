@@ -14,7 +14,7 @@ import pytest
 
 import monodyn
 from monodyn.blur import check_exposure
-from monodyn.checks import doubt, unshown
+from monodyn.checks import doubtful_sight, unshown
 from monodyn.errors import SettingsError, VideoError
 from monodyn.inputs import masks_and_mechanism, opened, points_and_mechanism
 from monodyn.settings import RunSettings
@@ -262,16 +262,16 @@ def test_points_that_are_hardly_the_mechanism_are_doubted() -> None:
         usual = {"outside": 0.05, "rms_px": 0.5, "extent_px": 300.0}
         return SimpleNamespace(points=SimpleNamespace(**{**usual, **changed}))
 
-    assert doubt(sight(), part(0.9)) is None
-    assert doubt(sight(), part(0.2)) == (
+    assert doubtful_sight(sight(), part(0.9)) is None
+    assert doubtful_sight(sight(), part(0.2)) == (
         "Only 20 of the 100 frames to fit show a joint: too few points to trust the fit; diagnosis.png "
         "shows which were found."
     )
-    assert doubt(sight(outside=0.6), part(0.9)) == (
+    assert doubtful_sight(sight(outside=0.6), part(0.9)) == (
         "60% of the tracked points do not lie where the mechanism can have them: names may belong to other "
         "points (--points.map), or the mechanism file is another one; diagnosis.png shows it."
     )
-    assert doubt(sight(rms_px=15.0), part(0.9)) == (
+    assert doubtful_sight(sight(rms_px=15.0), part(0.9)) == (
         "The tracked points lie 15.0 px from where the mechanism can have them, 5% of its size in the "
         "picture: names may belong to other points (--points.map), the camera may move without a point of "
         "the scene that shows it, or the mechanism file is another one; diagnosis.png shows it."

@@ -13,9 +13,10 @@ import pytest
 import monodyn
 import tracked
 from fits import identified, made_fit
-from monodyn import pipeline
-from monodyn.checks import FILMING, doubt
+from monodyn import job, pipeline
+from monodyn.checks import FILMING, doubtful_sight
 from monodyn.errors import FitError, SettingsError, VideoError
+from monodyn.estimation.fit import Doubt
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
 from monodyn.pipeline import Job, identify_tables, run, track_clip
@@ -66,7 +67,8 @@ def seen(
     ):  # fmt: skip
         monkeypatch.setattr(pipeline, stage, lambda *args, found=found, **kwargs: found)
     # the poses are made up, and no outline of them lies on the clip's square
-    monkeypatch.setattr(pipeline, "doubt", lambda *args, **kwargs: None)
+    monkeypatch.setattr(pipeline, "doubtful_sight", lambda *args, **kwargs: None)
+    monkeypatch.setattr(pipeline, "heldout_doubts", lambda *args: [])
     return clip
 
 
@@ -78,7 +80,7 @@ def test_a_fit_in_a_wrong_place_is_refused(
         monkeypatch, make_clip, fit=made_fit(time=(fit.time[0][:9],), residual=(fit.residual[0][:9],))
     )
     assert run(clip, "single", tmp_path / "run").document["ok"]
-    monkeypatch.setattr(pipeline, "doubt", doubt)
+    monkeypatch.setattr(pipeline, "doubtful_sight", doubtful_sight)
     document = run(clip, "single", tmp_path / "run", force=True).document
     assert not document["ok"]
     assert document["status"].startswith("The mechanism as it was located differs from what stands out")
@@ -194,7 +196,7 @@ def test_pictures_that_cannot_be_written_do_not_hide_the_reason(
     def full(*args: object) -> None:
         raise SettingsError("disk full")
 
-    monkeypatch.setattr(pipeline, "write_diagnosis", full)
+    monkeypatch.setattr(job, "write_diagnosis", full)
     with pytest.raises(VideoError, match="got a still picture"):
         run(make_clip(places=[5] * 12), "single", tmp_path / "run")
     assert not (tmp_path / "run").exists()
@@ -203,7 +205,7 @@ def test_pictures_that_cannot_be_written_do_not_hide_the_reason(
 def test_a_fit_that_found_nothing_writes_headers_and_a_film_of_what_was_tracked(
     monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
 ) -> None:
-    refused = made_fit(ok=False, starts=(), status="Too few frames.")
+    refused = made_fit(starts=()).doubted([Doubt("refused", "Too few frames.")])
     clip = seen(monkeypatch, make_clip, fit=refused)
     outcome = run(clip, "single", tmp_path / "run", RunSettings(fit_frames=(2, 8)))
     assert outcome.document["fit_frames"] == [2, 8]
@@ -218,7 +220,7 @@ def test_a_fit_that_found_nothing_writes_headers_and_a_film_of_what_was_tracked(
 def test_the_fit_begins_where_the_mechanism_moves_freely(
     monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
 ) -> None:
-    refused = made_fit(ok=False, starts=(), status="Too few frames.")
+    refused = made_fit(starts=()).doubted([Doubt("refused", "Too few frames.")])
     span = FreeSpan(3, 11, ("It is held until frame 3.",))
     clip = seen(monkeypatch, make_clip, fit=refused, span=span)
     outcome = run(clip, "single", tmp_path / "run", RunSettings(fit_frames=(0, 8)))
@@ -242,7 +244,7 @@ def test_the_fit_begins_where_the_mechanism_moves_freely(
 def test_free_torques_leave_the_distance_of_the_camera_open(
     monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
 ) -> None:
-    clip = seen(monkeypatch, make_clip, fit=made_fit(ok=False, starts=(), torque="free"))
+    clip = seen(monkeypatch, make_clip, fit=made_fit(starts=(), torque="free"))
     run(clip, "single", tmp_path / "run")
     document = json.loads((tmp_path / "run" / "fit.json").read_text())
     assert document["camera"]["std"] == {"camera.depth": None, "camera.roll": 0.2}
@@ -306,7 +308,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_file(
         path.write_text("half a f")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(pipeline, "write_poses", full)
+    monkeypatch.setattr(job, "write_poses", full)
     done = command("run", clip, "--model", "single", "--out", out, "--quiet")
     assert (done.code, done.err) == (
         2,

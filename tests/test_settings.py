@@ -12,7 +12,7 @@ from typing import Any, Literal, get_origin, get_type_hints
 import pytest
 
 from monodyn.errors import SettingsError
-from monodyn.settings import STAGES, RunSettings, published_method, settings_classes
+from monodyn.settings import SHARED, STAGES, RunSettings, published_method, settings_classes
 from monodyn.vision.settings import CameraSettings, LocateSettings, TrackSettings
 from support import refuses
 
@@ -111,7 +111,9 @@ def test_no_count_of_a_stage_may_be_negative(stage: str, kind: Any, name: str) -
 
 @pytest.mark.parametrize(("stage", "kind", "name"), WORDS, ids=[f"{s}.{n}" for s, _, n in WORDS])
 def test_no_word_of_a_stage_may_be_unknown(stage: str, kind: Any, name: str) -> None:
-    with pytest.raises(SettingsError, match=f"^{stage}.{name}: expected one of '.*, got 'nonsense'"):
+    # what all stages share has no stage before it
+    where = name if name in SHARED else f"{stage}.{name}"
+    with pytest.raises(SettingsError, match=f"^{where}: expected one of '.*, got 'nonsense'"):
         kind(**{name: "nonsense"})
 
 

@@ -139,7 +139,7 @@ def blurred(found: Exposed, camera: CameraSettings) -> list[str]:
             "--camera.readout do not count."
         ]
     if shutter is None or not shutter.exposure:
-        return _unsettled(found)
+        return []
     share = shutter.exposure / float(np.median(np.diff(found.poses.time)))
     if camera.exposure is None:
         begin, known = "Motion blurs the pictures: each is exposed for", f" ± {1000.0 * shutter.std:.2g}"
@@ -148,20 +148,23 @@ def blurred(found: Exposed, camera: CameraSettings) -> list[str]:
     return [
         f"{begin} {1000.0 * shutter.exposure:.3g}{known} ms, {share:.0%} of the time between two frames. "
         "Outlines that move meanwhile are compared with them; the poses are those in the middle of the "
-        "exposures.",
-        *_unsettled(found),
+        "exposures."
     ]
 
 
-def _unsettled(found: Exposed) -> list[str]:
-    """Return a note where exposure and motion still changed in the last round; nothing otherwise."""
+def unsettled(found: Exposed) -> str:
+    """Return what to doubt where exposure and motion still changed in the last round; empty otherwise.
+
+    Args:
+        found: What was found of the clip.
+    """
     if found.settled:
-        return []
-    return [
+        return ""
+    return (
         f"Exposure and motion still changed after scene and poses had been found with them {ROUNDS} times: "
         "sizes and poses may be off by more than stated; --camera.exposure SECONDS gives the exposure where "
         "it is known, and shorter exposures or more pictures a second show the motion better."
-    ]
+    )
 
 
 def _estimated(scene: Scene, poses: Poses) -> Exposure:

@@ -16,6 +16,7 @@ import numpy as np
 from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.mechanism.dots import check_dots, dots_of, shows_dots
+from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
@@ -170,20 +171,26 @@ def _of_camera(name: str) -> bool:
 
 
 def _with_torque(mechanism: Mechanism, settings: RunSettings) -> Mechanism:
-    """Return the mechanism with the parameters of a periodic torque, for the user to choose from.
+    """Return the mechanism with the parameters of a periodic torque, or of a known one, to choose from.
 
     Free torques have theirs only once the time stamps are known, so none of them can be chosen.
     """
-    torque = settings.identify.torque
-    if torque == "fourier":
+    if (torque := settings.identify.torque) == "fourier":
         # any start value within the bounds will do here: the search for the period brings its own
         low, high = settings.bounds.get("torque.period", (1.0, 1.0))
         period = min(max(1.0, low), high)
         terms = settings.identify.terms or USUAL_TERMS
         return mechanism.with_torque(torque, terms=terms, period=period)
+    if settings.torques:
+        low, high = settings.bounds.get(LAG, (0.0, 0.0))
+        return mechanism.with_torque("known").with_values({LAG: min(max(0.0, low), high)})
     for name in (*settings.fix, *settings.free, *settings.bounds):
         if name in mechanism.plan.index or "torque." not in name:
             continue
+        if name == LAG:
+            raise SettingsError(
+                f"parameter '{name}': belongs to --torques FILE; name the file, or leave it out."
+            )
         if torque == "free":
             raise SettingsError(f"parameter '{name}': a free torque cannot be chosen; leave it out.")
         raise SettingsError(
@@ -293,7 +300,7 @@ def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
     )
 
 
-def doubt(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
+def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
     """Find a reason not to trust any fit to the poses: what was followed is hardly the mechanism.
 
     Args:

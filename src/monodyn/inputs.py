@@ -5,14 +5,20 @@ Everything here is refused before anything is written.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from monodyn.blur import check_exposure
 from monodyn.checks import chosen_mechanism, clip_and_mechanism, drawn_mechanism
 from monodyn.errors import SettingsError, VideoError
+from monodyn.estimation.record.logs import read_torques
+from monodyn.estimation.record.samples import check_covered
 from monodyn.settings import RunSettings
+from monodyn.types import Poses, TorqueLog
 from monodyn.vision.clip.lens import Lens, lens_of, straightened
 from monodyn.vision.clip.repeats import LONGEST
 from monodyn.vision.clip.video import Video, read
@@ -104,7 +110,68 @@ def input_files(clip: str | Path | None, model: str | Path, settings: RunSetting
         settings: The user's choices.
     """
     given = {"clip": clip, "points": settings.points, "masks": settings.masks, "model": model}
-    return {part: path for part, path in given.items() if path is not None}
+    return {**{part: path for part, path in given.items() if path is not None}, **torque_files(settings)}
+
+
+def torque_files(settings: RunSettings) -> dict[str, Path]:
+    """Return the logs of known torques by their part of a run.
+
+    Args:
+        settings: The user's choices.
+    """
+    return {f"torques {i + 1}": path for i, path in enumerate(settings.torques)}
+
+
+def with_torques(records: Sequence[Poses], mechanism: Mechanism, settings: RunSettings) -> list[Poses]:
+    """Return records with the torques that are known.
+
+    Args:
+        records: Records of joint positions.
+        mechanism: Gives the joints.
+        settings: The user's choices.
+    """
+    logs = opened_torques(settings, mechanism, len(records))
+    return [replace(record, torques=log) for record, log in zip(records, logs, strict=True)]
+
+
+def clip_torques(
+    settings: RunSettings, mechanism: Mechanism, times: np.ndarray, frames: tuple[int, int]
+) -> TorqueLog | None:
+    """Return the known torques of a clip, or None; they have to reach over the frames to fit.
+
+    Args:
+        settings: The user's choices.
+        mechanism: Gives the joints.
+        times: Time stamps of the clip [s], (frame,).
+        frames: First frame to fit and the one after the last.
+    """
+    log = opened_torques(settings, mechanism, 1)[0]
+    if log is not None:
+        first, stop = frames
+        what = f"the frames to fit ({first}:{stop})"
+        check_covered(log, float(times[first]), float(times[stop - 1]), what)
+    return log
+
+
+def opened_torques(settings: RunSettings, mechanism: Mechanism, records: int) -> list[TorqueLog] | list[None]:
+    """Return the known torques of each record, or none for any.
+
+    Args:
+        settings: The user's choices.
+        mechanism: Gives the joints.
+        records: Number of records.
+
+    Raises:
+        SettingsError: There is another number of logs.
+    """
+    if not settings.torques:
+        return [None] * records
+    if len(settings.torques) != records:
+        raise SettingsError(
+            f"torques: expected one log for each of {records} records, got {len(settings.torques)}; name "
+            "as many, in their order."
+        )
+    return [read_torques(path, mechanism) for path in settings.torques]
 
 
 def points_and_mechanism(

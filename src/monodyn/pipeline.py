@@ -5,20 +5,19 @@ Everything that can be refused is refused before the first frame is decoded and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn.blur import blurred, check_exposure, follow_exposed
+from monodyn.blur import blurred, check_exposure, follow_exposed, unsettled
 from monodyn.checks import (
     camera_choices,
     check_tracked,
     chosen_mechanism,
-    doubt,
+    doubtful_sight,
     fitted_range,
     free_range,
     how_to_film,
@@ -27,16 +26,18 @@ from monodyn.checks import (
     unshown,
     untracked,
 )
-from monodyn.errors import FitError, MonodynError, VideoError
-from monodyn.estimation.fit import Fit
-from monodyn.estimation.record.tables import read_poses, write_poses
-from monodyn.inputs import input_files, opened
+from monodyn.choose import AUTO, candidates, choose, nearest
+from monodyn.errors import VideoError
+from monodyn.estimation.fit import Doubt, Fit
+from monodyn.estimation.record.tables import read_poses
+from monodyn.estimation.record.units import wrong_units
+from monodyn.inputs import clip_torques, input_files, opened, torque_files, with_torques
+from monodyn.job import Job, Outcome, shown_if_refused
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
-from monodyn.results.diagnosis import write_diagnosis
-from monodyn.results.export import camera_table
-from monodyn.results.filmed import filmed_of, write_sight_film
+from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
+from monodyn.results.heldout import heldout_doubts
 from monodyn.results.log import RunLog, recorded
 from monodyn.results.predict import predict
 from monodyn.results.report import write_results
@@ -44,13 +45,14 @@ from monodyn.results.sight import Sight
 from monodyn.results.trace import Trace, trace_of
 from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track_freely
+from monodyn.tabled import Tabled, best_fit, tabled
 from monodyn.turns import with_right_turns
 from monodyn.types import Poses, Progress
-from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.clip.video import Video
 from monodyn.vision.dots.find import find_dots
 from monodyn.vision.foreground.given import given_masks
 from monodyn.vision.foreground.mask_files import OpenedMasks
+from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.points.scene import PointScene
 from monodyn.vision.points.tracks import PointTracks
@@ -58,95 +60,6 @@ from monodyn.vision.release import FreeSpan
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What a run found.
-
-    Attributes:
-        folder: The run folder, or None when nothing was written.
-        document: The content of ``fit.json``, or of ``run.json`` where nothing was fitted.
-        poses: The tracked clip, or the first record.
-        fit: The fit, or None where nothing was fitted.
-        traces: The records next to their motion.
-        notes: What the user should know about clip, camera and tracking.
-        seconds: Wall time by stage [s].
-    """
-
-    folder: Path | None
-    document: dict[str, Any]
-    poses: Poses
-    fit: Fit | None = None
-    traces: Sequence[Trace] = ()
-    notes: Sequence[str] = ()
-    seconds: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class Job:
-    """One run while it goes on.
-
-    Attributes:
-        settings: What to do.
-        log: Takes the seconds of each stage and the notes.
-        folder: Takes the files; None writes none.
-        progress: Called with the frames done by each step.
-        sight: What has been seen of the clip so far; None where there is no clip.
-        masks: Masks that another tool made, in place of a segmentation, or None.
-    """
-
-    settings: RunSettings
-    log: RunLog
-    folder: RunFolder | None
-    progress: Progress | None
-    sight: Sight | None = None
-    masks: OpenedMasks | None = None
-
-    def write_poses(self, poses: Poses) -> None:
-        """Write ``poses.csv`` as soon as there are poses, so that an interrupted run has them.
-
-        Args:
-            poses: The tracked clip.
-        """
-        if self.folder is not None:
-            self.folder.write("poses.csv", lambda path: write_poses(poses, path))
-
-    def write_camera(self, video: Video, path: CameraPath | None) -> None:
-        """Write ``camera.csv`` where the camera moves.
-
-        Args:
-            video: The clip.
-            path: The way of the camera, or None.
-        """
-        if self.folder is not None and path is not None:
-            self.folder.write_text("camera.csv", camera_table(video.times, path))
-
-    def show_sight(self, status: str, *, ok: bool | None) -> None:
-        """Write ``diagnosis.png`` and ``overlay.mp4`` of a run that has no fit.
-
-        Args:
-            status: What came of it, a sentence.
-            ok: Whether that can be trusted; None where nothing was to be identified.
-        """
-        if self.folder is None or self.sight is None:
-            return
-        self.sight.status, self.sight.ok = status, ok
-        # a clip without pictures leaves nothing
-        if write_diagnosis(self.folder, self.sight) is not None:
-            write_sight_film(self.folder, self.sight, self.progress)
-
-    def outcome(self, document: dict[str, Any], poses: Poses, findings: Findings | None = None) -> Outcome:
-        """Return what the run found.
-
-        Args:
-            document: The content of ``fit.json``, or of ``run.json`` where nothing was fitted.
-            poses: The tracked clip, or the first record.
-            findings: The fit and its records, or None where nothing was fitted.
-        """
-        path = None if self.folder is None else self.folder.path
-        fit, traces = (None, ()) if findings is None else (findings.fit, findings.traces)
-        return Outcome(path, document, poses, fit, traces, self.log.notes, self.log.seconds)
 
 
 def run(
@@ -162,7 +75,7 @@ def run(
 
     Args:
         clip: Video file or folder of pictures; None where ``settings.points`` or ``masks`` take its place.
-        model: Mechanism file (MJCF, URDF) or a bundled name.
+        model: Mechanism file (MJCF, URDF), a bundled name, or ``auto`` for the one that the evidence prefers.
         out: The run folder.
         settings: What to do.
         force: Replace a run that is already in ``out``.
@@ -175,16 +88,20 @@ def run(
         >>> monodyn.run("clip.mp4", "double.xml", "run")  # doctest: +SKIP
     """
     settings = settings or RunSettings()
-    video, given, mechanism = opened(clip, model, settings)
+    models = candidates(settings) if str(model) == AUTO else {}
+    video, given, mechanism = opened(clip, next(iter(models), model), settings)
     wanted = fitted_range(settings.fit_frames, video.count)
     prediction_times(video, wanted[1], settings.until)
+    torques = clip_torques(settings, mechanism, video.times, wanted)
     inputs = input_files(clip, model, settings)
     log = RunLog("run", inputs, settings)
     folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))
     sight = Sight(video, fit_frames=wanted, tracks=given if isinstance(given, PointTracks) else None)
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
+        mechanism = _chosen(job, video, models) if models else mechanism
         scene, poses, span = locate_and_track(job, video, mechanism)
+        poses = replace(poses, torques=torques)
         frames = free_range(settings.fit_frames, wanted, span)
         sight.fit_frames = frames
         # the motion may have shown that the stamps are not the times
@@ -193,20 +110,24 @@ def run(
         first, stop = np.searchsorted(poses.frame, frames).tolist()
         check_tracked(poses.part(first, stop), video, log.notes)
         with log.stage("identify"):
-            poses, doubts = with_right_turns(
+            poses, unsure = with_right_turns(
                 poses, (first, stop), scene.mechanism, settings.identify, progress
             )
             fit = identify(poses.part(first, stop), scene.mechanism, settings.identify, progress=progress)
             uniform = chosen_bodies(mechanism, settings.identify.bodies) == "uniform"
             log.notes += mass_notes(mechanism, "uniform" if uniform else "free")
-            why = doubt(sight, poses.part(first, stop), uniform=uniform)
-        log.notes += doubts
+            why = doubtful_sight(sight, poses.part(first, stop), uniform=uniform)
+        log.notes += unsure
         if why:
             # a motion may be followed in the wrong place: then no advice on the model helps
-            fit = replace(fit, status=why, ok=False, advice=())
-        log.notes += how_to_film(fit, sight)
+            fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
+        elif sight.unsettled and fit.ok:
+            fit = fit.doubted([Doubt("approximate", sight.unsettled)])
         with log.stage("predict"):
             traces = predicted(fit, poses, times, video.path.name)
+            if fit.ok:
+                fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+        log.notes += [*how_to_film(fit, sight), *nearest(fit, log.comparison)]
         # only the fit has the metric scale: the poses are written again with their slides in metres
         filmed = filmed_of(fit, scene, poses, sight)
         findings = Findings(
@@ -233,7 +154,7 @@ def track_clip(
 
     Args:
         clip: Video file or folder of pictures; None where ``settings.points`` or ``masks`` take its place.
-        model: Mechanism file (MJCF, URDF) or a bundled name.
+        model: Mechanism file (MJCF, URDF), a bundled name, or ``auto`` for the one that the evidence prefers.
         out: The run folder.
         settings: What to do.
         force: Replace a run that is already in ``out``.
@@ -243,7 +164,8 @@ def track_clip(
         The tracked clip.
     """
     settings = settings or RunSettings()
-    video, given, mechanism = opened(clip, model, settings)
+    models = candidates(settings) if str(model) == AUTO else {}
+    video, given, mechanism = opened(clip, next(iter(models), model), settings)
     inputs = input_files(clip, model, settings)
     log = RunLog("track", inputs, settings)
     folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))
@@ -251,10 +173,12 @@ def track_clip(
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
         # a table without a pose is written all the same: it shows in which frames the search ended
+        mechanism = _chosen(job, video, models) if models else mechanism
         _, poses, _ = locate_and_track(job, video, mechanism)
+        log.notes += [sight.unsettled] if sight.unsettled else []
         share = f"{int(np.sum(poses.seen))} of {len(poses)} frames were tracked."
         with log.stage("results"):
-            job.show_sight(" ".join([share, *log.notes]), ok=None if np.any(poses.seen) else False)
+            job.show_sight(" ".join([share, *log.notes]), None if np.any(poses.seen) else "refused")
     check_tracked(poses, video, log.notes)
     return job.outcome(log.document("done", folder.written), poses)
 
@@ -272,7 +196,7 @@ def identify_tables(
 
     Args:
         tables: ``poses.csv`` files or encoder logs.
-        model: Mechanism file (MJCF, URDF) or a bundled name.
+        model: Mechanism file (MJCF, URDF), a bundled name, or ``auto`` for the one that the evidence prefers.
         out: Folder for the results; None writes nothing.
         settings: What to do; those of the clip do not matter.
         force: Replace a run that is already in ``out``.
@@ -280,19 +204,35 @@ def identify_tables(
 
     Returns:
         What was found; ``fit.status`` states whether the fit can be trusted.
+
+    Raises:
+        VideoError: the tables are in other units than radians and seconds.
     """
     settings = settings or RunSettings()
-    mechanism = chosen_mechanism(model, settings, camera=False)
-    # all tables are read before the folder is made
-    records = [read_poses(table, mechanism) for table in tables]
     names = [Path(table).name for table in tables]
-    inputs = {"model": model, **{f"poses {i + 1}": table for i, table in enumerate(tables)}}
+    # all tables are read before the folder is made
+    if str(model) == AUTO:
+        tried = tabled(tables, settings)
+    else:
+        mechanism = chosen_mechanism(model, settings, camera=False)
+        tried = [Tabled(str(model), mechanism, [read_poses(table, mechanism) for table in tables])]
+    wrong = [wrong_units(one.records, one.mechanism) for one in tried]
+    if all(wrong):
+        raise VideoError(f"{', '.join(names[:3])}: {wrong[0]}")
+    tried = [replace(one, records=with_torques(one.records, one.mechanism, settings)) for one in tried]
+    measured = {f"poses {i + 1}": table for i, table in enumerate(tables)}
+    inputs = {"model": model, **measured, **torque_files(settings)}
     log = RunLog("identify", inputs, settings)
-    folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables))
+    folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables, *settings.torques))
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         with log.stage("identify"):
-            fit = identify(records, mechanism, settings.identify, progress=progress)
+            right = [one for one, found in zip(tried, wrong, strict=True) if not found]
+            best, fit, comparison = best_fit(right, settings, progress)
+        if str(model) == AUTO:
+            log.chose(comparison)
+            log.notes += nearest(fit, comparison)
+        records, mechanism = best.records, best.mechanism
         traces = []
         if fit.starts:
             traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]
@@ -302,20 +242,14 @@ def identify_tables(
     return job.outcome(document, records[0], findings)
 
 
-@contextmanager
-def shown_if_refused(job: Job) -> Iterator[None]:
-    """Leave the pictures of what was seen where the block refuses the clip.
-
-    Args:
-        job: The run.
-    """
-    try:
-        yield
-    except (VideoError, FitError) as error:
-        # what cannot be written must not hide why the run was refused
-        with job.log.stage("results"), suppress(MonodynError):
-            job.show_sight(str(error), ok=False)
-        raise
+def _chosen(job: Job, video: Video, models: dict[str, Mechanism]) -> Mechanism:
+    """Return the bundled mechanism that the clip shows, and note the comparison."""
+    sight = job.sight or Sight(video)
+    masks = _segmented(job, sight, next(iter(models.values())))
+    with job.log.stage("choose"):
+        mechanism, comparison = choose(job, masks, models)
+    job.log.chose(comparison)
+    return mechanism
 
 
 def locate_and_track(
@@ -336,16 +270,7 @@ def locate_and_track(
         return _locate_and_track_points(job, sight, sight.tracks, mechanism)
     settings, log, progress = job.settings, job.log, job.progress
     fix, free = camera_choices(settings)
-    with log.stage("segment"):
-        if job.masks is None:
-            masks = segment(video, settings.segment, background=settings.background, progress=progress)
-            # before a moving camera the clip goes on as one that stands still
-            sight.video = masks.video
-            job.write_camera(masks.video, masks.video.camera_path)
-            check_exposure(masks.video, settings.camera)
-        else:
-            masks = given_masks(job.masks, mechanism, settings.segment, progress)
-    sight.masks = masks
+    masks = _segmented(job, sight, mechanism) if sight.masks is None else sight.masks
     if shows_dots(mechanism):
         with log.stage("dots"):
             sight.tracks = find_dots(
@@ -362,7 +287,7 @@ def locate_and_track(
         found = scene, *track_freely(scene.masks, scene, settings.track, progress=progress)
         exposed = follow_exposed(found, mechanism, settings, progress)
     scene, poses, span, _ = exposed
-    sight.scene = scene
+    sight.scene, sight.unsettled = scene, unsettled(exposed)
     sight.poses, sight.free_frames = poses, span[:2]
     moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
     repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, moving.frame)))
@@ -373,6 +298,24 @@ def locate_and_track(
     log.free_frames, log.region = span[:2], scene.masks.background.window
     job.write_poses(poses)
     return scene, poses, span
+
+
+def _segmented(job: Job, sight: Sight, mechanism: Mechanism) -> Masks:
+    """Return the foreground of the clip, and show it to the sight."""
+    settings = job.settings
+    with job.log.stage("segment"):
+        if job.masks is None:
+            masks = segment(
+                sight.video, settings.segment, background=settings.background, progress=job.progress
+            )
+            # before a moving camera the clip goes on as one that stands still
+            sight.video = masks.video
+            job.write_camera(masks.video, masks.video.camera_path)
+            check_exposure(masks.video, settings.camera)
+        else:
+            masks = given_masks(job.masks, mechanism, settings.segment, job.progress)
+    sight.masks = masks
+    return masks
 
 
 def _locate_and_track_points(

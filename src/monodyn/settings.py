@@ -16,7 +16,7 @@ from typing import Any, get_args
 
 from monodyn.choices import METHOD_NAMES, Method, check_choice
 from monodyn.errors import SettingsError
-from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.settings import IdentifySettings, Uncertainty, check_known
 from monodyn.vision.settings import (
     LEAST_SIDE,
     MOST_SIDE,
@@ -39,7 +39,7 @@ STAGES: dict[str, type] = {
 
 COEFFICIENTS = (4, 5)
 """How many numbers say how a lens bends the picture."""
-SHARED = ("seed", "roi", "time_range")
+SHARED = ("seed", "roi", "time_range", "uncertainty")
 """Settings of a stage that always take the value of the whole run."""
 
 
@@ -105,8 +105,13 @@ class RunSettings:
             -0.28,0.09,0,0. They belong to a focal length, which --locate.focal has to give, in pixels of this
             clip, with the principal point in its middle. Pictures and points are put straight before anything
             else looks at them.
+        torques: Log of known torques [N m, a slide's N] by time [s] on the clock of the record, one for each
+            table, columns time and <joint> or <joint>_torque; linear in between. Masses and friction are
+            absolute with it. How much later they act is estimated, or given with --fix torque.lag=SECONDS.
         rate: Frames a second [Hz] in place of the time stamps of the clip.
         seed: Seed of every random start; it replaces the seeds of the stages.
+        uncertainty: Where intervals come from: linear, the covariance at the optimum; profile, how the cost
+            rises to either side of it; bootstrap, 200 fits of records with other noise.
         method: fast, or paper for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
         camera: How the camera is found.
@@ -129,8 +134,10 @@ class RunSettings:
     points_size: tuple[int, int] | None = field(default=None, metadata={"name": "points.size"})
     points_axis: Axis = field(default="auto", metadata={"name": "points.axis"})
     distortion: tuple[float, ...] | None = field(default=None, metadata={"name": "camera.distortion"})
+    torques: tuple[Path, ...] = ()
     rate: float | None = field(default=None, metadata={"metavar": "HZ"})
     seed: int = 0
+    uncertainty: Uncertainty = "linear"
     method: Method = "fast"
     segment: SegmentSettings = field(default_factory=SegmentSettings)
     camera: CameraSettings = field(default_factory=CameraSettings)
@@ -170,6 +177,13 @@ class RunSettings:
             )
         for stage, kind in settings_classes().items():
             object.__setattr__(self, stage, self._stage(stage, kind))
+        if self.torques:
+            check_known(self.identify)
+        if self.uncertainty != "linear" and self.identify.method == "paper":
+            raise SettingsError(
+                f"uncertainty: expected linear with the published method, got {self.uncertainty}; leave it "
+                "out."
+            )
         published = "paper" in (self.camera.method, self.locate.method, self.track.method)
         if (self.camera.exposure or self.camera.readout) and (published or self.points is not None):
             got = "a stage by the published method" if published else "--points"

@@ -16,7 +16,7 @@ from typing import overload
 from monodyn.errors import SettingsError, VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify_jointly
-from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.settings import IdentifySettings, check_known
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dots import as_rods, chosen_bodies
 from monodyn.mechanism.upright import ROLL, by_roll, feels_roll, with_roll
@@ -176,7 +176,7 @@ def segment(
 def locate(
     masks: Masks, mechanism: Mechanism, settings: LocateSettings | None = None, *,
     camera: CameraSettings | None = None, fix: Mapping[str, float] | None = None, free: Sequence[str] = (),
-    mapped: Mapping[str, str] | None = None, progress: Progress | None = None,
+    mapped: Mapping[str, str] | None = None, once: bool = False, progress: Progress | None = None,
 ) -> Scene:  # fmt: skip
     """Find the scene of masks."""
 
@@ -185,7 +185,7 @@ def locate(
 def locate(
     masks: PointTracks, mechanism: Mechanism, settings: LocateSettings | None = None, *,
     camera: CameraSettings | None = None, fix: Mapping[str, float] | None = None, free: Sequence[str] = (),
-    mapped: Mapping[str, str] | None = None, progress: Progress | None = None,
+    mapped: Mapping[str, str] | None = None, once: bool = False, progress: Progress | None = None,
 ) -> PointScene:  # fmt: skip
     """Find the scene of tracked points."""
 
@@ -199,6 +199,7 @@ def locate(
     fix: Mapping[str, float] | None = None,
     free: Sequence[str] = (),
     mapped: Mapping[str, str] | None = None,
+    once: bool = False,
     progress: Progress | None = None,
 ) -> Scene | PointScene:
     """Find camera, sizes and first pose from the topology alone.
@@ -212,6 +213,8 @@ def locate(
         free: ``camera.*`` parameters to estimate in addition to x, y and depth.
         mapped: What points are whose names are not those of the mechanism: a joint, a body (its far end), a
             site, ``<body>.marker``, ``world`` or ``none``.
+        once: Look for it in the whole of the picture alone, by the default method: enough to compare
+            mechanisms.
         progress: Called as the steps go.
 
     Returns:
@@ -240,7 +243,8 @@ def locate(
         focal, mapped = settings.focal, mapped or {}
         scene = locate_points(SoughtPoints(masks, mechanism, focal, fix, shown, mapped, report))
     else:
-        scene = LOCATE_METHODS[methods](Sought(masks, mechanism, settings, fix, free, report))
+        find = find_scene if once else LOCATE_METHODS[methods]
+        scene = find(Sought(masks, mechanism, settings, fix, free, report))
     if not by_motion:
         return scene
     unknown = ROLL not in fix and feels_roll(mechanism)
@@ -382,6 +386,8 @@ def identify(
     mechanism = mechanism.with_bodies(bodies)
     mechanism = as_rods(mechanism) if bodies == "free" else mechanism
     settings = replace(settings, method=method)
+    if any(record.torques is not None for record in records):
+        check_known(settings)
     fit = IDENTIFY_METHODS[method](records, mechanism, settings, progress)
     return replace(fit, seconds=time.perf_counter() - began)
 

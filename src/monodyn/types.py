@@ -93,6 +93,34 @@ class Camera:
 
 
 @dataclass(frozen=True, eq=False)
+class TorqueLog:
+    """Torques that are known to have acted, as a controller logged them.
+
+    Attributes:
+        joints: Names of the joints at which they act; none acts at the others.
+        time: Time stamps on the clock of the record [s], (row,).
+        torque: Torque [N m] at a hinge, force [N] at a slide, (row, dof); linear between the rows, before
+            the first and after the last as there.
+    """
+
+    joints: tuple[str, ...]
+    time: np.ndarray
+    torque: np.ndarray
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "time", frozen("TorqueLog.time", self.time, (None,), error=VideoError))
+        shape = (len(self.time), len(self.joints))
+        set_(self, "torque", frozen("TorqueLog.torque", self.torque, shape, error=VideoError))
+        increasing("TorqueLog.time", self.time, error=VideoError)
+        if len(self.time) < 2 or not np.isfinite(self.torque).all() or not self.torque.any():
+            raise VideoError(
+                "TorqueLog: expected two rows or more of finite torques that are not all zero, got others; "
+                "give what acted, or no log."
+            )
+
+
+@dataclass(frozen=True, eq=False)
 class Poses:
     """Measured joint positions of one record (a clip or an encoder log).
 
@@ -113,6 +141,7 @@ class Poses:
         shifts: What moves all positions together, (direction, frame, dof): by how much the position of each
             frame is wrong if sizes and camera are wrong by one standard deviation along one of several
             independent directions; None where nothing is said of it.
+        torques: Torques that are known to have acted, or None.
     """
 
     joints: tuple[str, ...]
@@ -125,6 +154,7 @@ class Poses:
     joint_seen: np.ndarray | None = field(default=None)
     roll: float | None = field(default=0.0)
     shifts: np.ndarray | None = field(default=None)
+    torques: TorqueLog | None = field(default=None)
 
     def __post_init__(self) -> None:
         frames, dofs = len(self.time), len(self.joints)
@@ -173,5 +203,15 @@ class Poses:
         return Poses(
             self.joints, self.frame[rows], self.time[rows], self.position[rows], self.covariance[rows],
             self.seen[rows], self.metric, None if self.joint_seen is None else self.joint_seen[rows],
-            self.roll, None if self.shifts is None else self.shifts[:, rows],
+            self.roll, None if self.shifts is None else self.shifts[:, rows], self.torques,
         )  # fmt: skip
+
+
+def under(progress: Progress | None, name: str) -> Progress | None:
+    """Return progress that is reported under one name, whatever its steps are called.
+
+    Args:
+        progress: Where to, or None.
+        name: The name; an empty one leaves the steps as they are.
+    """
+    return progress if progress is None or not name else lambda _, done, total: progress(name, done, total)

@@ -161,7 +161,7 @@ def test_bounds_hold_and_are_recorded(demo: Done, tmp_path: Path) -> None:
 def test_the_seed_that_is_recorded_is_the_one_that_was_used(
     demo: Done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from monodyn import pipeline
+    from monodyn import tabled
 
     used = []
 
@@ -169,7 +169,7 @@ def test_the_seed_that_is_recorded_is_the_one_that_was_used(
         used.append(settings.seed)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pipeline, "identify", interrupt)
+    monkeypatch.setattr(tabled, "identify", interrupt)
     words = ("identify", demo.folder / "poses.csv", "--model", MODEL, "--out", tmp_path, "--quiet")
     assert command(*words, "--seed", "5", "--identify.starts", "2").code == 130
     log = json.loads((tmp_path / "run.json").read_text())
@@ -430,3 +430,53 @@ def test_a_period_may_be_bounded_anywhere(tmp_path: Path) -> None:
     done = command("identify", poses, "--model", "single", *words)
     assert done.code in (0, 1)  # whatever comes of it, the bounds are no bad input
     assert "Traceback" not in done.err
+
+
+def test_known_torques_make_masses_absolute(tmp_path: Path) -> None:
+    time = np.arange(60) / 30.0
+    torque = 0.03 * np.sin(6.0 * time) + 0.02 * np.sin(11.0 * time)
+    # Runge-Kutta steps of a rod of 0.2 kg and 0.3 m on a hinge with damping, by its own equation of motion
+    length, mass, damping = 0.3, 0.2, 2e-3
+    state, rows, fine = np.array([0.5, 0.0]), [], 20
+
+    def rate(at: float, now: np.ndarray) -> np.ndarray:
+        load = np.interp(at, time, torque) - damping * now[1] - mass * 9.81 * 0.5 * length * np.sin(now[0])
+        return np.array([now[1], load / (mass * length**2 / 3.0)])
+
+    for i in range(60):
+        rows.append(state[0])
+        for k in range(fine):
+            h, at = 1.0 / 30.0 / fine, time[i] + k / 30.0 / fine
+            one = rate(at, state)
+            two = rate(at + h / 2, state + h / 2 * one)
+            three = rate(at + h / 2, state + h / 2 * two)
+            state = state + h / 6 * (one + 2 * two + 2 * three + rate(at + h, state + h * three))
+    noise = 5e-4 * np.random.default_rng(4).normal(size=60)
+    table, model = tmp_path / "poses.csv", tmp_path / "rod.xml"
+    lines = [f"{t!r},{q!r},{u!r}" for t, q, u in zip(time, np.array(rows) + noise, torque, strict=True)]
+    text = "\n".join(["time,joint1,joint1_torque", *lines]).replace("np.float64(", "").replace(")", "")
+    table.write_text(text, encoding="utf-8")
+    model.write_text(
+        '<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="rod">'
+        '<joint name="joint1" axis="0 -1 0"/><geom type="capsule" size="0.001" fromto="0 0 0 0 0 -0.2"/>'
+        "</body></worldbody></mujoco>",
+        encoding="utf-8",
+    )
+    out = tmp_path / "out"
+    done = command("identify", table, "--model", model, "--torques", table, "--out", out)
+    assert done.code == 0, done.err
+    assert re.search(r"rod\.mass\s+0\.(19|20)\d* +0\.\d+ to 0\.\d+ +kg", done.out)
+    document = json.loads((out / "fit.json").read_text(encoding="utf-8"))
+    rows = {row["name"]: row for row in document["parameters"]}
+    assert document["mass_scale"] == "torques"
+    assert abs(rows["rod.mass"]["value"] / mass - 1) < 0.02
+    assert rows["rod.mass"]["lower"] < mass < rows["rod.mass"]["upper"]
+    assert rows["joint1.damping"]["lower"] < damping < rows["joint1.damping"]["upper"]
+    acted = np.genfromtxt(out / "torques.csv", delimiter=",", names=True)
+    assert np.abs(acted["joint1"] - torque).max() < 2e-3
+    assert "rod.mass" in (out / "report.html").read_text(encoding="utf-8")
+    refused = command("identify", table, table, "--model", model, "--torques", table)
+    assert refused.code == 2
+    assert refused.err == (
+        "monodyn: torques: expected one log for each of 2 records, got 1; name as many, in their order.\n"
+    )

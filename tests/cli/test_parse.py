@@ -17,7 +17,7 @@ WORDS = ["a.mp4", "--model", "double", "--out", "o"]
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "run: expected --model, --out, got nothing; see monodyn run --help."),
+        ([], "run: expected --out, got nothing; see monodyn run --help."),
         (["a.mp4", "--model", "m"], "run: expected --out, got a.mp4 --model m; see monodyn run --help."),
         ([*WORDS, "--bogus"], "run: expected known options, got --bogus; see monodyn run --help."),
         ([*WORDS, "--identify.seed", "3"],

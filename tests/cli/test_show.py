@@ -14,6 +14,7 @@ import pytest
 from fits import made_fit, record
 from monodyn.cli import show as shown
 from monodyn.cli.show import progress_on, show, show_models
+from monodyn.estimation.fit import Doubt
 from monodyn.pipeline import Outcome
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.predict import predict
@@ -83,7 +84,8 @@ def test_json_is_the_document_and_the_folder(capsys: pytest.CaptureFixture[str])
 def test_a_fit_that_is_not_to_be_trusted_is_code_1_and_said_even_when_quiet(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert show(outcome(ok=False, status="It does not fit."), as_json=False, quiet=True) == 1
+    lost = outcome(doubts=(Doubt("refused", "It does not fit."),), status="It does not fit.")
+    assert show(lost, as_json=False, quiet=True) == 1
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == ("", "monodyn: It does not fit.\n")
 

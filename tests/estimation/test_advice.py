@@ -71,10 +71,14 @@ def test_what_has_no_effect_and_what_is_hardly_known(double):
 def test_bounds_that_were_met(double):
     still = double.with_values({"joint1.damping": 0.0})
     found = estimates(still, {"joint1.damping": 0.1, "link1.length": 0.1}, bound=still.values)
-    assert advice.bounds(found) == [
-        "joint1.damping came out as zero, the smallest value allowed: too small to be seen.",
-        "link1.length ended on a bound; widen the bound or check the mechanism file.",
+    assert advice.nothing_seen(found) == [
+        "joint1.damping came out as zero, the smallest value allowed: too small to be seen."
     ]
+    assert advice.bounds_met(found) == [
+        "link1.length ended on a bound; widen the bound or check the mechanism file."
+    ]
+    assert advice.nothing_seen(found[1:]) == []
+    assert advice.bounds_met(found[:1]) == []
 
 
 def test_residuals_above_the_noise_and_what_may_be_the_reason():
@@ -169,11 +173,12 @@ def test_samples_starts_and_the_end_of_the_search():
         "20 measured positions are few for 6 unknowns; more frames give smaller intervals."
     ]
     assert advice.few(24, 6) == []
-    assert advice.search_end(False, 3) == [
-        "The search ended before the minimum was certain; allow more with --identify.evaluations.",
-        "3 starts were tried; the best of them is reported.",
+    assert advice.search_end(False) == [
+        "The search ended before the minimum was certain; allow more with --identify.evaluations."
     ]
-    assert advice.search_end(True, 1) == []
+    assert advice.search_end(True) == []
+    assert advice.starts_tried(3) == ["3 starts were tried; the best of them is reported."]
+    assert advice.starts_tried(1) == []
 
 
 def test_zero_frictions_are_those_not_estimated(double):

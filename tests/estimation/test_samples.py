@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monodyn.errors import MechanismError, VideoError
-from monodyn.estimation.record.samples import cut, merge, prepare
+from monodyn.estimation.record.samples import cut, merge, prepare, spread
 from monodyn.types import Poses
 from support import refuses
 
@@ -72,3 +72,20 @@ def test_what_holds_for_a_record_holds_for_its_rows(poses, double):
     data = prepare([poses, poses.part(0, 30)], double)
     np.testing.assert_array_equal(data.by_row(np.array([3, 5])), [3] * 60 + [5] * 30)
     np.testing.assert_array_equal(cut(data, 7).by_row(np.array([3, 5])), [3] * 60 + [5] * 30)
+
+
+def test_some_pieces_stand_for_all(poses, double):
+    data = prepare([poses, poses.part(0, 7), poses], double)
+    pieces = cut(data, 10)
+    part, chosen = spread(data, pieces, 4)
+    assert chosen.record.tolist() == [0, 0, 2, 2]
+    assert part.first.tolist() == [0, 20, 20, 40]
+    assert chosen.first.tolist() == [0, 10, 20, 30, 40]
+    rows = [*range(10), *range(40, 50), *range(77, 87), *range(117, 127)]
+    np.testing.assert_array_equal(part.position, data.position[rows])
+    np.testing.assert_array_equal(part.source, data.source[rows])
+    np.testing.assert_array_equal(part.white, data.white[rows])
+    # where there are few they all stay
+    same, all_of_them = spread(data, pieces, 100)
+    np.testing.assert_array_equal(same.times, data.times)
+    np.testing.assert_array_equal(all_of_them.first, pieces.first)

@@ -20,7 +20,7 @@ PAPER_ALONE = (
     [
         (
             {"torque": "magnetic"},
-            "identify.torque: expected one of 'friction', 'fourier', 'free', got 'magnetic'.",
+            "identify.torque: expected one of 'auto', 'friction', 'fourier', 'free', got 'magnetic'.",
         ),
         (
             {"terms": 3},

@@ -29,7 +29,7 @@ def test_an_integration_bound_out_of_reach_is_said(double):
             r"With 64 integration steps between time stamps, the most there are, the motion is exact to \S+ "
             r"rad \(m for slides\) and not to the required 1e-09; fit a shorter record, or give a larger "
             r"--identify\.error-bound if that is exact enough\.",
-            line,
+            doubt.reason,
         )
-        for line in fit.advice
+        for doubt in fit.doubts
     )

@@ -31,7 +31,7 @@ def joint_kind(mechanism: Mechanism, owner: str) -> str:
 
 
 @pytest.mark.parametrize("name", ["cartpole", "double", "bob"])
-@pytest.mark.parametrize("torque", ["friction", "fourier"])
+@pytest.mark.parametrize("torque", ["friction", "fourier", "known"])
 def test_dimensions_agree_with_the_units_of_every_parameter(name: str, torque: str) -> None:
     mechanism = load(name).with_torque(torque, terms=1, period=1.0)
     for p in mechanism.parameters:
@@ -49,7 +49,8 @@ def test_every_kind_is_one_of_some_mechanism(tmp_path: Path) -> None:
     kinds = {
         p.kind
         for name in ("cartpole", "double", hammer)
-        for p in load(name).with_torque("fourier", terms=1, period=1.0).parameters
+        for model in ("fourier", "known")
+        for p in load(name).with_torque(model, terms=1, period=1.0).parameters
     }
     assert kinds == set(DIMENSIONS)
 

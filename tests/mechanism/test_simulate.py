@@ -14,6 +14,7 @@ from monodyn.mechanism.simulate import (
     rollout,
     rollout_derivatives,
     simulate,
+    transitions,
 )
 from support import refuses
 
@@ -83,3 +84,21 @@ def test_simulate_checks_what_it_is_given() -> None:
         simulate(double, np.arange(2.0), np.zeros(1), still)
     with refuses(MechanismError, "Trajectory.velocity: expected an array of shape (2, any), got (3, 2)."):
         Trajectory(np.arange(2.0), np.zeros((2, 2)), np.zeros((3, 2)))
+
+
+def test_transitions_multiply_to_the_derivative_by_the_start() -> None:
+    mechanism, times = load("double"), np.array([0.0, 0.1, 0.15, 0.3])
+    start = np.array([0.4, 0.9, -1.0, 2.0])
+    found = transitions(mechanism.tree, times, start, substeps=8)
+    whole = np.eye(4)
+    for step in found:
+        whole = step @ whole
+    # against differences of the motion itself
+    for i in range(4):
+        ahead, behind = (
+            np.concatenate(
+                [part[-1] for part in rollout(mechanism.tree, times, *np.split(at, 2), substeps=8)]
+            )
+            for at in (start + 1e-6 * np.eye(4)[i], start - 1e-6 * np.eye(4)[i])
+        )
+        assert np.allclose(whole[:, i], (ahead - behind) / 2e-6, atol=1e-7)

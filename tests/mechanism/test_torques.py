@@ -128,7 +128,7 @@ def test_a_part_called_torque_keeps_its_parameters(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("model", "options", "message"),
     [
-        ("spline", {}, "torque: expected one of 'friction', 'fourier', 'free', got 'spline'."),
+        ("spline", {}, "torque: expected one of 'friction', 'fourier', 'free', 'known', got 'spline'."),
         ("fourier", {"period": 1.0}, "torque.terms: expected 1 or more, got 0."),
         ("fourier", {"terms": 2}, "torque.period: expected a time above 0 s, got None."),
         ("fourier", {"terms": 2, "period": -0.5}, "torque.period: expected a time above 0 s, got -0.5."),

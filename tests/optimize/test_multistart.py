@@ -15,10 +15,18 @@ def test_starts_repeat_for_a_seed_and_hold_the_first():
 
 def test_first_good_stops_early_and_takes_the_cheapest_otherwise():
     numbers = [np.array([x]) for x in (5.0, 3.0, 4.0)]
-    assert first_good(float_of, numbers, cost=abs, good=lambda r: r < 3.5) == (3.0, 2)
-    assert first_good(float_of, numbers, cost=abs, good=lambda r: False) == (3.0, 3)
+    other = lambda a, b: False  # noqa: E731
+    assert first_good(float_of, numbers, cost=abs, good=lambda r: r < 3.5, same=other) == (3.0, 2)
+    assert first_good(float_of, numbers, cost=abs, good=lambda r: False, same=other) == (3.0, 3)
     with pytest.raises(ValueError, match=r"^first_good: expected at least one start, got none\.$"):
-        first_good(float_of, [], cost=abs, good=bool)
+        first_good(float_of, [], cost=abs, good=bool, same=other)
+
+
+def test_what_was_found_twice_is_taken():
+    numbers = [np.array([x]) for x in (5.0, 3.0, 4.9, 3.01, 1.0)]
+    near = lambda a, b: abs(a - b) < 0.1  # noqa: E731
+    # 5 and 4.9 are alike too, but by then something cheaper was known
+    assert first_good(float_of, numbers, cost=abs, good=lambda r: False, same=near) == (3.0, 4)
 
 
 def float_of(x):

@@ -299,7 +299,7 @@ def test_driven_sensitivities_are_exact(name: str, torque: str, back: bool, tmp_
     # Every third is a joint's damping as well, and acts from the start.
     dlinks[0, DAMPING, -1::-3] = 1.0
     dgravity = np.concatenate((sized.gravity, np.zeros((2, count))), axis=1)
-    directions = Directions(dlinks, dgravity, entry, *np.zeros((2, len(names) + count)))
+    directions = Directions(dlinks, dgravity, entry, *np.zeros((3, len(names) + count)))
     times = times[:: -1 if back else 1]
     q0, v0 = rng.uniform(-1, 1, n), rng.uniform(-2, 2, n)
     q, v, dq, dv = rollout_derivatives(tree, directions, times, q0, v0, substeps=3, drive=drive)
@@ -325,7 +325,7 @@ def test_derivative_by_the_period_is_that_of_finite_differences(name: str, tmp_p
     tree = mechanism.tree
     by_period = Directions(
         np.zeros((*tree.links.shape, 1)), np.zeros((2, 1)), np.full((n, 7), -1), np.zeros(1),
-        np.array([-1 / period]),
+        np.array([-1 / period]), np.zeros(1),
     )  # fmt: skip
     drive = Drive(FOURIER, np.array([period]), table)
     _, _, dq, dv = rollout_derivatives(tree, by_period, times, q0, v0, substeps=4, drive=drive)
@@ -357,7 +357,7 @@ def test_derivative_by_the_time_scale_is_that_of_finite_differences(
     power[[DAMPING, STIFFNESS]] = 1.0, 2.0
     by_scale = Directions(
         (power * tree.links)[:, :, None], 2 * tree.gravity[:, None], np.full(drive.table.shape, -1),
-        np.array([2.0]), np.array([1.0]),
+        np.array([2.0]), np.array([1.0]), np.zeros(1),
     )  # fmt: skip
     _, _, dq, _ = rollout_derivatives(tree, by_scale, stamps, q0, v0, substeps=4, drive=drive)
     ours = dq[:, :, 0] + dq[:, :, 1 + n :] @ v0

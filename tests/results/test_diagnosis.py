@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from monodyn.errors import VideoError
+from monodyn.estimation.fit import Grade
 from monodyn.results.diagnosis import diagnosis, jpeg, png, write_diagnosis
 from monodyn.results.folder import RunFolder
-from monodyn.results.sheet import GREEN, RED, SKY, WIDTH
+from monodyn.results.sheet import GREEN, ORANGE, RED, SKY, WIDTH
 from monodyn.results.sight import Sight
 from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
@@ -33,11 +34,13 @@ def test_every_stage_has_its_page(filmed: tuple[Scene, Poses]) -> None:
     assert len({page.tobytes() for page in pages}) == 4
 
 
-@pytest.mark.parametrize(("ok", "colour"), [(None, SKY), (True, GREEN), (False, RED)])
+@pytest.mark.parametrize(
+    ("grade", "colour"), [(None, SKY), ("trusted", GREEN), ("approximate", ORANGE), ("refused", RED)]
+)
 def test_the_verdict_has_its_colour(
-    make_clip: ClipMaker, ok: bool | None, colour: tuple[int, int, int]
+    make_clip: ClipMaker, grade: Grade | None, colour: tuple[int, int, int]
 ) -> None:
-    page = diagnosis(Sight(read(make_clip()), status="What came of it.", ok=ok))
+    page = diagnosis(Sight(read(make_clip()), status="What came of it.", grade=grade))
     assert (page[60:80] == colour).all(axis=2).sum() > 50
 
 

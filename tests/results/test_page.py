@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from fits import made_fit, record
+from monodyn.estimation.fit import Doubt
 from monodyn.results.findings import Findings
 from monodyn.results.page import flat, page_text
 from monodyn.results.predict import predict
@@ -32,9 +33,9 @@ def test_page_needs_no_network() -> None:
 
 
 def test_page_of_a_fit_that_failed() -> None:
-    fit = made_fit(ok=False, status="Too few frames.", starts=())
+    fit = made_fit(starts=()).doubted([Doubt("refused", "Too few frames.")])
     text = page_text(Findings(fit, [], "x"))
-    assert 'class="status bad"' in text
+    assert 'class="status refused"' in text
     assert "Plotly" not in text
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from tyro import conf
@@ -200,6 +201,16 @@ def names(option: str, words: Sequence[Sequence[str]]) -> tuple[str, ...]:
     return tuple(word for group in words for word in group)
 
 
+def paths(option: str, words: Sequence[Sequence[str]]) -> tuple[Path, ...]:
+    """Return the files of repeated options in order.
+
+    Args:
+        option: Name of the option.
+        words: What the user wrote, by use of the option.
+    """
+    return tuple(Path(name) for name in names(option, words))
+
+
 def _assigned(option: str, words: Sequence[Sequence[str]]) -> list[tuple[str, str, str]]:
     """Return each word with what is left and right of its ``=``; a name may come once."""
     parts = []
@@ -221,6 +232,7 @@ FORMS: dict[Any, Notation] = {
     Mapping[str, str]: Notation(Words, (), "NAME=TARGET ...", words),
     Mapping[str, float]: Notation(Words, (), "NAME=VALUE ...", values),
     Sequence[str]: Notation(Words, (), "NAME ...", names),
+    tuple[Path, ...]: Notation(Words, (), "FILE ...", paths),
     Mapping[str, tuple[float, float]]: Notation(Words, (), "NAME=LOW:HIGH ...", intervals),
 }
 """The form of each type of setting that a single word cannot hold; all others are one word."""

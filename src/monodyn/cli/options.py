@@ -39,13 +39,14 @@ class CommonOptions:
     """What every command that takes settings has in common.
 
     Attributes:
-        model: Mechanism file (MJCF, URDF) or bundled name (see monodyn models).
+        model: Mechanism file (MJCF, URDF) or bundled name (see monodyn models); auto tries the bundled ones
+            and takes the one that the evidence prefers.
         force: Replace a run that is already in DIR.
         quiet: No progress, no table.
         json: The result as JSON on the standard output.
     """
 
-    model: Model
+    model: Model = "auto"
     force: bool = False
     quiet: bool = False
     json: bool = False
@@ -251,7 +252,7 @@ COMMANDS: dict[str, Command] = {
     "track": Command(
         TrackOptions,
         "monodyn track clip.mp4 --model double.xml --out run",
-        without=("fit_frames", "until", "bounds", "identify"),
+        without=("fit_frames", "until", "bounds", "torques", "uncertainty", "identify"),
     ),
     "identify": Command(
         IdentifyOptions,

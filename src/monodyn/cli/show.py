@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
     from monodyn.pipeline import Outcome
 
+STYLES = {"trusted": "bold green", "approximate": "bold yellow", "refused": "bold red"}
+"""How the status is shown, by grade."""
+
 
 @contextmanager
 def progress_on(stream: TextIO, *, quiet: bool) -> Iterator[Progress | None]:
@@ -143,8 +146,16 @@ def _console() -> Any:
     return PipeConsole(highlight=False, soft_wrap=True)
 
 
+def _print_comparison(console: Any, rows: list[dict[str, Any]]) -> None:
+    if rows:
+        console.print(f"model: {rows[0]['model']}", style="bold", markup=False)
+    for row in rows:
+        console.print(f"- {row['model']}: {row['said']}", markup=False)
+
+
 def _print_tracking(outcome: Outcome) -> None:
     console = _console()
+    _print_comparison(console, outcome.document["comparison"])
     poses = outcome.poses
     console.print(
         f"{int(poses.seen.sum())} of {len(poses)} frames tracked in {sum(outcome.seconds.values()):.1f} s."
@@ -159,13 +170,16 @@ def _print_fit(outcome: Outcome) -> None:
 
     console = _console()
     document, fit = outcome.document, outcome.fit
+    _print_comparison(console, document["comparison"])
+    for row in document["tried_torques"]:
+        console.print(f"- {row['kind']}: {row['said']}", markup=False)
     names = set() if fit is None else {row.name for row in listed_rows(fit)}
     if names:
         console.print(_parameters([row for row in document["parameters"] if row["name"] in names]))
     if document["combinations"]:
         console.print(_combinations(document["combinations"]))
     console.print(_errors(outcome))
-    console.print(document["status"], style="bold" if document["ok"] else "bold red", markup=False)
+    console.print(document["status"], style=STYLES[document["grade"]], markup=False)
     for sentence in document["advice"]:
         console.print(f"- {sentence}", markup=False)
     if outcome.folder is not None:
@@ -197,7 +211,7 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
         )
         if row["at_bound"]:
             interval = "at its bound"
-        elif not row["free"]:
+        elif not row["free"] and not known:
             interval = "held"
         table.add_row(row["name"], number(row["value"], std), interval, row["unit"])
     return table

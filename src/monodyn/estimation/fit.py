@@ -2,14 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from monodyn.errors import FitError
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.drive import Drive
+from monodyn.mechanism.logged import logged
+from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.tree import Directions
+from monodyn.types import TorqueLog
+
+Grade = Literal["trusted", "approximate", "refused"]
+"""How far a fit can be relied on: in full; for what its status says holds; not at all."""
+GRADES: tuple[Grade, ...] = ("trusted", "approximate", "refused")
+"""All of them, the best first."""
+PAYS = frozenset({"friction", "drag"})
+"""Kinds that are freed only where that explains more than chance would."""
+SHOWN = 3.0
+"""Standard deviations above zero from which on a friction shows."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What speaks against a fit.
+
+    Attributes:
+        grade: What is left of the fit: ``approximate`` or ``refused``.
+        reason: What was found, and what to do about it, in sentences.
+    """
+
+    grade: Grade
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -73,14 +101,39 @@ class Start:
     covariance: np.ndarray
 
 
+class TriedTorque(NamedTuple):
+    """One of the kinds of torque between which the evidence decided.
+
+    Attributes:
+        kind: What acts, in words.
+        chosen: Whether it is the one that was taken.
+        said: How well it follows the record, a sentence with its figures.
+    """
+
+    kind: str
+    chosen: bool
+    said: str
+
+
+class Unmodelled(NamedTuple):
+    """What a model lacks, as random accelerations.
+
+    Attributes:
+        density: Spectral density of each joint's random acceleration [rad^2/s^3 or m^2/s^3], (dof,).
+        off: Mean square of positions, then rates of the motion less the identified one [SI], (2 dof, 2 dof).
+    """
+
+    density: np.ndarray
+    off: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """An identified mechanism with its error bars.
 
     Attributes:
         status: What came of it, one sentence.
-        ok: True when the result can be used: no joint's rms residual is above both 20 times its stated noise
-            and 1.5 % of its range of motion (see ``verdict``).
+        doubts: What speaks against it, the gravest first.
         advice: Plain sentences: what is not known, and what would fix it.
         mechanism: The identified mechanism.
         parameters: All parameters with their intervals.
@@ -101,10 +154,15 @@ class Fit:
         seconds: Wall time [s].
         stamp_error: Standard deviation of the time stamps, as the residuals show it [s]; 0 where they show
             none.
+        unmodelled: What the model lacks, which predictions go astray by; None where the noise explains the
+            residuals.
+        torques: Known torques of each record; empty where none are known.
+        tried_torques: The kinds of torque that were tried, the chosen one first; empty where friction left
+            nothing to explain, or where the kind was named.
     """
 
     status: str
-    ok: bool
+    doubts: tuple[Doubt, ...]
     advice: tuple[str, ...]
     mechanism: Mechanism
     parameters: tuple[Estimate, ...]
@@ -120,6 +178,32 @@ class Fit:
     evaluations: int
     seconds: float
     stamp_error: float = 0.0
+    unmodelled: Unmodelled | None = None
+    torques: tuple[TorqueLog, ...] = ()
+    tried_torques: tuple[TriedTorque, ...] = ()
+
+    @property
+    def grade(self) -> Grade:
+        """How far it can be relied on: as the gravest doubt has it."""
+        return self.doubts[0].grade if self.doubts else GRADES[0]
+
+    @property
+    def ok(self) -> bool:
+        """True where it can be used, at least for what its status says holds."""
+        return self.grade != "refused"
+
+    def doubted(self, doubts: Sequence[Doubt]) -> Fit:
+        """Return the fit with more doubts; the gravest becomes its status.
+
+        Args:
+            doubts: What else speaks against it.
+        """
+        if not doubts:
+            return self
+        gravest = sorted((*self.doubts, *doubts), key=lambda doubt: -GRADES.index(doubt.grade))
+        said = gravest[0].reason
+        status = said if gravest[0].grade == "refused" else f"Approximate. {said}"
+        return replace(self, status=status, doubts=tuple(gravest))
 
     @cached_property
     def shared(self) -> tuple[str, ...]:
@@ -153,6 +237,73 @@ class Fit:
         # start states of the other records do not move this one
         chosen = np.concatenate((np.arange(count), count + record * width + np.arange(width)))
         return self.covariance[np.ix_(chosen, chosen)]
+
+    @property
+    def mass_scale(self) -> str | None:
+        """What determines masses themselves: ``"torques"`` that are known; None where only ratios are."""
+        kinds = {p.name: p.kind for p in self.mechanism.parameters}
+        weighed = [p for p in self.parameters if kinds[p.name] == "mass" and p.std > 0.0]
+        return "torques" if self.torques and any(p.identifiable for p in weighed) else None
+
+    @cached_property
+    def acting(self) -> tuple[str, ...]:
+        """What acts at the joints, as far as it shows: ``"viscous friction"``, ``"dry friction"``,
+        ``"quadratic drag"``, and one of ``"periodic torque"``, ``"free torque"``, ``"known torque"``.
+
+        A friction shows where it, or its ratio to a mass, is three standard deviations above zero.
+        """
+        kinds = {p.name: p.kind for p in self.mechanism.parameters}
+        given = {p.name for p in self.parameters if not p.free and p.value > 0.0}
+        rows = [(p.name, p.value, p.std) for p in self.parameters if p.free]
+        # without a mass a friction is known in proportion to one alone
+        rows += [(c.name.split(" ")[0], c.value, c.std) for c in self.combinations]
+        shown = {kinds.get(name) for name, value, std in rows if value > SHOWN * std}
+        # where no ratio is known either it is one that was freed because it pays
+        shown |= {
+            kinds[p.name] for p in self.parameters if p.free and p.value > 0.0 and np.isinf(p.std)
+        } & PAYS
+        shown |= {kinds[name] for name in given}
+        laws = {"damping": "viscous friction", "friction": "dry friction", "drag": "quadratic drag"}
+        over_time = {"fourier": "periodic torque", "free": "free torque", "known": "known torque"}
+        also = (over_time[self.torque],) if self.torque in over_time else ()
+        return (*(word for kind, word in laws.items() if kind in shown), *also)
+
+    def driven(self, stamps: np.ndarray, record: int) -> tuple[Drive, int]:
+        """Return what acts at the joints of one record in addition to friction and springs.
+
+        Args:
+            stamps: Time stamps [s], (frame,), rising or falling.
+            record: Which record.
+
+        Returns:
+            The drive in true time, and the least number of integration steps between two stamps.
+        """
+        if not self.torques:
+            return self.mechanism.drive, 1
+        values, joints = self.mechanism.values, tuple(joint.name for joint in self.mechanism.joints)
+        known = logged(self.torques[record], joints, np.sort(stamps))
+        return known.drive(values[LAG], values["time_scale"]), known.parts
+
+    def unpushed(self, stamps: np.ndarray, record: int) -> np.ndarray:
+        """Mark the time stamps at which the torques are not known although they are elsewhere.
+
+        Args:
+            stamps: Time stamps [s], (frame,).
+            record: Which record.
+
+        Returns:
+            True before and after known torques, and before and after free ones, bool (frame,).
+        """
+        if self.torques:
+            log, late = self.torques[record].time, self.mechanism.values[LAG]
+            # a lag leaves the torque open for as long at the beginning; that of the first row stands for it
+            first, last = min(log[0], log[0] + late), max(log[-1], log[-1] + late)
+            step = float(np.median(np.diff(log)))
+            return (stamps < first - step) | (stamps > last + step)
+        if self.torque != "free":
+            return np.zeros(len(stamps), dtype=bool)
+        knots = self.mechanism.drive.times / self.mechanism.values["time_scale"]
+        return (stamps < knots[0] - 1e-9) | (stamps > knots[-1] + 1e-9)
 
     def directions(self) -> Directions:
         """Differentiate tree and drive by the estimated parameters; a size tied to a length moves with it.

@@ -16,9 +16,11 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.torque.auto import fit_auto
 from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
+from monodyn.estimation.torque.known import fit_known
 from monodyn.estimation.torque.task import Task
 from monodyn.estimation.verdict.stretches import (
     beginning,
@@ -32,11 +34,13 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress
 
 TORQUE_MODELS = {
+    "auto": fit_auto,
     "friction": fit_friction,
     "fourier": fit_series,
     "free": fit_free_torques,
+    "known": fit_known,
 }
-"""How a motion is explained, by torque model."""
+"""How a motion is explained, by torque model; where torques are known that is the one."""
 SHORTEST_BEGINNING = 20
 """Rows of the shortest beginning that is tried when the whole record does not fit."""
 
@@ -56,7 +60,8 @@ def identify_jointly(
         The identified mechanism with intervals.
     """
     fit = _identified(records, mechanism, settings, progress)
-    if not fit.ok and fit.starts and settings.torque == "friction":
+    if not fit.ok and fit.starts and settings.torque in ("auto", "friction") and fit.torque == "friction":
+        settings = replace(settings, torque="friction", uncertainty="linear")
         reason = _other_rate(records, mechanism, settings) or _beginning(records, mechanism, settings)
         fit = replace(fit, advice=(*reason, *fit.advice))
     return fit
@@ -86,8 +91,9 @@ def _identified(
     began = time.perf_counter()
     data = prepare(records, mechanism)
     smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
-    solution = TORQUE_MODELS[settings.torque](mechanism, Task(data, smoothed, settings, progress))
-    return summarize(solution, records, settings, began)
+    model = "known" if data.torques else settings.torque
+    solution = TORQUE_MODELS[model](mechanism, Task(data, smoothed, settings, progress))
+    return summarize(solution, records, settings, began, progress)
 
 
 def _beginning(

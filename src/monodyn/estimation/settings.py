@@ -13,9 +13,10 @@ MOST_TERMS = 50
 """Harmonics of the longest Fourier series."""
 USUAL_TERMS = 7
 """Where the number of harmonics is open, no more than these are tried."""
-Torque = Literal["friction", "fourier", "free"]
+Torque = Literal["auto", "friction", "fourier", "free"]
 Series = Literal["with-friction", "alone"]
 Bodies = Literal["auto", "uniform", "free"]
+Uncertainty = Literal["linear", "profile", "bootstrap"]
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,9 @@ class IdentifySettings:
         method: ``fast``: parameters and start state in one weighted least squares; ``paper``: eq. (14) of
             the 2012 paper, start state from the filtered poses; None is as the whole run.
         torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
-            Fourier series) or ``free`` (one torque a joint and time stamp); see ``series`` for friction.
+            Fourier series), ``free`` (one torque a joint and time stamp), or ``auto``, the simplest that the
+            evidence supports, quadratic drag among them (with ``paper`` as ``friction``); see ``series``
+            for friction.
         terms: Harmonics of the Fourier series; 0 takes as many as the record supports, 7 with ``paper``.
         series: ``with-friction`` keeps friction in addition to a torque over time, ``alone`` leaves it out;
             None is with friction, and alone with ``paper``.
@@ -39,6 +42,8 @@ class IdentifySettings:
         outlier: A sample is left out when its residual is above this many typical ones, 3 or more; 0 keeps
             all, as ``paper`` always does.
         evaluations: Evaluations of the model in one search, at most.
+        uncertainty: Where intervals come from: ``linear``, the covariance at the optimum; ``profile``, how
+            the cost rises to either side of it; ``bootstrap``, fits of 200 records with other noise.
     """
 
     method: Method | None = None
@@ -52,21 +57,23 @@ class IdentifySettings:
     error_bound: float = 1e-5
     outlier: float = 8.0
     evaluations: int = 100
+    uncertainty: Uncertainty = "linear"
 
     def __post_init__(self) -> None:
         check_choice("identify.method", self.method, (*METHOD_NAMES, None))
         for name, words in (("torque", get_args(Torque)), ("bodies", get_args(Bodies))):
             check_choice(f"identify.{name}", getattr(self, name), words)
+        check_choice("uncertainty", self.uncertainty, get_args(Uncertainty))
         check_choice("identify.series", self.series, (*get_args(Series), None))
         if self.torque != "fourier" and self.terms:
             raise SettingsError(
                 "identify.terms: expected --identify.torque fourier with it, got "
                 f"'{self.torque}'; add it, or leave it out."
             )
-        if self.torque == "friction" and self.series is not None:
+        if self.torque in ("auto", "friction") and self.series is not None:
             raise SettingsError(
-                "identify.series: expected --identify.torque fourier or free with it, got 'friction'; "
-                "add it, or leave it out."
+                "identify.series: expected --identify.torque fourier or free with it, got "
+                f"'{self.torque}'; add it, or leave it out."
             )
         ranges = (
             ("terms", 0, MOST_TERMS),
@@ -80,3 +87,20 @@ class IdentifySettings:
                 raise SettingsError(f"{shown}: expected {low:g} to {high:g}, got {value:g}.")
         if self.outlier != 0 and not (self.outlier >= 3 and isfinite(self.outlier)):
             raise SettingsError(f"identify.outlier: expected 0 or at least 3, got {self.outlier:g}.")
+
+
+def check_known(settings: IdentifySettings) -> None:
+    """Refuse known torques next to torques that are to be found, or with the published method.
+
+    Args:
+        settings: How the mechanism is identified.
+
+    Raises:
+        SettingsError: They cannot be used so.
+    """
+    if settings.torque not in ("auto", "friction") or settings.method == "paper":
+        got = "the method 'paper'" if settings.method == "paper" else f"--identify.torque {settings.torque}"
+        raise SettingsError(
+            f"torques: expected the method 'fast' and --identify.torque friction with known torques, got "
+            f"{got}; leave one of them out."
+        )

@@ -73,6 +73,7 @@ DIMENSIONS = {
     "gravity": Dimensions(length=1, time=-2),
     "time_scale": Dimensions(time=1),
     "period": Dimensions(time=1),
+    "lag": Dimensions(time=1),
 }
 """Dimensions by kind of parameter, those of joints at a hinge. An ``offset`` is seen, by its parallax, on the
 scale of the picture, so that it counts as a length in the plane."""

@@ -36,6 +36,7 @@ class Drive:
         mode: ``NONE``, ``FOURIER`` or ``KNOTS``.
         times: The period [s], (1,); or the knots [s], (knot,); or empty.
         table: Coefficients [N m or N], (dof, column), float or complex.
+        lagging: Derivative of the table by a lag of known torques [N m/s or N/s], (dof, column); None for 0.
 
     Source: the 2012 paper, eq. (13), and its Case III, which has an unknown torque "at each time instant" and
         leaves open how it runs in between; here it is linear.
@@ -44,6 +45,7 @@ class Drive:
     mode: int
     times: np.ndarray
     table: np.ndarray
+    lagging: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         # Fields of a frozen dataclass are set past its guard once, to read-only copies: mechanisms share
@@ -54,6 +56,9 @@ class Drive:
         shape = (None, None)
         set_(self, "table", frozen("Drive.table", self.table, shape, dtype=number, error=MechanismError))
         columns = self.table.shape[1]
+        if self.lagging is not None:
+            lagging = frozen("Drive.lagging", self.lagging, self.table.shape, error=MechanismError)
+            set_(self, "lagging", lagging)
         if self.mode == FOURIER:
             period = self.times.tolist()
             if len(period) != 1 or not 0 < period[0] < np.inf:
@@ -124,6 +129,8 @@ class Drive:
         torque, rate = shapes @ self.table.T, rates @ self.table.T
         slopes = torque[:, :, None] * directions.load
         slopes = slopes + (times[:, None] * rate)[:, :, None] * directions.clock
+        if self.lagging is not None:
+            slopes = slopes + (shapes @ self.lagging.T)[:, :, None] * directions.lag
         for i, c in zip(*np.nonzero(directions.entry >= 0), strict=True):
             slopes[:, i, directions.entry[i, c]] += shapes[:, c]
         return torque, slopes

@@ -13,7 +13,7 @@ from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import derivatives, settled, shapes_of, tree_of
 from monodyn.mechanism.parts import Joint, Parameter
 from monodyn.mechanism.plan import OWNED_COLUMNS, Plan
-from monodyn.mechanism.torques import TorqueParameters, common_names, make_torques
+from monodyn.mechanism.torques import LAG, TorqueParameters, common_names, make_torques
 from monodyn.mechanism.tree import Directions, Measured, Shapes, Tree
 
 if TYPE_CHECKING:
@@ -72,12 +72,13 @@ class Mechanism:
 
     @property
     def torque(self) -> str:
-        """What acts at the joints in addition to springs: ``"friction"``, ``"fourier"`` or ``"free"``."""
+        """What acts at the joints in addition to springs: ``"friction"``, ``"fourier"``, ``"free"``, or
+        ``"known"`` torques, which belong to a record."""
         return self.torques.model
 
     @cached_property
     def drive(self) -> Drive:
-        """Torques over true time."""
+        """Torques over true time; known ones are no part of the mechanism, but for their lag."""
         from monodyn.mechanism.drive import FOURIER, KNOTS, UNDRIVEN, Drive
 
         table = self.numbers[self.torques.rows]
@@ -275,6 +276,7 @@ class Mechanism:
             model: ``"friction"``: none. ``"fourier"``: a Fourier series with the parameters ``torque.period``
                 and, for each joint, ``<joint>.torque.mean``, ``.torque.cos1``, ``.torque.sin1``, ...
                 ``"free"``: values at knots, linear in between, ``<joint>.torque.0``, ``.torque.1``, ...
+                ``"known"``: those of a record's log, with the parameter ``torque.lag`` alone.
             terms: Harmonics of the Fourier series.
             knots: Times of the knots [s], (knot,), in true time.
             period: Start value of the period [s], where the mechanism has none yet.
@@ -351,9 +353,12 @@ class Mechanism:
         if "torque.period" in names:  # a longer period is a slower clock of the torque
             row = self.row("torque.period")
             clock[rows == row] = -1.0 / self.numbers[row]
-        return Directions(
-            np.moveaxis(links, 0, -1), gravity.T, self.drive_entries(names), np.zeros(len(rows)), clock
-        )
+        if self.torque == "known":  # a log is on the clock of the stamps, whatever their true time
+            row = self.row("time_scale")
+            clock[rows == row] = -1.0 / self.numbers[row]
+        lag = np.array([name == LAG for name in names], dtype=float)
+        entry, load = self.drive_entries(names), np.zeros(len(rows))
+        return Directions(np.moveaxis(links, 0, -1), gravity.T, entry, load, clock, lag)
 
     def drive_entries(self, names: Sequence[str]) -> np.ndarray:
         """Return which parameter each entry of the drive's table is.

@@ -210,7 +210,7 @@ def accelerations(parent, kind, links, gravity, q, v, tau):  # pragma: no cover 
     return a
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def rollout(
     parent, kind, links, gravity, times, substeps, q0, v0, mode, stamps, table
 ):  # pragma: no cover - compiled

@@ -87,7 +87,9 @@ def simulate(
     return Trajectory(times, *rollout(tree, times, q0, v0, substeps=steps, drive=drive))
 
 
-def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, most: int) -> tuple[int, float]:
+def least_substeps(
+    positions: Callable[[int], np.ndarray], tolerance: float, most: int, least: int = 1
+) -> tuple[int, float]:
     """Double the integration steps until the motion stays within a bound of its error.
 
     Args:
@@ -95,6 +97,7 @@ def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, mos
             array of the same shape for every number.
         tolerance: Largest error of any position [rad or m].
         most: Where to stop doubling; returned also if the bound is out of reach, as in long chaotic motion.
+        least: Where to begin: a power of two.
 
     Returns:
         Steps between two time stamps, the least power of two that keeps the bound; and the largest error with
@@ -104,8 +107,8 @@ def least_substeps(positions: Callable[[int], np.ndarray], tolerance: float, mos
         Step doubling: halving the step of an order-4 method divides its error by 16, so the error of the
         longer step is 16/15 of the difference of the two results, that of the shorter 1/15.
     """
-    steps, change = 1, np.inf
-    coarse = positions(1)
+    steps, change = least, np.inf
+    coarse = positions(least)
     while steps < most:
         # The finer motion of this round is the coarser one of the next: each number is integrated once.
         fine = positions(2 * steps)
@@ -237,16 +240,53 @@ def rollout_derivatives(
         # A torque at a knot costs time only from where it begins to act: the kernel takes the directions in
         # that order, and at each frame only those that act by then.
         always = directions.links.any(axis=(0, 1)) | directions.gravity.any(axis=0)
-        always |= (directions.load != 0) | (directions.clock != 0)
+        always |= (directions.load != 0) | (directions.clock != 0) | (directions.lag != 0)
         begin[:params] = np.where(always, 0, _begins(drive.times, times, directions.entry, params))
+    lagging = np.zeros(drive.table.shape) if drive.lagging is None else drive.lagging
+    # known torques have a table, but no entry of it is a parameter
+    entry = directions.entry if directions.entry.size else np.full(drive.table.shape, -1)
     order = np.argsort(begin, kind="stable")
     live = np.searchsorted(begin[order], np.arange(len(times)), side="right")
     return tangents.rollout_tangents(
         tree.parent, tree.kind, tree.links, plain(directions.links, f8), tree.gravity,
         plain(directions.gravity, f8), times, int(substeps), plain(q0, f8), plain(v0, f8), drive.mode,
-        drive.times, drive.table, plain(directions.entry, np.int64), plain(directions.load, f8),
-        plain(directions.clock, f8), plain(order, np.int64), plain(live, np.int64),
+        drive.times, drive.table, plain(lagging, f8), plain(entry, np.int64),
+        plain(directions.load, f8), plain(directions.clock, f8), plain(directions.lag, f8),
+        plain(order, np.int64), plain(live, np.int64),
     )  # fmt: skip
+
+
+def transitions(
+    tree: Tree, times: np.ndarray, start: np.ndarray, *, substeps: int, drive: Drive | None = None
+) -> np.ndarray:
+    """Differentiate the state at each time stamp by the state at the one before.
+
+    Args:
+        tree: The joint tree.
+        times: Time stamps [s], (frame,).
+        start: Joint positions, then rates at ``times[0]`` [rad or m, rad/s or m/s], (2 dof,).
+        substeps: Equal steps between two stamps.
+        drive: Torques over time in addition to friction and springs, or None.
+
+    Returns:
+        Derivatives, (frame, 2 dof, 2 dof); the first is the identity.
+
+    Raises:
+        MechanismError: From ``_agree``: an array is not of the tree's joints.
+    """
+    drive = drive or UNDRIVEN(len(tree.parent))
+    q, v = rollout(tree, times, *np.split(start, 2), substeps=substeps, drive=drive)
+    none = np.zeros(0)
+    entry = np.full(drive.table.shape, -1)
+    nothing = Directions(np.zeros((*tree.links.shape, 0)), np.zeros((2, 0)), entry, none, none, none)
+    found = np.empty((len(times), len(start), len(start)))
+    found[0] = np.eye(len(start))
+    for i in range(1, len(times)):
+        _, _, dq, dv = rollout_derivatives(
+            tree, nothing, times[i - 1 : i + 1], q[i - 1], v[i - 1], substeps=substeps, drive=drive
+        )
+        found[i] = np.concatenate((dq[1], dv[1]))
+    return found
 
 
 def _begins(stamps: np.ndarray, times: np.ndarray, entry: np.ndarray, params: int) -> np.ndarray:

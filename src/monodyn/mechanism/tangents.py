@@ -250,24 +250,28 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: 
 
 
 @njit(cache=True, error_model="numpy")
-def _add_torque(tau, slope, time, value, span, slot, load, clock, da, live):  # pragma: no cover - compiled
+def _add_torque(
+    tau, slope, time, value, span, slot, load, clock, lagging, lag, da, live
+):  # pragma: no cover - compiled
     """Add the derivative of the torque to ``da``; ``slot`` holds the column of ``da`` by table entry.
 
     The torque is linear in its table, so that an entry's derivative is its basis function, which is zero
     outside of the columns ``span``.
     """
     for i in range(tau.size):
+        later = 0.0
         for c in range(span[0], span[1]):
             if slot[i, c] >= 0:
                 da[i, slot[i, c]] += value[c]
+            later += lagging[i, c] * value[c]
         for k in range(live):
-            da[i, k] += load[k] * tau[i] + clock[k] * time * slope[i]
+            da[i, k] += load[k] * tau[i] + clock[k] * time * slope[i] + lag[k] * later
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def rollout_tangents(
-    parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, table, entry, load,
-    clock, order, live,
+    parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, table, lagging, entry,
+    load, clock, lag, order, live,
 ):  # pragma: no cover - compiled  # fmt: skip
     """Integrate motion and tangents; return positions, rates and the derivatives of both.
 
@@ -279,7 +283,7 @@ def rollout_tangents(
     n, params = parent.size, dpar.shape[2]
     count = live[-1] if times.size > 0 else 0
     dlinks, dgravity = np.zeros((n, dpar.shape[1], count)), np.zeros((2, count))
-    loads, clocks = np.zeros(count), np.zeros(count)
+    loads, clocks, lags = np.zeros(count), np.zeros(count), np.zeros(count)
     slot = np.full(entry.shape, -1)
     x, u, a = np.empty((4, n)), np.empty((4, n)), np.empty((4, n))
     dx, du, da = np.zeros((4, n, count)), np.zeros((4, n, count)), np.empty((4, n, count))
@@ -293,7 +297,7 @@ def rollout_tangents(
             dx[0, p - params, k] = 1.0
         else:
             dlinks[:, :, k], dgravity[:, k] = dpar[:, :, p], dgpar[:, p]
-            loads[k], clocks[k] = load[p], clock[p]
+            loads[k], clocks[k], lags[k] = load[p], clock[p], lag[p]
             for i in range(n):
                 for c in range(entry.shape[1]):
                     if entry[i, c] == p:
@@ -334,7 +338,9 @@ def rollout_tangents(
                 _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
                 _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
                 if mode != NONE:
-                    _add_torque(tau, slope, time, value, span, slot, loads, clocks, da[r], many)
+                    _add_torque(
+                        tau, slope, time, value, span, slot, loads, clocks, lagging, lags, da[r], many
+                    )
                 # da holds dtau - (dM a + dbias); M is that of this stage
                 solve_all(parent, h, da[r], many)
             for i in range(n):

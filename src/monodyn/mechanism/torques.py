@@ -13,7 +13,11 @@ from monodyn.errors import MechanismError
 from monodyn.mechanism.parts import ANY, Entry, Joint, Table
 from monodyn.mechanism.plan import Plan
 
-TORQUES = ("friction", "fourier", "free")
+TORQUES = ("friction", "fourier", "free", "known")
+LAG = "torque.lag"
+"""How much later than in their log known torques act: a parameter."""
+MOST_LAG = 0.2
+"""Either bound of it [s], where the user sets none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +25,7 @@ class TorqueParameters:
     """The parameters of torques over time.
 
     Attributes:
-        model: ``"friction"`` (none), ``"fourier"`` or ``"free"``.
+        model: ``"friction"`` (none), ``"fourier"``, ``"free"`` or ``"known"``.
         table: All parameters of the mechanism: those of its plan, then those of the torques.
         index: Row of each parameter in ``table``.
         rows: Rows in ``table`` of the entries of ``Drive.table``, int64 (dof, column).
@@ -42,7 +46,7 @@ def make_torques(
 
     Args:
         plan: The mechanism's plan.
-        model: ``"friction"``, ``"fourier"`` or ``"free"``.
+        model: ``"friction"``, ``"fourier"``, ``"free"`` or ``"known"``.
         terms: Harmonics of ``"fourier"``.
         knots: Knots of ``"free"`` [s], (knot,).
         period: Start value of the period of ``"fourier"`` [s].
@@ -55,11 +59,14 @@ def make_torques(
     if model not in TORQUES:
         known = ", ".join(f"'{name}'" for name in TORQUES)
         raise MechanismError(f"torque: expected one of {known}, got '{model}'.")
+    nothing = np.zeros((len(joints), 0), dtype=np.int64)
     if model == "friction":
-        nothing = np.zeros((len(joints), 0), dtype=np.int64)
         return TorqueParameters(model, plan.table, plan.index, nothing, np.zeros(0))
     table, stamps = plan.table.copy(), np.zeros(0)
-    if model == "fourier":
+    if model == "known":
+        table.add(Entry(LAG, "lag", "", 0.0, "s", free=True, bounds=(-MOST_LAG, MOST_LAG), sign=ANY))
+        rows = nothing
+    elif model == "fourier":
         rows = _enter_series(table, joints, terms, period)
     else:
         stamps = frozen("torque.knots", () if knots is None else knots, (None,), error=MechanismError)

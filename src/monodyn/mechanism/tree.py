@@ -89,7 +89,7 @@ class Directions:
     """How parameters, or the coordinates of a search, change a tree and the drive at its joints.
 
     A parameter p changes the drive's torque by d tau_i / dp = sum of basis_c where ``entry[i, c]`` is p,
-    + load[p] tau_i + clock[p] t dtau_i/dt.
+    + load[p] tau_i + clock[p] t dtau_i/dt + lag[p] times the drive's derivative by a lag.
 
     Attributes:
         links: Derivative of ``Tree.links``, (dof, column, param).
@@ -97,6 +97,7 @@ class Directions:
         entry: Parameter that an entry of the drive's table is, -1 where none, int64 (dof, column).
         load: Derivative of the logarithm of all torques of the drive, (param,).
         clock: Derivative of the logarithm of the drive's clock, (param,).
+        lag: Derivative of the lag of known torques, (param,).
     """
 
     links: np.ndarray
@@ -104,6 +105,7 @@ class Directions:
     entry: np.ndarray
     load: np.ndarray
     clock: np.ndarray
+    lag: np.ndarray
 
     def chained(self, chain: np.ndarray) -> Directions:
         """Return the derivatives by other variables, by the chain rule.
@@ -117,8 +119,9 @@ class Directions:
             return np.ascontiguousarray(np.tensordot(np.moveaxis(table, -1, 0), chain, axes=(0, 0)))
 
         return Directions(
-            turned(self.links), turned(self.gravity), self.entry, self.load @ chain, self.clock @ chain
-        )
+            turned(self.links), turned(self.gravity), self.entry, self.load @ chain, self.clock @ chain,
+            self.lag @ chain,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

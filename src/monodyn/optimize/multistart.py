@@ -38,14 +38,16 @@ def first_good(
     *,
     cost: Callable[[Result], float],
     good: Callable[[Result], bool],
+    same: Callable[[Result, Result], bool],
 ) -> tuple[Result, int]:
-    """Solve from each start until a result is good; otherwise take the cheapest.
+    """Solve from each start until a result is good, or the cheapest was found twice; take the cheapest.
 
     Args:
         solve: Gives a result from a start.
         starts: Starts in the order in which they are tried; at least one.
         cost: Cost of a result; NaN counts as infinite.
         good: True for a result that needs no further start.
+        same: True for two results that are one: where two starts lead there, no other is looked for.
 
     Returns:
         The result and the number of starts that were tried.
@@ -59,10 +61,12 @@ def first_good(
         result = solve(start)
         tried += 1
         price = cost(result)
+        twice = best is not None and np.isfinite(price) and same(best, result)
         if best is None or price < best_cost:
             best, best_cost = result, price if np.isfinite(price) else np.inf
         if good(result):
             best = result
+        if twice or good(result):
             break
     if best is None:
         raise ValueError("first_good: expected at least one start, got none.")

@@ -132,7 +132,8 @@ def published_advice(
         sentences += advice.few(fixed.compared, len(problem.unknowns))
     edge = _at_reach(found)
     sentences += _beyond_reach(found, edge)
-    sentences += advice.bounds([p for p in bodies if p.name not in edge])
+    inside = [p for p in bodies if p.name not in edge]
+    sentences += [*advice.nothing_seen(inside), *advice.bounds_met(inside)]
     sentences += advice.limits(mechanism, problem.simulated(fixed.trial(found.x)))
     if settings.torque != "free":
         sentences += advice.clock(mechanism, fit.parameters)
@@ -143,7 +144,8 @@ def published_advice(
             "The search ended before the minimum was certain, and more evaluations would not take it "
             f"further; {' or '.join(_surer(found))}."
         )
-    return (*sentences, *advice.search_end(found.converged or not found.spent, found.tried))
+    ended = advice.search_end(found.converged or not found.spent)
+    return (*sentences, *ended, *advice.starts_tried(found.tried))
 
 
 def _surer(found: Descent) -> list[str]:

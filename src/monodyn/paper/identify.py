@@ -30,7 +30,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.fit import Fit
+from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.shooting.problem import Problem
@@ -156,7 +156,7 @@ def _fit(
     status, ok = published_verdict(found, fit.rms, settings, model)
     without_effect = known.without_effect(problem.unknowns.names)
     advice = published_advice(found, model, fit, records, settings, without_effect)
-    return replace(fit, status=status, ok=ok, advice=advice)
+    return replace(fit, status=status, doubts=() if ok else (Doubt("refused", status),), advice=advice)
 
 
 def _optimum(found: Descent, residuals: np.ndarray) -> Optimum:

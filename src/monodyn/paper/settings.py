@@ -104,6 +104,9 @@ class PaperIdentifySettings(IdentifySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.method != "fast" and self.torque == "auto":
+            # the paper chooses its cases by hand; the first one is what acts where nothing else is said
+            object.__setattr__(self, "torque", "friction")
         check_choice("identify.states", self.states, ("measured", "filtered"))
         check_choice("identify.filter", self.filter, ("printed", "consistent"))
         check_choice("identify.begin", self.begin, ("matched", "given"))

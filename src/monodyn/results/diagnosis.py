@@ -18,6 +18,7 @@ from monodyn.results.sheet import (
     GREEN,
     INK,
     MARGIN,
+    ORANGE,
     RED,
     SKY,
     SOFT,
@@ -33,6 +34,8 @@ from monodyn.results.strip import strip
 
 HEADING = 0.9
 """Size of the heading's text."""
+COLOURS = {"trusted": GREEN, "approximate": ORANGE, "refused": RED}
+"""Of the bar beside the status, by grade."""
 PACKED = 1
 """Compression of the picture, 0 to 9: more takes longer than it saves."""
 
@@ -117,7 +120,7 @@ def _heading(sight: Sight) -> Picture:
         f"{float(video.times[-1] - video.times[0]):.2f} s"
     )
     write(page, about, (x + 20, 42), BODY, SOFT)
-    colour = SKY if sight.ok is None else GREEN if sight.ok else RED
+    colour = SKY if sight.grade is None else COLOURS[sight.grade]
     if sight.status:
         page[58 : 64 + 22 * len(lines), MARGIN : MARGIN + 6] = colour
     for i, line in enumerate(lines):

@@ -9,6 +9,7 @@ import numpy as np
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit, Start
+from monodyn.mechanism.drive import Drive
 
 ERROR_BOUND = 1e-6
 """Largest integration error that is aimed at [rad or m]."""
@@ -42,8 +43,8 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
-    covariance; infinite before and after free torques, where nothing is known of them, and throughout where
-    the fit has no intervals.
+    covariance; after the fitted frames also what the model lacks. It is infinite before and after free or
+    known torques, where nothing is known of them, and throughout where the fit has no intervals.
 
     Args:
         fit: The identified mechanism.
@@ -81,8 +82,9 @@ def _one_way(
     from monodyn.mechanism.simulate import least_substeps, rollout, rollout_derivatives
 
     mechanism = fit.mechanism
-    tree, drive, stretch = mechanism.tree, mechanism.drive, mechanism.values["time_scale"]
+    tree, stretch = mechanism.tree, mechanism.values["time_scale"]
     stamps, rows = _stamps(start.time, times, usual)
+    drive, least = fit.driven(stamps, record)
     # a clip k times slower than life has time_scale 1/k: dynamics and drive run on the stretched clock
     clock = stamps * stretch
     state = (start.position, start.velocity)
@@ -90,21 +92,53 @@ def _one_way(
     def positions(substeps: int) -> np.ndarray:
         return rollout(tree, clock, *state, substeps=substeps, drive=drive)[0]
 
-    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_FILL_SUBSTEPS)
+    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_FILL_SUBSTEPS, least)
     q, v, dq, _ = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
     # q is a function of the stretched clock, so its slope in the stretch is the rate times the time since
     if "time_scale" in fit.shared:
         dq[:, :, fit.shared.index("time_scale")] += v * ((stamps - start.time)[:, None])
     covariance = fit.motion_covariance(record)
-    dq = dq[rows]
-    variance = np.einsum("fip,pr,fir->fi", dq, covariance, dq, optimize=True)
+    by_unknowns = dq[rows]
+    variance = np.einsum("fip,pr,fir->fi", by_unknowns, covariance, by_unknowns, optimize=True)
+    variance += _astray(fit, record, stamps, (q, v), drive, substeps)[rows]
     # a fit that is not determined has no covariance
-    unknown = np.isnan(variance).any(axis=1)
-    if fit.torque == "free":  # no torque is known outside of its knots
-        unknown |= (clock[rows] < drive.times[0] - 1e-9) | (clock[rows] > drive.times[-1] + 1e-9)
+    unknown = np.isnan(variance).any(axis=1) | fit.unpushed(stamps[rows], record)
     # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
     return q[rows], v[rows], std
+
+
+def _astray(
+    fit: Fit,
+    record: int,
+    stamps: np.ndarray,
+    motion: tuple[np.ndarray, np.ndarray],
+    drive: Drive,
+    substeps: int,
+) -> np.ndarray:
+    """Return by how much the motion goes astray of the identified one after the fitted frames, for what the
+    model lacks: variances of the positions, (frame, dof)."""
+    dofs = motion[0].shape[1]
+    added = np.zeros((len(stamps), dofs))
+    last = fit.time[record][-1]
+    after = np.flatnonzero(stamps > last + 1e-9)
+    if fit.unmodelled is None or not len(after) or not stamps[-1] > stamps[0]:
+        return added
+    from monodyn.mechanism.simulate import transitions
+
+    clock, start = stamps * fit.mechanism.values["time_scale"], np.concatenate([part[0] for part in motion])
+    carried = transitions(fit.mechanism.tree, clock, start, substeps=substeps, drive=drive)
+    density, covariance = fit.unmodelled
+    for i in after:
+        h = clock[i] - clock[i - 1]
+        covariance = carried[i] @ covariance @ carried[i].T
+        # of a random acceleration and its integrals
+        covariance[:dofs, :dofs] += np.diag(density) * h**3 / 3.0
+        covariance[:dofs, dofs:] += np.diag(density) * h**2 / 2.0
+        covariance[dofs:, :dofs] += np.diag(density) * h**2 / 2.0
+        covariance[dofs:, dofs:] += np.diag(density) * h
+        added[i] = np.diag(covariance)[:dofs]
+    return added
 
 
 def _stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:

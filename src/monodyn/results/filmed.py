@@ -84,7 +84,7 @@ def filmed_of(fit: Fit, scene: Scene | PointScene, poses: Poses, sight: Sight | 
     # without a fit the located mechanism is drawn, in the scale of its file
     mechanism = as_seen(fit.mechanism, scene.mechanism, scale) if fit.starts else scene.mechanism
     sight = sight or _seen(scene, poses)
-    sight.status, sight.ok = fit.status, fit.ok
+    sight.status, sight.grade = fit.status, fit.grade
     shutter = None if isinstance(scene, PointScene) else scene.shutter
     if shutter is not None:
         std["camera.exposure"] = shutter.std

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monodyn.results.filmed import Filmed
-from monodyn.results.log import RunLog
+from monodyn.results.log import Compared, RunLog
 from monodyn.results.trace import Trace
 from monodyn.types import Poses
 
@@ -45,8 +45,13 @@ class Findings:
 
     @property
     def advice(self) -> list[str]:
-        """The fit's own advice and the notes after it."""
-        return [*self.fit.advice, *self.notes]
+        """What else speaks against the fit, its own advice and the notes after it."""
+        return [*(doubt.reason for doubt in self.fit.doubts[1:]), *self.fit.advice, *self.notes]
+
+    @property
+    def comparison(self) -> Sequence[Compared]:
+        """The mechanisms that were tried, the chosen one first; none where the user named it."""
+        return () if self.log is None else self.log.comparison
 
     @property
     def frames(self) -> list[int] | None:
@@ -68,9 +73,13 @@ def fit_document(findings: Findings) -> dict[str, Any]:
     starts = [start_row(joints, start) for start in fit.starts]
     return {
         "status": str(fit.status),
-        "ok": bool(fit.ok),
+        "grade": fit.grade,
+        "ok": fit.ok,
+        "doubts": [asdict(doubt) for doubt in fit.doubts],
         "advice": findings.advice,
         "torque": fit.torque,
+        "acting": list(fit.acting),
+        "tried_torques": [tried._asdict() for tried in fit.tried_torques],
         "unknowns": sum(estimate.free for estimate in fit.parameters),
         "evaluations": fit.evaluations,
         "parameters": [parameter_row(estimate) for estimate in fit.parameters],
@@ -79,9 +88,11 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "rms": dict(fit.rms),
         "heldout_rms": findings.traces[0].heldout() if findings.traces else dict.fromkeys(joints),
         "scale": fit.scale,
+        "mass_scale": fit.mass_scale,
         "stamp_error": fit.stamp_error,
         "camera": None if filmed is None else _camera_document(filmed),
         "fit_frames": findings.frames,
+        "comparison": [asdict(one) for one in findings.comparison],
     }
 
 
@@ -146,9 +157,15 @@ def listed_rows(fit: Fit) -> list[Estimate]:
     Args:
         fit: The fit.
     """
-    if fit.torque != "free":
-        return [row for row in fit.parameters if row.free]
     kinds = {parameter.name: parameter.kind for parameter in fit.mechanism.parameters}
+    if fit.torque != "free":
+        # what follows is listed where it is what was asked for: masses that a known torque determines
+        heavy = fit.torque == "known"
+        return [
+            row
+            for row in fit.parameters
+            if row.free or (heavy and row.std > 0.0 and kinds[row.name] in ("mass", "inertia", "density"))
+        ]
     rows = [row for row in fit.parameters if kinds[row.name] != "torque"]
     # an offset shows in the picture alone: the motion gives no information about it, held or not
     held = [

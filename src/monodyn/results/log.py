@@ -5,18 +5,46 @@ from __future__ import annotations
 import hashlib
 import platform
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, dataclass, field, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from monodyn.errors import MonodynError
 from monodyn.results.export import json_text, jsonable
 from monodyn.results.folder import RunFolder
 
+if TYPE_CHECKING:
+    from monodyn.estimation.fit import Grade
+
 PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python-headless")
 """Packages whose versions are kept."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One of the mechanisms between which the evidence decided.
+
+    Attributes:
+        model: Its name.
+        chosen: Whether it is the one that was taken.
+        said: What spoke for and against it, a sentence with its figures.
+        fixed: Parameters that were fixed in addition to the user's, by name.
+        mismatch: Mismatch of outline and mask as a share of the mask's area; None where it was not located.
+        key_frames: In how many key frames it lies on its mask, and of how many; None without a picture.
+        grade: That of its fit; None where it was not identified.
+        prediction: Largest error of its prediction as a share of the motion; None where there is none.
+    """
+
+    model: str
+    chosen: bool
+    said: str
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    mismatch: float | None = None
+    key_frames: tuple[int, int] | None = None
+    grade: Grade | None = None
+    prediction: float | None = None
 
 
 class RunLog:
@@ -31,6 +59,7 @@ class RunLog:
         notes: Sentences about the input.
         free_frames: First frame in which the mechanism moves freely and the one after the last, or None.
         region: Top, bottom, left and right of the part of the picture that shows it [px], or None.
+        comparison: The mechanisms that were tried, the chosen one first; none where the user named it.
     """
 
     def __init__(self, command: str, inputs: Mapping[str, object], settings: object) -> None:
@@ -50,7 +79,18 @@ class RunLog:
         self.notes: list[str] = []
         self.free_frames: tuple[int, int] | None = None
         self.region: tuple[int, int, int, int] | None = None
+        self.comparison: Sequence[Compared] = ()
         self._begun = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+
+    def chose(self, comparison: Sequence[Compared]) -> None:
+        """Note which mechanism was taken, as if the user had named it.
+
+        Args:
+            comparison: All that were tried, the chosen one first.
+        """
+        self.inputs["model"] = _fingerprint(comparison[0].model)
+        self.settings["fix"] = {**self.settings["fix"], **comparison[0].fixed}
+        self.comparison = comparison
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -86,6 +126,7 @@ class RunLog:
             "free_frames": None if self.free_frames is None else list(self.free_frames),
             "region": None if self.region is None else _corner_and_sides(*self.region),
             "notes": self.notes,
+            "comparison": [asdict(one) for one in self.comparison],
             "files": files,
         }
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,7 @@ from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.thumbnails import Window
 
 if TYPE_CHECKING:
+    from monodyn.estimation.fit import Grade
     from monodyn.mechanism import Mechanism
     from monodyn.vision.foreground.masks import Masks, View
     from monodyn.vision.locating.scene import Scene
@@ -89,9 +90,11 @@ class Sight:
         fit_frames: First frame of the fit and the one after its last, or None.
         free_frames: First frame in which the mechanism moves freely and the one after the last, or None.
         status: What came of it, a sentence.
-        ok: Whether the result can be trusted; None where nothing was to be identified.
+        grade: How far the result can be relied on; None where nothing was to be identified.
         tracks: Points that take the place of the pictures, or None.
         points: Mechanism and camera as the points show them, or None.
+        unsettled: What of scene and poses still changed when they were last found, a sentence; empty for
+            nothing.
     """
 
     video: Video
@@ -101,9 +104,10 @@ class Sight:
     fit_frames: tuple[int, int] | None = None
     free_frames: tuple[int, int] | None = None
     status: str = ""
-    ok: bool | None = field(default=None)
+    grade: Grade | None = None
     tracks: PointTracks | None = None
     points: PointScene | None = None
+    unsettled: str = ""
 
     @property
     def name(self) -> str:

@@ -25,19 +25,21 @@ class Torques:
     std: np.ndarray
 
 
-def torques(fit: Fit, times: np.ndarray) -> Torques:
+def torques(fit: Fit, times: np.ndarray, *, record: int = 0) -> Torques:
     """Return the torque of the fitted drive; friction and springs are not part of it.
 
     Args:
-        fit: A fit with ``torque`` ``fourier`` or ``free``.
+        fit: A fit with ``torque`` ``fourier``, ``free`` or ``known``.
         times: Time stamps [s], (frame,).
+        record: Which record, for known torques.
 
     Returns:
         The torques at ``times``; zero without a drive, and outside of the knots of free torques.
     """
     mechanism = fit.mechanism
     clock = times * mechanism.values["time_scale"]
-    found, slopes = mechanism.drive.derivatives(mechanism.directions(fit.shared), clock)
+    drive, _ = fit.driven(times, record)
+    found, slopes = drive.derivatives(mechanism.directions(fit.shared), clock)
     variance = np.einsum("fip,pr,fir->fi", slopes, fit.shared_covariance, slopes, optimize=True)
     variance = np.where(np.isnan(variance), np.inf, variance)
     return Torques(times, found, np.sqrt(np.maximum(variance, 0.0)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,7 @@ class Trace:
         future: Prediction from the end of the fitted rows, or None.
         future_frame: Frame numbers of the prediction, int (frame,).
         torques: Torques at ``poses.time`` other than friction, or None where there are none.
+        turning: Hinges that nothing keeps from whole turns, by number.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Trace:
     future: Prediction | None = None
     future_frame: np.ndarray | None = None
     torques: Torques | None = None
+    turning: tuple[int, ...] = ()
 
     def heldout(self) -> dict[str, float | None]:
         """Return the rms of the prediction against the measured rows after the fitted ones, by joint.
@@ -49,14 +52,49 @@ class Trace:
         Returns:
             Errors [rad or m]; a joint without measured rows there has None.
         """
-        if self.future is None or not len(self.future.time):
-            return dict.fromkeys(self.poses.joints)
+        return rms_of(self.poses.joints, self.ahead[1])
+
+    @cached_property
+    def ahead(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The measured rows after the fitted ones against their prediction.
+
+        Time stamps [s], (frame,); measured less predicted position [rad or m], (frame, dof), NaN where not
+        measured, of a hinge modulo a turn after a gap in which it may have made one; and the standard
+        deviation of the prediction, (frame, dof).
+        """
         after = self.poses.part(self.rows[1], len(self.poses))
+        if self.future is None or not len(self.future.time) or not len(after):
+            return np.zeros(0), np.zeros((0, len(self.poses.joints))), np.zeros((0, len(self.poses.joints)))
         # the prediction may have other time stamps: only rows that both have are compared
         row = np.minimum(np.searchsorted(self.future.time, after.time - 1e-9), len(self.future.time) - 1)
-        predicted = np.abs(self.future.time[row] - after.time) < 1e-9
-        error = after.position - self.future.position[row]
-        return rms_of(self.poses.joints, np.where(after.measured & predicted[:, None], error, np.nan))
+        both = np.abs(self.future.time[row] - after.time) < 1e-9
+        time, row, measured = after.time[both], row[both], after.measured[both]
+        error = np.where(measured, after.position[both] - self.future.position[row], np.nan)
+        before = self.poses.part(self.rows[0], self.rows[1])
+        for dof in self.turning:
+            seen = before.time[before.measured[:, dof]]
+            last = float(seen[-1]) if len(seen) else -np.inf
+            error[:, dof] -= _open_turns(time, error[:, dof], self.future.velocity[row, dof], last)
+        return time, error, self.future.std[row]
+
+
+def _open_turns(time: np.ndarray, error: np.ndarray, rate: np.ndarray, last: float) -> np.ndarray:
+    """Return the whole turns in the errors of a hinge that its gaps leave open [rad], (frame,).
+
+    Args:
+        time: Time stamps [s], (frame,).
+        error: Errors [rad], (frame,), NaN where not measured.
+        rate: Predicted rates [rad/s], (frame,).
+        last: When it was measured before [s].
+    """
+    turns, open_turns = np.zeros(len(time)), 0.0
+    for i in np.flatnonzero(np.isfinite(error)):
+        fastest = np.abs(rate[(time > last) & (time <= time[i])]).max()
+        # from one measured row to the next less than half a turn is told apart
+        if i and not np.isfinite(error[i - 1]) and fastest * (time[i] - last) > np.pi / 2.0:
+            open_turns = 2.0 * np.pi * np.round(error[i] / (2.0 * np.pi))
+        turns[i], last = open_turns, time[i]
+    return turns
 
 
 def rms_of(joints: Sequence[str], error: np.ndarray) -> dict[str, float | None]:
@@ -106,9 +144,14 @@ def trace_of(
     numbers = None
     if future is not None:
         numbers = frame_numbers(future.time, poses.time, poses.frame)
-    acting = torques(fit, poses.time) if fit.torque != "friction" else None
+    acting = torques(fit, poses.time, record=record) if fit.torque != "friction" else None
     states = fill(fit, poses.time, record=record)
-    return Trace(name, record_poses, states, (first, stop), future, numbers, acting)
+    turning = tuple(
+        i
+        for i, joint in enumerate(fit.mechanism.joints)
+        if joint.kind == "hinge" and not np.isfinite([joint.lower, joint.upper]).all()
+    )
+    return Trace(name, record_poses, states, (first, stop), future, numbers, acting, turning)
 
 
 def fitted_poses(fit: Fit, video: Video | None = None) -> Poses:

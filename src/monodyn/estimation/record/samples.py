@@ -10,8 +10,9 @@ import numpy as np
 
 from monodyn.errors import MechanismError, VideoError
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.logged import LoggedTorque, logged
 from monodyn.mechanism.upright import by_roll
-from monodyn.types import Poses
+from monodyn.types import Poses, TorqueLog
 
 MOST_PARTS = 1000
 """A gap is divided into at most this many steps, however long it is."""
@@ -35,6 +36,7 @@ class Data:
             [rad/rad], (record, dof); zero for a record that is against gravity.
         shifts: What moves the positions of a record together, by one standard deviation of each direction
             [rad or m], (direction, row, dof); None where nothing does.
+        torques: Known torques at the rows of each record; empty where none are known.
     """
 
     times: np.ndarray
@@ -46,6 +48,7 @@ class Data:
     slide: np.ndarray
     by_roll: np.ndarray
     shifts: np.ndarray | None = None
+    torques: tuple[LoggedTorque, ...] = ()
 
     @property
     def samples(self) -> int:
@@ -104,6 +107,23 @@ class Data:
         along = np.einsum("fi,fij->fj", u, white)
         return replace(self, white=white - gain[:, None, None] * u[:, :, None] * along[:, None, :])
 
+    def part(self, rows: np.ndarray) -> Data:
+        """Return the data of some rows alone; known torques, which are laid out along whole records, stay.
+
+        Args:
+            rows: The rows, rising, int (row,).
+        """
+        return replace(
+            self,
+            times=self.times[rows],
+            position=self.position[rows],
+            white=self.white[rows],
+            measured=self.measured[rows],
+            first=np.searchsorted(rows, self.first),
+            source=self.source[rows],
+            shifts=None if self.shifts is None else self.shifts[:, rows],
+        )
+
     def without(self, rows: np.ndarray) -> Data:
         """Return the data with the measurements of some rows left out.
 
@@ -137,7 +157,66 @@ def prepare(poses: Sequence[Poses], mechanism: Mechanism) -> Data:
     turning = by_roll(mechanism)
     turned = np.array([turning * (record.roll is not None) for record in poses])
     shifts = _shifts([ordered(record, mechanism) for record in poses], first, source)
-    return Data(times, position, white, measured, first, source, slide, turned, shifts)
+    stamps = np.split(times, first[1:-1])
+    torques = known_torques(poses, mechanism, stamps)
+    return Data(times, position, white, measured, first, source, slide, turned, shifts, torques)
+
+
+def known_torques(
+    poses: Sequence[Poses], mechanism: Mechanism, stamps: Sequence[np.ndarray]
+) -> tuple[LoggedTorque, ...]:
+    """Place the known torques of records at their rows.
+
+    Args:
+        poses: The records.
+        mechanism: Gives the joints.
+        stamps: Times of the rows of each record [s], each (row,).
+
+    Returns:
+        One a record, or none where no torques are known.
+
+    Raises:
+        MechanismError: A torque acts at a joint that the mechanism has not.
+        VideoError: Torques are known of some records alone, or not of the whole of one.
+    """
+    names, found = tuple(joint.name for joint in mechanism.joints), []
+    if all(record.torques is None for record in poses):
+        return ()
+    for number, (record, times) in enumerate(zip(poses, stamps, strict=True)):
+        log = record.torques
+        if log is None:
+            raise VideoError(
+                f"record {number}: expected known torques as other records have them, got none; give a log "
+                "for each record, or for none."
+            )
+        for name in log.joints:
+            if name not in names:
+                known = ", ".join(map(repr, names))
+                raise MechanismError(f"torques: joint {name!r} is not in the mechanism; joints: {known}.")
+        check_covered(log, float(times[0]), float(times[-1]), f"record {number}")
+        found.append(logged(log, names, times))
+    return tuple(found)
+
+
+def check_covered(log: TorqueLog, begin: float, end: float, what: str) -> None:
+    """Refuse a log that does not reach over a record, but for a row's time at either end.
+
+    Args:
+        log: The log.
+        begin: First time stamp of the record [s].
+        end: Its last one [s].
+        what: The record in a message.
+
+    Raises:
+        VideoError: The log begins too late or ends too early.
+    """
+    step = float(np.median(np.diff(log.time)))
+    if log.time[0] > begin + step or log.time[-1] < end - step:
+        raise VideoError(
+            f"torques: expected a log of all of {what}, {begin:.4g} to {end:.4g} s, got one from "
+            f"{log.time[0]:.4g} to {log.time[-1]:.4g} s; both are on one clock: shift the times of the log, "
+            "or leave out the rows that it does not cover."
+        )
 
 
 def _shifts(records: Sequence[Poses], first: np.ndarray, source: np.ndarray) -> np.ndarray | None:
@@ -302,6 +381,28 @@ def cut(data: Data, samples: int) -> Pieces:
         first += [int(start), *heads[1:]]
         record += [i] * count
     return Pieces(np.array([*first, int(data.first[-1])]), np.array(record))
+
+
+def spread(data: Data, pieces: Pieces, most: int) -> tuple[Data, Pieces]:
+    """Leave out all but some of the pieces, evenly chosen, which stand for all.
+
+    Args:
+        data: The samples.
+        pieces: How their records are cut.
+        most: Number of pieces that stay, at most.
+
+    Returns:
+        The samples of the chosen pieces, of the same records, and how they are cut.
+    """
+    # known torques are laid out along whole records
+    if data.torques or len(pieces.record) <= most:
+        return data, pieces
+    chosen = np.unique(np.linspace(0, len(pieces.record) - 1, most).astype(int))
+    lengths = np.diff(pieces.first)[chosen]
+    bounds = zip(pieces.first[chosen].tolist(), pieces.first[chosen + 1].tolist(), strict=True)
+    rows = np.concatenate([np.arange(begin, end) for begin, end in bounds])
+    part = data.part(rows)
+    return part, Pieces(np.concatenate(([0], np.cumsum(lengths))), pieces.record[chosen])
 
 
 def merge(pieces: Pieces) -> tuple[Pieces, np.ndarray]:

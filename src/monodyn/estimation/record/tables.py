@@ -44,10 +44,10 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     """
     path = Path(path)
     names = tuple(joints if isinstance(joints, Sequence) else (joint.name for joint in joints.joints))
-    header, rows = _table(path)
+    header, rows = table_rows(path)
     columns = _columns(path, header, names)
     # numbers first, then what they may be: a message names the first thing that is wrong in a line
-    table = np.array([_numbers(path, header, row, line) for line, row in rows])
+    table = np.array([row_numbers(path, header, row, line) for line, row in rows])
     _check_values(path, columns, names, rows, table)
     time = increasing(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
     position = table[:, [columns[name] for name in names]]
@@ -63,6 +63,18 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     covariance[:, range(len(names)), range(len(names))] = std**2
     poses = Poses(names, frame, time, position, covariance, seen, joint_seen=joint_seen)
     return poses if np.isfinite(std[poses.measured]).all() else _with_noise(poses, std)
+
+
+def column_names(path: str | Path) -> list[str]:
+    """Return the names of the columns of a table.
+
+    Args:
+        path: File of comma-separated values.
+
+    Raises:
+        VideoError: The file cannot be read, or holds no table.
+    """
+    return table_rows(Path(path))[0]
 
 
 def write_poses(poses: Poses, path: str | Path) -> None:
@@ -87,14 +99,23 @@ def write_poses(poses: Poses, path: str | Path) -> None:
     Path(path).write_text(text.getvalue(), encoding="utf-8")
 
 
-def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Header and the rows with their line numbers, empty lines left out."""
+def table_rows(path: Path, what: str = "joint positions") -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Read a file of comma-separated values, empty lines left out.
+
+    Args:
+        path: The file.
+        what: What it is a table of, for a message.
+
+    Returns:
+        The header, and the rows with their line numbers.
+
+    Raises:
+        VideoError: The file cannot be read, or is no such table.
+    """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise VideoError(
-            f"{path}: cannot be read ({error.strerror}); name a table of joint positions."
-        ) from None
+        raise VideoError(f"{path}: cannot be read ({error.strerror}); name a table of {what}.") from None
     except UnicodeDecodeError:
         raise VideoError(
             f"{path.name}: expected a table of comma-separated values, got binary data."
@@ -123,8 +144,18 @@ def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str,
     return {name: i for i, name in enumerate(header)}
 
 
-def _numbers(path: Path, header: list[str], row: list[str], line: int) -> list[float]:
-    """One row as numbers; an empty cell is NaN."""
+def row_numbers(path: Path, header: list[str], row: list[str], line: int) -> list[float]:
+    """Return one row as numbers; an empty cell is NaN.
+
+    Args:
+        path: The file, for a message.
+        header: Names of the columns.
+        row: The cells.
+        line: Line number of the row.
+
+    Raises:
+        VideoError: The row has another number of cells than the header, or one that is no number.
+    """
     if len(row) != len(header):
         raise VideoError(
             f"{path.name}: line {line} has {len(row)} cells, expected {len(header)} as in the header."

@@ -36,6 +36,7 @@ class SmoothMotion:
         slide: True for slides in the start scale, (frame, dof).
         by_roll: What a roll of the camera adds to the positions to give those against gravity, (frame, dof).
         prior_root: Square root of the picture's information, (row, param).
+        record: Record of each row, int (frame,).
     """
 
     time: np.ndarray
@@ -46,6 +47,7 @@ class SmoothMotion:
     slide: np.ndarray
     by_roll: np.ndarray
     prior_root: np.ndarray
+    record: np.ndarray
 
     @property
     def at_rest(self) -> SmoothMotion:
@@ -69,21 +71,21 @@ def smooth_motion(problem: Problem, smoothed: tuple[Smoothed, ...]) -> SmoothMot
         rows = problem.data.source[a:b][problem.data.measured[a:b].all(axis=1)]
         # a cubic has neighbours on one side only at the ends, and its second derivative is poor there
         rows = rows[2:-2] if len(rows) > 12 else rows
-        of_record = (problem.data.slide[record], problem.data.by_roll[record])
+        of_record = (problem.data.slide[record], problem.data.by_roll[record], np.array(record))
         kept = (found.time, found.position, found.velocity, found.acceleration, found.acceleration_std)
         repeated = (np.repeat(value[None], len(rows), axis=0) for value in of_record)
         parts.append((*(values[rows] for values in kept), *repeated))
-    t, q, v, a, std, slide, turned = (np.concatenate(part) for part in zip(*parts, strict=True))
+    t, q, v, a, std, slide, turned, of = (np.concatenate(part) for part in zip(*parts, strict=True))
     if len(q) > MOST_STAMPS:
         pick = np.linspace(0, len(q) - 1, MOST_STAMPS).astype(int)
-        t, q, v, a, std, slide, turned = (values[pick] for values in (t, q, v, a, std, slide, turned))
+        t, q, v, a, std, slide, turned, of = (values[pick] for values in (t, q, v, a, std, slide, turned, of))
     # the noise alone would give the smoothest rows all the weight, and smoothing misses more than noise there
     usual = np.sqrt(np.mean(a**2, axis=0)) + 1e-9 if len(a) else np.ones(q.shape[1])
     weight = 1.0 / np.sqrt(std**2 + (MODEL_SHARE * usual) ** 2)
     # information A = R'R as further rows R (x - x0) of the least squares
     values, vectors = np.linalg.eigh(problem.prior.information)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    return SmoothMotion(t, q, v, a, weight, slide, turned, root)
+    return SmoothMotion(t, q, v, a, weight, slide, turned, root, of)
 
 
 def mismatch_rows(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> tuple[np.ndarray, np.ndarray]:
@@ -100,7 +102,11 @@ def mismatch_rows(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> tupl
     """
     instance, root, weight = problem.at(x), motion.prior_root, motion.weight
     jacobian = np.zeros((weight.size, len(x)))
-    torque, slopes = instance.drive.derivatives(instance.directions, motion.time * instance.stretch)
+    if problem.data.torques:
+        torque, later = known_torque(problem, motion, instance.lag)
+        slopes = torque[:, :, None] * instance.directions.load + later[:, :, None] * instance.directions.lag
+    else:
+        torque, slopes = instance.drive.derivatives(instance.directions, motion.time * instance.stretch)
     for p in range(len(x)):
         # the torque is linear in its coefficients: its own step is exact, the tree's is a central difference
         ahead, behind = (
@@ -138,8 +144,29 @@ def model_accelerations(
         Accelerations by time stamp [rad/s^2 or m/s^2], (frame, dof).
     """
     instance = problem.at(x)
+    if torque is None and problem.data.torques:
+        torque, _ = known_torque(problem, motion, instance.lag)
     acting = instance.drive.at(motion.time * instance.stretch) if torque is None else torque
     return _along(instance, motion, acting)
+
+
+def known_torque(problem: Problem, motion: SmoothMotion, lag: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the known torques along smooth motion.
+
+    Args:
+        problem: The problem, with known torques.
+        motion: Smooth motion.
+        lag: How much later than in their log they act [s].
+
+    Returns:
+        Torques [N m or N] and their derivatives by the lag, each (frame, dof).
+    """
+    found = np.zeros((2, *motion.position.shape))
+    for record, torques in enumerate(problem.data.torques):
+        rows = motion.record == record
+        at = np.searchsorted(torques.times, motion.time[rows])
+        found[:, rows] = np.stack(torques.at(lag))[:, at]
+    return found[0], found[1]
 
 
 def torque_response(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np.ndarray:

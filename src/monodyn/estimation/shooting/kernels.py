@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def whitened_rows(q, dq, position, white, slide, size, dsize):
     """Residuals r = W (x / size - y) of rollouts and their Jacobian.
 
@@ -54,7 +54,7 @@ def whitened_rows(q, dq, position, white, slide, size, dsize):
     return residual, jacobian
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def normal_blocks(residual, jacobian, first, params, limit):
     """Cost and Gauss-Newton model over all pieces, in blocks.
 

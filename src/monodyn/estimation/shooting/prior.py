@@ -27,12 +27,34 @@ class Prior:
         unusable: Unknowns about which the picture's knowledge is not a finite number; it is left out.
         negative: Size of the part of the information that was below zero, which no information is, against
             the largest; it is left out.
+        centre: What it has the change d from the start at, (param,); None for no change.
     """
 
     information: np.ndarray
     weights: np.ndarray
     unusable: tuple[str, ...] = ()
     negative: float = 0.0
+    centre: np.ndarray | None = None
+
+    def away(self, change: np.ndarray) -> np.ndarray:
+        """Return a change of the coordinates as seen from what the picture has it at, (param,).
+
+        Args:
+            change: Of the coordinates from the start, (param,).
+        """
+        return change if self.centre is None else change - self.centre
+
+    def drawn_about(self, change: np.ndarray, rng: np.random.Generator) -> Prior:
+        """Return the information that another picture of the same could have given.
+
+        Args:
+            change: What is true of the coordinates, as a change from the start, (param,).
+            rng: Draws the picture's noise.
+        """
+        values, vectors = np.linalg.eigh(self.information)
+        seen = values > 1e-12 * max(float(values.max(initial=0.0)), 1e-300)
+        noise = vectors[:, seen] @ (rng.normal(size=int(seen.sum())) / np.sqrt(values[seen]))
+        return replace(self, centre=change + noise)
 
     def assuming(self, assumed: np.ndarray) -> Prior:
         """Return the information together with what is assumed.

@@ -24,6 +24,7 @@ from monodyn.mechanism.dimensions import power
 from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.simulate import rollout, rollout_derivatives
+from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.tree import Directions, Tree
 from monodyn.mechanism.upright import ROLL, with_roll
 from monodyn.optimize import Arrow
@@ -43,6 +44,7 @@ class Instance:
         dstretch: Derivative of its logarithm, (param,).
         roll: Roll of the camera [rad].
         droll: Its derivative, (param,).
+        lag: How much later than in their log known torques act [s].
     """
 
     tree: Tree
@@ -54,6 +56,7 @@ class Instance:
     dstretch: np.ndarray
     roll: float
     droll: np.ndarray
+    lag: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +122,25 @@ class Problem:
         dsize = self.prior.weights
         droll = np.array([name == ROLL for name in unknowns.names], dtype=float)
         return Instance(
-            mechanism.tree, mechanism.drive, directions, size, dsize, stretch, dstretch, self.roll(x), droll
-        )
+            mechanism.tree, mechanism.drive, directions, size, dsize, stretch, dstretch, self.roll(x), droll,
+            mechanism.values.get(LAG, 0.0),
+        )  # fmt: skip
+
+    def driven(self, drive: Drive, lag: float, stretch: float, first: int, stop: int) -> Drive:
+        """Return the torques along rows of one record: those that are known of it, or the mechanism's.
+
+        Args:
+            drive: The mechanism's.
+            lag: How much later than in their log known torques act [s].
+            stretch: True seconds per stamped second.
+            first: First row.
+            stop: The row after the last.
+        """
+        if not self.data.torques:
+            return drive
+        record = int(np.searchsorted(self.data.first, first, side="right")) - 1
+        begin = int(self.data.first[record])
+        return self.data.torques[record].drive(lag, stretch, first - begin, stop - begin)
 
     def model(
         self, x: np.ndarray, rows: tuple[np.ndarray, np.ndarray], pieces: Pieces, limit: float
@@ -139,7 +159,7 @@ class Problem:
         from monodyn.estimation.shooting.kernels import normal_blocks
 
         cost, hessian, gradient, cross, local, slope = normal_blocks(*rows, pieces.first, len(x), limit)
-        change = x - self.unknowns.x0
+        change = self.prior.away(x - self.unknowns.x0)
         pull = self.prior.information @ change
         # the picture's information is quadratic in the logarithms: it has no loss and needs no linearization
         cost += 0.5 * float(change @ pull)
@@ -159,11 +179,12 @@ class Problem:
 
         instance, data, pieces = self.at(trial.x), self.data, trial.pieces
         clock, starts = data.times * instance.stretch, plain(trial.states)
-        tree, drive, directions = instance.tree, instance.drive, _slowed(instance)
+        tree, directions = instance.tree, _slowed(instance)
         dofs, params = data.position.shape[1], len(trial.x)
         parts = []
         for first, stop, state in zip(pieces.first[:-1], pieces.first[1:], starts, strict=True):
             q0, v0 = state[:dofs], state[dofs:]
+            drive = self.driven(instance.drive, instance.lag, instance.stretch, first, stop)
             q, _, dq, _ = rollout_derivatives(
                 tree, directions, clock[first:stop], q0, v0, substeps=trial.substeps, drive=drive
             )
@@ -247,9 +268,10 @@ class Problem:
             Positions of all runs end to end [rad or m], (row, dof).
         """
         mechanism, stretch = self.mechanism_at(x), self.stretch(x)
-        tree, drive, parts = mechanism.tree, mechanism.drive, []
+        tree, lag, parts = mechanism.tree, mechanism.values.get(LAG, 0.0), []
         for first, stop, state in runs:
             times, (q0, v0) = self.data.times[first:stop] * stretch, np.split(state, 2)
+            drive = self.driven(mechanism.drive, lag, stretch, first, stop)
             parts.append(rollout(tree, times, q0, v0, substeps=substeps, drive=drive)[0])
         return np.concatenate(parts)
 

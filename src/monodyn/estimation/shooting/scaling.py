@@ -35,8 +35,24 @@ def with_masses_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
         return x
     # only positive masses have a logarithm to average; what may be zero goes along with them
     factor = float(np.exp(np.mean((unknowns.x0 - x)[anchors])))
-    moved = np.where(anchors, x + np.log(factor), np.where(heavy, x * factor, x))
+    moved = np.where(anchors, x + np.log(factor), np.where(heavy & (unknowns.against < 0), x * factor, x))
     return np.clip(moved, unknowns.lower, unknowns.upper)
+
+
+def with_masses(problem: Problem, x: np.ndarray, factor: float) -> np.ndarray:
+    """Make all masses, dampings, ... larger by one factor.
+
+    Args:
+        problem: The problem.
+        x: Coordinates, (param,).
+        factor: The factor.
+
+    Returns:
+        Coordinates within the bounds, (param,).
+    """
+    # of a body of given density it is the thickness that makes it heavier
+    units = {"mass": 1.0} if "density" in problem.unknowns.kinds else {"mass": 1.0, "thickness": 1.0}
+    return _rescaled(problem, x, factor, **units)
 
 
 def with_gravity_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
@@ -128,7 +144,8 @@ def _rescaled(problem: Problem, x: np.ndarray, k: float, **units: float) -> np.n
             for kind, owner in zip(unknowns.kinds, unknowns.owners, strict=True)
         ]
     )
-    # the coordinate of a place is a ratio, which no change of units changes
+    # the coordinate of a place is a ratio, which no change of units changes; a friction's may be one
+    powers = np.where(unknowns.against >= 0, powers - powers[unknowns.against], powers)
     powers = np.where(unknowns.ratio, 0.0, powers)
     moved = np.where(unknowns.log, x + powers * np.log(k), x * k**powers)
     return np.clip(moved, unknowns.lower, unknowns.upper)

@@ -23,6 +23,8 @@ HOPELESS_NOISE = 10.0
 """A start is given up after its first stage if the typical residual is above this many times the noise ..."""
 HOPELESS_SHARE = 0.01
 """... and above this share of the motion: pieces so short follow any motion that the model has."""
+SAME = 0.01
+"""Two searches led to the same motion if their residuals differ by less than this share of themselves."""
 STILL_NOISE = 4.0
 """A joint whose positions scatter by less than this many times their noise does not move."""
 NOTHING_MOVES = "Nothing moves in the record: no joint leaves its noise; give frames with motion."
@@ -54,7 +56,7 @@ class Search:
         self._progress, self._done = progress, 0
 
     def from_starts(self) -> tuple[Optimum, int]:
-        """Search from one start after the other until the motion is explained.
+        """Search from one start after the other until the motion is explained, or two lead to one optimum.
 
         Returns:
             The best optimum and the number of starts that were tried.
@@ -70,6 +72,7 @@ class Search:
             tried,
             cost=residual_size,
             good=self.explained,
+            same=_same,
         )
         # where every start was given up the best of them goes all the way after all
         return (best if best.complete else self.from_start(best.x)), count
@@ -151,6 +154,14 @@ def residual_size(optimum: Optimum) -> float:
     """
     size = float(np.mean(np.abs(optimum.residuals)))
     return size if optimum.complete else 1e12 + size
+
+
+def _same(one: Optimum, other: Optimum) -> bool:
+    """Return whether two searches led to one motion, whatever the unknowns that it does not determine."""
+    if not (one.complete and other.complete):
+        return False
+    apart = float(np.median(np.abs(one.residuals - other.residuals)))
+    return apart < SAME * max(residual_size(one), residual_size(other))
 
 
 def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:

@@ -21,6 +21,9 @@ from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
 
 MOST_SHOOTING_STEPS = 64
 """Integration steps between two time stamps at most."""
+NEAR_SHARE, NEAR_ROWS = 0.1, 0.95
+"""A motion is near the record, in the valley of the optimum, where all but one in twenty of its samples are
+off by at most this share of the joint's motion (of 1 rad at most)."""
 MOST_RUNS = 24
 """Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
@@ -114,14 +117,35 @@ def multiple_shooting(
         trial = stage.trial
         if not np.isfinite(stage.cost) or trial.pieces.whole:
             break
-        # the shared unknowns are better known with each stage, so that the start state of the first half now
-        # carries the motion through both; the start state of the second half is no longer needed
-        pieces, kept = merge(trial.pieces)
-        trial = Trial(trial.x, trial.states[kept], pieces)
+        trial = _joined(problem, trial)
     if np.isfinite(stage.cost):
         stage = fit_pieces(problem, trial, route, route.fine)
         evaluations += stage.evaluations
     return replace(stage, evaluations=evaluations)
+
+
+def _joined(problem: Problem, trial: Trial) -> Trial:
+    """Join neighbouring pieces, again and again while the motion through them stays near the record.
+
+    The shared unknowns are better known with each stage, so that the start state of the first half now
+    carries the motion through both; the start state of the second half is no longer needed.
+    """
+    measured, hinge = problem.data.measured, np.array([j.kind == "hinge" for j in problem.mechanism.joints])
+    # however often a hinge goes round, it is out of the valley after a part of a turn
+    near = NEAR_SHARE * np.where(hinge, np.minimum(problem.data.motion_size, 1.0), problem.data.motion_size)
+    joined = _merged(trial)
+    while not joined.pieces.whole:
+        longer = _merged(joined)
+        off = np.abs(problem.differences(longer))
+        if np.mean((off <= near)[measured]) < NEAR_ROWS:
+            break
+        joined = longer
+    return joined
+
+
+def _merged(trial: Trial) -> Trial:
+    pieces, kept = merge(trial.pieces)
+    return Trial(trial.x, trial.states[kept], pieces, trial.substeps)
 
 
 def fit_pieces(
@@ -131,7 +155,7 @@ def fit_pieces(
     search: SearchSettings,
     *,
     robust: bool = True,
-    states_only: bool = False,
+    held: np.ndarray | bool = False,
 ) -> Optimum:
     """Fit shared unknowns and start states without changing how the records are cut.
 
@@ -141,7 +165,7 @@ def fit_pieces(
         route: Gives the bound of the integration error.
         search: When to stop.
         robust: Bound the pull of samples beyond four typical residuals.
-        states_only: Hold the shared unknowns and fit the start states alone.
+        held: True for shared unknowns that stay as they are, (param,), or for all of them.
 
     Returns:
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
@@ -153,7 +177,7 @@ def fit_pieces(
     sigma = typical(ahead[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
     unknowns = problem.unknowns
-    lower, upper = (start.x, start.x) if states_only else (unknowns.lower, unknowns.upper)
+    lower, upper = np.where(held, start.x, unknowns.lower), np.where(held, start.x, unknowns.upper)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
         nonlocal ahead
@@ -228,5 +252,6 @@ def choose_substeps(problem: Problem, trial: Trial, error_bound: float) -> tuple
     pick = np.unique(np.linspace(0, len(runs) - 1, MOST_RUNS).astype(int))
     chosen = [runs[k] for k in pick]
     return least_substeps(
-        lambda steps: problem.rollouts(trial.x, chosen, steps), error_bound, MOST_SHOOTING_STEPS
-    )
+        lambda steps: problem.rollouts(trial.x, chosen, steps), error_bound, MOST_SHOOTING_STEPS,
+        max((torque.parts for torque in problem.data.torques), default=1),
+    )  # fmt: skip

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.record.samples import cut
+from monodyn.estimation.record.samples import cut, spread
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.shooting.accelerations import (
     SmoothMotion,
@@ -21,6 +21,7 @@ from monodyn.estimation.shooting.accelerations import (
     torque_response,
 )
 from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.pushed import at_best_torque
 from monodyn.estimation.shooting.scaling import starts_of_scales
 from monodyn.estimation.shooting.shoot import Route, fit_pieces
 from monodyn.optimize import SearchSettings, minimize, scatter
@@ -33,6 +34,8 @@ MATCH = SearchSettings(evaluations=30, relative=1e-4)
 """For matching accelerations, which are only as good as the smoothing."""
 STATES_ALONE = SearchSettings(evaluations=4, relative=1e-2)
 """For start states alone, to see which common scale is near."""
+MOST_ROLLED = 100
+"""Short rollouts by which the common scale is found."""
 SHORTEST_PIECE = 5
 """Measured samples in the shortest pieces."""
 SCATTER = {"length": np.log(1.5), "thickness": np.log(3.0), "mass": np.log(3.0), "inertia": np.log(3.0)}
@@ -68,7 +71,7 @@ def starts(
     if count < 2:
         return
     short = replace(route, piece=max(SHORTEST_PIECE, route.piece // 2))
-    rolled = _rolled(problem, smoothed, short)
+    rolled = _rolled(problem, motion, smoothed, short)
     yield rolled, short
     width = np.array([SCATTER.get(kind, 0.0) for kind in unknowns.kinds])
     for i, x in enumerate(scatter(rolled, width, count - 1, seed=seed)[1:]):
@@ -87,8 +90,17 @@ def matched(problem: Problem, motion: SmoothMotion) -> np.ndarray:
     Returns:
         Coordinates, (param,).
     """
-    nearest = min(starts_of_scales(problem, FACTORS), key=lambda x: mismatch_cost(problem, x, motion))
+    tried = _scales(problem, motion)
+    nearest = min(tried, key=lambda x: mismatch_cost(problem, x, motion))
     return _match(problem, motion, nearest)
+
+
+def _scales(problem: Problem, motion: SmoothMotion) -> list[np.ndarray]:
+    """Return the start at common scales of its sizes, under known torques with masses and lag to match."""
+    found = starts_of_scales(problem, FACTORS)
+    if problem.data.torques and len(motion.time):
+        return [at_best_torque(problem, x, motion) for x in found]
+    return found
 
 
 def _match(problem: Problem, motion: SmoothMotion, x: np.ndarray) -> np.ndarray:
@@ -100,17 +112,20 @@ def _match(problem: Problem, motion: SmoothMotion, x: np.ndarray) -> np.ndarray:
     return found.x
 
 
-def _rolled(problem: Problem, smoothed: tuple[Smoothed, ...], route: Route) -> np.ndarray:
+def _rolled(
+    problem: Problem, motion: SmoothMotion, smoothed: tuple[Smoothed, ...], route: Route
+) -> np.ndarray:
     """Find the common scale at which short rollouts with free start states come closest, (param,)."""
-    pieces = cut(problem.data, route.piece)
+    data, pieces = spread(problem.data, cut(problem.data, route.piece), MOST_ROLLED)
+    problem = problem.with_data(data)
 
     def cost(x: np.ndarray) -> float:
         trial = problem.started(x, pieces, smoothed)
-        found = fit_pieces(problem, trial, route, STATES_ALONE, states_only=True)
+        found = fit_pieces(problem, trial, route, STATES_ALONE, held=True)
         # the typical residual, not the cost: at a wrong scale some pieces are lost, which must not decide
         return found.sigma if np.isfinite(found.cost) else float("inf")
 
-    return min(starts_of_scales(problem, FACTORS), key=cost)
+    return min(_scales(problem, motion), key=cost)
 
 
 def least_driven(problem: Problem, motion: SmoothMotion) -> np.ndarray:

@@ -40,6 +40,11 @@ LOGARITHMIC = (
 CENTRE_KINDS = ("com_x", "com_y")
 """Kinds that are one vector, either part of which may be zero or negative."""
 
+FORCES = ("damping", "friction", "stiffness", "drag")
+"""Kinds that are in proportion to the scale of masses and may be zero."""
+WEIGHTS = ("density", "thickness", "mass")
+"""Kinds that stand for that scale, the first that there is."""
+
 MEASURED = 16.0
 """Information of the logarithm above which a picture has measured a size: it determines it to a quarter."""
 LONGEST_STEP = 1.5
@@ -56,12 +61,13 @@ class Unknowns:
         owners: Names of the bodies and joints that they belong to, empty for ``gravity`` and the like.
         start: Start values, (param,).
         log: True where the coordinate is the logarithm, (param,).
-        against: Unknown that a place is searched as a ratio to, -1 for none, int (param,).
+        against: Unknown that a place, or under known torques a friction, is searched as a ratio to, -1 for
+            none, int (param,).
         unit: What else the coordinate is a ratio to: the value of the size where that is no unknown; 1 for
-            all but places, (param,).
+            what is no ratio, (param,).
         lower: Lower bounds of the coordinates, (param,).
         upper: Upper bounds of the coordinates, (param,).
-        tied: Sizes that keep their proportion to a length.
+        tied: Sizes that keep their proportion to a length, densities that keep theirs to the first one.
         tied_to: For each of them the unknown it follows, (tied,).
         tied_start: Their start values, (tied,).
     """
@@ -224,8 +230,13 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         The unknowns; bounds of logarithms stay finite.
     """
     measured = _measured_names(mechanism)
+    material = _one_material(mechanism)
     # what follows from other parameters is not itself an unknown, and neither is what nothing determines
-    chosen = [p for p in mechanism.parameters if p.free and not p.follows and _wanted(p, measured)]
+    chosen = [
+        p
+        for p in mechanism.parameters
+        if p.free and not p.follows and _wanted(p, measured) and p.name not in material[1:]
+    ]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]
     log = np.array([p.kind in LOGARITHMIC and p.value > 0 for p in chosen], dtype=bool)
@@ -245,9 +256,17 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         for p in mechanism.parameters
         if p.free and p.kind in SEEN_ONLY and p.kind != "turn" and p.name not in names and p.owner in lengths
     ]
+    tied_to = [lengths[p.owner] for p in tied]
+    for name in material[1:] if not torques_only else ():
+        tied.append(mechanism.parameter(name))
+        tied_to.append(names.index(material[0]))
     values = mechanism.values
     against = [names.index(p.against) if p.kind in PLACE_KINDS and p.against in names else -1 for p in chosen]
     unit = [values.get(p.against, 1.0) if p.kind in PLACE_KINDS else 1.0 for p in chosen]
+    heavy = _mass_unknown(mechanism, chosen, log)
+    for i, p in enumerate(chosen):
+        if heavy >= 0 and p.kind in FORCES:
+            against[i], unit[i] = heavy, chosen[heavy].value
     blank = Unknowns(
         names=names,
         kinds=tuple(p.kind for p in chosen),
@@ -259,12 +278,33 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         lower=lower,
         upper=upper,
         tied=tuple(p.name for p in tied),
-        tied_to=np.array([lengths[p.owner] for p in tied], dtype=int),
+        tied_to=np.array(tied_to, dtype=int),
         tied_start=np.array([p.value for p in tied], dtype=float),
     )
     # a place's bounds are ratios to the size at the start: the size's own bounds have no part in them
     fixed = replace(blank, against=np.full(len(names), -1))
     return replace(blank, lower=fixed.coordinates(lower), upper=fixed.coordinates(upper))
+
+
+def _mass_unknown(mechanism: Mechanism, chosen: list[Parameter], log: np.ndarray) -> int:
+    """Place of the unknown that frictions are ratios to; -1 for none.
+
+    Under known torques the scale of masses is an unknown like others, which the motion may show far less
+    clearly than what masses and frictions are to one another: a search can follow straight lines alone.
+    """
+    kinds = [p.kind for p in chosen]
+    if mechanism.torque != "known" or "inertia" in kinds:
+        return -1
+    return next((i for k in WEIGHTS for i, kind in enumerate(kinds) if kind == k and log[i]), -1)
+
+
+def _one_material(mechanism: Mechanism) -> list[str]:
+    """Names of the densities that are free without the user's choice: they keep their proportion."""
+    return [
+        p.name
+        for p in mechanism.parameters
+        if p.kind == "density" and p.free and p.name not in mechanism.chosen
+    ]
 
 
 def _measured_names(mechanism: Mechanism) -> set[str]:

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
-from monodyn.estimation.shooting.shoot import Optimum, fit_pieces
+from monodyn.estimation.shooting.shoot import Optimum, fit_pieces, relative_difference
 from monodyn.estimation.torque.evidence import pays, with_more_unknowns
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
+
+FAR_SHARE = 0.02
+"""Typical difference, as a share of the motion, above which the motion may be another one altogether."""
 
 
 def fit_friction(mechanism: Mechanism, task: Task) -> TorqueSolution:
@@ -22,7 +25,19 @@ def fit_friction(mechanism: Mechanism, task: Task) -> TorqueSolution:
     Returns:
         The solution.
     """
-    problem = posed(mechanism.with_torque("friction"), task.data)
+    return fit_damped(posed(mechanism.with_torque("friction"), task.data), task)
+
+
+def fit_damped(problem: Problem, task: Task) -> TorqueSolution:
+    """Search from one start after the other, then with dry friction where it shows.
+
+    Args:
+        problem: The problem with dry friction held.
+        task: What is to be explained.
+
+    Returns:
+        The solution.
+    """
     reason = obstacle(problem, task.smoothed)
     if reason is not None:
         return TorqueSolution(problem, None, reason=reason)
@@ -51,7 +66,7 @@ def with_dry_friction(problem: Problem, optimum: Optimum, task: Task) -> tuple[P
     if not names or not optimum.complete:
         return problem, optimum
     near, found = _from_there(problem, optimum, names, task)
-    if task.search(near).explained(found):
+    if task.search(near).explained(found) or relative_difference(near, found.trial) < FAR_SHARE:
         return near, found
     # a motion that dry friction has brought to rest is so far from every damped one that no step leads there
     far, other = _from_the_start(problem, names, task)

@@ -7,6 +7,7 @@ may move as well; the remaining sum of squares ranks the periods.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.record.smooth import Smoothed
+from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.estimation.shooting.accelerations import (
     SmoothMotion,
     mismatch_rows,
@@ -33,12 +35,14 @@ PER_HARMONIC = 2.5
 """Samples in the shortest harmonic."""
 CORRELATED = 4.0
 """Accelerations of smoothed motion share their neighbours' samples: this many count as one."""
-SCANNED_TERMS = (1, 2, 3)
+SCANNED_TERMS = tuple(range(1, USUAL_TERMS + 1))
 """Harmonics that the scan tries when their number is open."""
 LONGEST_SPAN = 4.0
 """Periods up to this many times the record are compared with the best one that it shows more than once."""
 MARGIN = 10.0
 """A longer period whose criterion is not above that of the best by so much might as well be the true one."""
+NEAR = 60.0
+"""Criterion above that of the best period of a scan up to which others are refined."""
 APART = 0.04
 """Periods nearer to each other than this share are one."""
 
@@ -161,13 +165,14 @@ def guess_periods(
     if bounds[0] == bounds[1]:
         return sorted((scan.fit(bounds[0], count) for count in counts), key=lambda guess: guess.criterion)[:1]
     found: list[PeriodGuess] = []
-    for count in counts:
-        tried = [scan.fit(p, count) for p in scan.periods(count, bounds)]
-        values = np.array([guess.criterion for guess in tried])
+    periods, values = scan.criteria(counts, bounds)
+    for count, row in zip(counts, values, strict=True):
         # every local minimum of the scan is a candidate, also one at the end of the bounds
-        ends = np.concatenate(([np.inf], values, [np.inf]))
-        low = np.flatnonzero((values <= ends[:-2]) & (values < ends[2:]))
-        found += [scan.refined(tried[i], bounds) for i in low if values[i] < scan.nothing]
+        ends = np.concatenate(([np.inf], row, [np.inf]))
+        low = np.flatnonzero((row <= ends[:-2]) & (row < ends[2:]) & (row < scan.nothing))
+        # what is far above the best of the scan will not pass it by moving within a step
+        near = low[row[low] < float(values.min()) + NEAR]
+        found += [scan.refined(scan.fit(float(periods[i]), count), bounds) for i in near]
     # the same period is found with several numbers of harmonics: the best of them stands for all
     kept: list[PeriodGuess] = []
     for guess in sorted(found, key=lambda guess: guess.criterion):
@@ -186,6 +191,7 @@ class _Scan:
         response = torque_response(problem, x, motion) * motion.weight[:, :, None]
         self.frames, self.dofs, _ = response.shape
         self.clock = motion.time * problem.stretch(x)
+        self.span, self.pace = float(np.ptp(self.clock)), float(np.median(np.diff(np.unique(self.clock))))
         self.response, self.count, self.prior = response, len(x), len(rows) - motion.weight.size
         # what the other unknowns can explain is taken out of both rows and columns (variable projection), so
         # that the series is fitted as if they had moved to their best for every period
@@ -195,15 +201,44 @@ class _Scan:
         self.samples = max(motion.weight.size / CORRELATED, 4.0)
         self.nothing = self._criterion(float(self.left @ self.left), 0)
 
-    def periods(self, terms: int, bounds: tuple[float, float]) -> np.ndarray:
+    def criteria(self, counts: Sequence[int], bounds: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the periods that the record can show [s], (period,), and their criteria by number of
+        harmonics, (count, period)."""
+        periods = self.periods(counts, bounds)
+        values = np.full((len(counts), len(periods)), np.inf)
+        for i, period in enumerate(periods):
+            # the shortest harmonic has samples enough between its zeros
+            most = max((c for c in counts if period >= c * PER_HARMONIC * self.pace), default=0)
+            if most:
+                left = self._left_over(float(period), most)
+                for k, count in enumerate(counts):
+                    if count <= most:
+                        columns = self.dofs * (2 * count + 1)
+                        values[k, i] = self._criterion(float(left[columns - 1]), columns + 1)
+        return periods, values
+
+    def _left_over(self, period: float, terms: int) -> np.ndarray:
+        """Return the sums of squares that are left with the first column of a series, the first two, ..."""
+        columns = self._columns(period, terms)
+        seen = self.q.T @ columns
+        # orthogonalized one after the other each column takes its own share of the sum of squares
+        gram = columns.T @ columns - seen.T @ seen
+        gram[np.diag_indices_from(gram)] *= 1.0 + 1e-9
+        shares = np.linalg.solve(np.linalg.cholesky(gram), columns.T @ self.left)
+        return np.maximum(float(self.left @ self.left) - np.cumsum(shares**2), 0.0)
+
+    def periods(self, counts: Sequence[int], bounds: tuple[float, float]) -> np.ndarray:
         """Return the periods that the record can show [s], evenly spaced in frequency, ends of bounds too."""
         # the longest period is one that the record shows more than once, the shortest one whose last harmonic
         # still has samples enough between its zeros
-        span, step = float(np.ptp(self.clock)), float(np.median(np.diff(np.unique(self.clock))))
-        low, high = FEWEST_PERIODS / span, 1.0 / (terms * PER_HARMONIC * step)
-        scanned = 1.0 / np.arange(low, max(high, low), self.step(terms))
-        ends = [end for end in bounds if 1.0 / max(high, low) <= end <= 1.0 / low]
-        inside = scanned[(bounds[0] < scanned) & (scanned < bounds[1])]
+        low, scanned, top = FEWEST_PERIODS / self.span, [], 0.0
+        for count in sorted(counts, reverse=True):
+            high = max(1.0 / (count * PER_HARMONIC * self.pace), low)
+            scanned.append(np.arange(max(low, top), high, self.step(count)))
+            top = high
+        periods = 1.0 / np.concatenate(scanned)
+        ends = [end for end in bounds if 1.0 / top <= end <= 1.0 / low]
+        inside = periods[(bounds[0] < periods) & (periods < bounds[1])]
         return np.sort(np.concatenate((inside, ends)))[::-1]
 
     def longer(self, best: PeriodGuess, bounds: tuple[float, float]) -> float:
@@ -213,7 +248,7 @@ class _Scan:
         """
         # periods that the record does not hold fit anything smooth: where one explains as much as the best,
         # nothing shows that the motion repeats at all
-        span = float(np.ptp(self.clock))
+        span = self.span
         beyond = span / FEWEST_PERIODS * np.geomspace(1.0, LONGEST_SPAN * FEWEST_PERIODS, 40)[1:]
         least = float("inf")
         for count in range(1, best.terms + 1):
@@ -225,7 +260,7 @@ class _Scan:
 
     def step(self, terms: int) -> float:
         """Return the spacing of the scanned frequencies [Hz]: a tenth of a turn of the last harmonic."""
-        return 0.1 / float(np.ptp(self.clock)) / terms
+        return 0.1 / self.span / terms
 
     def refined(self, guess: PeriodGuess, bounds: tuple[float, float]) -> PeriodGuess:
         """Move a period between its neighbours in the scan to where the criterion is least."""
@@ -248,19 +283,24 @@ class _Scan:
 
     def fit(self, period: float, terms: int) -> PeriodGuess:
         """Fit a series of one period, the other unknowns free to move."""
-        shapes = fourier_basis(self.clock, period, terms)
-        columns = np.zeros((len(self.rows), self.dofs * shapes.shape[1]))
-        columns[: len(self.rows) - self.prior] = np.einsum("fij,fc->fijc", self.response, shapes).reshape(
-            -1, columns.shape[1]
-        )
-        # rows of the prior have no torque: their part of the columns stays zero
+        columns = self._columns(period, terms)
         free = columns - self.q @ (self.q.T @ columns)
         best, *_ = np.linalg.lstsq(free, -self.left, rcond=1e-9)
         left = self.left + free @ best
         # with the series at its best the other unknowns follow from what their own columns see of the rest
         change = -np.linalg.lstsq(self.triangle, self.q.T @ (self.rows + columns @ best), rcond=1e-9)[0]
         criterion = self._criterion(float(left @ left), columns.shape[1] + 1)
-        return PeriodGuess(period, terms, criterion, best.reshape(self.dofs, -1), change)
+        # columns are by harmonic, a table is by joint
+        return PeriodGuess(period, terms, criterion, best.reshape(-1, self.dofs).T, change)
+
+    def _columns(self, period: float, terms: int) -> np.ndarray:
+        """Return what each coefficient adds to the rows: mean of each joint, first cosine of each, ..."""
+        shapes = fourier_basis(self.clock, period, terms)
+        columns = np.zeros((len(self.rows), self.dofs * shapes.shape[1]))
+        # rows of the prior have no torque: their part of the columns stays zero
+        acting = shapes[:, None, :, None] * self.response[:, :, None, :]
+        columns[: len(self.rows) - self.prior] = acting.reshape(-1, columns.shape[1])
+        return columns
 
     def _criterion(self, left_over: float, unknowns: int) -> float:
         return self.samples * np.log(max(left_over, 1e-300)) + unknowns * np.log(self.samples)

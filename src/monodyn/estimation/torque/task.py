@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.settings import IdentifySettings
@@ -50,6 +51,8 @@ class TorqueSolution:
         tried: Number of starts.
         reason: Why there is no optimum, a sentence for the user.
         advice: Sentences for the user about the torque.
+        doubt: What speaks against the torque, a sentence; empty for nothing.
+        compared: The kinds of torque that were tried, the chosen one first; none where one was named.
     """
 
     problem: Problem
@@ -57,6 +60,8 @@ class TorqueSolution:
     tried: int = 1
     reason: str = ""
     advice: tuple[str, ...] = ()
+    doubt: str = ""
+    compared: tuple[TriedTorque, ...] = ()
 
 
 def frictionless(mechanism: Mechanism) -> Mechanism:

@@ -117,8 +117,25 @@ def without_use(names: Sequence[str]) -> list[str]:
     ]
 
 
-def bounds(parameters: Sequence[Estimate]) -> list[str]:
-    """Name the parameters that ended on a bound.
+def nothing_seen(parameters: Sequence[Estimate]) -> list[str]:
+    """Name the parameters that came out as zero.
+
+    Args:
+        parameters: The estimates.
+
+    Returns:
+        Sentences; none where there are none.
+    """
+    zero = [p.name for p in parameters if p.at_bound and p.value == 0]
+    return (
+        [f"{listed(zero)} came out as zero, the smallest value allowed: too small to be seen."]
+        if zero
+        else []
+    )
+
+
+def bounds_met(parameters: Sequence[Estimate]) -> list[str]:
+    """Name the parameters that ended on a bound other than zero.
 
     Args:
         parameters: The estimates.
@@ -126,14 +143,10 @@ def bounds(parameters: Sequence[Estimate]) -> list[str]:
     Returns:
         Sentences; none where no bound was met.
     """
-    zero = [p.name for p in parameters if p.at_bound and p.value == 0]
     other = [p.name for p in parameters if p.at_bound and p.value != 0]
-    advice = []
-    if zero:
-        advice.append(f"{listed(zero)} came out as zero, the smallest value allowed: too small to be seen.")
-    if other:
-        advice.append(f"{listed(other)} ended on a bound; widen the bound or check the mechanism file.")
-    return advice
+    return (
+        [f"{listed(other)} ended on a bound; widen the bound or check the mechanism file."] if other else []
+    )
 
 
 class Assumed(NamedTuple):
@@ -390,24 +403,30 @@ def few(samples: int, unknowns: int) -> list[str]:
     ]
 
 
-def search_end(converged: bool, tried: int) -> list[str]:
-    """Report how the search ended.
+def search_end(converged: bool) -> list[str]:
+    """Report a search that did not reach its minimum.
 
     Args:
-        converged: Whether it reached its minimum.
-        tried: Number of starts that were tried.
+        converged: Whether it did.
 
     Returns:
-        Sentences; none for a search from one start that reached its minimum.
+        Sentences; none where it did.
     """
-    advice = []
-    if not converged:
-        advice.append(
-            "The search ended before the minimum was certain; allow more with --identify.evaluations."
-        )
-    if tried > 1:
-        advice.append(f"{tried} starts were tried; the best of them is reported.")
-    return advice
+    if converged:
+        return []
+    return ["The search ended before the minimum was certain; allow more with --identify.evaluations."]
+
+
+def starts_tried(tried: int) -> list[str]:
+    """Report from how many starts was searched.
+
+    Args:
+        tried: Number of starts.
+
+    Returns:
+        Sentences; none for a search from one start.
+    """
+    return [f"{tried} starts were tried; the best of them is reported."] if tried > 1 else []
 
 
 def zero_frictions(mechanism: Mechanism, unknowns: Unknowns) -> list[str]:

@@ -34,7 +34,7 @@ def combinations(problem: Problem, x: np.ndarray, known: Knowledge) -> tuple[Com
 
     Returns:
         Products of powers of parameters, dampings over the inertia they act on, and for bodies with free
-        inertia the regrouped inertial parameters.
+        inertia the regrouped inertial parameters, in ratios or, under known torques, themselves.
     """
     powers = _powers(problem, x, known)
     return (*powers, *_regrouped(problem, x, known))
@@ -49,6 +49,7 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
     unknowns, values = problem.unknowns, problem.unknowns.values(x)
     # a product needs logarithms: what may be zero or negative is no factor of it
     usable = (values > 0) & ~unknowns.of_kind(*CENTRE_KINDS)
+    usable &= unknowns.ratio | (unknowns.against < 0)
     moved = _moved(unknowns, known)
     if not moved.any():
         return []
@@ -130,11 +131,17 @@ def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combin
     mechanism = problem.mechanism
     # of uniform bodies the ratios follow from sizes that are known one by one, but for the dampings
     free = not problem.unknowns.uniform
-    values = inertial_ratios(mechanism, instance.tree, full=free)
+    absolute = bool(problem.data.torques)
+
+    def regrouped(tree: Tree) -> dict[str, complex]:
+        found = inertial_ratios(mechanism, tree, full=free and not absolute)
+        return found | (inertial_values(mechanism, tree) if free and absolute else {})
+
+    values = regrouped(instance.tree)
     slopes = []
     for p in range(len(x)):
         moved = instance.tree.along(instance.directions, p, COMPLEX_STEP * 1j)
-        step = inertial_ratios(mechanism, moved, full=free)
+        step = regrouped(moved)
         slopes.append([step[name].imag / COMPLEX_STEP for name in values])
     slope = np.array(slopes).T.reshape(len(values), len(x))
     found = []
@@ -180,6 +187,29 @@ def inertial_ratios(mechanism: Mechanism, tree: Tree, *, full: bool) -> dict[str
     if full and about.inertia:
         ratios |= _over_the_last(mechanism, tree, about, carried)
     return {name: complex(value) for name, value in ratios.items()}
+
+
+def inertial_values(mechanism: Mechanism, tree: Tree) -> dict[str, complex]:
+    """Return the regrouped inertial parameters themselves, which the motion fixes under a known torque.
+
+    Args:
+        mechanism: Gives the names.
+        tree: The joint tree; complex for a derivative.
+
+    Returns:
+        ``<body>.J``, ``.mx`` and ``.my`` of hinged bodies, ``.M`` of slides, as in `inertial_ratios` but for
+        the division, by name [SI].
+    """
+    about, carried = _regroup(tree), _carried_mass(tree)
+    values: dict[str, complex] = {}
+    for i, joint in enumerate(mechanism.joints):
+        if i in about.inertia:
+            values[f"{joint.body}.J"] = complex(about.inertia[i])
+            values[f"{joint.body}.mx"] = complex(about.first_x[i])
+            values[f"{joint.body}.my"] = complex(about.first_y[i])
+        elif tree.kind[i] != HINGE:
+            values[f"{joint.body}.M"] = complex(carried[i])
+    return values
 
 
 class _Regrouped(NamedTuple):

@@ -35,13 +35,13 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
         quantile: Half width of an interval in standard deviations.
 
     Returns:
-        One estimate by parameter of the mechanism, in its order. What keeps its proportion to a length has
-        no interval, because nothing determines it; nor have offsets, on which the motion does not depend, and
-        what is held under free torques.
+        One estimate by parameter of the mechanism, in its order. A size that keeps its proportion to a length
+        has no interval, because nothing determines it; nor have offsets, on which the motion does not depend,
+        and what is held under free torques.
     """
     unknowns, x = problem.unknowns, optimum.x
     where = {name: i for i, name in enumerate(unknowns.names)}
-    tied = set(unknowns.tied)
+    tied = {name: k for k, name in enumerate(unknowns.tied)}
     mechanism = problem.mechanism_at(x)
     # what follows from sizes stands in the tree: its derivatives are those of the tree's columns
     dlinks = problem.at(x).directions.links
@@ -64,7 +64,8 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
             i = where[p.name]
             log = bool(unknowns.log[i])
             deviation = Deviation(float(known.std[i]) * (p.value if log else 1.0), log)
-            if unknowns.ratio[i]:  # its own ratio may be known better than the size that it is a ratio to
+            if unknowns.ratio[i] or unknowns.against[i] >= 0:
+                # its own ratio may be known better than what it is a ratio to
                 along = _along(chain[i], p.value, known)
                 deviation = Deviation(along.std, False)
             found.append(_estimate(p, deviation, quantile, free=True, at_bound=bool(optimum.at_bound[i])))
@@ -72,6 +73,9 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
             found.append(_estimate(p, Deviation(ROLL_STD, False), quantile))
         elif p.kind == "roll" and p.name not in mechanism.chosen and p.value == 0.0:
             continue  # there is no camera
+        elif p.name in tied and p.kind == "density":  # as well known as the one it keeps its proportion to
+            along = _along(chain[len(unknowns) + tied[p.name]], p.value, known)
+            found.append(_estimate(p, along, quantile))
         elif p.name in tied or (p.free and (held or p.kind in PICTURE_ONLY)):
             found.append(_estimate(p, Deviation(np.inf, False), quantile))
         elif p.follows:

@@ -54,6 +54,11 @@ class Refined:
     error: float
 
     @property
+    def weighted(self) -> Problem:
+        """The problem with the noise as found."""
+        return _weighted(self.problem, self.noise)
+
+    @property
     def fitted(self) -> int:
         """Number of unknowns that take a degree of freedom from the motion."""
         return _fitted(self.problem, self.optimum)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.fit import Estimate, Fit, Start
+from monodyn.estimation.fit import Doubt, Estimate, Fit, Start
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.prior import THICKNESS_STD, thickness_ratios
@@ -18,12 +18,14 @@ from monodyn.estimation.verdict import advice, assumed
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined, refine
-from monodyn.estimation.verdict.trust import LOST_SHARE, verdict
+from monodyn.estimation.verdict.refits import refitted
+from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
 from monodyn.estimation.verdict.uncertainty import Knowledge
+from monodyn.estimation.verdict.unmodelled import unmodelled
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism, Parameter
 from monodyn.mechanism.upright import ROLL, feels_roll
-from monodyn.types import Poses
+from monodyn.types import Poses, Progress
 
 UNSTARTED = (
     "The motion of the start cannot be simulated through the record; check the mechanism file and that its "
@@ -39,8 +41,9 @@ CLEAR_SHARE = 0.01
 
 
 def summarize(
-    solution: TorqueSolution, records: tuple[Poses, ...], settings: IdentifySettings, began: float
-) -> Fit:
+    solution: TorqueSolution, records: tuple[Poses, ...], settings: IdentifySettings, began: float,
+    progress: Progress | None = None,
+) -> Fit:  # fmt: skip
     """Turn the solution of a search into a fit.
 
     Args:
@@ -48,6 +51,7 @@ def summarize(
         records: The records, for the shape of the residuals.
         settings: How gross errors are distinguished from the motion, how exact the last search is.
         began: When the identification began.
+        progress: Called with the fits done, where the intervals are from many.
 
     Returns:
         The fit; without an optimum one whose status is the reason.
@@ -60,15 +64,42 @@ def summarize(
         return replace(refused(problem, status, records, time.perf_counter() - began), advice=solution.advice)
     found = refine(problem, optimum, settings)
     fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
-    status, ok = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
-    reason = _unlikely(found, fit) if ok else None
-    if reason is not None:
-        status, ok = reason, False
-    fit = replace(fit, status=status, ok=ok, stamp_error=found.noise.stamps)
-    # of a motion that is refused it does not matter how exactly it was integrated
-    accuracy = advice.integration(found.substeps, found.error, settings.error_bound) if ok else []
-    sentences = (*solution.advice, *accuracy, *_advice(found, fit, records))
-    return replace(fit, advice=(*sentences, *advice.search_end(found.optimum.converged, solution.tried)))
+    hardly = None
+    if settings.uncertainty != "linear":
+        quantile = _quantile(found.freedom)
+        parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
+        fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
+    lacking = unmodelled(found.problem, found.optimum.trial, found.noise)
+    fit = replace(
+        fit,
+        status=identified(found.problem, fit.rms),
+        stamp_error=found.noise.stamps,
+        unmodelled=lacking,
+        tried_torques=solution.compared,
+    )
+    unsupported = [Doubt("approximate", solution.doubt)] if solution.doubt else []
+    few = [hardly] if hardly else []
+    fit = fit.doubted([*unsupported, *few, *_doubts(found, fit, settings)])
+    advised = (*solution.advice, *_advice(found, fit, records), *advice.starts_tried(solution.tried))
+    return replace(fit, advice=advised)
+
+
+def _doubts(found: Refined, fit: Fit, settings: IdentifySettings) -> list[Doubt]:
+    """Return what the search and its end say against a fit."""
+    doubts = []
+    if missed := verdict(found.problem, found.optimum, fit.rms, found.noise.size):
+        doubts.append(missed)
+        if missed.grade == "refused":
+            # of a motion that is refused it does not matter how exactly it was found
+            return doubts
+    if reason := _unlikely(found, fit):
+        return [Doubt("refused", reason), *doubts]
+    found_so = [
+        *advice.integration(found.substeps, found.error, settings.error_bound),
+        *advice.bounds_met(fit.parameters),
+        *advice.search_end(found.optimum.converged),
+    ]
+    return [*doubts, *(Doubt("approximate", reason) for reason in found_so)]
 
 
 def _unlikely(found: Refined, fit: Fit) -> str | None:
@@ -148,8 +179,9 @@ def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: 
     )
     residual = tuple(np.full(record.position.shape, np.nan) for record in records)
     return Fit(
-        status=status, ok=False, advice=(), mechanism=problem.mechanism, parameters=parameters,
-        combinations=(), starts=(), tied=(), covariance=np.zeros((0, 0)), residual=residual,
+        status=status, doubts=(Doubt("refused", status),), advice=(), mechanism=problem.mechanism,
+        parameters=parameters, combinations=(), starts=(), tied=(), covariance=np.zeros((0, 0)),
+        residual=residual,
         rms={joint.name: float("nan") for joint in problem.mechanism.joints}, scale=1.0,
         torque=problem.mechanism.torque, time=tuple(record.time for record in records), evaluations=0,
         seconds=seconds,
@@ -178,8 +210,6 @@ def fit_of(
     Returns:
         The fit, with an empty status.
     """
-    from scipy.special import stdtrit
-
     data, mechanism, unknowns = problem.data, problem.mechanism_at(optimum.x), problem.unknowns
     # residuals are given in metres of the identified scale, as the user reads them
     unit = np.where(data.slide, problem.size(optimum.x), 1.0)
@@ -189,10 +219,10 @@ def fit_of(
     covariance = _natural(problem, optimum, known)
     return Fit(
         status="",
-        ok=True,
+        doubts=(),
         advice=(),
         mechanism=mechanism,
-        parameters=estimates(problem, optimum, known, float(stdtrit(max(freedom, 1.0), 0.975))),
+        parameters=estimates(problem, optimum, known, _quantile(freedom)),
         combinations=combinations(problem, optimum.x, known),
         starts=_starts(problem, optimum, covariance),
         tied=tuple((name, unknowns.names[i]) for name, i in tied),
@@ -204,7 +234,15 @@ def fit_of(
         time=tuple(record.time for record in records),
         evaluations=optimum.evaluations,
         seconds=time.perf_counter() - began,
+        torques=tuple(torque.log for torque in data.torques),
     )
+
+
+def _quantile(freedom: float) -> float:
+    """Return the half width of a 95 % interval in standard deviations."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(freedom, 1.0), 0.975))
 
 
 def _natural(problem: Problem, optimum: Optimum, known: Knowledge) -> np.ndarray:
@@ -265,7 +303,7 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
         without_effect = found.known.without_effect(unknowns.names)
         sentences += advice.tilt(fit.parameters)
         sentences += advice.open_parameters(mechanism, fit.parameters, without_effect)
-        sentences += advice.bounds(fit.parameters)
+        sentences += advice.nothing_seen(fit.parameters)
         sentences += assumed.proportions(
             [mechanism.parameter(n) for n in unknowns.tied] if unknowns.uniform else ()
         )

@@ -1,13 +1,14 @@
-"""The fit compared with the record: whether it is close enough to be used, and the sentence that states it.
+"""The fit compared with the record: whether it is close enough to be used, and what speaks against it.
 
-A record of angles states its own scatter at best, not how well the mechanism is known; so a fit is refused
-only where it misses the record by far more than the scatter *and* by more than a share of the motion.
+A record of angles states its own scatter at best, not how well the mechanism is known; so a fit is doubted
+only where it misses the record by more than the scatter *and* by more than a share of the motion.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from monodyn.estimation.fit import Doubt
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, typical_differences
@@ -17,6 +18,10 @@ FAR_SHARE = 0.015
 """Not to be used when a joint's rms residual is above this share of its range (at most one turn) ..."""
 FAR_NOISE = 20.0
 """... and above this many times its stated noise."""
+SHOWN_SHARE = 0.004
+"""What the model lacks shows where a joint's rms residual is above this share of its range ..."""
+SHOWN_NOISE = 3.0
+"""... and above this many times its stated noise."""
 LOST_SHARE = 0.1
 """Does not follow at all when the typical residual is above this share of the motion's deviation ..."""
 LOST_NOISE = 5.0
@@ -25,12 +30,12 @@ LOST_NOISE = 5.0
 
 def verdict(
     problem: Problem, optimum: Optimum, rms: dict[str, float], against_noise: np.ndarray
-) -> tuple[str, bool]:
-    """Write what came of a fit, and decide whether it can be used.
+) -> Doubt | None:
+    """Decide from its residuals whether a fit can be used.
 
-    It can unless, for some joint, rms residual > max(20 stated noise, 1.5 % of its range of motion), with a
+    It cannot where, for some joint, rms residual > max(20 stated noise, 1.5 % of its range of motion), with a
     range of at most one turn; or typical residual > max(5 stated noise, 10 % of the standard deviation of
-    its motion).
+    its motion). It holds approximately where rms residual > max(3 stated noise, 0.4 % of the range).
 
     Args:
         problem: The problem, gross errors left out, with the noise as stated.
@@ -39,7 +44,7 @@ def verdict(
         against_noise: The same in units of the stated noise, (dof,).
 
     Returns:
-        The status, one sentence, and whether the fit can be used.
+        What speaks against it; None for nothing.
     """
     usual, moved = typical_differences(problem, optimum.trial), problem.data.motion_size
     noise = np.array([_noise(problem.data, j) for j in range(len(usual))])
@@ -51,11 +56,11 @@ def verdict(
     lost = (share > LOST_SHARE) & (usual > LOST_NOISE * noise)
     if lost.any():
         j = int(np.argmax(np.where(lost, share, 0.0)))
-        return (
+        return Doubt(
+            "refused",
             f"The simulated motion does not follow the record: typically {names[j]} is off by "
             f"{amount(problem.mechanism, names[j], usual[j] * unit[j])}, {percent(share[j])} of its "
             "motion; check that the mechanism is the one in the record and that no other force acts on it.",
-            False,
         )
     # rms is in metres of the identified scale, ranges are in the record's units
     residual = np.array([rms[name] for name in names]) / unit
@@ -63,16 +68,36 @@ def verdict(
     far = (residual > FAR_SHARE * ranges) & (against_noise > FAR_NOISE)
     if far.any():
         j = int(np.argmax(np.where(far, residual / ranges, 0.0)))
-        return (
+        return Doubt(
+            "refused",
             f"The simulated motion is too far from the record to be used: rms residual of {names[j]} "
             f"{amount(problem.mechanism, names[j], rms[names[j]])}, "
             f"{percent(residual[j] / ranges[j])} of its range and {against_noise[j]:.3g} times the "
             "stated noise; the advice says what model or record may lack.",
-            False,
         )
+    shown = (residual > SHOWN_SHARE * ranges) & (against_noise > SHOWN_NOISE)
+    if not shown.any():
+        return None
+    j = int(np.argmax(np.where(shown, residual / ranges, 0.0)))
+    return Doubt(
+        "approximate",
+        f"The simulated motion misses the record by what noise does not explain: rms residual of {names[j]} "
+        f"{amount(problem.mechanism, names[j], rms[names[j]])}, {percent(residual[j] / ranges[j])} of its "
+        f"range and {against_noise[j]:.3g} times the stated noise. The model lacks something, and parameters "
+        "may be off by more than their intervals say.",
+    )
+
+
+def identified(problem: Problem, rms: dict[str, float]) -> str:
+    """Return the sentence that states what was identified from.
+
+    Args:
+        problem: The problem, gross errors left out.
+        rms: Root mean square of the residual by joint [rad or m].
+    """
     frames = int(problem.data.measured.any(axis=1).sum())
     source = f"{frames} frames" + (f" of {problem.data.records} records" if problem.data.records > 1 else "")
-    return f"Identified from {source}; rms residual {amounts(problem.mechanism, rms)}.", True
+    return f"Identified from {source}; rms residual {amounts(problem.mechanism, rms)}."
 
 
 def motion_ranges(problem: Problem) -> np.ndarray:

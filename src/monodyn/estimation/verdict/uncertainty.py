@@ -151,15 +151,15 @@ def relative_change(unknowns: Unknowns, x: np.ndarray) -> np.ndarray:
         x: Their coordinates, (param,).
 
     Returns:
-        1 for logarithms, ratios and angles, one over the size of the others, (param,).
+        1 for logarithms, ratios, angles and lags, one over the size of the others, (param,).
     """
-    values = np.abs(unknowns.values(x))
+    values, slopes = np.abs(unknowns.values(x)), np.diag(unknowns.slope(x))
     relative = np.ones(len(unknowns))
     for i, kind in enumerate(unknowns.kinds):
-        if not (unknowns.log[i] or unknowns.ratio[i] or kind == "roll"):
+        if not (unknowns.log[i] or unknowns.ratio[i] or kind in ("roll", "lag")):
             alike = CENTRE_KINDS if kind in CENTRE_KINDS else (kind,)
             largest = max(values[unknowns.of_kind(*alike)])
-            relative[i] = 1.0 / max(values[i], 1e-2 * largest, 1e-12)
+            relative[i] = slopes[i] / max(values[i], 1e-2 * largest, 1e-12)
     return relative
 
 

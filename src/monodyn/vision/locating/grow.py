@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.parts import PLACE_KINDS, Parameter
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
 from monodyn.types import FULL, Camera
 from monodyn.vision.drawing.rig import SIZE_KINDS, longest_reach, rig_of
 from monodyn.vision.locating.beam import Beam, extended
-from monodyn.vision.locating.cores import on_all_cores
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import Root
 from monodyn.vision.locating.unit import drawn, growth, scaled

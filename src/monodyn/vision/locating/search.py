@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.errors import VideoError
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import SLIDE
@@ -21,7 +22,6 @@ from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of, root_slides
 from monodyn.vision.locating.beam import Beam, extended, slide_places
-from monodyn.vision.locating.cores import on_all_cores
 from monodyn.vision.locating.grow import SceneStart, better_mean, grown, whole
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points

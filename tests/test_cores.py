@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from monodyn.vision.locating import cores
-from monodyn.vision.locating.cores import on_all_cores
+from monodyn import cores
+from monodyn.cores import on_all_cores
 
 
 def test_results_come_in_the_order_of_the_items(monkeypatch: pytest.MonkeyPatch) -> None:

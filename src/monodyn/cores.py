@@ -1,4 +1,4 @@
-"""The search on all cores: its kernels leave the interpreter to other threads."""
+"""Work on all cores: kernels leave the interpreter to other threads."""
 
 from __future__ import annotations
 

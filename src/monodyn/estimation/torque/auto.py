@@ -1,0 +1,230 @@
+"""Which kind of torque acts, by the evidence: from the simplest on, until nothing is lacking.
+
+The rule: friction stays as long as what it leaves over is no slower or smaller than the noise; quadratic drag
+is taken where Schwarz's criterion prefers it; a torque over time only where, in rows that it was found
+without, it halves the error of friction, at the beginnings and at the ends of the records.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.estimation.fit import TriedTorque
+from monodyn.estimation.shooting.problem import Problem, posed
+from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, relative_difference
+from monodyn.estimation.torque.evidence import likeliest, pays
+from monodyn.estimation.torque.fourier import fit_series, series_of
+from monodyn.estimation.torque.free import fit_free_torques, residual_rms
+from monodyn.estimation.torque.friction import FAR_SHARE, fit_friction, with_dry_friction
+from monodyn.estimation.torque.task import Task, TorqueSolution
+from monodyn.estimation.torque.withheld import withheld_errors
+from monodyn.estimation.wording import listed
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.tree import BRAKES
+
+FRICTION = "friction"
+"""The simplest kind."""
+SAME_END = 0.9
+"""Share of the cost above which further starts have found nothing better."""
+SLOW = 1.0
+"""Slow part of the residuals, in units of the stated noise, above which a model lacks something."""
+FARTHEST = 4.0
+"""A residual beyond this many typical ones counts as that: a gross error is no torque."""
+HALVED = 2.0
+"""Factor by which a torque over time lowers the error of rows that it was found without, at least."""
+FEWEST_FREE = 3.0
+"""Residual in units of the noise up to which free torques follow a record."""
+ONLY_FREE = (
+    "Neither friction nor a periodic torque explains the motion. One torque a joint and time stamp was "
+    "taken, which explains any motion: it is right only as far as the given sizes and masses are, and "
+    "predicts nothing."
+)
+"""What speaks against a torque that nothing but the record itself supports."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A kind with its solution and its errors of rows kept back; none where they were not asked for."""
+
+    kind: str
+    solution: TorqueSolution
+    errors: tuple[float, ...] = ()
+
+
+def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
+    """Explain the motion by the simplest kind of torque that the evidence supports.
+
+    Args:
+        mechanism: The start.
+        task: What is to be explained.
+
+    Returns:
+        The solution; where more than friction was tried it has the comparison.
+    """
+    # where the first start explains the motion no other is tried; where it does not the reason is a torque as
+    # often as the start, and many starts in vain take longer than the search of a period
+    once = replace(task, settings=replace(task.settings, starts=1))
+    solution = fit_friction(mechanism, once)
+    if solution.optimum is None or _at_noise(solution):
+        return solution
+    found = _further(mechanism, once, solution)
+    more = bool(found.compared) and found.compared[0].kind != FRICTION
+    if more or task.settings.starts == 1 or task.search(solution.problem).explained(solution.optimum):
+        return found
+    again = fit_friction(mechanism, task)
+    if again.optimum is None or again.optimum.cost > SAME_END * solution.optimum.cost:
+        return found
+    return again if _at_noise(again) else _further(mechanism, once, again)
+
+
+def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> TorqueSolution:
+    """Try more than friction, whose solution leaves something over; return the best."""
+    route = task.search(solution.problem).route
+    friction = _Tried(FRICTION, solution)
+    tried = [friction, *_dragged(mechanism, solution, task, route)]
+    if _at_noise(tried[-1].solution):
+        return _told(tried[-1], tried)
+    friction = tried[0] = replace(friction, errors=_withheld(friction, task, route))
+    best = tried[-1]
+    # rows that friction misses by less than that much cannot be halved: their noise is left
+    if friction.errors and min(friction.errors) > HALVED:
+        for further in (_periodic, _free):
+            found = further(mechanism, task, route)
+            if found is not None:
+                tried.append(found)
+                if _halves(friction, found):
+                    return _told(found, tried)
+    return _told(best, tried) if len(tried) > 1 else solution
+
+
+def slow_part(problem: Problem, optimum: Optimum) -> float:
+    """Return the size of what changes slowly in the residuals, in units of the stated noise.
+
+    Noise of neighbouring rows has no product on average; what a model lacks has its square.
+
+    Args:
+        problem: The problem.
+        optimum: Its optimum.
+
+    Returns:
+        The root of the mean product of neighbouring residuals, of the joint where it is largest; infinite
+        where the motion was not followed to its end.
+    """
+    if not optimum.complete:
+        return float("inf")
+    bound = FARTHEST * max(optimum.sigma, 1.0)
+    residuals = np.clip(optimum.residuals, -bound, bound)
+    both = problem.data.measured[1:] & problem.data.measured[:-1]
+    # the last row of a record is no neighbour of the first one of the next
+    both[problem.data.first[1:-1] - 1] = False
+    products = np.where(both, residuals[1:] * residuals[:-1], 0.0)
+    mean = products.sum(axis=0) / np.maximum(both.sum(axis=0), 1)
+    return float(np.sqrt(max(float(mean.max()), 0.0)))
+
+
+def _at_noise(solution: TorqueSolution) -> bool:
+    optimum = solution.optimum
+    return optimum is not None and slow_part(solution.problem, optimum) < SLOW
+
+
+def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: Route) -> list[_Tried]:
+    """Try quadratic drag, without dry friction and with it; nothing where it explains no more."""
+    problem, optimum = solution.problem, solution.optimum
+    rows = [p for p in mechanism.parameters if p.kind == "drag" and not p.free]
+    names = [p.name for p in rows if p.name not in mechanism.chosen]
+    if optimum is None or not optimum.complete or not names:
+        return []
+    # without the dry friction that was found: it may have stood for the drag
+    larger = posed(mechanism.with_torque("friction").with_choices(free=names), problem.data)
+    x = larger.unknowns.carried(optimum.x, problem.unknowns)
+    found = fit_pieces(larger, optimum.trial.at(x, optimum.trial.states), route, route.fine)
+    larger, found = _with_dry(larger, found, task)
+    if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, len(names)):
+        return []
+    return [_Tried("friction with quadratic drag", replace(solution, problem=larger, optimum=found))]
+
+
+def _periodic(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:
+    """Try a periodic torque, with dry friction where that is left over."""
+    solution = fit_series(mechanism, task)
+    if solution.optimum is None or not solution.optimum.complete:
+        return None
+    problem, optimum = _with_dry(solution.problem, solution.optimum, task)
+    tried = _Tried("periodic torque", replace(solution, problem=problem, optimum=optimum))
+    return replace(tried, errors=_withheld(tried, task, route))
+
+
+def _with_dry(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
+    """Free dry friction where something is left over, and little: far from the motion the search is long."""
+    if not optimum.complete or slow_part(problem, optimum) < SLOW:
+        return problem, optimum
+    if relative_difference(problem, optimum.trial) >= FAR_SHARE:
+        return problem, optimum
+    return with_dry_friction(problem, optimum, task)
+
+
+def _free(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:
+    """Try free torques where sizes and masses are given; with these open they explain any mechanism."""
+    unknowns = posed(mechanism.with_torque("friction"), task.data).unknowns
+    if not set(unknowns.kinds) <= {*BRAKES, "roll"}:
+        return None
+    solution = fit_free_torques(mechanism, task)
+    return None if solution.optimum is None else _Tried("free torque", solution)
+
+
+def _withheld(tried: _Tried, task: Task, route: Route) -> tuple[float, ...]:
+    """Return the errors of rows that a solution is found without."""
+    problem, optimum = tried.solution.problem, tried.solution.optimum
+    if optimum is None or not optimum.complete:
+        return (float("inf"),)
+    return withheld_errors(problem, optimum, task.smoothed, route)
+
+
+def _halves(friction: _Tried, found: _Tried) -> bool:
+    """Return whether a torque over time explains rows that it was found without by far better."""
+    optimum = found.solution.optimum
+    if optimum is None:
+        return False
+    if found.kind == "free torque":
+        # a torque at one time says nothing of other times: none can be kept back
+        return residual_rms(found.solution.problem, optimum) < FEWEST_FREE
+    pairs = zip(friction.errors, found.errors, strict=False)
+    return bool(found.errors) and all(HALVED * max(after, 1.0) <= before for before, after in pairs)
+
+
+def _told(chosen: _Tried, tried: list[_Tried]) -> TorqueSolution:
+    """Return a solution with the comparison, and with the reason before its advice."""
+    rows = sorted(tried, key=lambda one: one is not chosen)
+    compared = tuple(TriedTorque(one.kind, one is chosen, _said(one)) for one in rows)
+    solution = replace(chosen.solution, compared=compared)
+    if chosen.kind == "free torque":
+        return replace(solution, doubt=ONLY_FREE)
+    if chosen is tried[0]:
+        return solution
+    reason = f"{_reason(chosen)} Friction alone: {_said(tried[0])}"
+    return replace(solution, advice=(reason, *solution.advice))
+
+
+def _reason(chosen: _Tried) -> str:
+    """Write which kind was chosen."""
+    optimum = chosen.solution.optimum
+    if chosen.kind != "periodic torque" or optimum is None:
+        return f"The evidence is for {chosen.kind}: {_said(chosen)}"
+    terms, period = series_of(chosen.solution.problem, optimum)
+    waves = "1 harmonic" if terms == 1 else f"{terms} harmonics"
+    return f"The evidence is for a periodic torque, of period {period:.4g} s with {waves}: {_said(chosen)}"
+
+
+def _said(tried: _Tried) -> str:
+    """Write how well a kind follows the record, and rows that it was found without."""
+    problem, optimum = tried.solution.problem, tried.solution.optimum
+    if optimum is None or not optimum.complete:
+        return "does not follow the record."
+    said = (
+        f"residuals of {residual_rms(problem, optimum):.3g} times the noise, {len(problem.unknowns)} unknowns"
+    )
+    if not tried.errors:
+        return f"{said}."
+    return f"{said}; rows kept back are off by {listed([f'{e:.3g}' for e in tried.errors])} times the noise."

@@ -1,0 +1,143 @@
+"""What a model lacks, as random accelerations: how far the motion goes astray of the identified one.
+
+Where residuals are larger than the noise and change slowly, the motion is not exactly that of the mechanism.
+About the identified motion its state then wanders: accelerations push it at random, and the mechanism's own
+dynamics carry the error on. A Kalman filter over the residuals tells how strong these accelerations are.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from monodyn.estimation.fit import Unmodelled
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.verdict.uncertainty import NoiseFactors
+from monodyn.mechanism.simulate import transitions
+from monodyn.mechanism.torques import LAG
+
+LARGER, SLOWER = 2.0, 1.5
+"""Residuals over the stated noise, and root of what their autocorrelation costs, above which the model lacks
+something."""
+DENSITIES = 10.0 ** np.arange(-6.0, 3.01, 0.25)
+"""Densities that are tried, over the variance of the residuals by the time between stamps to the third."""
+SWEEPS = 2
+"""Times that the joints are gone through."""
+UNKNOWN = 1e4
+"""Variance of the state at the beginning of a record, over that of the residuals."""
+
+
+def unmodelled(problem: Problem, trial: Trial, noise: NoiseFactors) -> Unmodelled | None:
+    """Find the random accelerations that explain the residuals of a fit.
+
+    Args:
+        problem: The problem without gross errors, with the noise as stated.
+        trial: Its optimum, one piece a record.
+        noise: How the residuals compare with the stated noise.
+
+    Returns:
+        The accelerations of highest likelihood; None where the noise explains the residuals.
+
+    Source:
+        Maximum likelihood of a linear stochastic system by the innovations of its Kalman filter: Åström and
+        Källström, Identification of ship steering dynamics, 1976.
+    """
+    if not np.any((noise.size > LARGER) & (noise.correlation > SLOWER)):
+        return None
+    data, mechanism = problem.data, problem.mechanism_at(trial.x)
+    clock = data.times * problem.stretch(trial.x)
+    unit = data.by_row(np.where(data.slide, problem.size(trial.x), 1.0))
+    residual = problem.differences(trial) * unit
+    # what is no motion at all changes from row to row
+    white = _noise_of_rows(residual, np.where(data.measured, data.std, np.nan) * unit)
+    lag, stretch, parts = mechanism.values.get(LAG, 0.0), problem.stretch(trial.x), []
+    for first, stop, state in trial.runs:
+        drive = problem.driven(mechanism.drive, lag, stretch, first, stop)
+        fine = trial.substeps
+        parts.append(transitions(mechanism.tree, clock[first:stop], state, substeps=fine, drive=drive))
+    carried = np.concatenate(parts)
+    steps = np.diff(clock, prepend=clock[0])
+    begins = np.zeros(len(clock), dtype=np.bool_)
+    begins[trial.pieces.first[:-1]] = True
+    spread = np.nanmean(residual**2, axis=0)
+    pace = float(np.median(np.diff(clock)))
+    density = np.zeros(len(spread))
+
+    def likelihood(tried: np.ndarray) -> float:
+        return _filtered(residual, white**2, carried, steps, begins, tried, UNKNOWN * spread / pace**2)[0]
+
+    for _ in range(SWEEPS):
+        for dof in range(len(density)):
+            tried = np.repeat(density[np.newaxis], 1 + len(DENSITIES), axis=0)
+            tried[:, dof] = np.append(0.0, DENSITIES * spread[dof] / pace**3)
+            density = tried[int(np.argmax([likelihood(row) for row in tried]))]
+    _, off = _filtered(residual, white**2, carried, steps, begins, density, UNKNOWN * spread / pace**2)
+    return Unmodelled(density, off) if density.any() else None
+
+
+def _noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
+    """Return the part of the residuals that changes from row to row [rad or m], (row, dof).
+
+    It is as large as stated at least, and NaN where not measured.
+    """
+    white = stated.copy()
+    for dof in range(residual.shape[1]):
+        # second differences of what changes slowly vanish, those of noise have six times its variance
+        second = np.diff(residual[:, dof] / stated[:, dof], n=2)
+        second = second[np.isfinite(second)]
+        if len(second):
+            white[:, dof] *= max(1.0, float(np.sqrt(np.median(second**2) / 0.4549 / 6.0)))
+    return white
+
+
+@njit(cache=True)
+def _filtered(
+    residual: np.ndarray,
+    variance: np.ndarray,
+    carried: np.ndarray,
+    steps: np.ndarray,
+    begins: np.ndarray,
+    density: np.ndarray,
+    unknown: np.ndarray,
+) -> tuple[float, np.ndarray]:
+    """Return the logarithm of the likelihood of residuals under random accelerations, but for a constant, and
+    the mean square of the state's error, (state, state).
+
+    ``residual`` and ``variance`` are (row, dof), NaN in gaps; ``carried`` (row, state, state) has the
+    derivative of the state at a row by that at the row before, ``unknown`` (dof,) the variance of positions
+    and rates where a record begins.
+    """
+    rows, dofs = residual.shape
+    state, error = 2 * dofs, np.zeros(2 * dofs)
+    covariance, square = np.zeros((state, state)), np.zeros((state, state))
+    likelihood, counted = 0.0, 0
+    for row in range(rows):
+        if begins[row]:
+            error[:], covariance[:] = 0.0, 0.0
+            for j in range(dofs):
+                covariance[j, j], covariance[dofs + j, dofs + j] = unknown[j], unknown[j]
+        else:
+            error[:] = carried[row] @ error
+            covariance[:] = carried[row] @ covariance @ carried[row].T
+            h = steps[row]
+            for j in range(dofs):
+                covariance[j, j] += density[j] * h**3 / 3.0
+                covariance[j, dofs + j] += density[j] * h**2 / 2.0
+                covariance[dofs + j, j] += density[j] * h**2 / 2.0
+                covariance[dofs + j, dofs + j] += density[j] * h
+        for j in range(dofs):
+            if not math.isnan(residual[row, j]):
+                total = covariance[j, j] + variance[row, j]
+                off = residual[row, j] - error[j]
+                gain = covariance[:, j] / total
+                error += gain * off
+                covariance -= np.outer(gain, gain) * total
+                likelihood -= 0.5 * (math.log(total) + off * off / total)
+        # the first rows of a record only find its state
+        if row >= 4 * dofs and not begins[max(0, row - 4 * dofs) : row + 1].any():
+            square += np.outer(error, error) + covariance
+            counted += 1
+    return likelihood, square / max(counted, 1)

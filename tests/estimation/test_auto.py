@@ -1,0 +1,76 @@
+"""Which kind of torque acts: the simplest that the evidence supports."""
+
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from driven import DOUBLE, PERIOD, THICKNESS, pull, simulated, started
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.torque.auto import slow_part
+from monodyn.stages import identify
+
+AUTO = IdentifySettings(torque="auto")
+
+
+def leaving(residuals: np.ndarray, first: tuple[int, ...]) -> tuple[Any, Any]:
+    data = SimpleNamespace(measured=np.ones(residuals.shape, dtype=bool), first=np.array(first))
+    return SimpleNamespace(data=data), SimpleNamespace(complete=True, sigma=1.0, residuals=residuals)
+
+
+def test_noise_has_no_slow_part_and_a_wave_has_its_rms() -> None:
+    noise = np.random.default_rng(0).normal(size=(4000, 2))
+    assert slow_part(*leaving(noise, (0, 4000))) < 0.2
+    wave = np.sqrt(2.0) * 1.5 * np.sin(np.arange(4000) / 40.0)
+    noise[:, 1] += wave
+    assert slow_part(*leaving(noise, (0, 4000))) == pytest.approx(1.5, rel=0.05)
+
+
+def test_records_are_no_neighbours() -> None:
+    """Rows of 2 and -2 by record: the one pair that would be negative does not count."""
+    residuals = np.array([[2.0], [2.0], [-2.0], [-2.0]])
+    assert slow_part(*leaving(residuals, (0, 2, 4))) == pytest.approx(2.0)
+
+
+def test_friction_stays_where_it_leaves_nothing(passive, tmp_path) -> None:
+    start = started(DOUBLE, tmp_path, 0.5, **THICKNESS)
+    fit = identify(passive[0], start, AUTO)
+    assert (fit.torque, fit.tried_torques) == ("friction", ())
+    assert fit.acting == ("viscous friction",)
+
+
+def test_a_periodic_torque_is_taken_for_what_it_explains_of_other_rows(driven, tmp_path) -> None:
+    fit = identify(driven[0], started(DOUBLE, tmp_path, 0.5, **THICKNESS), AUTO)
+    assert fit.ok, fit.status
+    assert (fit.torque, fit.acting[-1]) == ("fourier", "periodic torque")
+    assert fit.parameter("torque.period").value == pytest.approx(PERIOD, rel=5e-3)
+    assert [tried.kind for tried in fit.tried_torques] == ["periodic torque", "friction"]
+    assert [tried.chosen for tried in fit.tried_torques] == [True, False]
+    assert re.fullmatch(
+        r"residuals of [\d.]+ times the noise, \d+ unknowns; rows kept back are off by [\d.]+ and [\d.]+ "
+        r"times the noise.",
+        fit.tried_torques[1].said,
+    )
+    off = fit.tried_torques[1].said.split("off by ")[1].split(" times")[0]
+    assert f"; rows kept back are off by {off} times the noise." in fit.advice[0]
+    assert fit.advice[0].startswith(
+        f"The evidence is for a periodic torque, of period {fit.parameter('torque.period').value:.4g} s with "
+        f"1 harmonic: {fit.tried_torques[0].said} Friction alone: "
+    )
+
+
+@pytest.mark.slow
+def test_a_torque_without_a_period_is_taken_where_sizes_are_given(tmp_path) -> None:
+    record, _ = simulated(DOUBLE, [-1.5, 0.3], 100, pull)
+    given = {"link1.length": 0.23, "link1.width": 0.032, "link2.length": 0.17, "link2.width": 0.028}
+    fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS, **given), AUTO)
+    assert (fit.torque, fit.grade) == ("free", "approximate")
+    assert fit.status == (
+        "Approximate. Neither friction nor a periodic torque explains the motion. One torque a joint and "
+        "time stamp was taken, which explains any motion: it is right only as far as the given sizes and "
+        "masses are, and predicts nothing."
+    )
+    fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS), AUTO)
+    assert fit.torque != "free"

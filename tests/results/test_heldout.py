@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fits import identified
+from monodyn.estimation.fit import Doubt
+from monodyn.results.fill import fill
+from monodyn.results.heldout import held_out, heldout_doubts
+from monodyn.results.predict import predict
+from monodyn.results.trace import Trace, trace_of
+from monodyn.types import Poses
+
+TIMES = np.arange(30) / 30.0
+
+
+def traced(off: np.ndarray, *, seen: np.ndarray | None = None) -> Trace:
+    """Return a record that differs from the fitted motion by ``off`` (frame,) [rad], with its prediction."""
+    fit = identified()
+    position = fill(fit, TIMES).position + off[:, np.newaxis]
+    seen = np.ones(len(TIMES), dtype=bool) if seen is None else seen
+    poses = Poses(("joint1",), np.arange(len(TIMES)), TIMES, position, np.zeros((len(TIMES), 1, 1)), seen)
+    return trace_of(fit, poses, predict(fit, times=TIMES[len(fit.time[0]) :]))
+
+
+def after(value: float, begin: int = 0) -> np.ndarray:
+    """Return zero in the fitted frames, and a value from some frame after them on."""
+    count = len(identified().time[0])
+    return np.where(np.arange(len(TIMES)) >= count + begin, value, 0.0)
+
+
+def swing() -> float:
+    """Return the range of the fitted motion [rad]."""
+    return float(np.ptp(fill(identified(), identified().time[0]).position))
+
+
+def test_a_prediction_that_holds_leaves_no_doubt() -> None:
+    fit, trace = identified(), traced(np.zeros(len(TIMES)))
+    found = held_out(fit, trace)
+    assert found is not None
+    assert found.holds == np.inf
+    assert found.bands[0] == pytest.approx(0.0, abs=1e-3)
+    assert heldout_doubts(fit, trace) == []
+
+
+def test_nothing_is_held_out_where_nothing_was_measured() -> None:
+    fit, count = identified(), len(identified().time[0])
+    trace = traced(after(1.0), seen=np.arange(len(TIMES)) < count)
+    assert held_out(fit, trace) is None
+    assert heldout_doubts(fit, trace) == []
+
+
+def test_the_time_for_which_a_prediction_holds_is_said() -> None:
+    fit = replace(identified(), rms={"joint1": 1.0})
+    off = 0.2 * swing()
+    trace = traced(after(off, 7))
+    found = held_out(fit, trace)
+    assert found is not None
+    assert found.holds == pytest.approx(8 / 30.0)
+    rms = np.degrees(off * np.sqrt(3 / 10))
+    assert heldout_doubts(fit, trace) == [
+        Doubt(
+            "approximate",
+            "The prediction holds for 0.27 s after the fitted frames; then joint1 is off by more than "
+            f"10% of its range, {rms:.3g} deg rms over the 0.33 s that were held out.",
+        )
+    ]
+
+
+def test_a_motion_that_goes_another_way_at_once_is_refused() -> None:
+    fit = replace(identified(), rms={"joint1": 10.0})
+    off = 0.6 * swing()
+    assert heldout_doubts(fit, traced(after(off))) == [
+        Doubt(
+            "refused",
+            "The motion does not go on as identified: after 0.033 s joint1 is off by more than 10% of its "
+            f"range, {np.degrees(off):.3g} deg rms over the 0.33 s that were held out.",
+        )
+    ]
+
+
+def test_frames_outside_of_their_band_are_said() -> None:
+    fit = identified()
+    found = held_out(fit, traced(after(0.05 * swing())))
+    assert found is not None
+    bands = float(found.bands[0])
+    assert bands > 3.0
+    assert heldout_doubts(fit, traced(after(0.05 * swing()))) == [
+        Doubt(
+            "approximate",
+            f"The frames that were held out lie {bands:.2g} standard deviations from their prediction "
+            "(joint1): its band is too narrow, and so may be the intervals of the parameters.",
+        )
+    ]
+
+
+def test_a_turn_counts_unless_a_gap_hides_it() -> None:
+    count = len(identified().time[0])
+    turn = after(2.0 * np.pi, 6)
+    whole = traced(turn).heldout()["joint1"]
+    assert whole is not None
+    assert whole > 3.0
+    # out of sight for so long that it may have turned once
+    rows = np.arange(len(TIMES))
+    hidden = (rows >= count + 1) & (rows < count + 6)
+    fast = traced(turn, seen=~hidden)
+    assert fast.future is not None
+    slow = fast.heldout()["joint1"]
+    moving = replace(fast, future=replace(fast.future, velocity=np.full_like(fast.future.velocity, 9.0)))
+    assert slow == pytest.approx(2.0 * np.pi * np.sqrt(4 / 5), rel=1e-6)
+    assert moving.heldout()["joint1"] == pytest.approx(0.0, abs=1e-6)

@@ -1,0 +1,80 @@
+"""Tables of joint positions without a model: their columns and the motion decide."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monodyn.errors import MechanismError, SettingsError
+from monodyn.estimation.record.tables import write_poses
+from monodyn.mechanism import load
+from monodyn.pipeline import identify_tables
+from monodyn.settings import RunSettings
+from monodyn.tabled import tabled
+from support import refuses
+from swings import TIMES, motion, record
+
+
+def written(folder: Path, model: str, start: list[float], names: tuple[str, ...]) -> Path:
+    """Write the simulated motion of a bundled mechanism under other names of its joints."""
+    mechanism = load(model)
+    swing = motion(mechanism, TIMES, start, [0.0] * len(start))
+    path = folder / "swing.csv"
+    # a slide of a few centimetres is measured to a tenth of a millimetre
+    poses = record(mechanism, TIMES, swing, noise=1e-4)
+    write_poses(replace(poses, joints=names), path)
+    return path
+
+
+def joints(count: int) -> tuple[str, ...]:
+    return tuple(f"joint{k + 1}" for k in range(count))
+
+
+@pytest.mark.parametrize(("model", "start"), [("double", [-0.9, 0.6]), ("cartpole", [0.0, -0.4])])
+def test_two_columns_are_a_double_pendulum_or_a_cart_as_the_motion_has_it(
+    model: str, start: list[float], tmp_path: Path
+) -> None:
+    table = written(tmp_path, model, start, joints(2))
+    document = identify_tables([table], "auto", tmp_path / "fit").document
+    rows = document["comparison"]
+    assert [row["model"] for row in rows if row["chosen"]] == [model]
+    assert {row["model"] for row in rows} == {"double", "cartpole"}
+    assert rows[0]["grade"] == document["grade"] != "refused"
+    page = (tmp_path / "fit" / "report.html").read_text(encoding="utf-8")
+    assert f"<h2>Why {model}</h2>" in page
+
+
+def test_a_single_joint_is_the_simpler_mechanism(tmp_path: Path) -> None:
+    table = written(tmp_path, "single", [0.5], joints(1))
+    rows = identify_tables([table], "auto").document["comparison"]
+    assert (rows[0]["model"], len(rows)) == ("single", 1)
+    said = re.fullmatch(r"fit trusted, residuals of (.*) times the noise, (\d+) unknowns\.", rows[0]["said"])
+    assert said
+    assert rows[0]["said"] == f"fit trusted, residuals of {said[1]} times the noise, {said[2]} unknowns."
+    # the noise is white and as stated
+    assert 0.8 < float(said[1]) < 1.2
+
+
+def test_the_columns_limit_what_is_tried(tmp_path: Path) -> None:
+    four = written(tmp_path, "chain:4", [-0.9, 0.2, 0.1, 0.1], joints(4))
+    chains = tabled([four], RunSettings())
+    assert [one.model for one in chains] == ["chain:4"]
+    carts = tabled([written(tmp_path, "cartpole", [0.0, -0.4], ("slide", "joint1"))], RunSettings())
+    assert [one.model for one in carts] == ["cartpole"]
+    with pytest.raises(MechanismError, match=r"link7\.length"):
+        tabled([written(tmp_path, "single", [0.5], joints(1))], RunSettings(fix={"link7.length": 0.1}))
+
+
+def test_columns_of_other_names_need_a_model(tmp_path: Path) -> None:
+    table = tmp_path / "log.csv"
+    table.write_text("time,hip\n" + "".join(f"{t:.2f},{np.sin(t):.4f}\n" for t in np.arange(20) / 20))
+    with refuses(
+        SettingsError,
+        "model: expected the columns joint1, joint2, ... in 'log.csv', got time, hip; name the mechanism "
+        "with --model.",
+    ):
+        tabled([table], RunSettings())
