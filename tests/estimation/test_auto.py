@@ -1,6 +1,7 @@
 """Which kind of torque acts: the simplest that the evidence supports."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -64,13 +65,14 @@ def test_a_periodic_torque_is_taken_for_what_it_explains_of_other_rows(driven, t
 @pytest.mark.slow
 def test_a_torque_without_a_period_is_taken_where_sizes_are_given(tmp_path) -> None:
     record, _ = simulated(DOUBLE, [-1.5, 0.3], 100, pull)
+    settings = replace(AUTO, starts=1)
     given = {"link1.length": 0.23, "link1.width": 0.032, "link2.length": 0.17, "link2.width": 0.028}
-    fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS, **given), AUTO)
+    fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS, **given), settings)
     assert (fit.torque, fit.grade) == ("free", "approximate")
     assert fit.status == (
         "Approximate. Neither friction nor a periodic torque explains the motion. One torque a joint and "
         "time stamp was taken, which explains any motion: it is right only as far as the given sizes and "
         "masses are, and predicts nothing."
     )
-    fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS), AUTO)
+    fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS), settings)
     assert fit.torque != "free"
