@@ -8,7 +8,7 @@ import pytest
 from fits import identified
 from monodyn.estimation.fit import Doubt
 from monodyn.results.fill import fill
-from monodyn.results.heldout import held_out, heldout_doubts
+from monodyn.results.heldout import excluded, excluded_note, held_out, heldout_doubts
 from monodyn.results.predict import predict
 from monodyn.results.trace import Trace, trace_of
 from monodyn.types import Poses
@@ -111,3 +111,31 @@ def test_a_turn_counts_unless_a_gap_hides_it() -> None:
     moving = replace(fast, future=replace(fast.future, velocity=np.full_like(fast.future.velocity, 9.0)))
     assert slow == pytest.approx(2.0 * np.pi * np.sqrt(4 / 5), rel=1e-6)
     assert moving.heldout()["joint1"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_pose_is_excluded_where_the_motion_goes_on_beside_it() -> None:
+    fit, jump = identified(), np.zeros(len(TIMES))
+    jump[[4, 22, 23]] = 0.5
+    trace = traced(jump)
+    found = excluded(fit, trace)
+    assert np.flatnonzero(found[:, 0]).tolist() == [4, 22, 23]
+    assert excluded_note(found, trace.poses) == [
+        "The identified dynamics exclude the position of joint1 in frame 4, 22 and 23: the tracking was "
+        "wrong there; <joint>_excluded marks it in poses.csv."
+    ]
+    inside = np.full(len(TIMES), 5.0 * fit.rms["joint1"])
+    assert not excluded(fit, traced(inside)).any()
+    assert excluded_note(excluded(fit, traced(inside)), trace.poses) == []
+
+
+def test_a_motion_that_is_left_excludes_no_pose() -> None:
+    """The prediction goes astray, and crosses the record now and then."""
+    astray = after(0.5)
+    astray[[24, 28]] = 0.0
+    assert not excluded(identified(), traced(astray)).any()
+
+
+def test_a_turn_that_a_gap_hides_excludes_no_pose() -> None:
+    turn = np.zeros(len(TIMES))
+    turn[4] = 2.0 * np.pi
+    assert not excluded(identified(), traced(turn)).any()

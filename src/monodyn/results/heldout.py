@@ -1,4 +1,4 @@
-"""How well a fit predicts frames that it did not see, and what that says against it."""
+"""How well a fit predicts frames that it did not see, what that says against it, and against single poses."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.wording import amount, listed
 from monodyn.results.trace import Trace
+from monodyn.types import Poses
 
 WITHIN = 0.1
 """Error up to which a prediction holds, as a share of the joint's range of motion (at most one turn)."""
@@ -18,6 +19,10 @@ USELESS = 0.5
 """Share of the range that a prediction misses at once where it is none."""
 AT_ONCE = 0.25
 """Share of the fitted time within which it does."""
+
+
+EXCLUDED = 8.0
+"""Standard deviations beyond which a pose is none of the identified motion, where that goes on beside it."""
 
 
 class HeldOut(NamedTuple):
@@ -113,3 +118,55 @@ def heldout_doubts(fit: Fit, trace: Trace, *, kept: bool = False) -> list[Doubt]
         doubts.append(Doubt("approximate", said))
     without = f"Identified without the last {found.time[-1]:.2g} s of the record: " if kept else ""
     return [Doubt(doubt.grade, f"{without}{doubt.reason}") for doubt in doubts]
+
+
+def excluded(fit: Fit, trace: Trace) -> np.ndarray:
+    """Mark the measured positions that the identified dynamics exclude: the tracking was wrong there.
+
+    They lie far outside of the band of the motion, which has that of the fit, the residuals and the pose, and
+    the motion is followed before and after them for at least as many rows: where it is not, the motion is
+    wrong and not the poses.
+
+    Args:
+        fit: The fit.
+        trace: A record of it.
+
+    Returns:
+        True for those, bool (frame, dof).
+    """
+    poses, states = trace.poses, trace.states
+    rms = np.array([fit.rms[name] for name in poses.joints])
+    variance = np.diagonal(poses.covariance, axis1=1, axis2=2)
+    band = EXCLUDED * np.sqrt(states.std**2 + rms**2 + np.where(poses.measured, variance, 0.0))
+    off = poses.position - states.position
+    found = np.zeros(off.shape, dtype=bool)
+    for dof in range(off.shape[1]):
+        if dof in trace.turning:
+            # a gap may hide a turn
+            off[:, dof] -= 2.0 * np.pi * np.round(off[:, dof] / (2.0 * np.pi))
+        rows = np.flatnonzero(poses.measured[:, dof])
+        far = np.abs(off[rows, dof]) > band[rows, dof]
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], far, [False])).astype(int)))
+        for begin, end in edges.reshape(-1, 2).tolist():
+            count = end - begin
+            beside = np.concatenate((far[max(begin - count, 0) : begin], far[end : end + count]))
+            if len(beside) == 2 * count and not beside.any():
+                found[rows[begin:end], dof] = True
+    return found
+
+
+def excluded_note(found: np.ndarray, poses: Poses) -> list[str]:
+    """Return a note on the poses that the identified dynamics exclude; none where there are none.
+
+    Args:
+        found: True for those, bool (frame, dof).
+        poses: The record.
+    """
+    rows = [str(number) for number in poses.frame[found.any(axis=1)]]
+    if not rows:
+        return []
+    joints = [name for name, some in zip(poses.joints, found.any(axis=0), strict=True) if some]
+    return [
+        f"The identified dynamics exclude the position of {listed(joints)} in frame {listed(rows)}: the "
+        "tracking was wrong there; <joint>_excluded marks it in poses.csv."
+    ]

@@ -19,6 +19,7 @@ from monodyn.results.export import (
 from monodyn.results.filmed import filmed_of, write_film
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
+from monodyn.results.heldout import excluded, excluded_note
 from monodyn.results.page import page_text
 from monodyn.results.trace import fitted_poses, trace_of
 from monodyn.types import Poses, Progress
@@ -92,10 +93,12 @@ def write_results(
         The content of ``fit.json``.
     """
     fit, traces, record = findings.fit, findings.traces, findings.record
+    wrong = excluded(fit, traces[0]) if record is not None and traces else None
+    said = [] if record is None or wrong is None else excluded_note(wrong, record)
     # before the documents are made, because fit.json and the page both carry the notes
-    findings = replace(findings, notes=[*findings.notes, *lost_in_urdf(fit.mechanism)])
+    findings = replace(findings, notes=[*findings.notes, *said, *lost_in_urdf(fit.mechanism)])
     if record is not None:
-        folder.write("poses.csv", lambda path: write_poses(record, path))
+        folder.write("poses.csv", lambda path: write_poses(record, path, wrong))
     filmed = findings.filmed
     if filmed is not None and filmed.camera_path is not None:
         folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))

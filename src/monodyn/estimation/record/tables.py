@@ -77,7 +77,7 @@ def column_names(path: str | Path) -> list[str]:
     return table_rows(Path(path))[0]
 
 
-def write_poses(poses: Poses, path: str | Path) -> None:
+def write_poses(poses: Poses, path: str | Path, excluded: np.ndarray | None = None) -> None:
     """Write a record as a table that `read_poses` reads back.
 
     Numbers are written with as many digits as it takes to read the same number back; covariances between
@@ -86,16 +86,21 @@ def write_poses(poses: Poses, path: str | Path) -> None:
     Args:
         poses: The record.
         path: File to write.
+        excluded: True for positions that an identified motion excludes, which `read_poses` does not use,
+            bool (frame, dof); None writes no columns of them.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     further = [f"{name}_{what}" for what in ("std", "seen") for name in poses.joints]
+    if excluded is not None:
+        further += [f"{name}_excluded" for name in poses.joints]
     writer.writerow(["frame", "time", "seen", *poses.joints, *further])
+    marks = poses.measured if excluded is None else np.hstack((poses.measured, excluded))
     std = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
     for i in range(len(poses)):
         numbers = [repr(float(x)) for x in (*poses.position[i], *std[i])]
         row = [int(poses.frame[i]), repr(float(poses.time[i])), int(poses.seen[i])]
-        writer.writerow([*row, *numbers, *poses.measured[i].astype(int).tolist()])
+        writer.writerow([*row, *numbers, *marks[i].astype(int).tolist()])
     Path(path).write_text(text.getvalue(), encoding="utf-8")
 
 
