@@ -181,7 +181,7 @@ def test_verbs_in_the_documents_exist() -> None:
 def test_the_run_folder_in_the_readme_is_the_one_written() -> None:
     from monodyn.results.folder import FILES
 
-    table = README.split("### The run folder")[1].split("Exit codes")[0]
+    table = README.split("### The run folder")[1].split("\n### ")[0]
     assert set(re.findall(r"`(\w+\.\w+)`", table)) == set(FILES)
 
 
