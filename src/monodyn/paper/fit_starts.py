@@ -70,7 +70,7 @@ def _matched(
 ) -> Iterator[np.ndarray]:
     """Yield the starts of the default search without a torque, (param,) each."""
     count = min(settings.starts, MOST_STARTS.get(fixed.problem.mechanism.torque, settings.starts))
-    undriven = posed(fixed.problem.mechanism.with_torque("friction"), fixed.problem.data)
+    undriven = posed(fixed.problem.mechanism.with_torque("friction"), fixed.problem.data, exact=True)
     place = fixed.problem.unknowns.index(undriven.unknowns.names)
     route = Route(settings.piece, settings.error_bound, SearchSettings(evaluations=settings.evaluations))
     for x, _ in starts(undriven, smooth_motion(undriven, smoothed), smoothed, route, count, settings.seed):

@@ -56,7 +56,7 @@ def torque_model(mechanism: Mechanism, settings: PaperIdentifySettings, data: Da
     plain = mechanism.with_torque("friction")
     if settings.torque != "friction" and data.records > 1:
         reason = "A torque over time belongs to one record; fit them one by one."
-        return TorqueModel(posed(plain, data), reason)
+        return TorqueModel(posed(plain, data, exact=True), reason)
     # a torque over time stands for the friction as well, unless both are wanted
     if settings.torque != "friction" and settings.series != "with-friction":
         mechanism = frictionless(mechanism)
@@ -66,7 +66,7 @@ def torque_model(mechanism: Mechanism, settings: PaperIdentifySettings, data: Da
         driven = mechanism.with_torque("free", knots=data.times * mechanism.values["time_scale"])
     else:
         driven = _of_period(mechanism, settings.terms or USUAL_TERMS)
-    problem = posed(driven, data)
+    problem = posed(driven, data, exact=True)
     reason = _obstacle(problem, settings)
     if reason is not None or settings.torque != "fourier":
         return TorqueModel(problem, reason)
@@ -87,11 +87,11 @@ def _periodic(mechanism: Mechanism, terms: int, data: Data) -> TorqueModel:
             f"expected bounds that reach into {shortest:.4g} to {longest:.4g} s; widen them with --bounds, "
             "or give the period with --fix torque.period=SECONDS."
         )
-        return TorqueModel(posed(_of_period(mechanism, terms), data), reason)
+        return TorqueModel(posed(_of_period(mechanism, terms), data, exact=True), reason)
     series = pose_series(times, position, noise, bounds)
     driven = _of_period(mechanism, terms, series.period)
     ends = any(abs(series.period / end - 1.0) < AT_BOUND for end in bounds if end > 0.0)
-    return TorqueModel(posed(driven, data), None, series, known, ends and not known)
+    return TorqueModel(posed(driven, data, exact=True), None, series, known, ends and not known)
 
 
 def _of_period(mechanism: Mechanism, terms: int, period: float | None = None) -> Mechanism:

@@ -4,7 +4,8 @@ Positive parameters are searched as logarithms, so that a step is a ratio and no
 and centres of mass are searched directly, because they may be zero or negative; places of geoms as their
 ratio to the size that they stand against, so that they grow with it. Sizes that neither the
 motion nor a picture determines keep their proportion to the length of their body: held at the values
-of the file, they would act as a known length.
+of the file, they would act as a known length; where they count in the inertia of a uniform body they are
+unknowns as well, near that proportion (``prior``).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from monodyn.mechanism import Mechanism, Parameter
 from monodyn.mechanism.parts import PLACE_KINDS
 
 SEEN_ONLY = ("width", "tail", "tip", "extent", *PLACE_KINDS, "offset", "turn")
-"""Sizes that the motion hardly depends on, if at all: unknowns only where a picture has measured them."""
+"""Sizes that the motion hardly depends on, if at all."""
 PICTURE_ONLY = ("offset", "turn")
 """Those of them on which the motion does not depend at all."""
 LOGARITHMIC = (
@@ -219,23 +220,24 @@ class Unknowns:
         return np.array([where.get(name, -1) for name in names], dtype=int)
 
 
-def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unknowns:
+def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, exact: bool = False) -> Unknowns:
     """Choose the free parameters that the motion, or the picture's knowledge of sizes, can determine.
 
     Args:
         mechanism: The mechanism with its free and fixed parameters.
         torques_only: Leave out all but the torques of the drive.
+        exact: Take sizes that nothing measures to be exactly in the file's proportion.
 
     Returns:
         The unknowns; bounds of logarithms stay finite.
     """
-    measured = _measured_names(mechanism)
+    known = _measured_names(mechanism) | {p.name for p in ([] if exact else assumed_sizes(mechanism))}
     material = _one_material(mechanism)
-    # what follows from other parameters is not itself an unknown, and neither is what nothing determines
+    # what follows from other parameters is not itself an unknown, and neither is what nothing depends on
     chosen = [
         p
         for p in mechanism.parameters
-        if p.free and not p.follows and _wanted(p, measured) and p.name not in material[1:]
+        if p.free and not p.follows and _wanted(p, known) and p.name not in material[1:]
     ]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]
@@ -307,17 +309,39 @@ def _one_material(mechanism: Mechanism) -> list[str]:
     ]
 
 
+def assumed_sizes(mechanism: Mechanism) -> list[Parameter]:
+    """List the sizes that count in the motion and that nothing measures.
+
+    What is known of them is that they are about in the file's proportion to the length of their body. Bodies
+    whose inertia is itself an unknown do not depend on them.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        Free sizes and places of uniform bodies which no picture determines.
+    """
+    free = [p for p in mechanism.parameters if p.free and not p.follows]
+    if any(p.kind == "inertia" for p in free):
+        return []
+    measured, values = _measured_names(mechanism), mechanism.values
+    return [
+        p
+        for p in free
+        if p.kind in SEEN_ONLY and p.kind not in PICTURE_ONLY and p.name not in measured
+        and p.value != 0.0 and f"{p.owner}.length" in values
+    ]  # fmt: skip
+
+
 def _measured_names(mechanism: Mechanism) -> set[str]:
-    """Names of the sizes that a picture has measured, or that are assumed within limits."""
+    """Names of the sizes that a picture has measured."""
     if mechanism.measured is None:
         return set()
     known = np.diag(np.asarray(mechanism.measured.information))
     # what is not a number counts as measured, so that `size_prior` can name it to the user
-    measured = {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < MEASURED}
-    # what is assumed is an unknown however wide: the intervals of all else have to contain it
-    return measured | mechanism.measured.assumed
+    return {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < MEASURED}
 
 
-def _wanted(p: Parameter, measured: set[str]) -> bool:
-    """True for what the motion determines, or a picture has measured on a scale that the motion shares."""
-    return p.kind not in SEEN_ONLY or (p.name in measured and p.kind in (*LOGARITHMIC, *PLACE_KINDS))
+def _wanted(p: Parameter, known: set[str]) -> bool:
+    """True for what the motion determines, or something is known of on a scale that the motion shares."""
+    return p.kind not in SEEN_ONLY or (p.name in known and p.kind in (*LOGARITHMIC, *PLACE_KINDS))
