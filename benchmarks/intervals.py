@@ -1,6 +1,6 @@
 """Print how often intervals and bands hold: double pendulums moved by MuJoCo, with noise of a known size.
 
-Run: ``python benchmarks/coverage.py [--only GROUP ...] [--records N] [--json FILE] [--gate]``.
+Run: ``python benchmarks/intervals.py [--only GROUP ...] [--records N] [--json FILE] [--gate]``.
 Every record has lengths, thicknesses and dampings of its own, and proportions of widths and overhangs that
 are drawn as they are assumed. ``40`` and ``120`` are frames; in ``given`` the proportions are. Of 95 % intervals 92 to 98 % are to contain the truth, of all that is called identifiable, and so are bands
 of predictions.
