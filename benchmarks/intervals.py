@@ -152,9 +152,8 @@ def intervals(fit: Fit, known: Mapping[str, float]) -> list[tuple[str, bool]]:
             found.append((f"interval of {p.name}", bool(p.lower <= known[p.name] <= p.upper)))
     for c in fit.combinations:
         if "friction" not in c.name and c.std > 0.0:
-            # as of everything that cannot be negative the error is a factor
-            off = abs(np.log(c.value / valued(c.name, known))) if c.value > 0.0 else np.inf
-            found.append((f"interval of {c.name}", bool(off <= BAND * c.std / abs(c.value))))
+            off = abs(c.value - valued(c.name, known))
+            found.append((f"interval of {c.name}", bool(off <= BAND * c.std)))
     return found
 
 
@@ -187,7 +186,11 @@ def bands(fit: Fit, swing: Swing) -> list[tuple[str, bool]]:
     """
     future = monodyn.predict(fit, times=swing.poses.time[-1] + np.array(AHEAD))
     holds = np.abs(future.position - swing.later) <= BAND * future.std
-    return [(f"band at {ahead:g} s", bool(value)) for ahead, row in zip(AHEAD, holds, strict=True) for value in row]
+    return [
+        (f"band at {ahead:g} s", bool(value))
+        for ahead, row in zip(AHEAD, holds, strict=True)
+        for value in row
+    ]
 
 
 def swung(rng: np.random.Generator, frames: int) -> Swing:
@@ -212,7 +215,9 @@ def swung(rng: np.random.Generator, frames: int) -> Swing:
     measured = position[:frames] + rng.normal(scale=NOISE, size=(frames, 2))
     covariance = np.tile(NOISE**2 * np.eye(2), (frames, 1, 1))
     frame = np.arange(frames)
-    poses = Poses(("joint1", "joint2"), frame, frame / RATE, measured, covariance, np.ones(frames, dtype=bool))
+    poses = Poses(
+        ("joint1", "joint2"), frame, frame / RATE, measured, covariance, np.ones(frames, dtype=bool)
+    )
     later = position[[frames - 1 + round(ahead * RATE) for ahead in AHEAD]]
     return Swing(poses, known | _inertias(body), later)
 
@@ -227,7 +232,10 @@ def _drawn(rng: np.random.Generator) -> tuple[dict[str, float], str]:
         length = known[f"link{k}.length"] = file[f"link{k}.length"] * factor
         known[f"link{k}.thickness"] = file[f"link{k}.thickness"] * thicker
         known[f"joint{k}.damping"] = file[f"joint{k}.damping"] * damped
-        seen = {n: file[f"link{k}.{n}"] * factor * np.exp(PROPORTION_STD * rng.normal()) for n in ("width", *overhangs)}
+        seen = {
+            n: file[f"link{k}.{n}"] * factor * np.exp(PROPORTION_STD * rng.normal())
+            for n in ("width", *overhangs)
+        }
         known |= {f"link{k}.{name}": float(value) for name, value in seen.items()}
         ends = -seen["tail"], length + seen.get("tip", 0.0)
         shape |= {

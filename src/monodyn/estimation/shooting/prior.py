@@ -138,11 +138,13 @@ def size_ratios(mechanism: Mechanism, unknowns: Unknowns) -> list[Proportion]:
     found = []
     for p in assumed_sizes(mechanism):
         if p.name in unknowns.names:
-            change = np.zeros(len(unknowns))
-            change[unknowns.names.index(p.name)] = 1.0
+            change, at = np.zeros(len(unknowns)), unknowns.names.index(p.name)
             length = f"{p.owner}.length"
-            # the coordinate of a place is a ratio to begin with; a length that is given does not change
-            if p.kind not in PLACE_KINDS and length in unknowns.names:
+            change[at] = 1.0
+            if unknowns.ratio[at] and p.kind not in PLACE_KINDS:
+                change[at] = 1.0 / unknowns.x0[at]
+            # a place is a ratio to begin with, and may be zero; a length that is given does not change
+            elif not unknowns.ratio[at] and length in unknowns.names:
                 change[unknowns.names.index(length)] -= 1.0
             found.append(Proportion(p, change, PROPORTION_STD))
     return found

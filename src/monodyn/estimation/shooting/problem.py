@@ -326,9 +326,7 @@ class Problem:
         return Trial(x, states, pieces)
 
 
-def posed(
-    mechanism: Mechanism, data: Data, *, torques_only: bool = False, exact: bool = False
-) -> Problem:
+def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False, exact: bool = False) -> Problem:
     """Return the identification of a mechanism from data: unknowns and the picture's information about them.
 
     Args:

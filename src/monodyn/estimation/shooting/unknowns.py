@@ -2,7 +2,7 @@
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
 and centres of mass are searched directly, because they may be zero or negative; places of geoms as their
-ratio to the size that they stand against, so that they grow with it. Sizes that neither the
+ratio to the size that they stand against, so that they grow with it, and so are overhangs. Sizes that neither the
 motion nor a picture determines keep their proportion to the length of their body: held at the values
 of the file, they would act as a known length; where they count in the inertia of a uniform body they are
 unknowns as well, near that proportion (``prior``).
@@ -38,6 +38,9 @@ LOGARITHMIC = (
 )
 """Kinds that are searched as logarithms."""
 
+OVERHANGS = ("tail", "tip")
+"""Sizes that are searched as ratios to the length where nothing measures them: the moments of a body are
+nearly linear in them, and are known far better than they."""
 CENTRE_KINDS = ("com_x", "com_y")
 """Kinds that are one vector, either part of which may be zero or negative."""
 
@@ -117,8 +120,8 @@ class Unknowns:
 
     @cached_property
     def ratio(self) -> np.ndarray:
-        """True for places, whose coordinate is a ratio, bool (param,)."""
-        return self.of_kind(*PLACE_KINDS)
+        """True for places and other sizes whose coordinate is a ratio, bool (param,)."""
+        return self.of_kind(*PLACE_KINDS) | (self.of_kind(*OVERHANGS) & ~self.log & (self.start > 0.0))
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         """Return the coordinates of parameter values.
@@ -231,7 +234,8 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, exact: 
     Returns:
         The unknowns; bounds of logarithms stay finite.
     """
-    known = _measured_names(mechanism) | {p.name for p in ([] if exact else assumed_sizes(mechanism))}
+    assumed = set() if exact else {p.name for p in assumed_sizes(mechanism)}
+    known = _measured_names(mechanism) | assumed
     material = _one_material(mechanism)
     # what follows from other parameters is not itself an unknown, and neither is what nothing depends on
     chosen = [
@@ -241,7 +245,9 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, exact: 
     ]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]
+    ratios = [p.kind in PLACE_KINDS or (p.kind in OVERHANGS and p.name in assumed) for p in chosen]
     log = np.array([p.kind in LOGARITHMIC and p.value > 0 for p in chosen], dtype=bool)
+    log &= ~np.array(ratios, dtype=bool)
     start = np.array([p.value for p in chosen], dtype=float)
     lower = np.array([p.lower for p in chosen], dtype=float)
     upper = np.array([p.upper for p in chosen], dtype=float)
@@ -263,8 +269,13 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, exact: 
         tied.append(mechanism.parameter(name))
         tied_to.append(names.index(material[0]))
     values = mechanism.values
-    against = [names.index(p.against) if p.kind in PLACE_KINDS and p.against in names else -1 for p in chosen]
-    unit = [values.get(p.against, 1.0) if p.kind in PLACE_KINDS else 1.0 for p in chosen]
+    against = [
+        names.index(p.against) if is_ratio and p.against in names else -1
+        for p, is_ratio in zip(chosen, ratios, strict=True)
+    ]
+    unit = [
+        values.get(p.against, 1.0) if is_ratio else 1.0 for p, is_ratio in zip(chosen, ratios, strict=True)
+    ]
     heavy = _mass_unknown(mechanism, chosen, log)
     for i, p in enumerate(chosen):
         if heavy >= 0 and p.kind in FORCES:
