@@ -2,8 +2,9 @@
 
 Run: ``python benchmarks/intervals.py [--only GROUP ...] [--records N] [--json FILE] [--gate]``.
 Every record has lengths, thicknesses and dampings of its own, and proportions of widths and overhangs that
-are drawn as they are assumed. ``40`` and ``120`` are frames; in ``given`` the proportions are. Of 95 % intervals 92 to 98 % are to contain the truth, of all that is called identifiable, and so are bands
-of predictions.
+are drawn as they are assumed. ``40`` and ``120`` are frames; in ``given`` the proportions are given. Of 95 %
+intervals 92 to 98 % are to contain the truth, of all that is called identifiable, and so are bands of
+predictions.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -103,7 +103,7 @@ def covered(group: str, records: int, frames: int, given: bool) -> list[Figure]:
         Shares by name, and of all together; records that had no fit.
     """
     held: dict[str, list[bool]] = defaultdict(list)
-    mechanism, lost, began = monodyn.load("double"), 0, 0
+    mechanism, lost = monodyn.load("double"), 0
     for seed in range(records):
         swing = swung(np.random.default_rng(SEED + seed), frames)
         fix = {p.name: swing.known[p.name] for p in assumed_sizes(mechanism)} if given else {}
@@ -112,9 +112,8 @@ def covered(group: str, records: int, frames: int, given: bool) -> list[Figure]:
             for name, holds in (*intervals(fit, swing.known), *bands(fit, swing)):
                 held[name].append(holds)
         lost += not fit.ok
-        began += 1
-        if began % 10 == 0:
-            say(f"{group}: {began} of {records}, {share(held, 'interval'):.1f} % of intervals")
+        if seed % 10 == 9:
+            say(f"{group}: {seed + 1} of {records}, {share(held, 'interval'):.1f} % of intervals")
     figures = [Figure(group, "records without a fit", lost, "")]
     for name in sorted(held):
         figures.append(Figure(group, f"{name} ({len(held[name])})", 100.0 * np.mean(held[name]), "%"))

@@ -2,9 +2,9 @@
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
 and centres of mass are searched directly, because they may be zero or negative; places of geoms as their
-ratio to the size that they stand against, so that they grow with it, and so are overhangs. Sizes that neither the
-motion nor a picture determines keep their proportion to the length of their body: held at the values
-of the file, they would act as a known length; where they count in the inertia of a uniform body they are
+ratio to the size that they stand against, so that they grow with it, and so are overhangs. Sizes that neither
+the motion nor a picture determines keep their proportion to the length of their body: held at the values of
+the file, they would act as a known length; where they count in the inertia of a uniform body they are
 unknowns as well, near that proportion (``prior``).
 """
 
@@ -245,7 +245,9 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, exact: 
     ]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]
-    ratios = [p.kind in PLACE_KINDS or (p.kind in OVERHANGS and p.name in assumed) for p in chosen]
+    # what a picture knows of an overhang, however little, is known of its logarithm
+    unseen = assumed - set(mechanism.measured.names if mechanism.measured else ())
+    ratios = [p.kind in PLACE_KINDS or (p.kind in OVERHANGS and p.name in unseen) for p in chosen]
     log = np.array([p.kind in LOGARITHMIC and p.value > 0 for p in chosen], dtype=bool)
     log &= ~np.array(ratios, dtype=bool)
     start = np.array([p.value for p in chosen], dtype=float)
