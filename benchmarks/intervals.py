@@ -1,10 +1,10 @@
 """Print how often intervals and bands hold: double pendulums moved by MuJoCo, with noise of a known size.
 
 Run: ``python benchmarks/intervals.py [--only GROUP ...] [--records N] [--json FILE] [--gate]``.
-Every record has lengths, thicknesses and dampings of its own. ``40`` and ``120`` are frames of records whose
-bodies have the file's other proportions; in ``unlike`` widths and overhangs differ from the file's as well.
-Of 95 % intervals 92 to 98 % are to contain the truth, of all that is called identifiable, and so are bands
-of predictions.
+Every record has lengths, thicknesses and dampings of its own, and proportions of widths and overhangs that
+are drawn as they are assumed. ``40`` and ``120`` are frames; in ``given`` the proportions are given. Of 95 %
+intervals 92 to 98 % are to contain the truth, of all that is called identifiable, and so are bands of
+predictions.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ import numpy as np
 import monodyn
 from figures import Figure, command_line, finish, say, table
 from monodyn.estimation.fit import Fit
+from monodyn.estimation.shooting.prior import PROPORTION_STD
+from monodyn.estimation.shooting.unknowns import assumed_sizes
 from monodyn.results.curves import BAND
 from monodyn.types import Poses
 
@@ -30,8 +32,6 @@ AHEAD = (0.5, 1.0, 2.0)
 """Predictions that are judged, after the last frame [s]."""
 HALVED = 0.5
 """Sizes and dampings are drawn within this of the file's logarithms."""
-PROPORTIONS = 0.4
-"""Standard deviation of the logarithms of widths and overhangs over lengths, in ``unlike``."""
 LEAST, MOST = 92.0, 98.0
 """Share of intervals that are to hold [%]."""
 SEED = 2000
@@ -79,7 +79,7 @@ def main() -> int:
     Returns:
         The exit code: 1 when a target is missed under ``--gate``.
     """
-    groups = {"40": (40, 0.0), "120": (120, 0.0), "unlike": (120, PROPORTIONS)}
+    groups = {"40": (40, False), "120": (120, False), "given": (120, True)}
     parser = command_line(__doc__, tuple(groups))
     parser.add_argument("--records", type=int, default=100, metavar="N", help="records of each group")
     options = parser.parse_args()
@@ -90,14 +90,14 @@ def main() -> int:
     return finish(figures, to=options.json, gate=options.gate)
 
 
-def covered(group: str, records: int, frames: int, unlike: float) -> list[Figure]:
+def covered(group: str, records: int, frames: int, given: bool) -> list[Figure]:
     """Identify records of one group, and count what holds.
 
     Args:
         group: Its name.
         records: How many there are.
         frames: Frames of each.
-        unlike: How far proportions differ from the file's.
+        given: Whether widths and overhangs are given.
 
     Returns:
         Shares by name, and of all together; records that had no fit.
@@ -105,8 +105,9 @@ def covered(group: str, records: int, frames: int, unlike: float) -> list[Figure
     held: dict[str, list[bool]] = defaultdict(list)
     mechanism, lost = monodyn.load("double"), 0
     for seed in range(records):
-        swing = swung(np.random.default_rng(SEED + seed), frames, unlike)
-        fit = monodyn.identify(swing.poses, mechanism)
+        swing = swung(np.random.default_rng(SEED + seed), frames)
+        fix = {p.name: swing.known[p.name] for p in assumed_sizes(mechanism)} if given else {}
+        fit = monodyn.identify(swing.poses, mechanism.with_choices(fix=fix))
         if fit.ok:
             for name, holds in (*intervals(fit, swing.known), *bands(fit, swing)):
                 held[name].append(holds)
@@ -191,18 +192,17 @@ def bands(fit: Fit, swing: Swing) -> list[tuple[str, bool]]:
     ]
 
 
-def swung(rng: np.random.Generator, frames: int, unlike: float) -> Swing:
+def swung(rng: np.random.Generator, frames: int) -> Swing:
     """Draw a double pendulum, let it go, and measure it.
 
     Args:
         rng: Where sizes, start and noise come from.
         frames: Frames that are measured.
-        unlike: How far proportions differ from the file's, standard deviation of their logarithms.
 
     Returns:
         The record and its truth.
     """
-    known, text = _drawn(rng, unlike)
+    known, text = _drawn(rng)
     body = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(body)
     data.qpos[:] = rng.uniform(-1.2, 1.2, 2)
@@ -221,7 +221,7 @@ def swung(rng: np.random.Generator, frames: int, unlike: float) -> Swing:
     return Swing(poses, known | _inertias(body), later)
 
 
-def _drawn(rng: np.random.Generator, unlike: float) -> tuple[dict[str, float], str]:
+def _drawn(rng: np.random.Generator) -> tuple[dict[str, float], str]:
     """Return true values by name, and the MJCF of a double pendulum."""
     file = monodyn.load("double").values
     known: dict[str, float] = {}
@@ -232,7 +232,8 @@ def _drawn(rng: np.random.Generator, unlike: float) -> tuple[dict[str, float], s
         known[f"link{k}.thickness"] = file[f"link{k}.thickness"] * thicker
         known[f"joint{k}.damping"] = file[f"joint{k}.damping"] * damped
         seen = {
-            n: file[f"link{k}.{n}"] * factor * np.exp(unlike * rng.normal()) for n in ("width", *overhangs)
+            n: file[f"link{k}.{n}"] * factor * np.exp(PROPORTION_STD * rng.normal())
+            for n in ("width", *overhangs)
         }
         known |= {f"link{k}.{name}": float(value) for name, value in seen.items()}
         ends = -seen["tail"], length + seen.get("tip", 0.0)
@@ -248,7 +249,7 @@ def _drawn(rng: np.random.Generator, unlike: float) -> tuple[dict[str, float], s
 
 
 def _inertias(body: mujoco.MjModel) -> dict[str, float]:
-    """Return the inertias about the hinges, what hangs on the end included [kg m^2], by name."""
+    """Return inertias about the hinges [kg m^2] and first moments [kg m], what hangs on the end included."""
     mass, centre = body.body_mass[1:], body.body_ipos[1:, 0]
     # the axis of the hinge is y; MuJoCo's principal axes may come in another order
     about = []
@@ -257,8 +258,14 @@ def _inertias(body: mujoco.MjModel) -> dict[str, float]:
         mujoco.mju_quat2Mat(turn, body.body_iquat[k])
         turn = turn.reshape(3, 3)
         about.append((turn @ np.diag(body.body_inertia[k]) @ turn.T)[1, 1])
-    own = np.array(about) + mass * centre**2
-    return {"link1.J": float(own[0] + mass[1] * body.body_pos[2, 0] ** 2), "link2.J": float(own[1])}
+    own, length = np.array(about) + mass * centre**2, body.body_pos[2, 0]
+    return {
+        "link1.J": float(own[0] + mass[1] * length**2),
+        "link2.J": float(own[1]),
+        "link1.mx": float(mass[0] * centre[0] + mass[1] * length),
+        "link2.mx": float(mass[1] * centre[1]),
+        "gravity": -float(body.opt.gravity[2]),
+    }
 
 
 if __name__ == "__main__":

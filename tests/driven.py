@@ -10,6 +10,8 @@ from swings import white
 
 RATE, NOISE, PERIOD = 30, 1e-3, 2.3
 THICKNESS = {"link1.thickness": 0.006, "link2.thickness": 0.006}
+MASSIVE = {**THICKNESS, "link1.width": 0.032, "link2.width": 0.028}
+"""What makes torques newton metres: with lengths from the motion, the masses."""
 SIZES = {"link1.length": 0.23, "link1.width": 0.032, "link2.length": 0.17, "link2.width": 0.028}
 GEOM = 'type="box" density="2700" contype="0" conaffinity="0"'
 DOUBLE = f"""<mujoco><option gravity="0 0 -9.81" integrator="RK4"/><worldbody>

@@ -6,13 +6,18 @@ from monodyn.estimation.verdict import assumed
 
 
 def test_proportions_that_nothing_determines(double):
-    tied = [double.parameter(name) for name in ("link1.tail", "link2.width", "link2.offset")]
-    assert assumed.proportions(tied) == [
-        "Nothing determines link1.tail and link2.width; they keep their proportion to the length of their "
-        "body, and the intervals take that for exact. Give measured values with --fix where their share of "
-        "the inertia counts."
+    sizes = [double.parameter(name) for name in ("link1.tail", "link2.width")]
+    assert assumed.proportions(sizes) == [
+        "Nothing determines link1.tail and link2.width: within a factor of 1.6 (one standard deviation) they "
+        "are taken in proportion to the length of their body, as in the file, and the intervals contain "
+        "that; measured values, given with --fix, would make them narrower."
     ]
-    assert assumed.proportions(tied[2:]) == []
+    assert assumed.proportions(sizes[:1]) == [
+        "Nothing determines link1.tail: within a factor of 1.6 (one standard deviation) it is taken in "
+        "proportion to the length of its body, as in the file, and the intervals contain that; a measured "
+        "value, given with --fix, would make them narrower."
+    ]
+    assert assumed.proportions([]) == []
 
 
 def test_thicknesses_that_the_motion_hardly_determines(double):

@@ -5,7 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from driven import CART, DOUBLE, GEOM, PERIOD, SERIES, THICKNESS, misses, simulated, started, two_waves, wave
+from driven import (
+    CART,
+    DOUBLE,
+    GEOM,
+    MASSIVE,
+    PERIOD,
+    SERIES,
+    THICKNESS,
+    misses,
+    simulated,
+    started,
+    two_waves,
+    wave,
+)  # fmt: skip
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.predict import predict
 from monodyn.results.torques import torques
@@ -20,7 +33,7 @@ NO_PERIOD = (
 
 @pytest.fixture(scope="module")
 def series(driven, tmp_path_factory):
-    start = started(DOUBLE, tmp_path_factory.mktemp("series"), 0.5, **THICKNESS)
+    start = started(DOUBLE, tmp_path_factory.mktemp("series"), 0.5, **MASSIVE)
     return identify(driven[0], start, IdentifySettings(torque="fourier"))
 
 
@@ -80,7 +93,7 @@ def test_without_a_mass_torques_are_ratios(driven, tmp_path):
 def test_the_paper_s_series_stands_alone(tmp_path):
     frictionless = DOUBLE.replace('damping="0.001"', "").replace('damping="0.0005"', "")
     record, applied = simulated(frictionless, [-1.5, 0.3], 150, wave)
-    start = started(DOUBLE, tmp_path, 0.5, **THICKNESS)
+    start = started(DOUBLE, tmp_path, 0.5, **MASSIVE)
     fit = identify(record, start, IdentifySettings(torque="fourier", series="alone", terms=3))
     assert fit.ok, fit.status
     assert fit.parameter("joint1.damping").value == 0.0

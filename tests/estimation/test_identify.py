@@ -14,10 +14,12 @@ from swings import NOISE, TIMES, motion, record, scaled, sigmas
 def test_lengths_and_ratios_lie_in_their_intervals(fit, truth):
     assert fit.ok
     assert fit.check() is fit
-    for name in ("link1.length", "link2.length"):
+    # the motion of one body shows how far the other's hinge is; of the last one, whose ends nothing shows,
+    # it shows the inertia
+    for name, share in (("link1.length", 0.002), ("link2.length", 0.02)):
         estimate = fit.parameter(name)
         assert sigmas(estimate, truth.values[name]) < 4.0  # four standard deviations, one seed
-        assert estimate.std < 0.002 * estimate.value
+        assert estimate.std < share * estimate.value
         assert estimate.identifiable
     found = {c.name: c for c in fit.combinations}
     assert sigmas(found["link2.thickness / link1.thickness"], 1.5) < 4.0
@@ -139,7 +141,8 @@ def test_time_scale_and_lengths_together_are_open(model, stamped):
     found = {c.name: c for c in fit.combinations}
     held = found["link1.length / time_scale^2"]
     assert sigmas(held, stamped**2 * true.values["link1.length"]) < 4.0
-    assert held.std < 0.002 * held.value
+    # of a single pendulum nothing but its inertia shows the length
+    assert held.std < {"single": 0.02, "double": 0.002}[model] * held.value
     assert "joint1.damping / link1.thickness / link1.length^(7/2)" in found
     assert (
         f"The data do not fix {', '.join(lengths)} and time_scale one by one: lengths are only known up to "

@@ -7,13 +7,17 @@ from monodyn.stages import identify
 
 
 def test_what_follows_is_known_as_well_as_what_it_follows_from(fit, truth):
-    """Masses are open with the thickness; the centre of mass keeps its proportion to the length."""
+    """Masses are open with the thickness; the centre of mass is in the middle between the ends."""
     for body in ("link1", "link2"):
         for name in (f"{body}.mass", f"{body}.inertia"):
             assert np.isinf(fit.parameter(name).std)
             assert not fit.parameter(name).identifiable
-        length, centre = fit.parameter(f"{body}.length"), fit.parameter(f"{body}.com_x")
-        assert centre.std / centre.value == pytest.approx(length.std / length.value, rel=1e-6)
+        centre, half = fit.parameter(f"{body}.com_x"), {"length": 0.5, "tip": 0.5, "tail": -0.5}
+        slope = np.array(
+            [half.get(name.split(".")[1], 0.0) if name.startswith(body) else 0.0 for name in fit.shared]
+        )
+        variance = slope @ np.nan_to_num(fit.shared_covariance) @ slope
+        assert centre.std == pytest.approx(np.sqrt(variance), rel=1e-6)
         assert centre.lower < truth.values[f"{body}.com_x"] < centre.upper
         assert fit.parameter(f"{body}.com_y").std == 0.0
 

@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monodyn.estimation.shooting.prior import THICKNESS_STD, size_prior, thickness_ratios
+from monodyn.estimation.shooting.prior import (
+    PROPORTION_STD,
+    THICKNESS_STD,
+    size_prior,
+    size_ratios,
+    thickness_ratios,
+)
 from monodyn.estimation.shooting.unknowns import choose_unknowns
 from monodyn.mechanism import Measured, Mechanism, load
 
@@ -74,13 +80,34 @@ def test_places_have_no_part_in_the_common_scale(counter: Mechanism) -> None:
 
 def test_the_proportion_of_thicknesses_is_assumed(counter: Mechanism) -> None:
     unknowns = choose_unknowns(counter)
-    ((p, change),) = thickness_ratios(counter, unknowns)
-    assert p.name == "a.disc.thickness"
-    information = size_prior(replace(counter, measured=None), unknowns).information
+    freed = counter.with_choices(free=["a.disc.thickness"])
+    (ratio,) = thickness_ratios(counter, unknowns)
+    assert ratio.size.name == "a.disc.thickness"
+    change = ratio.change
+    information = size_prior(counter, unknowns).information - size_prior(freed, unknowns).information
     # one direction alone: the disc's thickness over the rod's, to a factor of two
     assert information == pytest.approx(np.outer(change, change) / THICKNESS_STD**2, abs=1e-12)
     assert {unknowns.names[i]: change[i] for i in np.flatnonzero(change)} == {
         "a.disc.thickness": 1.0, "a.thickness": -1.0
     }  # fmt: skip
-    freed = counter.with_choices(free=["a.disc.thickness"])
     assert thickness_ratios(freed, choose_unknowns(freed)) == []
+
+
+def test_the_proportion_of_what_nothing_measures_is_assumed(counter: Mechanism) -> None:
+    table = replace(counter, measured=None).with_choices(fix={"a.width": 0.02})
+    unknowns = choose_unknowns(table, near=True)
+    ratios = {ratio.size.name: ratio for ratio in size_ratios(table, unknowns)}
+    assert set(ratios) == {"a.disc.width", "a.disc.along"}
+    length = unknowns.names.index("a.length")
+    # a place's coordinate is its ratio to the length already
+    assert (ratios["a.disc.width"].change[length], ratios["a.disc.along"].change[length]) == (-1.0, 0.0)
+    information = size_prior(table, unknowns).information
+    for name, ratio in ratios.items():
+        at = unknowns.names.index(name)
+        assert information[at, at] == pytest.approx(1.0 / PROPORTION_STD**2, rel=1e-12)
+        # a quarter of the variance is the limit
+        direction = np.outer(ratio.change, ratio.change) / (ratio.change @ ratio.change) ** 2
+        assert ratio.hardly_known(0.26 * PROPORTION_STD**2 * direction)
+        assert not ratio.hardly_known(0.24 * PROPORTION_STD**2 * direction)
+    given = size_ratios(counter, choose_unknowns(counter))
+    assert [ratio.size.name for ratio in given] == []

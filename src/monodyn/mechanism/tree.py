@@ -165,13 +165,10 @@ class Measured:
         information: Information matrix (inverse covariance) of the logarithms of the sizes and the ratios of
             the places to the sizes that they stand against, (param, param); zero along the common scale of
             the sizes, which no picture shows.
-        assumed: Those of the names that nothing has measured; what is known of them is how far they may be
-            from their proportion in the file.
     """
 
     names: tuple[str, ...]
     information: np.ndarray
-    assumed: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         params = len(self.names)

@@ -1,4 +1,4 @@
-"""Unknowns in, what is known of them before the motion is: by the picture, and of thicknesses by the file."""
+"""Unknowns in, what is known of them before the motion is: by the picture, and by the file's proportions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from monodyn.estimation.shooting.unknowns import Unknowns
+from monodyn.estimation.shooting.unknowns import Unknowns, assumed_sizes
 from monodyn.mechanism import Mechanism, Parameter
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.upright import ROLL, ROLL_STD
@@ -15,6 +15,34 @@ from monodyn.mechanism.upright import ROLL, ROLL_STD
 THICKNESS_STD = 0.7
 """Standard deviation of the logarithm of a further geom's thickness over that of its body's main one, about
 the file's: a factor of two. No picture shows a thickness."""
+PROPORTION_STD = 0.5
+"""Standard deviation of the logarithm of a size that nothing measures over its body's length, about the
+file's: a factor of 1.6; of a place, of its ratio to the size that it stands against."""
+HARDLY = 0.5
+"""Share of these from which on a ratio is hardly known better than it was assumed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proportion:
+    """A ratio that is about the file's.
+
+    Attributes:
+        size: What is in proportion to another one: a thickness, a size, a place.
+        change: Derivative of the logarithm of the ratio, or of a place's ratio, by coordinate, (param,).
+        std: Its standard deviation.
+    """
+
+    size: Parameter
+    change: np.ndarray
+    std: float
+
+    def hardly_known(self, covariance: np.ndarray) -> bool:
+        """Return whether the motion has hardly added to what was assumed.
+
+        Args:
+            covariance: Covariance of the coordinates, (param, param).
+        """
+        return bool(self.change @ covariance @ self.change > (HARDLY * self.std) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +99,8 @@ class Prior:
 
 
 def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
-    """Collect what is known before the motion is: of sizes by the picture; of thicknesses by the file; of the
-    camera, that it stands about level.
+    """Collect what is known before the motion is: of sizes by the picture; of thicknesses, and of sizes that
+    nothing measures, by the file; of the camera, that it stands about level.
 
     Args:
         mechanism: The mechanism, with ``measured`` or without.
@@ -82,15 +110,15 @@ def size_prior(mechanism: Mechanism, unknowns: Unknowns) -> Prior:
         The information matrix, and the weights of the common scale.
     """
     assumed = np.zeros((len(unknowns), len(unknowns)))
-    for _, change in thickness_ratios(mechanism, unknowns):
-        assumed += np.outer(change, change) / THICKNESS_STD**2
+    for ratio in (*thickness_ratios(mechanism, unknowns), *size_ratios(mechanism, unknowns)):
+        assumed += np.outer(ratio.change, ratio.change) / ratio.std**2
     if ROLL in unknowns.names and ROLL not in mechanism.chosen:
         at = unknowns.names.index(ROLL)
         assumed[at, at] += 1.0 / ROLL_STD**2
     return _seen_sizes(mechanism, unknowns).assuming(assumed)
 
 
-def thickness_ratios(mechanism: Mechanism, unknowns: Unknowns) -> list[tuple[Parameter, np.ndarray]]:
+def thickness_ratios(mechanism: Mechanism, unknowns: Unknowns) -> list[Proportion]:
     """Return the thicknesses that are assumed to be about in the file's proportion to the main geom's.
 
     The motion determines them where it depends on them; where it does not, masses of geoms on one body could
@@ -101,7 +129,7 @@ def thickness_ratios(mechanism: Mechanism, unknowns: Unknowns) -> list[tuple[Par
         unknowns: Its unknowns.
 
     Returns:
-        Each of them, with the derivative of the logarithm of the ratio by coordinate, (param,).
+        Each of them.
     """
     place = {name: i for i, name in enumerate(unknowns.names)}
     place |= {name: int(i) for name, i in zip(unknowns.tied, unknowns.tied_to, strict=True)}
@@ -112,7 +140,35 @@ def thickness_ratios(mechanism: Mechanism, unknowns: Unknowns) -> list[tuple[Par
             change[place[p.name]] = 1.0
             if p.against in place:
                 change[place[p.against]] -= 1.0
-            found.append((p, change))
+            found.append(Proportion(p, change, THICKNESS_STD))
+    return found
+
+
+def size_ratios(mechanism: Mechanism, unknowns: Unknowns) -> list[Proportion]:
+    """Return the sizes that are assumed to be about in the file's proportion to the length of their body.
+
+    The motion determines what they do together; held in exact proportion they would act as a known inertia,
+    and lengths would seem to be known far better than they are.
+
+    Args:
+        mechanism: The mechanism.
+        unknowns: Its unknowns.
+
+    Returns:
+        Each of them.
+    """
+    found = []
+    for p in assumed_sizes(mechanism):
+        if p.name in unknowns.names:
+            change, at = np.zeros(len(unknowns)), unknowns.names.index(p.name)
+            length = f"{p.owner}.length"
+            change[at] = 1.0
+            if unknowns.ratio[at] and p.kind not in PLACE_KINDS:
+                change[at] = 1.0 / unknowns.x0[at]
+            # a place is a ratio to begin with, and may be zero; a length that is given does not change
+            elif not unknowns.ratio[at] and length in unknowns.names:
+                change[unknowns.names.index(length)] -= 1.0
+            found.append(Proportion(p, change, PROPORTION_STD))
     return found
 
 

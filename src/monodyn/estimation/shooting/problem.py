@@ -326,13 +326,15 @@ class Problem:
         return Trial(x, states, pieces)
 
 
-def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False) -> Problem:
+def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False, near: bool = False) -> Problem:
     """Return the identification of a mechanism from data: unknowns and the picture's information about them.
 
     Args:
         mechanism: The start.
         data: The measurements.
         torques_only: Hold all but the torques of the drive.
+        near: Sizes that nothing measures are unknowns, about in the file's proportion; else they are exactly
+            in it.
 
     Returns:
         The problem, with its unknowns at their start.
@@ -340,7 +342,7 @@ def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False) -> Pr
     if not data.by_roll.any():
         # nothing was measured against a picture
         mechanism = with_roll(mechanism, mechanism.values[ROLL], free=False)
-    unknowns = choose_unknowns(mechanism, torques_only=torques_only)
+    unknowns = choose_unknowns(mechanism, torques_only=torques_only, near=near)
     return Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
 
 

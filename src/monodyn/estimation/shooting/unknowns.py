@@ -2,9 +2,11 @@
 
 Positive parameters are searched as logarithms, so that a step is a ratio and none can turn negative; dampings
 and centres of mass are searched directly, because they may be zero or negative; places of geoms as their
-ratio to the size that they stand against, so that they grow with it. Sizes that neither the
-motion nor a picture determines keep their proportion to the length of their body: held at the values
-of the file, they would act as a known length.
+ratio to the size that they stand against, so that they grow with it, and so are overhangs. Sizes that neither
+the motion nor a picture determines keep their proportion to the length of their body: held at the values of
+the file, they would act as a known length. Once the search is over those that count in the inertia of a
+uniform body are unknowns as well, near that proportion (``prior``), so that intervals contain what is not
+known of them.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from monodyn.mechanism import Mechanism, Parameter
 from monodyn.mechanism.parts import PLACE_KINDS
 
 SEEN_ONLY = ("width", "tail", "tip", "extent", *PLACE_KINDS, "offset", "turn")
-"""Sizes that the motion hardly depends on, if at all: unknowns only where a picture has measured them."""
+"""Sizes that the motion hardly depends on, if at all."""
 PICTURE_ONLY = ("offset", "turn")
 """Those of them on which the motion does not depend at all."""
 LOGARITHMIC = (
@@ -37,6 +39,9 @@ LOGARITHMIC = (
 )
 """Kinds that are searched as logarithms."""
 
+OVERHANGS = ("tail", "tip")
+"""Sizes that are searched as ratios to the length where nothing measures them: the moments of a body are
+nearly linear in them, and are known far better than they."""
 CENTRE_KINDS = ("com_x", "com_y")
 """Kinds that are one vector, either part of which may be zero or negative."""
 
@@ -116,8 +121,8 @@ class Unknowns:
 
     @cached_property
     def ratio(self) -> np.ndarray:
-        """True for places, whose coordinate is a ratio, bool (param,)."""
-        return self.of_kind(*PLACE_KINDS)
+        """True for places and other sizes whose coordinate is a ratio, bool (param,)."""
+        return self.of_kind(*PLACE_KINDS) | (self.of_kind(*OVERHANGS) & ~self.log & (self.start > 0.0))
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         """Return the coordinates of parameter values.
@@ -219,27 +224,34 @@ class Unknowns:
         return np.array([where.get(name, -1) for name in names], dtype=int)
 
 
-def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unknowns:
+def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, near: bool = False) -> Unknowns:
     """Choose the free parameters that the motion, or the picture's knowledge of sizes, can determine.
 
     Args:
         mechanism: The mechanism with its free and fixed parameters.
         torques_only: Leave out all but the torques of the drive.
+        near: Sizes that nothing measures are unknowns, about in the file's proportion; else they are exactly
+            in it.
 
     Returns:
         The unknowns; bounds of logarithms stay finite.
     """
-    measured = _measured_names(mechanism)
+    assumed = {p.name for p in assumed_sizes(mechanism)} if near else set()
+    known = _measured_names(mechanism) | assumed
     material = _one_material(mechanism)
-    # what follows from other parameters is not itself an unknown, and neither is what nothing determines
+    # what follows from other parameters is not itself an unknown, and neither is what nothing depends on
     chosen = [
         p
         for p in mechanism.parameters
-        if p.free and not p.follows and _wanted(p, measured) and p.name not in material[1:]
+        if p.free and not p.follows and _wanted(p, known) and p.name not in material[1:]
     ]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]
+    # what a picture knows of an overhang, however little, is known of its logarithm
+    unseen = assumed - set(mechanism.measured.names if mechanism.measured else ())
+    ratios = [p.kind in PLACE_KINDS or (p.kind in OVERHANGS and p.name in unseen) for p in chosen]
     log = np.array([p.kind in LOGARITHMIC and p.value > 0 for p in chosen], dtype=bool)
+    log &= ~np.array(ratios, dtype=bool)
     start = np.array([p.value for p in chosen], dtype=float)
     lower = np.array([p.lower for p in chosen], dtype=float)
     upper = np.array([p.upper for p in chosen], dtype=float)
@@ -261,8 +273,13 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False) -> Unkn
         tied.append(mechanism.parameter(name))
         tied_to.append(names.index(material[0]))
     values = mechanism.values
-    against = [names.index(p.against) if p.kind in PLACE_KINDS and p.against in names else -1 for p in chosen]
-    unit = [values.get(p.against, 1.0) if p.kind in PLACE_KINDS else 1.0 for p in chosen]
+    against = [
+        names.index(p.against) if is_ratio and p.against in names else -1
+        for p, is_ratio in zip(chosen, ratios, strict=True)
+    ]
+    unit = [
+        values.get(p.against, 1.0) if is_ratio else 1.0 for p, is_ratio in zip(chosen, ratios, strict=True)
+    ]
     heavy = _mass_unknown(mechanism, chosen, log)
     for i, p in enumerate(chosen):
         if heavy >= 0 and p.kind in FORCES:
@@ -307,17 +324,39 @@ def _one_material(mechanism: Mechanism) -> list[str]:
     ]
 
 
+def assumed_sizes(mechanism: Mechanism) -> list[Parameter]:
+    """List the sizes that count in the motion and that nothing measures.
+
+    What is known of them is that they are about in the file's proportion to the length of their body. Bodies
+    whose inertia is itself an unknown do not depend on them.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        Free sizes and places of uniform bodies which no picture determines.
+    """
+    free = [p for p in mechanism.parameters if p.free and not p.follows]
+    if any(p.kind == "inertia" for p in free):
+        return []
+    measured, values = _measured_names(mechanism), mechanism.values
+    return [
+        p
+        for p in free
+        if p.kind in SEEN_ONLY and p.kind not in PICTURE_ONLY and p.name not in measured
+        and p.value != 0.0 and f"{p.owner}.length" in values
+    ]  # fmt: skip
+
+
 def _measured_names(mechanism: Mechanism) -> set[str]:
-    """Names of the sizes that a picture has measured, or that are assumed within limits."""
+    """Names of the sizes that a picture has measured."""
     if mechanism.measured is None:
         return set()
     known = np.diag(np.asarray(mechanism.measured.information))
     # what is not a number counts as measured, so that `size_prior` can name it to the user
-    measured = {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < MEASURED}
-    # what is assumed is an unknown however wide: the intervals of all else have to contain it
-    return measured | mechanism.measured.assumed
+    return {name for name, k in zip(mechanism.measured.names, known, strict=True) if not k < MEASURED}
 
 
-def _wanted(p: Parameter, measured: set[str]) -> bool:
-    """True for what the motion determines, or a picture has measured on a scale that the motion shares."""
-    return p.kind not in SEEN_ONLY or (p.name in measured and p.kind in (*LOGARITHMIC, *PLACE_KINDS))
+def _wanted(p: Parameter, known: set[str]) -> bool:
+    """True for what the motion determines, or something is known of on a scale that the motion shares."""
+    return p.kind not in SEEN_ONLY or (p.name in known and p.kind in (*LOGARITHMIC, *PLACE_KINDS))

@@ -28,7 +28,10 @@ SLOW = 1.5
 
 
 def open_parameters(
-    mechanism: Mechanism, parameters: Sequence[Estimate], without_effect: Sequence[str]
+    mechanism: Mechanism,
+    parameters: Sequence[Estimate],
+    without_effect: Sequence[str],
+    assumed: Sequence[str] = (),
 ) -> list[str]:
     """Name the parameters that the data leave open, and what would fix them.
 
@@ -36,6 +39,7 @@ def open_parameters(
         mechanism: Gives the kinds of the parameters.
         parameters: The estimates.
         without_effect: Names of those on which nothing depends.
+        assumed: Names of sizes that are about in the file's proportion, of which another sentence speaks.
 
     Returns:
         Sentences.
@@ -44,6 +48,7 @@ def open_parameters(
     # open: no interval at all; weak: an interval that reaches a factor of e either way
     lost = [p.name for p in parameters if p.free and not np.isfinite(p.std) and p.name not in without_effect]
     weak = [p.name for p in parameters if p.free and np.isfinite(p.std) and not p.identifiable]
+    lost, weak = ([name for name in names if name not in assumed] for names in (lost, weak))
     # a centre of mass is open only where inertias act together, as those of free bodies do
     regrouped = any(kinds[name] == "com_x" for name in lost)
     masses = [name for name in lost if kinds[name] in MASS_KINDS]

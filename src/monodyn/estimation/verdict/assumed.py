@@ -8,28 +8,28 @@ from monodyn.estimation.wording import listed
 from monodyn.mechanism import Parameter
 
 
-def proportions(tied: Sequence[Parameter]) -> list[str]:
-    """Name the sizes that count in the motion and were neither measured nor estimated.
+def proportions(assumed: Sequence[Parameter]) -> list[str]:
+    """Name the sizes that count in the motion and that neither a picture nor the motion determines.
 
     Args:
-        tied: Parameters that keep their proportion to a length.
+        assumed: Sizes and places that keep about their proportion in the file.
 
     Returns:
         Sentences.
     """
-    names = [p.name for p in tied if p.kind in ("width", "tail", "tip", "extent", "along", "across")]
-    if not names:
+    if not assumed:
         return []
+    names = [p.name for p in assumed]
     if len(names) == 1:
         return [
-            f"Nothing determines {names[0]}; it keeps its proportion to the length of its body, and the "
-            "intervals take that for exact. Give a measured value with --fix where its share of the inertia "
-            "counts."
+            f"Nothing determines {names[0]}: within a factor of 1.6 (one standard deviation) it is taken in "
+            "proportion to the length of its body, as in the file, and the intervals contain that; a "
+            "measured value, given with --fix, would make them narrower."
         ]
     return [
-        f"Nothing determines {listed(names, 12)}; they keep their proportion to the length of their body, "
-        "and the intervals take that for exact. Give measured values with --fix where their share of the "
-        "inertia counts."
+        f"Nothing determines {listed(names, 12)}: within a factor of 1.6 (one standard deviation) they are "
+        "taken in proportion to the length of their body, as in the file, and the intervals contain that; "
+        "measured values, given with --fix, would make them narrower."
     ]
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monodyn.estimation.fit import Combination
+from monodyn.estimation.shooting.prior import size_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
 from monodyn.estimation.verdict.uncertainty import Knowledge
@@ -129,8 +130,9 @@ def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combin
     """Inertial ratios with their standard deviations, where no open direction changes them."""
     instance = problem.at(x)
     mechanism = problem.mechanism
-    # of uniform bodies the ratios follow from sizes that are known one by one, but for the dampings
-    free = not problem.unknowns.uniform
+    # of uniform bodies the ratios follow from sizes that are known one by one, but for the dampings; where
+    # their sizes are assumed in part the motion knows the ratios far better than these
+    free = not problem.unknowns.uniform or bool(size_ratios(mechanism, problem.unknowns))
     absolute = bool(problem.data.torques)
 
     def regrouped(tree: Tree) -> dict[str, complex]:

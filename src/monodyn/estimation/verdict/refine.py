@@ -12,7 +12,7 @@ import numpy as np
 
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.scaling import (
     with_clock_of_start,
     with_gravity_of_start,
@@ -81,6 +81,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     Returns:
         The optimum and what is known there.
     """
+    problem, optimum = _with_proportions(problem, optimum)
     rejected = _gross(problem.data, optimum.residuals, settings.outlier)
     stated = problem.with_data(problem.data.without(rejected))
     fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-7, relative=1e-9)
@@ -99,6 +100,21 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     _, jacobian = weighted.rows(optimum.trial)
     known = knowledge_at(weighted, optimum.x, jacobian, optimum.trial.pieces)
     return Refined(stated, replace(optimum, evaluations=evaluations), known, noise, rejected, substeps, error)
+
+
+def _with_proportions(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
+    """Take sizes that nothing measures for unknowns about in the file's proportion, at the optimum.
+
+    The search takes them to be exactly in it: motion moves them little, and along curved valleys.
+    """
+    if problem.mechanism.torque == "free":
+        # all sizes are given there
+        return problem, optimum
+    larger = posed(problem.mechanism, problem.data, near=True)
+    larger = replace(larger, base=problem.base)
+    x = larger.unknowns.carried(optimum.x, problem.unknowns)
+    at_bound = np.isin(larger.unknowns.names, np.array(problem.unknowns.names)[optimum.at_bound])
+    return larger, replace(optimum, trial=optimum.trial.at(x, optimum.trial.states), at_bound=at_bound)
 
 
 def _noise(problem: Problem, optimum: Optimum) -> NoiseFactors:

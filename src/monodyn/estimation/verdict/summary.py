@@ -10,7 +10,7 @@ import numpy as np
 from monodyn.estimation.fit import Doubt, Estimate, Fit, Start
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.shooting.prior import THICKNESS_STD, thickness_ratios
+from monodyn.estimation.shooting.prior import Proportion, size_ratios, thickness_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
@@ -302,13 +302,14 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     if fit.ok:
         without_effect = found.known.without_effect(unknowns.names)
         sentences += advice.tilt(fit.parameters)
-        sentences += advice.open_parameters(mechanism, fit.parameters, without_effect)
+        ratios = size_ratios(mechanism, unknowns)
+        near = [ratio.size.name for ratio in ratios]
+        sentences += advice.open_parameters(mechanism, fit.parameters, without_effect, near)
         sentences += advice.nothing_seen(fit.parameters)
-        sentences += assumed.proportions(
-            [mechanism.parameter(n) for n in unknowns.tied] if unknowns.uniform else ()
+        sentences += assumed.proportions(_hardly_known(ratios, found.known.covariance))
+        sentences += assumed.thicknesses(
+            _hardly_known(thickness_ratios(mechanism, unknowns), found.known.covariance)
         )
-    if fit.ok:
-        sentences += assumed.thicknesses(_assumed_thicknesses(found))
     sentences += advice.without_use(_without_use(mechanism))
     if mechanism.torque == "free":
         sentences += advice.free_torques(mechanism)
@@ -324,11 +325,9 @@ def _taken_level(problem: Problem) -> bool:
     return not chosen and bool(problem.data.by_roll.any()) and feels_roll(problem.mechanism)
 
 
-def _assumed_thicknesses(found: Refined) -> list[Parameter]:
-    """Further geoms' thicknesses whose ratio to the main one's is hardly known better than it was assumed."""
-    covariance = found.known.covariance
-    ratios = thickness_ratios(found.problem.mechanism, found.problem.unknowns)
-    return [p for p, change in ratios if change @ covariance @ change > 0.25 * THICKNESS_STD**2]
+def _hardly_known(ratios: list[Proportion], covariance: np.ndarray) -> list[Parameter]:
+    """Return what is hardly known better than it was assumed to be."""
+    return [ratio.size for ratio in ratios if ratio.hardly_known(covariance)]
 
 
 def _without_use(mechanism: Mechanism) -> list[str]:

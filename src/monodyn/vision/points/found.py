@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.mechanism import Measured, Mechanism
+from monodyn.mechanism import Mechanism
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import PARAMETERS, with_values
@@ -28,10 +28,6 @@ from monodyn.vision.points.shown import (
 )
 from monodyn.vision.points.start import SoughtPoints
 from monodyn.vision.points.tracks import PointTracks
-
-PROPORTION_STD = 0.5
-"""Standard deviation of the logarithm of a size that no point shows over its body's length, about the
-file's."""
 
 
 def scene_of(
@@ -58,7 +54,7 @@ def scene_of(
         looks = replace(looks, away=_in_file_scale(looks.away, file))
     bundle = adjustment.bundle(fitted)
     unseen = unseen_sizes(file, names, sought.pinned)
-    measured = with_proportions(size_information(bundle, scale_free=scale_free), unseen)
+    measured = size_information(bundle, scale_free=scale_free)
     std = looks.camera_std(adjustment, fitted, scale_free=scale_free)
     doubted = adjustment if looks.clear else looks.doubted
     off = np.zeros(len(doubted.read(fitted))) if looks.clear else looks.off(fitted)
@@ -88,7 +84,6 @@ def scene_of(
             *motion_notes(found.drift, sought.tracks),
             *exchange_notes(found.exchanges, adjustment.places.marks, sought.tracks),
             *pair_notes(adjustment.places.marks, sought.tracks),
-            *proportion_notes(sorted(unseen)),
             *camera_notes(fitted.camera, {n: value for n, value in std.items() if n in sought.free}),
         ),
     )
@@ -141,51 +136,10 @@ def unseen_sizes(file: Mechanism, names: Sequence[str], pinned: frozenset[str]) 
     }  # fmt: skip
 
 
-def with_proportions(measured: Measured, unseen: Mapping[str, str]) -> Measured:
-    """Add what is assumed of sizes that no point shows: about the file's proportion to their body's length.
-
-    Args:
-        measured: What the points know of the sizes.
-        unseen: Name of the length by that of such a size.
-
-    Returns:
-        Both: information on the logarithms of sizes, and on ratios of places.
-    """
-    names = list(dict.fromkeys([*measured.names, *unseen, *unseen.values()]))
-    information = np.zeros((len(names), len(names)))
-    count = len(measured.names)
-    information[:count, :count] = measured.information
-    for name, length in unseen.items():
-        change = np.zeros(len(names))
-        change[names.index(name)] = 1.0
-        if name.rsplit(".", 1)[1] not in PLACE_KINDS:
-            change[names.index(length)] -= 1.0
-        information += np.outer(change, change) / PROPORTION_STD**2
-    return Measured(tuple(names), information, frozenset(unseen))
-
-
 def _in_proportion(mechanism: Mechanism, file: Mechanism, unseen: Mapping[str, str]) -> Mechanism:
     """Return the mechanism with the sizes that no point shows in proportion to their bodies' lengths."""
     known, start = mechanism.values, file.values
     return mechanism.with_values({n: start[n] * known[size] / start[size] for n, size in unseen.items()})
-
-
-def proportion_notes(unseen: Sequence[str]) -> list[str]:
-    """Write the sentence about sizes that no point shows.
-
-    Args:
-        unseen: Their names.
-
-    Returns:
-        The sentence; none without such sizes.
-    """
-    if not unseen:
-        return []
-    return [
-        f"No point shows {', '.join(unseen)}: as in the file in proportion to the length of the body, "
-        "within a factor of 1.6 (one standard deviation), which the intervals contain; give measured values "
-        "with --fix where that counts."
-    ]
 
 
 def camera_notes(camera: Camera, std: Mapping[str, float]) -> list[str]:
