@@ -49,7 +49,9 @@ def kept_doubts(
         record if stop is None else record.part(0, stop) for record, stop in zip(records, stops, strict=True)
     ]
     try:
-        shorter = identify(parts, mechanism, replace(settings, starts=1), progress=progress)
+        # the prediction rests on the covariance, wherever the intervals come from
+        quick = replace(settings, starts=1, uncertainty="linear")
+        shorter = identify(parts, mechanism, quick, progress=progress)
     except MonodynError:
         return []
     doubts: list[Doubt] = []

@@ -165,7 +165,7 @@ def excluded_note(found: np.ndarray, poses: Poses) -> list[str]:
     rows = [str(number) for number in poses.frame[found.any(axis=1)]]
     if not rows:
         return []
-    joints = [name for name, some in zip(poses.joints, found.any(axis=0), strict=True) if some]
+    joints = [poses.joints[dof] for dof in range(found.shape[1]) if found[:, dof].any()]
     return [
         f"The identified dynamics exclude the position of {listed(joints)} in frame {listed(rows)}: the "
         "tracking was wrong there; <joint>_excluded marks it in poses.csv."
