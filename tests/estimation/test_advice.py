@@ -7,7 +7,7 @@ import pytest
 
 from fits import estimates
 from monodyn.estimation.fit import Estimate
-from monodyn.estimation.verdict import advice
+from monodyn.estimation.verdict import advice, undetermined
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -17,7 +17,7 @@ LIVELY = "a longer record or a livelier motion would help."
 
 def test_masses_without_a_scale(double):
     found = estimates(double, {"link1.thickness": np.inf, "joint1.damping": np.inf, "link1.length": 0.001})
-    assert advice.open_parameters(double, found, ()) == [
+    assert undetermined.open_parameters(double, found, ()) == [
         "The motion fixes link1.thickness and joint1.damping only in ratios (see the combinations); one of "
         "them, measured and given with --fix, fixes the mass scale."
     ]
@@ -26,7 +26,7 @@ def test_masses_without_a_scale(double):
 def test_inertias_of_free_bodies(double):
     free = double.with_bodies("free")
     found = estimates(free, {"link1.mass": np.inf, "link1.com_x": np.inf, "link1.inertia": np.inf})
-    assert advice.open_parameters(free, found, ()) == [
+    assert undetermined.open_parameters(free, found, ()) == [
         "Planar motion fixes how the inertias of free bodies act together (see the combinations), not "
         "link1.mass, link1.inertia and link1.com_x one by one; measured masses and centres of mass, given "
         "with --fix, would fix the rest."
@@ -55,29 +55,31 @@ def test_inertias_of_free_bodies(double):
     ],
 )
 def test_lengths_that_are_open(double, names, sentence):
-    assert advice.open_parameters(double, estimates(double, dict.fromkeys(names, np.inf)), ()) == [sentence]
+    assert undetermined.open_parameters(double, estimates(double, dict.fromkeys(names, np.inf)), ()) == [
+        sentence
+    ]
 
 
 def test_what_has_no_effect_and_what_is_hardly_known(double):
     found = estimates(double, {"link2.density": np.inf, "link1.length": 10.0})
-    assert advice.open_parameters(double, found, ("link2.density",)) == [
+    assert undetermined.open_parameters(double, found, ("link2.density",)) == [
         "link2.density does not change the motion, which cannot determine it.",
         f"The data hardly fix link1.length: the error is as large as the value; {LIVELY}",
     ]
-    two = advice.open_parameters(double, [], ("link1.density", "link2.density"))
+    two = undetermined.open_parameters(double, [], ("link1.density", "link2.density"))
     assert two == ["link1.density and link2.density do not change the motion, which cannot determine them."]
 
 
 def test_bounds_that_were_met(double):
     still = double.with_values({"joint1.damping": 0.0})
     found = estimates(still, {"joint1.damping": 0.1, "link1.length": 0.1}, bound=still.values)
-    assert advice.nothing_seen(found) == [
+    assert undetermined.nothing_seen(found) == [
         "joint1.damping came out as zero, the smallest value allowed: too small to be seen."
     ]
     assert advice.bounds_met(found) == [
         "link1.length ended on a bound; widen the bound or check the mechanism file."
     ]
-    assert advice.nothing_seen(found[1:]) == []
+    assert undetermined.nothing_seen(found[1:]) == []
     assert advice.bounds_met(found[:1]) == []
 
 
@@ -155,11 +157,11 @@ def test_lengths_rest_on_the_clock(double):
 
 
 def test_values_without_use():
-    assert advice.without_use(["link1.thickness"]) == [
+    assert undetermined.without_use(["link1.thickness"]) == [
         "link1.thickness was given, but the motion of this mechanism does not depend on it: its file states "
         "masses; give those."
     ]
-    assert advice.without_use(["link1.thickness", "link2.thickness"]) == [
+    assert undetermined.without_use(["link1.thickness", "link2.thickness"]) == [
         "link1.thickness and link2.thickness were given, but the motion of this mechanism does not depend on "
         "them: its file states masses; give those."
     ]

@@ -111,3 +111,10 @@ def test_the_proportion_of_what_nothing_measures_is_assumed(counter: Mechanism) 
         assert not ratio.hardly_known(0.24 * PROPORTION_STD**2 * direction)
     given = size_ratios(counter, choose_unknowns(counter))
     assert [ratio.size.name for ratio in given] == []
+
+
+def test_what_is_searched_as_a_ratio_is_as_far_from_the_file_as_its_logarithm_was_drawn(double):
+    unknowns = choose_unknowns(double, near=True)
+    (tail,) = [ratio for ratio in size_ratios(double, unknowns) if ratio.size.name == "link1.tail"]
+    drawn = np.exp(PROPORTION_STD * np.random.default_rng(0).normal(size=400_000))
+    assert tail.std == pytest.approx(np.sqrt(np.mean((drawn - 1.0) ** 2)), rel=1e-2)

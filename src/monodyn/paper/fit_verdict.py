@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from monodyn.estimation.fit import Fit
-from monodyn.estimation.verdict import advice
+from monodyn.estimation.verdict import advice, undetermined
 from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.estimation.wording import amount, amounts, listed, percent
 from monodyn.paper.descent import Descent
@@ -128,12 +128,12 @@ def published_advice(
     sentences += _under_torques(fixed) if settings.torque == "free" else _misfit(found, fit, records)
     sentences += [*_period(model), *_filtering(settings)]
     if settings.torque != "free":
-        sentences += advice.open_parameters(mechanism, bodies, without_effect)
+        sentences += undetermined.open_parameters(mechanism, bodies, without_effect)
         sentences += advice.few(fixed.compared, len(problem.unknowns))
     edge = _at_reach(found)
     sentences += _beyond_reach(found, edge)
     inside = [p for p in bodies if p.name not in edge]
-    sentences += [*advice.nothing_seen(inside), *advice.bounds_met(inside)]
+    sentences += [*undetermined.nothing_seen(inside), *advice.bounds_met(inside)]
     sentences += advice.limits(mechanism, problem.simulated(fixed.trial(found.x)))
     if settings.torque != "free":
         sentences += advice.clock(mechanism, fit.parameters)

@@ -18,6 +18,9 @@ the file's: a factor of two. No picture shows a thickness."""
 PROPORTION_STD = 0.5
 """Standard deviation of the logarithm of a size that nothing measures over its body's length, about the
 file's: a factor of 1.6; of a place, of its ratio to the size that it stands against."""
+RATIO_STD = float(np.sqrt(np.exp(2.0 * PROPORTION_STD**2) - 2.0 * np.exp(0.5 * PROPORTION_STD**2) + 1.0))
+"""Root mean square of a ratio's distance from one whose logarithm has that standard deviation about zero:
+what is searched as a ratio is larger than the file's more often by a factor than it is smaller."""
 HARDLY = 0.5
 """Share of these from which on a ratio is hardly known better than it was assumed."""
 
@@ -160,15 +163,15 @@ def size_ratios(mechanism: Mechanism, unknowns: Unknowns) -> list[Proportion]:
     found = []
     for p in assumed_sizes(mechanism):
         if p.name in unknowns.names:
-            change, at = np.zeros(len(unknowns)), unknowns.names.index(p.name)
+            change, at, std = np.zeros(len(unknowns)), unknowns.names.index(p.name), PROPORTION_STD
             length = f"{p.owner}.length"
             change[at] = 1.0
             if unknowns.ratio[at] and p.kind not in PLACE_KINDS:
-                change[at] = 1.0 / unknowns.x0[at]
+                change[at], std = 1.0 / unknowns.x0[at], RATIO_STD
             # a place is a ratio to begin with, and may be zero; a length that is given does not change
             elif not unknowns.ratio[at] and length in unknowns.names:
                 change[unknowns.names.index(length)] -= 1.0
-            found.append(Proportion(p, change, PROPORTION_STD))
+            found.append(Proportion(p, change, std))
     return found
 
 

@@ -14,7 +14,7 @@ from monodyn.estimation.shooting.prior import Proportion, size_ratios, thickness
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
-from monodyn.estimation.verdict import advice, assumed
+from monodyn.estimation.verdict import advice, assumed, undetermined
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined, refine
@@ -304,13 +304,13 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
         sentences += advice.tilt(fit.parameters)
         ratios = size_ratios(mechanism, unknowns)
         near = [ratio.size.name for ratio in ratios]
-        sentences += advice.open_parameters(mechanism, fit.parameters, without_effect, near)
-        sentences += advice.nothing_seen(fit.parameters)
+        sentences += undetermined.open_parameters(mechanism, fit.parameters, without_effect, near)
+        sentences += undetermined.nothing_seen(fit.parameters)
         sentences += assumed.proportions(_hardly_known(ratios, found.known.covariance))
         sentences += assumed.thicknesses(
             _hardly_known(thickness_ratios(mechanism, unknowns), found.known.covariance)
         )
-    sentences += advice.without_use(_without_use(mechanism))
+    sentences += undetermined.without_use(_without_use(mechanism))
     if mechanism.torque == "free":
         sentences += advice.free_torques(mechanism)
     sentences += advice.clock(mechanism, fit.parameters)
