@@ -24,7 +24,7 @@ from monodyn.vision.locating.locate import Sought
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.release import FreeSpan
 from monodyn.vision.settings import CameraSettings
-from monodyn.vision.tracking.exposure import SHARP, Exposure, exposure_of, with_shutter
+from monodyn.vision.tracking.exposure import ROUNDED, SHARP, Exposure, exposure_of, with_shutter
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
@@ -35,8 +35,6 @@ SAME = 0.05
 """Difference of two exposures, as a share, that makes no difference to poses and sizes."""
 SAME_PX = 1.0
 """Difference of the ways that the outline goes in an exposure up to which poses and sizes stay [px]."""
-ROUNDED = 1.05
-"""By how much an exposure may exceed the time between two pictures, both being rounded."""
 
 
 class Exposed(NamedTuple):

@@ -53,6 +53,10 @@ def test_the_exposure_is_found(exposure: float) -> None:
     assert 0.03 * found.seconds <= found.std < 0.2 * exposure
 
 
+def test_edges_wider_than_a_whole_interval_blurs_them_are_none_of_an_exposure() -> None:
+    assert exposure_of(filmed(swing(8), 0.12), swing(8)) == SHARP
+
+
 def test_sharp_pictures_have_none() -> None:
     assert exposure_of(filmed(swing(8), 0.0), swing(8)) == SHARP
     # nor those of a motion that hardly moves the outline

@@ -46,8 +46,12 @@ from monodyn.vision.locating.scene import Scene
 
 FRAMES = 12
 """Frames of the fastest motion from which the exposure is estimated."""
-SHARES = 11
-"""Shares of the interval between two frames that are tried, from 0 to 1."""
+SHARES = 14
+"""Shares of the interval between two frames that are tried."""
+LARGEST_SHARE = 1.3
+"""The largest of them: blur of more than an interval is none of an exposure."""
+ROUNDED = 1.05
+"""By how much an exposure may exceed the time between two pictures, both being rounded."""
 CLEARER = 1.25
 """A blurred outline has to explain the pictures better than a sharp one by this factor."""
 LEAST_BLUR_PX = 4.0
@@ -195,7 +199,7 @@ def exposure_of(scene: Scene, poses: Poses) -> Exposure:
     view = scene.masks.view(len(rig.radius))
     ways = [way(rig._replace(sweep=whole[row]), poses.position[row]) for row in rows]
     fastest = [rows[i] for i in np.argsort(ways)[::-1][:FRAMES] if ways[i] > LEAST_WAY_PX]
-    shares, misfits = np.linspace(0.0, 1.0, SHARES), np.zeros((len(fastest), SHARES))
+    shares, misfits = np.linspace(0.0, LARGEST_SHARE, SHARES), np.zeros((len(fastest), SHARES))
     for row, misfit in zip(fastest, misfits, strict=True):
         planes = planes_for(scene.masks.of(samples[int(poses.frame[row])]), view)
         moving = rig._replace(sweep=whole[row], bend=bend[row])
@@ -204,23 +208,27 @@ def exposure_of(scene: Scene, poses: Poses) -> Exposure:
     if len(fastest) < LEAST_FRAMES or total[0] < CLEARER * total.min():
         return SHARP
     # the jackknife: the estimates without each of the frames
-    others = np.array([_best_share(total - misfit) for misfit in misfits])
+    others = np.array([_best_share(shares, total - misfit) for misfit in misfits])
     spread = np.sqrt((len(others) - 1.0) / len(others) * np.sum((others - others.mean()) ** 2))
-    share = _best_share(total)
+    share = _best_share(shares, total)
+    # edges that are wider still are so for another reason: a size that is wrong, a codec
+    if share > ROUNDED:
+        return SHARP
     # what blurs no more than optics and codec soften every edge is not told from that, and does no harm
     if share * float(np.median(np.sort(ways)[::-1][: len(fastest)])) < LEAST_BLUR_PX:
         return SHARP
+    share = min(share, 1.0)
     return Exposure(share * step, max(float(spread), LEAST_STD * share) * step)
 
 
-def _best_share(misfits: np.ndarray) -> float:
+def _best_share(shares: np.ndarray, misfits: np.ndarray) -> float:
     """Return where the parabola through the least misfit (share,) and its neighbours has its least value."""
     best = int(np.argmin(misfits))
-    if best in (0, SHARES - 1):
-        return best / (SHARES - 1)
+    if best in (0, len(shares) - 1):
+        return float(shares[best])
     left, middle, right = misfits[best - 1 : best + 2]
     shift = 0.5 * (left - right) / max(left - 2.0 * middle + right, 1e-12)
-    return float(best + shift) / (SHARES - 1)
+    return float(shares[best] + shift * (shares[1] - shares[0]))
 
 
 @njit(cache=True)
