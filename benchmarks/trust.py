@@ -2,8 +2,8 @@
 
 Run: ``MONODYN_DATA=<folder> python benchmarks/trust.py [--only GROUP ...] [--json FILE] [--gate]``.
 No fit may be called trusted with a parameter more than four standard deviations from its truth, or with a
-held-out error of more than three bands; right models are to be called trusted. ``--runs`` keeps the folders
-of clips, and a pair that is there already is not run again.
+held-out error of more than three bands; right models are to be called trusted; ``films`` are the real ones.
+``--runs`` keeps the folders of clips, and a pair that is there already is not run again.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import monodyn
 from damaged import DAMAGES, Record, drawn
 from figures import Figure, command_line, finish, say, table
 from monodyn.pipeline import identify_tables
+from windows import real_films
 
 KINDS = ("single", "bob", "double_a", "triple", "cartpole", "double_ell", "ball_above")
 """Clips whose models are tried on one another."""
@@ -70,7 +71,7 @@ def main() -> int:
         The exit code: 1 when a target is missed under ``--gate``, 2 when the data are missing.
     """
     groups = {"models": models, "clips": clips, "tables": tables, "encoders": encoders, "drawn": right}
-    parser = command_line(__doc__, tuple(groups))
+    parser = command_line(__doc__, (*groups, "films"))
     parser.add_argument("--runs", type=Path, metavar="FOLDER", help="keep the run folders there")
     options = parser.parse_args()
     data = Path(os.environ.get("MONODYN_DATA") or "missing")
@@ -81,7 +82,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as temporary:
         runs = options.runs or Path(temporary)
         runs.mkdir(parents=True, exist_ok=True)
-        for group in options.only or groups:
+        for group in options.only or (*groups, "films"):
+            if group == "films":
+                figures += real_films(data, runs)
+                continue
             verdicts = []
             for verdict in groups[group](data, runs):
                 verdicts.append(verdict)

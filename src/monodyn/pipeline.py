@@ -33,7 +33,7 @@ from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
 from monodyn.inputs import clip_torques, input_files, opened, torque_files, with_torques
 from monodyn.job import Job, Outcome, shown_if_refused
-from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
+from monodyn.mechanism.dots import mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
@@ -114,7 +114,7 @@ def run(
                 poses, (first, stop), scene.mechanism, settings.identify, progress
             )
             fit = identify(poses.part(first, stop), scene.mechanism, settings.identify, progress=progress)
-            uniform = chosen_bodies(mechanism, settings.identify.bodies) == "uniform"
+            uniform = not any(p.kind == "inertia" and p.free for p in fit.mechanism.parameters)
             log.notes += mass_notes(mechanism, "uniform" if uniform else "free")
             why = doubtful_sight(sight, poses.part(first, stop), uniform=uniform)
         log.notes += unsure

@@ -14,6 +14,7 @@ import numpy as np
 from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, relative_difference
+from monodyn.estimation.torque.bodies import fit_free_bodies
 from monodyn.estimation.torque.evidence import likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import fit_free_torques, residual_rms
@@ -84,6 +85,8 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     route = task.search(solution.problem).route
     friction = _Tried(FRICTION, solution)
     tried = [friction, *_dragged(mechanism, solution, task, route)]
+    if not _at_noise(tried[-1].solution):
+        tried += _loosened(solution, task)
     if _at_noise(tried[-1].solution):
         return _told(tried[-1], tried)
     friction = tried[0] = replace(friction, errors=_withheld(friction, task, route))
@@ -144,6 +147,20 @@ def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: 
     if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, len(names)):
         return []
     return [_Tried("friction with quadratic drag", replace(solution, problem=larger, optimum=found))]
+
+
+def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
+    """Try bodies whose mass may lie anywhere, where the user left that open and the evidence is for it."""
+    if task.settings.bodies != "auto" or solution.optimum is None:
+        return []
+    found = fit_free_bodies(solution, task)
+    if found is None or found.optimum is None:
+        return []
+    further = len(found.problem.unknowns) - len(solution.problem.unknowns)
+    optima = [(solution.problem, solution.optimum), (found.problem, found.optimum)]
+    if likeliest(optima) == 0 or not pays(solution.optimum, found.optimum, max(further, 1)):
+        return []
+    return [_Tried("friction with free bodies", found)]
 
 
 def _periodic(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:

@@ -1,0 +1,39 @@
+"""Bodies whose mass is not spread evenly: masses, centres and inertias as unknowns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from monodyn.estimation.shooting.shoot import relative_difference
+from monodyn.estimation.torque.evidence import with_more_unknowns
+from monodyn.estimation.torque.friction import FAR_SHARE, fit_friction, with_dry_friction
+from monodyn.estimation.torque.task import Task, TorqueSolution
+from monodyn.mechanism import Mechanism
+
+
+def fit_free_bodies(solution: TorqueSolution, task: Task) -> TorqueSolution | None:
+    """Explain the motion by friction and bodies whose mass may lie anywhere.
+
+    Args:
+        solution: Friction with uniform bodies.
+        task: What is to be explained.
+
+    Returns:
+        The solution; None where bodies are free already, or what is theirs is given.
+    """
+    problem, optimum = solution.problem, solution.optimum
+    mechanism = problem.mechanism.with_bodies("free")
+    if optimum is None or not problem.unknowns.uniform or not _free(mechanism):
+        return None
+    if optimum.complete and relative_difference(problem, optimum.trial) < FAR_SHARE:
+        # nearby, what uniform bodies found is where these begin: sizes, frictions and the motion itself
+        begun = problem.mechanism_at(optimum.x).with_bodies("free")
+        larger, found = with_more_unknowns(problem, optimum, begun, task.search(problem).route)
+        larger, found = with_dry_friction(larger, found, task)
+        return replace(solution, problem=larger, optimum=found)
+    # far off, sizes and frictions have taken on what the masses should explain
+    return fit_friction(mechanism, replace(task, settings=replace(task.settings, starts=1)))
+
+
+def _free(mechanism: Mechanism) -> bool:
+    return any(p.kind == "inertia" and p.free for p in mechanism.parameters)
