@@ -68,6 +68,7 @@ class Problem:
         unknowns: What is searched.
         prior: The picture's information about the sizes.
         data: The measurements.
+        near: Sizes that nothing measures are unknowns, about in the file's proportion.
         base: Common scale of the sizes of ``mechanism`` against those that the record was measured in.
     """
 
@@ -75,6 +76,7 @@ class Problem:
     unknowns: Unknowns
     prior: Prior
     data: Data
+    near: bool = field(default=False, kw_only=True)
     base: float = field(default=1.0, kw_only=True)
 
     def with_data(self, data: Data) -> Problem:
@@ -84,6 +86,14 @@ class Problem:
             data: The data.
         """
         return replace(self, data=data)
+
+    def of(self, mechanism: Mechanism) -> Problem:
+        """Return the identification of a mechanism from the same data, with as much open of its sizes.
+
+        Args:
+            mechanism: The mechanism.
+        """
+        return posed(mechanism, self.data, near=self.near)
 
     def mechanism_at(self, x: np.ndarray) -> Mechanism:
         """Return the mechanism at coordinates.
@@ -343,7 +353,7 @@ def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False, near:
         # nothing was measured against a picture
         mechanism = with_roll(mechanism, mechanism.values[ROLL], free=False)
     unknowns = choose_unknowns(mechanism, torques_only=torques_only, near=near)
-    return Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
+    return Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data, near=near)
 
 
 def _slowed(instance: Instance) -> Directions:

@@ -14,6 +14,7 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.torque.evidence import likeliest, pays, with_more_unknowns
+from monodyn.estimation.torque.friction import near_proportions
 from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
 from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
 from monodyn.mechanism import Mechanism
@@ -51,7 +52,7 @@ def fit_series(mechanism: Mechanism, task: Task) -> TorqueSolution:
         return TorqueSolution(least, None, reason=NO_PERIOD)
     route = task.search(periods.problem).route
     tried = [_from_guess(mechanism, task, periods, guess) for guess in guesses]
-    problem, optimum = tried[likeliest(tried)]
+    problem, optimum = near_proportions(*tried[likeliest(tried)], task)
     if settings.terms == 0:
         # shorter first: of a multiple of the true period only a division drops the idle harmonics
         shorter = simpler_series(problem, optimum, route, divide=clock.free)
@@ -131,7 +132,7 @@ def _shortened(
     _, before = series_of(problem, optimum)
     # 1 when only harmonics are dropped
     times = round(before / period)
-    shorter = posed(series(problem.mechanism, terms, period), problem.data)
+    shorter = problem.of(series(problem.mechanism, terms, period))
     start = shorter.unknowns.carried(optimum.x, problem.unknowns)
     if "torque.period" in shorter.unknowns.names:
         start[shorter.unknowns.names.index("torque.period")] = np.log(period)
@@ -179,7 +180,7 @@ def periodic(problem: Problem, optimum: Optimum, route: Route) -> bool:
         optimum: Its optimum.
         route: How exact the search is.
     """
-    undriven = posed(problem.mechanism.with_torque("friction"), problem.data)
+    undriven = problem.of(problem.mechanism.with_torque("friction"))
     x = undriven.unknowns.carried(optimum.x, problem.unknowns)
     passive = fit_pieces(undriven, optimum.trial.at(x, optimum.trial.states), route, route.fine)
     added = len(problem.unknowns) - len(undriven.unknowns)
