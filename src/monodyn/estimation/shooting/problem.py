@@ -277,12 +277,25 @@ class Problem:
         Returns:
             Positions of all runs end to end [rad or m], (row, dof).
         """
+        return self.motions(x, runs, substeps)[:, : self.data.position.shape[1]]
+
+    def motions(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
+        """Simulate runs of rows, with the rates.
+
+        Args:
+            x: Coordinates, (param,).
+            runs: First row, one past the last row and start state (2 dof,) of each.
+            substeps: Integration steps between two time stamps.
+
+        Returns:
+            States of all runs end to end, positions then rates [rad or m, rad/s or m/s], (row, 2 dof).
+        """
         mechanism, stretch = self.mechanism_at(x), self.stretch(x)
         tree, lag, parts = mechanism.tree, mechanism.values.get(LAG, 0.0), []
         for first, stop, state in runs:
             times, (q0, v0) = self.data.times[first:stop] * stretch, np.split(state, 2)
             drive = self.driven(mechanism.drive, lag, stretch, first, stop)
-            parts.append(rollout(tree, times, q0, v0, substeps=substeps, drive=drive)[0])
+            parts.append(np.hstack(rollout(tree, times, q0, v0, substeps=substeps, drive=drive)))
         return np.concatenate(parts)
 
     def stretch(self, x: np.ndarray) -> float:

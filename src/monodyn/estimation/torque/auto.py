@@ -94,7 +94,7 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     # rows that friction misses by less than that much cannot be halved: their noise is left
     if friction.errors and min(friction.errors) > HALVED:
         for further in (_periodic, _free):
-            found = further(mechanism, task, route)
+            found = further(mechanism, task, route, friction)
             if found is not None:
                 tried.append(found)
                 if _halves(friction, found):
@@ -124,9 +124,16 @@ def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: 
     return [_Tried("friction with quadratic drag", replace(solution, problem=larger, optimum=found))]
 
 
-def _periodic(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:
+def _periodic(mechanism: Mechanism, task: Task, route: Route, friction: _Tried) -> _Tried | None:
     """Try a periodic torque, with dry friction where that is left over."""
-    solution = fit_series(mechanism, task)
+
+    def promising(problem: Problem, optimum: Optimum) -> bool:
+        if not optimum.complete:
+            return False
+        errors = withheld_errors(problem, optimum, task.smoothed, route)
+        return all(after < before for after, before in zip(errors, friction.errors, strict=True))
+
+    solution = fit_series(mechanism, task, promising)
     if solution.optimum is None or not solution.optimum.complete:
         return None
     problem, optimum = _with_dry(solution.problem, solution.optimum, task)
@@ -143,7 +150,7 @@ def _with_dry(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, 
     return with_dry_friction(problem, optimum, task)
 
 
-def _free(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:
+def _free(mechanism: Mechanism, task: Task, route: Route, friction: _Tried) -> _Tried | None:
     """Try free torques where sizes and masses are given; with these open they explain any mechanism."""
     unknowns = posed(mechanism.with_torque("friction"), task.data).unknowns
     if not set(unknowns.kinds) <= {*BRAKES, "roll"}:
