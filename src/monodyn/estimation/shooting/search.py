@@ -59,12 +59,12 @@ class Search:
         self._smoothed, self._settings = smoothed, settings
         self._progress, self._done = progress, 0
 
-    def from_starts(self, first: int = 0) -> tuple[Optimum, int]:
+    def from_starts(self, first: int = 0, *, give_up: bool = False) -> tuple[Optimum, int]:
         """Search from one start after the other until the motion is explained, or two lead to one optimum.
 
         Args:
-            first: The start to begin with. Where it is not the first one, and every start is given up, the
-                optimum is that of pieces.
+            first: The start to begin with.
+            give_up: Where every start was given up, stay with the pieces of the best of them.
 
         Returns:
             The best optimum and the number of starts up to the last that was tried.
@@ -83,7 +83,7 @@ class Search:
             good=self.explained,
             same=_same,
         )
-        if best.complete or first:
+        if best.complete or give_up:
             return best, first + count
         # where every start was given up the best of them goes all the way after all
         return self.from_start(best.x), count

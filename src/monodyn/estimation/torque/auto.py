@@ -76,7 +76,7 @@ def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
 def _from_further_starts(mechanism: Mechanism, task: Task, before: Optimum) -> TorqueSolution | None:
     """Search for friction from all starts but the first; None where none leads nearer to the record."""
     problem = posed(mechanism.with_torque("friction"), task.data)
-    optimum, tried = task.search(problem).from_starts(1)
+    optimum, tried = task.search(problem).from_starts(1, give_up=True)
     if not optimum.complete or optimum.cost > SAME_END * before.cost:
         return None
     return settled(problem, optimum, task, tried)
