@@ -77,3 +77,27 @@ def test_intervals_of_many_fits_are_not_made_twice(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(kept, "identify", noted)
     kept_doubts(fit, [record], mechanism, replace(SETTINGS, uncertainty="bootstrap"))
     assert [(one.starts, one.uncertainty) for one in asked] == [(1, "linear")]
+
+
+def test_the_kind_of_torque_is_that_of_the_whole_record(monkeypatch: pytest.MonkeyPatch) -> None:
+    record, mechanism = swung(90), load("single")
+    fit = monodyn.identify(record, mechanism, SETTINGS)
+    asked = []
+
+    def noted(records, mechanism, settings, progress=None):
+        drags = [p.name for p in mechanism.parameters if p.kind == "drag" and p.free]
+        asked.append((settings.torque, settings.terms, drags))
+        return fit
+
+    monkeypatch.setattr(kept, "identify", noted)
+    braked = monodyn.identify(record, mechanism.with_choices(free=["joint1.drag"]), SETTINGS)
+    periodic = replace(fit, torque="fourier", mechanism=mechanism.with_torque("fourier", terms=3, period=1.0))
+    for one, settings in ((fit, SETTINGS), (braked, SETTINGS), (periodic, SETTINGS)):
+        kept_doubts(one, [record], mechanism, settings)
+    kept_doubts(periodic, [record], mechanism, replace(SETTINGS, torque="friction"))
+    assert asked == [
+        ("friction", 0, []),
+        ("friction", 0, ["joint1.drag"]),
+        ("fourier", 3, []),
+        ("friction", 0, []),
+    ]

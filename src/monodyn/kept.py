@@ -51,7 +51,7 @@ def kept_doubts(
     try:
         # the prediction rests on the covariance, wherever the intervals come from
         quick = replace(settings, starts=1, uncertainty="linear")
-        shorter = identify(parts, mechanism, quick, progress=progress)
+        shorter = identify(parts, *_as_chosen(fit, mechanism, quick), progress=progress)
     except MonodynError:
         return []
     doubts: list[Doubt] = []
@@ -61,6 +61,23 @@ def kept_doubts(
             doubts += heldout_doubts(shorter, trace, kept=True)
     # one of a kind is enough: many records would say the same many times
     return list({doubt.grade: doubt for doubt in reversed(doubts)}.values())
+
+
+def _as_chosen(
+    fit: Fit, mechanism: Mechanism, settings: IdentifySettings
+) -> tuple[Mechanism, IdentifySettings]:
+    """Return how the kind of torque, and of bodies, is identified that the evidence of the whole record was
+    for."""
+    if any(p.free and fit.mechanism.parameter(p.name).kind == "inertia" for p in fit.parameters):
+        settings = replace(settings, bodies="free")
+    if settings.torque != "auto" or fit.torque == "known":
+        return mechanism, settings
+    if fit.torque == "fourier":
+        return mechanism, replace(
+            settings, torque="fourier", terms=(fit.mechanism.drive.table.shape[1] - 1) // 2
+        )
+    drags = [p.name for p in fit.parameters if p.free and fit.mechanism.parameter(p.name).kind == "drag"]
+    return mechanism.with_choices(free=drags), replace(settings, torque=fit.torque)
 
 
 def _stop(record: Poses) -> int | None:

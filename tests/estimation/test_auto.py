@@ -10,15 +10,15 @@ import pytest
 
 from driven import DOUBLE, PERIOD, THICKNESS, pull, simulated, started
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.torque.auto import slow_part
+from monodyn.estimation.torque.evidence import at_noise, slow_part
 from monodyn.stages import identify
 
 AUTO = IdentifySettings(torque="auto")
 
 
-def leaving(residuals: np.ndarray, first: tuple[int, ...]) -> tuple[Any, Any]:
+def leaving(residuals: np.ndarray, first: tuple[int, ...], sigma: float = 1.0) -> tuple[Any, Any]:
     data = SimpleNamespace(measured=np.ones(residuals.shape, dtype=bool), first=np.array(first))
-    return SimpleNamespace(data=data), SimpleNamespace(complete=True, sigma=1.0, residuals=residuals)
+    return SimpleNamespace(data=data), SimpleNamespace(complete=True, sigma=sigma, residuals=residuals)
 
 
 def test_noise_has_no_slow_part_and_a_wave_has_its_rms() -> None:
@@ -33,6 +33,16 @@ def test_records_are_no_neighbours() -> None:
     """Rows of 2 and -2 by record: the one pair that would be negative does not count."""
     residuals = np.array([[2.0], [2.0], [-2.0], [-2.0]])
     assert slow_part(*leaving(residuals, (0, 2, 4))) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_larger_than_stated_is_noise(seed: int) -> None:
+    """Noise of eight times what is stated leaves a mean product that is no torque; a wave as large is one."""
+    noise = 8.0 * np.random.default_rng(seed).normal(size=(180, 1))
+    assert at_noise(*leaving(noise, (0, 180), sigma=8.0))
+    wave = 8.0 * np.sin(np.arange(180) / 5.0)[:, None]
+    assert not at_noise(*leaving(wave, (0, 180), sigma=8.0))
+    assert at_noise(*leaving(0.05 * wave, (0, 180)))
 
 
 def test_friction_stays_where_it_leaves_nothing(passive, tmp_path) -> None:
@@ -60,6 +70,17 @@ def test_a_periodic_torque_is_taken_for_what_it_explains_of_other_rows(driven, t
         f"The evidence is for a periodic torque, of period {fit.parameter('torque.period').value:.4g} s with "
         f"1 harmonic: {fit.tried_torques[0].said} Friction alone: "
     )
+
+
+def test_wrong_proportions_are_no_friction_of_another_kind(tmp_path) -> None:
+    """Links of twice and 0.7 times the width that the file has, which no table shows."""
+    wider = DOUBLE.replace("0.115 0.003 0.016", "0.115 0.003 0.032").replace(
+        "0.085 0.003 0.014", "0.085 0.003 0.010"
+    )
+    record, _ = simulated(wider, [-1.5, 0.3], 120)
+    fit = identify(record, started(DOUBLE, tmp_path, 0.7))
+    assert fit.ok, fit.status
+    assert (fit.acting, fit.tried_torques) == (("viscous friction",), ())
 
 
 @pytest.mark.slow

@@ -24,12 +24,12 @@ PAPER_ALONE = (
         ),
         (
             {"terms": 3},
-            "identify.terms: expected --identify.torque fourier with it, got 'friction'; add it, or "
+            "identify.terms: expected --identify.torque fourier with it, got 'auto'; add it, or "
             "leave it out.",
         ),
         (
             {"series": "alone"},
-            "identify.series: expected --identify.torque fourier or free with it, got 'friction'; add it, or "
+            "identify.series: expected --identify.torque fourier or free with it, got 'auto'; add it, or "
             "leave it out.",
         ),
         (

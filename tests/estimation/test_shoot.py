@@ -1,11 +1,17 @@
 """Integration steps keep their bound, or it is said."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from monodyn.estimation.record.samples import cut, prepare
+from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.shoot import Route, fit_pieces
+from monodyn.optimize import SearchSettings
 from monodyn.stages import identify
 from swings import TIMES, motion, record
 
@@ -33,3 +39,30 @@ def test_an_integration_bound_out_of_reach_is_said(double):
         )
         for doubt in fit.doubts
     )
+
+
+def test_steps_are_as_exact_as_the_residuals_require(poses, double, truth):
+    """A lively motion of a wrong mechanism is integrated roughly, that of the right one to its bound."""
+    search = SearchSettings(evaluations=1)
+    exact = Route(10, 1e-8, search)
+    rough = replace(exact, share=0.01)
+    smoothed = (smooth(poses),)
+
+    def steps(mechanism, route):
+        problem = posed(mechanism, prepare((poses,), mechanism))
+        start = problem.started(problem.unknowns.x0, cut(problem.data, 10**9), smoothed)
+        return fit_pieces(problem, start, route, search).trial.substeps
+
+    assert steps(double, rough) < steps(double, exact)
+    # the noise is 2e-3 rad, a hundredth of it 2e-5 rad
+    assert steps(truth, rough) == steps(truth, replace(exact, error_bound=2e-5)) < steps(truth, exact)
+
+
+def test_rates_of_a_motion_are_the_slopes_of_its_positions(poses, truth):
+    times = np.arange(200) / 1000.0
+    fine = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))
+    problem = posed(truth, prepare((fine,), truth))
+    states = problem.motions(problem.unknowns.x0, [(0, 200, np.array([0.3, 0.5, 0.0, 1.0]))], 1)
+    slopes = np.gradient(states[:, :2], times, axis=0, edge_order=2)
+    # central differences are off by h^2 / 6 times the third derivative
+    np.testing.assert_allclose(states[1:-1, 2:], slopes[1:-1], atol=2e-4)

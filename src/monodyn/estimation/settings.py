@@ -47,7 +47,7 @@ class IdentifySettings:
     """
 
     method: Method | None = None
-    torque: Torque = "friction"
+    torque: Torque = "auto"
     terms: int = 0
     series: Series | None = None
     bodies: Bodies = "auto"

@@ -68,6 +68,7 @@ class Problem:
         unknowns: What is searched.
         prior: The picture's information about the sizes.
         data: The measurements.
+        near: Sizes that nothing measures are unknowns, about in the file's proportion.
         base: Common scale of the sizes of ``mechanism`` against those that the record was measured in.
     """
 
@@ -75,6 +76,7 @@ class Problem:
     unknowns: Unknowns
     prior: Prior
     data: Data
+    near: bool = field(default=False, kw_only=True)
     base: float = field(default=1.0, kw_only=True)
 
     def with_data(self, data: Data) -> Problem:
@@ -84,6 +86,14 @@ class Problem:
             data: The data.
         """
         return replace(self, data=data)
+
+    def of(self, mechanism: Mechanism) -> Problem:
+        """Return the identification of a mechanism from the same data, with as much open of its sizes.
+
+        Args:
+            mechanism: The mechanism.
+        """
+        return posed(mechanism, self.data, near=self.near)
 
     def mechanism_at(self, x: np.ndarray) -> Mechanism:
         """Return the mechanism at coordinates.
@@ -267,12 +277,25 @@ class Problem:
         Returns:
             Positions of all runs end to end [rad or m], (row, dof).
         """
+        return self.motions(x, runs, substeps)[:, : self.data.position.shape[1]]
+
+    def motions(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
+        """Simulate runs of rows, with the rates.
+
+        Args:
+            x: Coordinates, (param,).
+            runs: First row, one past the last row and start state (2 dof,) of each.
+            substeps: Integration steps between two time stamps.
+
+        Returns:
+            States of all runs end to end, positions then rates [rad or m, rad/s or m/s], (row, 2 dof).
+        """
         mechanism, stretch = self.mechanism_at(x), self.stretch(x)
         tree, lag, parts = mechanism.tree, mechanism.values.get(LAG, 0.0), []
         for first, stop, state in runs:
             times, (q0, v0) = self.data.times[first:stop] * stretch, np.split(state, 2)
             drive = self.driven(mechanism.drive, lag, stretch, first, stop)
-            parts.append(rollout(tree, times, q0, v0, substeps=substeps, drive=drive)[0])
+            parts.append(np.hstack(rollout(tree, times, q0, v0, substeps=substeps, drive=drive)))
         return np.concatenate(parts)
 
     def stretch(self, x: np.ndarray) -> float:
@@ -343,7 +366,7 @@ def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False, near:
         # nothing was measured against a picture
         mechanism = with_roll(mechanism, mechanism.values[ROLL], free=False)
     unknowns = choose_unknowns(mechanism, torques_only=torques_only, near=near)
-    return Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
+    return Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data, near=near)
 
 
 def _slowed(instance: Instance) -> Directions:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 
 from monodyn.estimation.record.samples import Data
@@ -23,6 +25,8 @@ HOPELESS_NOISE = 10.0
 """A start is given up after its first stage if the typical residual is above this many times the noise ..."""
 HOPELESS_SHARE = 0.01
 """... and above this share of the motion: pieces so short follow any motion that the model has."""
+NEGLIGIBLE = 0.01
+"""Integration error that does not count, as a share of the typical residual."""
 SAME = 0.01
 """Two searches led to the same motion if their residuals differ by less than this share of themselves."""
 STILL_NOISE = 4.0
@@ -49,22 +53,27 @@ class Search:
     ) -> None:
         fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-4, relative=1e-7)
         self.problem = problem
-        self.route = Route(settings.piece, settings.error_bound, fine)
+        self.route = Route(settings.piece, settings.error_bound, fine, NEGLIGIBLE)
         self.motion = smooth_motion(problem, smoothed)
         self._speed = _speed(problem.data, smoothed)
         self._smoothed, self._settings = smoothed, settings
         self._progress, self._done = progress, 0
 
-    def from_starts(self) -> tuple[Optimum, int]:
+    def from_starts(self, first: int = 0, *, give_up: bool = False) -> tuple[Optimum, int]:
         """Search from one start after the other until the motion is explained, or two lead to one optimum.
 
+        Args:
+            first: The start to begin with.
+            give_up: Where every start was given up, stay with the pieces of the best of them.
+
         Returns:
-            The best optimum and the number of starts that were tried.
+            The best optimum and the number of starts up to the last that was tried.
         """
         # starts are made one by one, when it is their turn: the first usually explains the motion
         tried = starts(
             self.problem, self.motion, self._smoothed, self.route, self._settings.starts, self._settings.seed
         )
+        tried = islice(tried, first, None)
         best, count = first_good(
             lambda start: multiple_shooting(
                 self.problem, start[0], self._smoothed, start[1], self.report, self._hopeless
@@ -74,8 +83,10 @@ class Search:
             good=self.explained,
             same=_same,
         )
+        if best.complete or give_up:
+            return best, first + count
         # where every start was given up the best of them goes all the way after all
-        return (best if best.complete else self.from_start(best.x)), count
+        return self.from_start(best.x), count
 
     def from_start(self, x: np.ndarray) -> Optimum:
         """Return the optimum to which one start leads.

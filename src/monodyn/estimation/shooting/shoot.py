@@ -14,7 +14,7 @@ import numpy as np
 
 from monodyn.estimation.record.samples import cut, merge
 from monodyn.estimation.record.smooth import NORMAL, Smoothed
-from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.mechanism.simulate import least_substeps
 from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
@@ -24,6 +24,8 @@ MOST_SHOOTING_STEPS = 64
 NEAR_SHARE, NEAR_ROWS = 0.1, 0.95
 """A motion is near the record, in the valley of the optimum, where all but one in twenty of its samples are
 off by at most this share of the joint's motion (of 1 rad at most)."""
+NEARER = 0.5
+"""Where a search ends with less than this share of its first typical residual, its steps are chosen anew."""
 MOST_RUNS = 24
 """Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
@@ -38,11 +40,13 @@ class Route:
         piece: Measured samples in the first pieces.
         error_bound: Largest integration error [rad or m].
         fine: When the last search stops.
+        share: Integration error that is allowed beyond, as a share of the typical residual.
     """
 
     piece: int
     error_bound: float
     fine: SearchSettings
+    share: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +174,7 @@ def fit_pieces(
     Returns:
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
     """
-    substeps, _ = choose_substeps(problem, start, route.error_bound)
-    start = replace(start, substeps=substeps)
+    start = replace(start, substeps=_substeps(problem, start, route))
     # the rows of the start give the typical residual, and are then those of the search's first evaluation
     ahead: tuple[np.ndarray, np.ndarray] | None = problem.rows(start)
     sigma = typical(ahead[0], problem.data.measured)
@@ -190,10 +193,50 @@ def fit_pieces(
         evaluate, start.x, start.states, (lower, upper), settings=search, reach=unknowns.reach
     )
     residuals = found.model.kept
-    return Optimum(
+    ended = Optimum(
         start.at(found.shared, found.local), residuals, found.model.cost,
         typical(residuals, problem.data.measured), found.evaluations, found.converged, found.at_bound,
     )  # fmt: skip
+    # what was exact enough for where it began may not be for where it ended, much nearer to the record
+    nearer = route.share > 0.0 and ended.sigma < NEARER * sigma
+    if nearer and _substeps(problem, ended.trial, route) > start.substeps:
+        again = fit_pieces(problem, ended.trial, route, search, robust=robust, held=held)
+        return replace(again, evaluations=again.evaluations + ended.evaluations)
+    return ended
+
+
+def _substeps(problem: Problem, trial: Trial, route: Route) -> int:
+    """Choose the integration steps for a search that begins at a trial.
+
+    Far from the record there is no point in an exact motion: its error has to be small against what it is off
+    by.
+    """
+    bound = route.error_bound
+    if route.share:
+        off = route.share * float(typical_differences(problem, trial).min())
+        bound = max(bound, off) if np.isfinite(off) else bound
+    return choose_substeps(problem, trial, bound)[0]
+
+
+def with_proportions(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
+    """Take sizes that nothing measures for unknowns about in the file's proportion, at an optimum.
+
+    The search takes them to be exactly in it: motion moves them little, and along curved valleys.
+
+    Args:
+        problem: The problem.
+        optimum: Its optimum.
+
+    Returns:
+        The problem with them, and the same optimum as a point of it.
+    """
+    if problem.near or problem.mechanism.torque == "free":
+        # all sizes are given under free torques
+        return problem, optimum
+    larger = replace(posed(problem.mechanism, problem.data, near=True), base=problem.base)
+    x = larger.unknowns.carried(optimum.x, problem.unknowns)
+    at_bound = np.isin(larger.unknowns.names, np.array(problem.unknowns.names)[optimum.at_bound])
+    return larger, replace(optimum, trial=optimum.trial.at(x, optimum.trial.states), at_bound=at_bound)
 
 
 def typical(residuals: np.ndarray, measured: np.ndarray) -> float:

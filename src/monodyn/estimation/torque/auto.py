@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, relative_difference
 from monodyn.estimation.torque.bodies import fit_free_bodies
-from monodyn.estimation.torque.evidence import likeliest, pays
+from monodyn.estimation.torque.evidence import at_noise, likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import fit_free_torques, residual_rms
-from monodyn.estimation.torque.friction import FAR_SHARE, fit_friction, with_dry_friction
+from monodyn.estimation.torque.friction import FAR_SHARE, fit_friction, settled, with_dry_friction
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.torque.withheld import withheld_errors
 from monodyn.estimation.wording import listed
@@ -29,10 +27,6 @@ FRICTION = "friction"
 """The simplest kind."""
 SAME_END = 0.9
 """Share of the cost above which further starts have found nothing better."""
-SLOW = 1.0
-"""Slow part of the residuals, in units of the stated noise, above which a model lacks something."""
-FARTHEST = 4.0
-"""A residual beyond this many typical ones counts as that: a gross error is no torque."""
 HALVED = 2.0
 """Factor by which a torque over time lowers the error of rows that it was found without, at least."""
 FEWEST_FREE = 3.0
@@ -68,16 +62,25 @@ def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
     # often as the start, and many starts in vain take longer than the search of a period
     once = replace(task, settings=replace(task.settings, starts=1))
     solution = fit_friction(mechanism, once)
-    if solution.optimum is None or _at_noise(solution):
+    if solution.optimum is None or _explained(solution):
         return solution
     found = _further(mechanism, once, solution)
     more = bool(found.compared) and found.compared[0].kind != FRICTION
     if more or task.settings.starts == 1 or task.search(solution.problem).explained(solution.optimum):
         return found
-    again = fit_friction(mechanism, task)
-    if again.optimum is None or again.optimum.cost > SAME_END * solution.optimum.cost:
+    again = _from_further_starts(mechanism, task, solution.optimum)
+    if again is None:
         return found
-    return again if _at_noise(again) else _further(mechanism, once, again)
+    return again if _explained(again) else _further(mechanism, once, again)
+
+
+def _from_further_starts(mechanism: Mechanism, task: Task, before: Optimum) -> TorqueSolution | None:
+    """Search for friction from all starts but the first; None where none leads nearer to the record."""
+    problem = posed(mechanism.with_torque("friction"), task.data)
+    optimum, tried = task.search(problem).from_starts(1, give_up=True)
+    if not optimum.complete or optimum.cost > SAME_END * before.cost:
+        return None
+    return settled(problem, optimum, task, tried)
 
 
 def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> TorqueSolution:
@@ -85,16 +88,16 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     route = task.search(solution.problem).route
     friction = _Tried(FRICTION, solution)
     tried = [friction, *_dragged(mechanism, solution, task, route)]
-    if not _at_noise(tried[-1].solution):
+    if not _explained(tried[-1].solution):
         tried += _loosened(solution, task)
-    if _at_noise(tried[-1].solution):
+    if _explained(tried[-1].solution):
         return _told(tried[-1], tried)
     friction = tried[0] = replace(friction, errors=_withheld(friction, task, route))
     best = tried[-1]
     # rows that friction misses by less than that much cannot be halved: their noise is left
     if friction.errors and min(friction.errors) > HALVED:
         for further in (_periodic, _free):
-            found = further(mechanism, task, route)
+            found = further(mechanism, task, route, friction)
             if found is not None:
                 tried.append(found)
                 if _halves(friction, found):
@@ -102,34 +105,9 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     return _told(best, tried) if len(tried) > 1 else solution
 
 
-def slow_part(problem: Problem, optimum: Optimum) -> float:
-    """Return the size of what changes slowly in the residuals, in units of the stated noise.
-
-    Noise of neighbouring rows has no product on average; what a model lacks has its square.
-
-    Args:
-        problem: The problem.
-        optimum: Its optimum.
-
-    Returns:
-        The root of the mean product of neighbouring residuals, of the joint where it is largest; infinite
-        where the motion was not followed to its end.
-    """
-    if not optimum.complete:
-        return float("inf")
-    bound = FARTHEST * max(optimum.sigma, 1.0)
-    residuals = np.clip(optimum.residuals, -bound, bound)
-    both = problem.data.measured[1:] & problem.data.measured[:-1]
-    # the last row of a record is no neighbour of the first one of the next
-    both[problem.data.first[1:-1] - 1] = False
-    products = np.where(both, residuals[1:] * residuals[:-1], 0.0)
-    mean = products.sum(axis=0) / np.maximum(both.sum(axis=0), 1)
-    return float(np.sqrt(max(float(mean.max()), 0.0)))
-
-
-def _at_noise(solution: TorqueSolution) -> bool:
+def _explained(solution: TorqueSolution) -> bool:
     optimum = solution.optimum
-    return optimum is not None and slow_part(solution.problem, optimum) < SLOW
+    return optimum is not None and at_noise(solution.problem, optimum)
 
 
 def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: Route) -> list[_Tried]:
@@ -140,7 +118,7 @@ def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: 
     if optimum is None or not optimum.complete or not names:
         return []
     # without the dry friction that was found: it may have stood for the drag
-    larger = posed(mechanism.with_torque("friction").with_choices(free=names), problem.data)
+    larger = problem.of(mechanism.with_torque("friction").with_choices(free=names))
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     found = fit_pieces(larger, optimum.trial.at(x, optimum.trial.states), route, route.fine)
     larger, found = _with_dry(larger, found, task)
@@ -163,9 +141,16 @@ def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
     return [_Tried("friction with free bodies", found)]
 
 
-def _periodic(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:
+def _periodic(mechanism: Mechanism, task: Task, route: Route, friction: _Tried) -> _Tried | None:
     """Try a periodic torque, with dry friction where that is left over."""
-    solution = fit_series(mechanism, task)
+
+    def promising(problem: Problem, optimum: Optimum) -> bool:
+        if not optimum.complete:
+            return False
+        errors = withheld_errors(problem, optimum, task.smoothed, route)
+        return all(after < before for after, before in zip(errors, friction.errors, strict=True))
+
+    solution = fit_series(mechanism, task, promising)
     if solution.optimum is None or not solution.optimum.complete:
         return None
     problem, optimum = _with_dry(solution.problem, solution.optimum, task)
@@ -175,14 +160,14 @@ def _periodic(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:
 
 def _with_dry(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
     """Free dry friction where something is left over, and little: far from the motion the search is long."""
-    if not optimum.complete or slow_part(problem, optimum) < SLOW:
+    if not optimum.complete or at_noise(problem, optimum):
         return problem, optimum
     if relative_difference(problem, optimum.trial) >= FAR_SHARE:
         return problem, optimum
     return with_dry_friction(problem, optimum, task)
 
 
-def _free(mechanism: Mechanism, task: Task, route: Route) -> _Tried | None:
+def _free(mechanism: Mechanism, task: Task, route: Route, friction: _Tried) -> _Tried | None:
     """Try free torques where sizes and masses are given; with these open they explain any mechanism."""
     unknowns = posed(mechanism.with_torque("friction"), task.data).unknowns
     if not set(unknowns.kinds) <= {*BRAKES, "roll"}:

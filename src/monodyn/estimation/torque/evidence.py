@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from monodyn.estimation.shooting.problem import Problem, posed
+from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import SearchSettings
@@ -16,6 +16,51 @@ ONE_STEP = SearchSettings(evaluations=2)
 AT_NOISE = 1.5
 """Typical residual, in units of the stated noise, up to which one step shows what there is to gain; a motion
 that is explained less well is fitted to the end."""
+SLOW = 1.0
+"""Slow part of the residuals, in units of the stated noise, above which a model lacks something ..."""
+CHANCE = 2.0
+"""... and above this many standard deviations of what chance makes of residuals as large."""
+FARTHEST = 4.0
+"""A residual beyond this many typical ones counts as that: a gross error is no torque."""
+
+
+def slow_part(problem: Problem, optimum: Optimum) -> float:
+    """Return the size of what changes slowly in the residuals, in units of the stated noise.
+
+    Noise of neighbouring rows has no product on average; what a model lacks has its square.
+
+    Args:
+        problem: The problem.
+        optimum: Its optimum.
+
+    Returns:
+        The root of the mean product of neighbouring residuals, of the joint where it is largest; infinite
+        where the motion was not followed to its end.
+    """
+    if not optimum.complete:
+        return float("inf")
+    bound = FARTHEST * max(optimum.sigma, 1.0)
+    residuals = np.clip(optimum.residuals, -bound, bound)
+    both = problem.data.measured[1:] & problem.data.measured[:-1]
+    # the last row of a record is no neighbour of the first one of the next
+    both[problem.data.first[1:-1] - 1] = False
+    products = np.where(both, residuals[1:] * residuals[:-1], 0.0)
+    mean = products.sum(axis=0) / np.maximum(both.sum(axis=0), 1)
+    return float(np.sqrt(max(float(mean.max()), 0.0)))
+
+
+def at_noise(problem: Problem, optimum: Optimum) -> bool:
+    """Return whether what is left over is as fast as noise, or as small as the stated noise.
+
+    A record may state too little noise: the mean of n products of independent residuals of size s has the
+    deviation s^2 / sqrt(n).
+
+    Args:
+        problem: The problem.
+        optimum: Its optimum.
+    """
+    rows = max(int(problem.data.measured.any(axis=1).sum()), 1)
+    return slow_part(problem, optimum) ** 2 < max(SLOW**2, CHANCE * optimum.sigma**2 / np.sqrt(rows))
 
 
 def pays(before: Optimum, after: Optimum, added: int) -> bool:
@@ -70,7 +115,7 @@ def with_more_unknowns(
     Returns:
         The problem with them and its optimum, or what one step towards it found.
     """
-    larger = posed(mechanism, problem.data)
+    larger = problem.of(mechanism)
     start = optimum.trial.at(larger.unknowns.carried(optimum.x, problem.unknowns), optimum.trial.states)
     # The cost is nearly quadratic about an optimum: the first step gains most of what there is to gain. Not
     # so far from the noise, where the other unknowns have taken on what the new ones should explain.

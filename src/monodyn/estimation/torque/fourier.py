@@ -6,6 +6,8 @@ fit to the positions, which is more exact, requires.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from monodyn.estimation.settings import USUAL_TERMS
@@ -14,12 +16,15 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.torque.evidence import likeliest, pays, with_more_unknowns
+from monodyn.estimation.torque.friction import near_proportions
 from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
 from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
 from monodyn.mechanism import Mechanism
 
 LEAST_SHARE = 0.01
 """Share of weight and inertia at a joint from which a periodic torque stands out."""
+BEYOND_DOUBT = 10.0
+"""A harmonic is not tried to be left out where that costs this many times what Schwarz's criterion allows."""
 NO_PERIOD = (
     "The period of the torque cannot be estimated: no period that the record shows more than once explains "
     "the motion better than friction alone. Give more frames, or the period with "
@@ -27,12 +32,15 @@ NO_PERIOD = (
 )
 
 
-def fit_series(mechanism: Mechanism, task: Task) -> TorqueSolution:
+def fit_series(
+    mechanism: Mechanism, task: Task, promising: Callable[[Problem, Optimum], bool] | None = None
+) -> TorqueSolution:
     """Explain the motion by a periodic torque (Case II), in addition to viscous friction or alone.
 
     Args:
         mechanism: The start; a period that is not free in it counts as known.
         task: What is to be explained.
+        promising: Called with the best of the guessed periods; when it returns False the search ends there.
 
     Returns:
         The solution.
@@ -51,12 +59,17 @@ def fit_series(mechanism: Mechanism, task: Task) -> TorqueSolution:
         return TorqueSolution(least, None, reason=NO_PERIOD)
     route = task.search(periods.problem).route
     tried = [_from_guess(mechanism, task, periods, guess) for guess in guesses]
-    problem, optimum = tried[likeliest(tried)]
+    problem, optimum = near_proportions(*tried[likeliest(tried)], task)
+    # harmonics more or fewer make no torque much larger, and none repeat that does not
+    if promising and not (stands_out(problem, optimum.x, periods.motion) and promising(problem, optimum)):
+        return TorqueSolution(problem, None, reason=NO_PERIOD)
     if settings.terms == 0:
         # shorter first: of a multiple of the true period only a division drops the idle harmonics
         shorter = simpler_series(problem, optimum, route, divide=clock.free)
         problem, optimum = more_terms(*shorter, route)
-    seen = periodic(problem, optimum, route) and stands_out(problem, optimum.x, periods.motion)
+    # what is promising was compared with friction already
+    seen = promising is not None or periodic(problem, optimum, route)
+    seen = seen and stands_out(problem, optimum.x, periods.motion)
     if clock.free and not seen:
         return TorqueSolution(problem, None, reason=NO_PERIOD)
     doubt = () if seen else (no_harmonic(problem.mechanism_at(optimum.x)),)
@@ -116,12 +129,39 @@ def simpler_series(problem: Problem, optimum: Optimum, route: Route, divide: boo
         shorter = [(terms - 1, period)] if terms > 1 else []
         if divide:
             shorter += [(terms // d, period / d) for d in range(2, terms + 1)]
+        shorter = [one for one in shorter if _dispensable(problem, optimum, *one)]
         tried = [(problem, optimum)]
         tried += [_shortened(problem, optimum, count, time, route) for count, time in shorter]
         best = likeliest(tried)
         problem, optimum = tried[best]
         if best == 0:
             return problem, optimum
+
+
+def _dispensable(problem: Problem, optimum: Optimum, terms: int, period: float) -> bool:
+    """Return whether a series may lack what a shorter one has not: not where that is nonzero beyond doubt.
+
+    With d the coefficients that fall away and C their covariance, the cost rises by d C^-1 d / 2 as long as
+    it is quadratic (Wald's test).
+    """
+    count, before = series_of(problem, optimum)
+    times = round(before / period)
+    kept = {k * times for k in range(1, terms + 1)}
+    entries = problem.mechanism.drive_entries(problem.unknowns.names)
+    gone = np.concatenate(
+        [entries[:, 2 * k - 1 : 2 * k + 1].ravel() for k in range(1, count + 1) if k not in kept]
+    )
+    gone = gone[gone >= 0]
+    if not len(gone) or not optimum.complete:
+        return True
+    trial = optimum.trial
+    model = problem.model(trial.x, problem.rows(trial), trial.pieces, 0.0)
+    solved = np.linalg.solve(model.local_hessian, np.swapaxes(model.cross, 1, 2))
+    information = model.hessian - np.einsum("bsl,blt->st", model.cross, solved)
+    covariance = np.linalg.pinv(information, hermitian=True)[np.ix_(gone, gone)]
+    lost = optimum.x[gone] @ np.linalg.lstsq(covariance, optimum.x[gone], rcond=None)[0]
+    noise = max(optimum.sigma, 1.0)
+    return bool(lost < BEYOND_DOUBT * noise**2 * len(gone) * np.log(problem.data.samples))
 
 
 def _shortened(
@@ -131,7 +171,7 @@ def _shortened(
     _, before = series_of(problem, optimum)
     # 1 when only harmonics are dropped
     times = round(before / period)
-    shorter = posed(series(problem.mechanism, terms, period), problem.data)
+    shorter = problem.of(series(problem.mechanism, terms, period))
     start = shorter.unknowns.carried(optimum.x, problem.unknowns)
     if "torque.period" in shorter.unknowns.names:
         start[shorter.unknowns.names.index("torque.period")] = np.log(period)
@@ -179,7 +219,7 @@ def periodic(problem: Problem, optimum: Optimum, route: Route) -> bool:
         optimum: Its optimum.
         route: How exact the search is.
     """
-    undriven = posed(problem.mechanism.with_torque("friction"), problem.data)
+    undriven = problem.of(problem.mechanism.with_torque("friction"))
     x = undriven.unknowns.carried(optimum.x, problem.unknowns)
     passive = fit_pieces(undriven, optimum.trial.at(x, optimum.trial.states), route, route.fine)
     added = len(problem.unknowns) - len(undriven.unknowns)

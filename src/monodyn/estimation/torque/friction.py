@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
-from monodyn.estimation.shooting.shoot import Optimum, fit_pieces, relative_difference
-from monodyn.estimation.torque.evidence import pays, with_more_unknowns
+from monodyn.estimation.shooting.shoot import Optimum, fit_pieces, relative_difference, with_proportions
+from monodyn.estimation.torque.evidence import at_noise, pays, with_more_unknowns
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
 
@@ -43,7 +43,46 @@ def fit_damped(problem: Problem, task: Task) -> TorqueSolution:
         return TorqueSolution(problem, None, reason=reason)
     search = task.search(problem)
     optimum, tried = search.from_starts()
+    return settled(problem, optimum, task, tried)
+
+
+def settled(problem: Problem, optimum: Optimum, task: Task, tried: int) -> TorqueSolution:
+    """Go on from where a search ended: with sizes near the file's proportion, and with dry friction.
+
+    Args:
+        problem: The problem with dry friction held.
+        optimum: Where the search ended.
+        task: What is to be explained.
+        tried: Number of starts.
+
+    Returns:
+        The solution.
+    """
+    problem, optimum = near_proportions(problem, optimum, task)
     return TorqueSolution(*with_dry_friction(problem, optimum, task), tried)
+
+
+def near_proportions(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
+    """Free the sizes that nothing measures where something is left over, so that no torque stands for them.
+
+    Args:
+        problem: The problem.
+        optimum: Its optimum.
+        task: What is to be explained.
+
+    Returns:
+        The problem with them free and its optimum, or both as they were.
+    """
+    if not optimum.complete or at_noise(problem, optimum):
+        return problem, optimum
+    # far from the motion sizes are no reason, and the search along their curved valleys is long
+    if relative_difference(problem, optimum.trial) >= FAR_SHARE:
+        return problem, optimum
+    larger, start = with_proportions(problem, optimum)
+    if len(larger.unknowns) == len(problem.unknowns):
+        return problem, optimum
+    route = task.search(larger).route
+    return larger, fit_pieces(larger, start.trial, route, route.fine)
 
 
 def with_dry_friction(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
@@ -91,13 +130,14 @@ def _from_the_start(problem: Problem, names: list[str], task: Task) -> tuple[Pro
     once = replace(task, settings=replace(task.settings, starts=1))
     larger = posed(problem.mechanism.with_choices(free=names), problem.data)
     search = once.search(larger)
-    found, _ = search.from_starts()
+    # where not even short pieces can be followed dry friction is not the reason
+    found, _ = search.from_starts(give_up=True)
     kept = _not_zero(larger, found, names)
     if not found.complete or kept == names:
-        return larger, found
+        return near_proportions(larger, found, task)
     smaller = posed(problem.mechanism.with_choices(free=kept), problem.data)
     start = found.trial.at(smaller.unknowns.carried(found.x, larger.unknowns), found.trial.states)
-    return smaller, fit_pieces(smaller, start, search.route, search.route.fine)
+    return near_proportions(smaller, fit_pieces(smaller, start, search.route, search.route.fine), task)
 
 
 def _not_zero(problem: Problem, optimum: Optimum, names: list[str]) -> list[str]:

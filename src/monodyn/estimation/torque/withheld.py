@@ -7,12 +7,14 @@ error of it grows along a motion that is hard to predict.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from monodyn.estimation.record.samples import Data, cut
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
+from monodyn.estimation.shooting.shoot import Optimum, Route, choose_substeps, fit_pieces, typical
 from monodyn.optimize import SearchSettings
 
 WITHHELD = 0.2
@@ -41,9 +43,11 @@ def withheld_errors(
         where the records are too short.
     """
     errors = []
+    trial = optimum.trial
+    states = problem.motions(trial.x, trial.runs, trial.substeps)
     for first, rest in _splits(problem.data):
-        x = _found(problem, optimum.x, rest, smoothed, route, held=False).x
-        shown = _found(problem, x, first, smoothed, route, held=True)
+        x = _found(problem, optimum.x, rest, states, smoothed, route, held=False).x
+        shown = _found(problem, x, first, states, smoothed, route, held=True)
         # a few gross errors do not decide between models: the bounded ones count as four typical residuals
         residuals = shown.residuals[problem.data.part(first).measured]
         bound = 4.0 * max(shown.sigma, 1.0)
@@ -56,14 +60,21 @@ def _found(
     problem: Problem,
     x: np.ndarray,
     rows: np.ndarray,
+    states: np.ndarray,
     smoothed: tuple[Smoothed, ...],
     route: Route,
     *,
     held: bool,
 ) -> Optimum:
-    """Fit some rows, from unknowns near to theirs."""
+    """Fit some rows, from unknowns near to theirs and from the motion that was found for all rows, or from
+    the smooth one where that is nearer."""
     part = problem.with_data(problem.data.part(rows))
-    start = part.started(x, cut(part.data, WHOLE_RECORD), smoothed)
+    smooth = part.started(x, cut(part.data, WHOLE_RECORD), smoothed)
+    own = smooth.at(x, states[rows][smooth.pieces.first[:-1]])
+    tried = [
+        replace(start, substeps=choose_substeps(part, start, route.error_bound)[0]) for start in (own, smooth)
+    ]
+    start = min(tried, key=lambda start: typical(part.residuals(start), part.data.measured))
     return fit_pieces(part, start, route, AGAIN, held=held)
 
 

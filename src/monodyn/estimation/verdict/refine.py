@@ -12,14 +12,25 @@ import numpy as np
 
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.shooting.problem import Problem, posed
+from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.scaling import (
     with_clock_of_start,
     with_gravity_of_start,
     with_masses_of_start,
 )
-from monodyn.estimation.shooting.shoot import Optimum, Route, choose_substeps, fit_pieces, typical
+from monodyn.estimation.shooting.search import NEGLIGIBLE
+from monodyn.estimation.shooting.shoot import (
+    ROUGH,
+    Optimum,
+    Route,
+    choose_substeps,
+    fit_pieces,
+    relative_difference,
+    typical,
+    with_proportions,
+)
 from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.verdict.trust import LOST_NOISE, LOST_SHARE
 from monodyn.estimation.verdict.uncertainty import Knowledge, NoiseFactors, knowledge_at, noise_factors
 from monodyn.optimize import SearchSettings
 
@@ -81,20 +92,21 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     Returns:
         The optimum and what is known there.
     """
-    problem, optimum = _with_proportions(problem, optimum)
+    problem, optimum = with_proportions(problem, optimum)
     rejected = _gross(problem.data, optimum.residuals, settings.outlier)
     stated = problem.with_data(problem.data.without(rejected))
-    fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-7, relative=1e-9)
-    route = Route(settings.piece, settings.error_bound, fine)
+    route = _route(problem, optimum, settings)
     evaluations = optimum.evaluations
     optimum = _settled(stated, optimum)
     substeps, error, rounds = 0, 0.0, 0
     # again where the optimum needs more integration steps than the search chose; they double at least
     while rounds < NOISE_ROUNDS or substeps > optimum.trial.substeps:
         weighted = _weighted(stated, _noise(stated, optimum))
-        optimum = fit_pieces(weighted, optimum.trial, route, fine, robust=False)
+        optimum = fit_pieces(weighted, optimum.trial, route, route.fine, robust=False)
         evaluations, rounds = evaluations + optimum.evaluations, rounds + 1
         substeps, error = choose_substeps(stated, optimum.trial, settings.error_bound)
+        if route.share:
+            break
     noise = _noise(stated, optimum)
     weighted = _weighted(stated, noise)
     _, jacobian = weighted.rows(optimum.trial)
@@ -102,19 +114,13 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     return Refined(stated, replace(optimum, evaluations=evaluations), known, noise, rejected, substeps, error)
 
 
-def _with_proportions(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
-    """Take sizes that nothing measures for unknowns about in the file's proportion, at the optimum.
-
-    The search takes them to be exactly in it: motion moves them little, and along curved valleys.
-    """
-    if problem.mechanism.torque == "free":
-        # all sizes are given there
-        return problem, optimum
-    larger = posed(problem.mechanism, problem.data, near=True)
-    larger = replace(larger, base=problem.base)
-    x = larger.unknowns.carried(optimum.x, problem.unknowns)
-    at_bound = np.isin(larger.unknowns.names, np.array(problem.unknowns.names)[optimum.at_bound])
-    return larger, replace(optimum, trial=optimum.trial.at(x, optimum.trial.states), at_bound=at_bound)
+def _route(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Route:
+    """Return how exactly an optimum is searched: roughly where the motion does not follow the record."""
+    if relative_difference(problem, optimum.trial) > LOST_SHARE and optimum.sigma > LOST_NOISE:
+        # it is refused, however exactly it was found
+        return Route(settings.piece, settings.error_bound, ROUGH, NEGLIGIBLE)
+    fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-7, relative=1e-9)
+    return Route(settings.piece, settings.error_bound, fine)
 
 
 def _noise(problem: Problem, optimum: Optimum) -> NoiseFactors:
