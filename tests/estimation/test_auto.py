@@ -10,8 +10,12 @@ import pytest
 
 from driven import DOUBLE, PERIOD, THICKNESS, pull, simulated, started
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.unknowns import assumed_sizes
 from monodyn.estimation.torque.evidence import at_noise, slow_part
+from monodyn.estimation.verdict.combinations import inertial_ratios
+from monodyn.mechanism import load
 from monodyn.stages import identify
+from swings import TIMES, motion, record
 
 AUTO = IdentifySettings(torque="auto")
 
@@ -50,6 +54,39 @@ def test_friction_stays_where_it_leaves_nothing(passive, tmp_path) -> None:
     fit = identify(passive[0], start, AUTO)
     assert (fit.torque, fit.tried_torques) == ("friction", ())
     assert fit.acting == ("viscous friction",)
+
+
+@pytest.mark.slow
+def test_bodies_whose_mass_is_not_where_their_outline_is_are_free() -> None:
+    """A weight sits near the end of the second link; no uniform body of any size moves like that."""
+    uniform = load("double")
+    given = {p.name: p.value for p in (*assumed_sizes(uniform), uniform.parameter("link1.length"))}
+    mass, at = 0.3, 0.19
+    values = uniform.values
+    moved = (values["link2.mass"] * values["link2.com_x"] + mass * at) / (values["link2.mass"] + mass)
+    truth = uniform.with_bodies("free").with_values(
+        {
+            "link2.mass": values["link2.mass"] + mass,
+            "link2.com_x": moved,
+            "link2.inertia": values["link2.inertia"]
+            + values["link2.mass"] * (moved - values["link2.com_x"]) ** 2
+            + mass * (moved - at) ** 2,
+        }
+    )
+    poses = record(truth, TIMES, motion(truth, TIMES, [-0.4, 0.6], [0.0, 0.0]))
+    known = uniform.with_choices(fix=given)
+    fit = identify(poses, known, AUTO)
+    assert fit.ok, fit.status
+    assert [tried.kind for tried in fit.tried_torques] == ["friction with free bodies", "friction"]
+    ratios = {c.name: c for c in fit.combinations}
+    true = inertial_ratios(truth, truth.tree, full=True)
+    for name in ("link1.J / link2.J", "link2.mx * gravity / link2.J"):
+        assert ratios[name].value == pytest.approx(true[name].real, abs=4.0 * ratios[name].std)
+        assert ratios[name].std < 0.05 * abs(true[name])
+    # the user's word stands, and is not called trusted
+    held = identify(poses, known, IdentifySettings(torque="auto", bodies="uniform"))
+    assert "free bodies" not in " ".join(tried.kind for tried in held.tried_torques)
+    assert held.grade != "trusted"
 
 
 def test_a_periodic_torque_is_taken_for_what_it_explains_of_other_rows(driven, tmp_path) -> None:

@@ -1,8 +1,9 @@
 """Which kind of torque acts, by the evidence: from the simplest on, until nothing is lacking.
 
-The rule: friction stays as long as what it leaves over is no slower or smaller than the noise; quadratic drag
-is taken where Schwarz's criterion prefers it; a torque over time only where, in rows that it was found
-without, it halves the error of friction, at the beginnings and at the ends of the records.
+The rule: friction stays as long as what it leaves over is no slower or smaller than the noise; quadratic
+drag, and bodies whose mass may lie anywhere, are taken where Schwarz's criterion prefers them; a torque over
+time only where, in rows that it was found without, it halves the error of the best of these, at the
+beginnings and at the ends of the records.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from monodyn.mechanism.tree import BRAKES
 
 FRICTION = "friction"
 """The simplest kind."""
+FREE_BODIES = "friction with free bodies"
+"""The same of bodies whose mass may lie anywhere."""
 SAME_END = 0.9
 """Share of the cost above which further starts have found nothing better."""
 HALVED = 2.0
@@ -87,20 +90,22 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     """Try more than friction, whose solution leaves something over; return the best."""
     route = task.search(solution.problem).route
     friction = _Tried(FRICTION, solution)
-    tried = [friction, *_dragged(mechanism, solution, task, route)]
+    tried = [friction, *_dragged(mechanism, friction, task, route)]
     if not _explained(tried[-1].solution):
-        tried += _loosened(solution, task)
-    if _explained(tried[-1].solution):
-        return _told(tried[-1], tried)
-    friction = tried[0] = replace(friction, errors=_withheld(friction, task, route))
-    best = tried[-1]
-    # rows that friction misses by less than that much cannot be halved: their noise is left
-    if friction.errors and min(friction.errors) > HALVED:
+        loose = _loosened(solution, task)
+        tried += [*loose, *(one for free in loose for one in _dragged(mechanism, free, task, route))]
+    best = _likeliest(tried)
+    if _explained(best.solution):
+        return _told(best, tried)
+    place = tried.index(best)
+    best = tried[place] = replace(best, errors=_withheld(best, task, route))
+    # rows that are missed by less than that much cannot be halved: their noise is left
+    if best.errors and min(best.errors) > HALVED:
         for further in (_periodic, _free):
-            found = further(mechanism, task, route, friction)
+            found = further(mechanism, task, route, best)
             if found is not None:
                 tried.append(found)
-                if _halves(friction, found):
+                if _halves(best, found):
                     return _told(found, tried)
     return _told(best, tried) if len(tried) > 1 else solution
 
@@ -110,9 +115,18 @@ def _explained(solution: TorqueSolution) -> bool:
     return optimum is not None and at_noise(solution.problem, optimum)
 
 
-def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: Route) -> list[_Tried]:
+def _likeliest(tried: list[_Tried]) -> _Tried:
+    """Return the kind that Schwarz's criterion prefers."""
+    optima = [(one.solution.problem, one.solution.optimum) for one in tried]
+    return tried[likeliest([(problem, optimum) for problem, optimum in optima if optimum is not None])]
+
+
+def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> list[_Tried]:
     """Try quadratic drag, without dry friction and with it; nothing where it explains no more."""
+    solution = before.solution
     problem, optimum = solution.problem, solution.optimum
+    if not problem.unknowns.uniform:
+        mechanism = mechanism.with_bodies("free")
     rows = [p for p in mechanism.parameters if p.kind == "drag" and not p.free]
     names = [p.name for p in rows if p.name not in mechanism.chosen]
     if optimum is None or not optimum.complete or not names:
@@ -124,7 +138,8 @@ def _dragged(mechanism: Mechanism, solution: TorqueSolution, task: Task, route: 
     larger, found = _with_dry(larger, found, task)
     if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, len(names)):
         return []
-    return [_Tried("friction with quadratic drag", replace(solution, problem=larger, optimum=found))]
+    kind = "free bodies and quadratic drag" if before.kind == FREE_BODIES else "quadratic drag"
+    return [_Tried(f"friction with {kind}", replace(solution, problem=larger, optimum=found))]
 
 
 def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
@@ -138,17 +153,17 @@ def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
     optima = [(solution.problem, solution.optimum), (found.problem, found.optimum)]
     if likeliest(optima) == 0 or not pays(solution.optimum, found.optimum, max(further, 1)):
         return []
-    return [_Tried("friction with free bodies", found)]
+    return [_Tried(FREE_BODIES, found)]
 
 
-def _periodic(mechanism: Mechanism, task: Task, route: Route, friction: _Tried) -> _Tried | None:
+def _periodic(mechanism: Mechanism, task: Task, route: Route, passive: _Tried) -> _Tried | None:
     """Try a periodic torque, with dry friction where that is left over."""
 
     def promising(problem: Problem, optimum: Optimum) -> bool:
         if not optimum.complete:
             return False
         errors = withheld_errors(problem, optimum, task.smoothed, route)
-        return all(after < before for after, before in zip(errors, friction.errors, strict=True))
+        return all(after < before for after, before in zip(errors, passive.errors, strict=True))
 
     solution = fit_series(mechanism, task, promising)
     if solution.optimum is None or not solution.optimum.complete:
@@ -167,7 +182,7 @@ def _with_dry(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, 
     return with_dry_friction(problem, optimum, task)
 
 
-def _free(mechanism: Mechanism, task: Task, route: Route, friction: _Tried) -> _Tried | None:
+def _free(mechanism: Mechanism, task: Task, route: Route, passive: _Tried) -> _Tried | None:
     """Try free torques where sizes and masses are given; with these open they explain any mechanism."""
     unknowns = posed(mechanism.with_torque("friction"), task.data).unknowns
     if not set(unknowns.kinds) <= {*BRAKES, "roll"}:
@@ -184,7 +199,7 @@ def _withheld(tried: _Tried, task: Task, route: Route) -> tuple[float, ...]:
     return withheld_errors(problem, optimum, task.smoothed, route)
 
 
-def _halves(friction: _Tried, found: _Tried) -> bool:
+def _halves(passive: _Tried, found: _Tried) -> bool:
     """Return whether a torque over time explains rows that it was found without by far better."""
     optimum = found.solution.optimum
     if optimum is None:
@@ -192,7 +207,7 @@ def _halves(friction: _Tried, found: _Tried) -> bool:
     if found.kind == "free torque":
         # a torque at one time says nothing of other times: none can be kept back
         return residual_rms(found.solution.problem, optimum) < FEWEST_FREE
-    pairs = zip(friction.errors, found.errors, strict=False)
+    pairs = zip(passive.errors, found.errors, strict=False)
     return bool(found.errors) and all(HALVED * max(after, 1.0) <= before for before, after in pairs)
 
 
