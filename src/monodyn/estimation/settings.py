@@ -34,7 +34,8 @@ class IdentifySettings:
         series: ``with-friction`` keeps friction in addition to a torque over time, ``alone`` leaves it out;
             None is with friction, and alone with ``paper``.
         bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
-            centre of mass and inertia are unknowns; ``auto``: uniform, free where only dots are seen.
+            centre of mass and inertia are unknowns; ``auto``: uniform, free where only dots are seen, and
+            with the torque ``auto`` where the evidence is for it.
         starts: Starts that are tried at most, until the motion is explained.
         seed: Seed of the scattered starts.
         piece: Measured samples in each of the short rollouts the search begins with.

@@ -80,7 +80,11 @@ def summarize(
     unsupported = [Doubt("approximate", solution.doubt)] if solution.doubt else []
     few = [hardly] if hardly else []
     fit = fit.doubted([*unsupported, *few, *_doubts(found, fit, settings)])
-    advised = (*solution.advice, *_advice(found, fit, records), *advice.starts_tried(solution.tried))
+    advised = (
+        *solution.advice,
+        *_advice(found, fit, records, settings),
+        *advice.starts_tried(solution.tried),
+    )
     return replace(fit, advice=advised)
 
 
@@ -279,7 +283,7 @@ def _by_record(data: Data, difference: np.ndarray, records: tuple[Poses, ...]) -
     return tuple(found)
 
 
-def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
+def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: IdentifySettings) -> list[str]:
     """What the reader should know of the fit, the gravest first."""
     problem, optimum, mechanism = found.problem, found.optimum, found.problem.mechanism
     unknowns, gone = problem.unknowns, found.rejected
@@ -288,8 +292,10 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...]) -> list[str]:
     # what is as large as the motion itself is none that masses or a tilt could explain
     share = relative_difference(problem, optimum.trial)
     large = CLEAR_SHARE < share <= LOST_SHARE
+    # where they were open, free ones were tried
+    uniform = unknowns.uniform and (settings.torque != "auto" or settings.bodies == "uniform")
     lacking = advice.Assumed(
-        uniform=unknowns.uniform and large,
+        uniform=uniform and large,
         frictionless=advice.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
         level=share <= LOST_SHARE and _taken_level(problem),
     )
