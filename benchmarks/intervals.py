@@ -218,7 +218,7 @@ def swung(rng: np.random.Generator, frames: int) -> Swing:
         ("joint1", "joint2"), frame, frame / RATE, measured, covariance, np.ones(frames, dtype=bool)
     )
     later = position[[frames - 1 + round(ahead * RATE) for ahead in AHEAD]]
-    return Swing(poses, known | _inertias(body), later)
+    return Swing(poses, known | inertias(body), later)
 
 
 def _drawn(rng: np.random.Generator) -> tuple[dict[str, float], str]:
@@ -248,8 +248,15 @@ def _drawn(rng: np.random.Generator) -> tuple[dict[str, float], str]:
     return known, MODEL.format(step=1.0 / (RATE * SUBSTEPS), density=DENSITY, **shape)
 
 
-def _inertias(body: mujoco.MjModel) -> dict[str, float]:
-    """Return inertias about the hinges [kg m^2] and first moments [kg m], what hangs on the end included."""
+def inertias(body: mujoco.MjModel) -> dict[str, float]:
+    """Return what the motion of a double pendulum shows of its masses, by name.
+
+    Args:
+        body: The pendulum.
+
+    Returns:
+        Inertias about the hinges [kg m^2] and first moments [kg m], what hangs on the end included.
+    """
     mass, centre = body.body_mass[1:], body.body_ipos[1:, 0]
     # the axis of the hinge is y; MuJoCo's principal axes may come in another order
     about = []
