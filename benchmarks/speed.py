@@ -208,6 +208,7 @@ def registering(clip: Clip, repeats: int) -> list[Figure]:
     frames = [frame for frame, _ in zip(video.frames(), range(HELD), strict=False)]
     samples, size = frames[::SAMPLED], (video.width, video.height)
     known, path = sampled_path(samples, size, video.count), camera_path(video, samples)
+    assert path is not None
     key, lens = clean_scene(samples, known).key, lens_of(BEND, float(video.width), *size)
 
     def found() -> None:

@@ -14,6 +14,7 @@ from monodyn.types import Frame
 from monodyn.vision.clip.homography import Homography, at_rest
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.soft import soft_masks
+from monodyn.vision.registration import register
 from monodyn.vision.registration.keypicture import key_of, pyramid
 from monodyn.vision.registration.register import camera_moves, levelled, onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
@@ -110,6 +111,15 @@ def test_frames_that_show_something_else_are_not_registered(tmp_path: Path) -> N
     path = steadied(video, frames).camera_path
     assert path is not None
     assert np.flatnonzero(~path.registered).tolist() == [0, 1, 2, 7]
+
+
+def test_a_scene_that_no_frame_shows_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # as if the noise of frames before a bare wall had been taken for a scene
+    monkeypatch.setattr(register, "camera_moves", lambda *given: True)
+    frames = [taken(wall(k), moved(), k) for k in range(20)]
+    steady = steadied(clip(tmp_path / "clip", frames), frames)
+    assert steady.bare
+    assert steady.camera_path is None
 
 
 def test_motion_that_cannot_be_followed_is_refused(tmp_path: Path) -> None:

@@ -34,6 +34,8 @@ LEAST_STILL = 0.5
 """Share of them that must show it where it was; else they do not show whether it moves."""
 LEAST_REGISTERED = 0.5
 """Share of the frames that must be registered."""
+IMAGINED = 0.1
+"""Share of the frames below which what they were to be registered on is no scene."""
 BENT_PX, BENT_PERCENT = 0.1, 80.0
 """Displacement halfway to a corner by perspective, in this share of the frames [%], below which there is none
 [px]."""
@@ -60,14 +62,14 @@ def steadied(video: Video, samples: Sequence[Frame], progress: Progress | None =
     """
     key = _middle_key(samples)
     moves = camera_moves(samples, key) if key.holds else None
-    if moves is None:
+    if moves is False:
+        return video
+    path = camera_path(video, samples, progress) if moves else None
+    if path is None:
         video.remarks.append(
             "The background shows too little to tell whether the camera moves; it is taken to stand still."
         )
         return replace(video, bare=True)
-    if not moves:
-        return video
-    path = camera_path(video, samples, progress)
     video.remarks.append(_about(path))
     return replace(video, camera_path=path)
 
@@ -127,7 +129,9 @@ def onto_scene(picture: Frame, name: str, path: CameraPath) -> Frame:
     return steady
 
 
-def camera_path(video: Video, samples: Sequence[Frame], progress: Progress | None = None) -> CameraPath:
+def camera_path(
+    video: Video, samples: Sequence[Frame], progress: Progress | None = None
+) -> CameraPath | None:
     """Register every frame of a clip on the still scene.
 
     Args:
@@ -136,7 +140,8 @@ def camera_path(video: Video, samples: Sequence[Frame], progress: Progress | Non
         progress: Called with the number of frames registered.
 
     Returns:
-        The way of the camera, from its mean place.
+        The way of the camera, from its mean place; None where next to no frame shows the scene, so that it
+        was none: noise before a bare wall.
 
     Raises:
         VideoError: The still scene shows in too few frames.
@@ -153,6 +158,8 @@ def camera_path(video: Video, samples: Sequence[Frame], progress: Progress | Non
         if progress is not None:
             progress("camera", shown, video.count)
     count = int(np.sum(np.isfinite(std)))
+    if count < IMAGINED * shown:
+        return None
     if count < LEAST_REGISTERED * shown:
         raise VideoError(
             f"clip '{video.path}': expected a still scene by which the moving camera can be followed, found "
