@@ -271,6 +271,8 @@ def inertias(body: mujoco.MjModel) -> dict[str, float]:
         "link2.J": float(own[1]),
         "link1.mx": float(mass[0] * centre[0] + mass[1] * length),
         "link2.mx": float(mass[1] * centre[1]),
+        "link1.my": 0.0,
+        "link2.my": 0.0,
         "gravity": -float(body.opt.gravity[2]),
     }
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.shooting.problem import Problem, posed
-from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, relative_difference
+from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.torque.bodies import fit_free_bodies
 from monodyn.estimation.torque.evidence import at_noise, likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import fit_free_torques, residual_rms
-from monodyn.estimation.torque.friction import FAR_SHARE, fit_friction, settled, with_dry_friction
+from monodyn.estimation.torque.friction import far_off, fit_friction, settled, with_dry_friction
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.torque.withheld import withheld_errors
 from monodyn.estimation.wording import listed
@@ -177,7 +177,7 @@ def _with_dry(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, 
     """Free dry friction where something is left over, and little: far from the motion the search is long."""
     if not optimum.complete or at_noise(problem, optimum):
         return problem, optimum
-    if relative_difference(problem, optimum.trial) >= FAR_SHARE:
+    if far_off(problem, optimum):
         return problem, optimum
     return with_dry_friction(problem, optimum, task)
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from monodyn.estimation.shooting.shoot import relative_difference
 from monodyn.estimation.torque.evidence import with_more_unknowns
-from monodyn.estimation.torque.friction import FAR_SHARE, fit_friction, with_dry_friction
+from monodyn.estimation.torque.friction import far_off, fit_friction, with_dry_friction
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
 
@@ -25,7 +24,7 @@ def fit_free_bodies(solution: TorqueSolution, task: Task) -> TorqueSolution | No
     mechanism = problem.mechanism.with_bodies("free")
     if optimum is None or not problem.unknowns.uniform or not _free(mechanism):
         return None
-    if optimum.complete and relative_difference(problem, optimum.trial) < FAR_SHARE:
+    if optimum.complete and not far_off(problem, optimum):
         # nearby, what uniform bodies found is where these begin: sizes, frictions and the motion itself
         begun = problem.mechanism_at(optimum.x).with_bodies("free")
         larger, found = with_more_unknowns(problem, optimum, begun, task.search(problem).route)

@@ -11,8 +11,9 @@ from monodyn.estimation.torque.evidence import at_noise, pays, with_more_unknown
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
 
-FAR_SHARE = 0.02
-"""Typical difference, as a share of the motion, above which the motion may be another one altogether."""
+FAR_SHARE, FAR_NOISE = 0.02, 10.0
+"""Typical difference, as a share of the motion and in units of the noise, above which the motion may be
+another one altogether."""
 
 
 def fit_friction(mechanism: Mechanism, task: Task) -> TorqueSolution:
@@ -62,6 +63,16 @@ def settled(problem: Problem, optimum: Optimum, task: Task, tried: int) -> Torqu
     return TorqueSolution(*with_dry_friction(problem, optimum, task), tried)
 
 
+def far_off(problem: Problem, optimum: Optimum) -> bool:
+    """Return whether the motion may be another one than the record's altogether.
+
+    Args:
+        problem: The problem.
+        optimum: Its optimum.
+    """
+    return optimum.sigma > FAR_NOISE and relative_difference(problem, optimum.trial) >= FAR_SHARE
+
+
 def near_proportions(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
     """Free the sizes that nothing measures where something is left over, so that no torque stands for them.
 
@@ -76,7 +87,7 @@ def near_proportions(problem: Problem, optimum: Optimum, task: Task) -> tuple[Pr
     if not optimum.complete or at_noise(problem, optimum):
         return problem, optimum
     # far from the motion sizes are no reason, and the search along their curved valleys is long
-    if relative_difference(problem, optimum.trial) >= FAR_SHARE:
+    if far_off(problem, optimum):
         return problem, optimum
     larger, start = with_proportions(problem, optimum)
     if len(larger.unknowns) == len(problem.unknowns):
@@ -105,7 +116,7 @@ def with_dry_friction(problem: Problem, optimum: Optimum, task: Task) -> tuple[P
     if not names or not optimum.complete:
         return problem, optimum
     near, found = _from_there(problem, optimum, names, task)
-    if task.search(near).explained(found) or relative_difference(near, found.trial) < FAR_SHARE:
+    if task.search(near).explained(found) or not far_off(near, found):
         return near, found
     # a motion that dry friction has brought to rest is so far from every damped one that no step leads there
     far, other = _from_the_start(problem, names, task)
