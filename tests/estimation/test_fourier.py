@@ -20,6 +20,7 @@ from driven import (
     wave,
 )  # fmt: skip
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.torque import fourier
 from monodyn.results.predict import predict
 from monodyn.results.torques import torques
 from monodyn.stages import identify
@@ -60,12 +61,21 @@ def test_a_periodic_torque_predicts(series, tmp_path):
     assert np.degrees(np.abs(future.position - longer.position[150:])).max() < 1.0
 
 
-def test_harmonics_are_counted(tmp_path):
+def test_harmonics_are_counted(tmp_path, monkeypatch):
+    fitted, shortened = [], fourier._shortened
+
+    def noted(problem, optimum, terms, *rest):
+        fitted.append(terms)
+        return shortened(problem, optimum, terms, *rest)
+
+    monkeypatch.setattr(fourier, "_shortened", noted)
     record, applied = simulated(DOUBLE, [-1.5, 0.3], 180, two_waves)
     fit = identify(record, started(DOUBLE, tmp_path, 2.0, **THICKNESS), IdentifySettings(torque="fourier"))
     assert fit.ok, fit.status
     assert (fit.mechanism.drive.table.shape[1] - 1) // 2 == 3
     assert misses(fit, record, applied).max() < 0.03
+    # each of the three harmonics stands out of its error: no series is fitted that lacks one of them
+    assert not [terms for terms in fitted if terms < 3]
 
 
 def test_a_force_at_a_slide(tmp_path):

@@ -53,9 +53,9 @@ def test_steps_are_as_exact_as_the_residuals_require(poses, double, truth):
         start = problem.started(problem.unknowns.x0, cut(problem.data, 10**9), smoothed)
         return fit_pieces(problem, start, route, search).trial.substeps
 
-    assert steps(double, rough) < steps(double, exact)
-    # the noise is 2e-3 rad, a hundredth of it 2e-5 rad
-    assert steps(truth, rough) == steps(truth, replace(exact, error_bound=2e-5)) < steps(truth, exact)
+    assert steps(double, rough) <= steps(truth, rough) < steps(truth, exact)
+    # where the bound is coarser than what the residuals require it counts
+    assert steps(truth, replace(rough, error_bound=1e-2)) == steps(truth, replace(exact, error_bound=1e-2))
 
 
 def test_rates_of_a_motion_are_the_slopes_of_its_positions(poses, truth):
@@ -64,5 +64,5 @@ def test_rates_of_a_motion_are_the_slopes_of_its_positions(poses, truth):
     problem = posed(truth, prepare((fine,), truth))
     states = problem.motions(problem.unknowns.x0, [(0, 200, np.array([0.3, 0.5, 0.0, 1.0]))], 1)
     slopes = np.gradient(states[:, :2], times, axis=0, edge_order=2)
-    # central differences are off by h^2 / 6 times the third derivative
-    np.testing.assert_allclose(states[1:-1, 2:], slopes[1:-1], atol=2e-4)
+    # central differences are off by h^2 / 6 times the third derivative, up to 2000 rad/s^3
+    np.testing.assert_allclose(states[1:-1, 2:], slopes[1:-1], atol=5e-4)

@@ -88,13 +88,15 @@ class Search:
         # where every start was given up the best of them goes all the way after all
         return self.from_start(best.x), count
 
-    def from_start(self, x: np.ndarray) -> Optimum:
+    def from_start(self, x: np.ndarray, *, give_up: bool = False) -> Optimum:
         """Return the optimum to which one start leads.
 
         Args:
             x: Coordinates of the start, (param,).
+            give_up: Stay with the first pieces where these cannot be followed.
         """
-        return multiple_shooting(self.problem, x, self._smoothed, self.route, self.report)
+        hopeless = self._hopeless if give_up else None
+        return multiple_shooting(self.problem, x, self._smoothed, self.route, self.report, hopeless)
 
     def explained(self, optimum: Optimum) -> bool:
         """Return whether the motion follows the record, within its noise or nearly.

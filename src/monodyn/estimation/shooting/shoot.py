@@ -109,6 +109,8 @@ def multiple_shooting(
         1983 (multiple shooting); here the pieces are joined by fitting longer ones, not by constraints.
     """
     trial = problem.started(x, cut(problem.data, route.piece), smoothed)
+    # the way to the right valley leads far from where the steps of a rough integration were chosen
+    route = replace(route, share=0.0)
     evaluations = 0
     while True:
         stage = fit_pieces(problem, trial, route, ROUGH)

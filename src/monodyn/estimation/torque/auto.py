@@ -160,8 +160,6 @@ def _periodic(mechanism: Mechanism, task: Task, route: Route, passive: _Tried) -
     """Try a periodic torque, with dry friction where that is left over."""
 
     def promising(problem: Problem, optimum: Optimum) -> bool:
-        if not optimum.complete:
-            return False
         errors = withheld_errors(problem, optimum, task.smoothed, route)
         return all(after < before for after, before in zip(errors, passive.errors, strict=True))
 

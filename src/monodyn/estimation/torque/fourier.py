@@ -40,7 +40,8 @@ def fit_series(
     Args:
         mechanism: The start; a period that is not free in it counts as known.
         task: What is to be explained.
-        promising: Called with the best of the guessed periods; when it returns False the search ends there.
+        promising: Called with the best of the guessed periods; when it returns False the search ends there,
+            and so it does where no guess lets short pieces be followed.
 
     Returns:
         The solution.
@@ -58,10 +59,12 @@ def fit_series(
     if not guesses:
         return TorqueSolution(least, None, reason=NO_PERIOD)
     route = task.search(periods.problem).route
-    tried = [_from_guess(mechanism, task, periods, guess) for guess in guesses]
+    tried = [_from_guess(mechanism, task, periods, guess, promising is not None) for guess in guesses]
     problem, optimum = near_proportions(*tried[likeliest(tried)], task)
     # harmonics more or fewer make no torque much larger, and none repeat that does not
-    if promising and not (stands_out(problem, optimum.x, periods.motion) and promising(problem, optimum)):
+    if promising and not (
+        optimum.complete and stands_out(problem, optimum.x, periods.motion) and promising(problem, optimum)
+    ):
         return TorqueSolution(problem, None, reason=NO_PERIOD)
     if settings.terms == 0:
         # shorter first: of a multiple of the true period only a division drops the idle harmonics
@@ -77,11 +80,11 @@ def fit_series(
 
 
 def _from_guess(
-    mechanism: Mechanism, task: Task, periods: PeriodSearch, guess: PeriodGuess
+    mechanism: Mechanism, task: Task, periods: PeriodSearch, guess: PeriodGuess, give_up: bool
 ) -> tuple[Problem, Optimum]:
     """Fit a series from one guess of the period."""
     problem = posed(series(mechanism, guess.terms, guess.period), task.data)
-    return problem, task.search(problem).from_start(periods.start(guess, problem))
+    return problem, task.search(problem).from_start(periods.start(guess, problem), give_up=give_up)
 
 
 def series(mechanism: Mechanism, terms: int, period: float) -> Mechanism:
