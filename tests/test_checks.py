@@ -15,7 +15,6 @@ from monodyn.checks import (
     check_tracked,
     chosen_mechanism,
     clip_and_mechanism,
-    doubtful_sight,
     drawn_mechanism,
     fitted_range,
     how_to_film,
@@ -23,6 +22,7 @@ from monodyn.checks import (
     prediction_times,
     untracked,
 )
+from monodyn.doubtful import doubtful_sight
 from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.trace import frame_numbers

@@ -27,6 +27,10 @@ SAME = 0.01
 """Two searches led to the same motion if their residuals differ by less than this share of themselves."""
 STILL_NOISE = 4.0
 """A joint whose positions scatter by less than this many times their noise does not move."""
+RIGID_NOISE = 1.5
+"""A joint whose positions scatter by less than this many times their noise shows no motion at all ..."""
+MOVING_NOISE = 50.0
+"""... where another one's scatter by more than this many times theirs: through the dynamics it would move."""
 NOTHING_MOVES = "Nothing moves in the record: no joint leaves its noise; give frames with motion."
 """Status of a fit to a record at rest, whatever the method."""
 
@@ -196,17 +200,25 @@ def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
             if not np.isfinite(found.noise[dof]):
                 record = f" in record {i}" if records > 1 else ""
                 return f"Joint {names[dof]!r} was measured under 5 times{record}; give more frames."
-    if all(_still(data, dof) for dof in range(dofs)):
+    moves = [_moves(data, dof) for dof in range(dofs)]
+    if max(moves) <= STILL_NOISE:
         return NOTHING_MOVES
+    rigid = [name for name, moved in zip(names, moves, strict=True) if moved <= RIGID_NOISE]
+    if rigid and max(moves) > MOVING_NOISE:
+        return (
+            f"{listed(rigid)} never moves, while {names[int(np.argmax(moves))]} does: what is in the record has "
+            "no such joint, or it is stuck. Take a mechanism without it, its bodies made one."
+        )
     return None
 
 
-def _still(data: Data, dof: int) -> bool:
-    """True when a joint does not leave its noise in any record."""
+def _moves(data: Data, dof: int) -> float:
+    """Return the scatter of a joint over its noise, of the record where it moves most."""
+    most = 0.0
     for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
         use = data.measured[first:stop, dof]
         if use.any():
             values = data.position[first:stop, dof][use]
-            if np.std(values) > STILL_NOISE * np.median(data.std[first:stop, dof][use]):
-                return False
-    return True
+            noise = float(np.median(data.std[first:stop, dof][use]))
+            most = max(most, float(np.std(values)) / max(noise, 1e-300))
+    return most
