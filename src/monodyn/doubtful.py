@@ -15,6 +15,7 @@ import numpy as np
 from monodyn.estimation.wording import listed
 from monodyn.results.sight import Sight
 from monodyn.types import Poses
+from monodyn.vision.locating.advice import UNEXPLAINED_SHARE
 from monodyn.vision.points.scene import PointScene
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 LEAST_SEEN = 0.25
 """Share of the frames to fit that have to be tracked."""
+LEAST_JOINT = 0.05
+"""Share of these in which each joint has to be measured: what is hidden now and then is not missing."""
 MOST_MISMATCH = 0.5
 """Mismatch of outline and mask, as a share of the mask's area, above which no fit is trusted: as much as the
 published method allows. Where only a part of the frames was tracked, only that part of it."""
@@ -65,15 +68,12 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
             "followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
             "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
         )
+    lost = unfound_links(part, seen)
+    if lost:
+        return lost
     # what lies badly on its mask and was lost again and again may be something else
     if sight.mismatch > MOST_MISMATCH * min(seen / max(count, 1), 1.0):
-        lost = f", and {count - seen} of {count} frames were not tracked" if seen < count else ""
-        return (
-            "The mechanism as it was located differs from what stands out from the background by "
-            f"{sight.mismatch:.0%} of its area{lost}: it is in the wrong place, of the wrong size or blurred "
-            "by its motion, or other things move with it; diagnosis.png shows what was seen. --roi X,Y,W,H "
-            "and --time-range A:B leave other things out."
-        )
+        return _mismatched(sight, count - seen, count)
     if sight.scene is not None and sight.scene.masks.video.bare and sight.sway_px > MOST_SWAY_PX:
         return (
             f"The whole mechanism sways by {sight.sway_px:.1f} px in the picture, and the background "
@@ -90,6 +90,62 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
             "is, or take --identify.bodies free; diagnosis.png shows it."
         )
     return None
+
+
+def likely_sight(sight: Sight) -> str | None:
+    """Find what the picture says of a motion that the mechanism does not follow.
+
+    Args:
+        sight: What the run saw of its clip.
+
+    Returns:
+        The reason, a sentence for the user; None where the outline explains what was seen.
+    """
+    if sight.points is None and sight.mismatch > UNEXPLAINED_SHARE:
+        return _mismatched(sight, 0, 0)
+    return None
+
+
+def _mismatched(sight: Sight, lost: int, count: int) -> str:
+    """Return the sentence on a mechanism that lies badly on its mask, and was lost in some frames."""
+    untracked = f", and {lost} of {count} frames were not tracked" if lost else ""
+    if sight.beyond > 0.5 * sight.mismatch:
+        where = (
+            "most of that is outside of the mechanism. The clip may show a link or a part more than it has, "
+            "other things may move with it, or it is in the wrong place, of the wrong size or blurred by its "
+            "motion"
+        )
+    else:
+        where = (
+            "most of that is of the mechanism, where nothing stands out. It may have a link or a part that "
+            "the clip does not show, or it is in the wrong place or of the wrong size"
+        )
+    return (
+        "The mechanism as it was located differs from what stands out from the background by "
+        f"{sight.mismatch:.0%} of its area{untracked}; {where}. diagnosis.png shows what was seen: check the "
+        "mechanism file; --roi X,Y,W,H and --time-range A:B leave other things out."
+    )
+
+
+def unfound_links(part: Poses, seen: int) -> str | None:
+    """Name the joints that were hardly ever measured while others were.
+
+    Args:
+        part: The poses that are fitted.
+        seen: Frames in which any joint was measured.
+
+    Returns:
+        A sentence for the user; None where every joint was measured often enough.
+    """
+    counts = part.measured.sum(axis=0)
+    few = [joint for joint, n in zip(part.joints, counts, strict=True) if n < LEAST_JOINT * seen]
+    if not few:
+        return None
+    return (
+        f"{listed(few)} could be measured in at most {int(counts.min())} of the {seen} frames in which "
+        "another joint was: what it moves does not lie on anything that stands out from the background. The clip may "
+        "show a mechanism without such a link; diagnosis.png shows where it was looked for."
+    )
 
 
 def _doubtful_points(scene: PointScene, part: Poses) -> str | None:
@@ -116,10 +172,8 @@ def _doubtful_points(scene: PointScene, part: Poses) -> str | None:
     return None
 
 
-
-
 def unshown_parts(file: Mechanism, found: Mechanism) -> str | None:
-    """Name the parts that a picture has shrunk into the rest of their body, though the file has them stand out.
+    """Name the parts that a picture has shrunk into the rest of their body, though in the file they stand out.
 
     Args:
         file: The mechanism as in its file.
@@ -136,8 +190,8 @@ def unshown_parts(file: Mechanism, found: Mechanism) -> str | None:
     if not parts:
         return None
     return (
-        f"The picture shows nothing of {listed(parts)}: it was found inside of the rest of its body, where it "
-        "changes no outline, although it stands out in the mechanism file. The file may be that of another "
+        f"The picture shows nothing of {listed(parts)}: it was found inside of the rest of its body, where "
+        "it changes no outline, although it stands out in the mechanism file. The file may be that of another "
         "mechanism: take one without it, or, where it is there, give its sizes with --fix."
     )
 
@@ -165,8 +219,10 @@ def _outside(own: np.ndarray, others: Sequence[np.ndarray]) -> float:
     low, high = own.min(axis=0), own.max(axis=0)
     x, y = (np.linspace(a, b, CELLS) for a, b in zip(low, high, strict=True))
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    inside = [(ConvexHull(points).equations @ np.c_[grid, np.ones(len(grid))].T <= 0.0).all(axis=0)
-              for points in (own, *others)]
+    inside = [
+        (ConvexHull(points).equations @ np.c_[grid, np.ones(len(grid))].T <= 0.0).all(axis=0)
+        for points in (own, *others)
+    ]
     return float(np.mean(~np.any(inside[1:], axis=0)[inside[0]]))
 
 

@@ -26,7 +26,7 @@ from monodyn.checks import (
     untracked,
 )
 from monodyn.choose import AUTO, candidates, choose, nearest
-from monodyn.doubtful import doubtful_sight, unshown_parts
+from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.record.tables import read_poses
@@ -119,6 +119,7 @@ def run(
             # no number of starts finds the mechanism in poses that are not its own
             quick = replace(settings.identify, starts=1, uncertainty="linear")
             fit = identify(part, scene.mechanism, quick if why else settings.identify, progress=progress)
+            why = why or (None if fit.ok else likely_sight(sight))
             log.notes += mass_notes(mechanism, "uniform" if uniform else "free")
         log.notes += unsure
         if why:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from monodyn.estimation.record.samples import Data
@@ -9,8 +12,14 @@ from monodyn.estimation.record.smooth import NORMAL, Smoothed
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import Optimum, Route, multiple_shooting, relative_difference
-from monodyn.estimation.shooting.starts import starts
+from monodyn.estimation.shooting.shoot import (
+    Optimum,
+    Route,
+    fit_pieces,
+    multiple_shooting,
+    relative_difference,
+)
+from monodyn.estimation.shooting.starts import STATES_ALONE, starts
 from monodyn.estimation.wording import listed
 from monodyn.optimize import SearchSettings, first_good
 from monodyn.types import Progress
@@ -23,6 +32,8 @@ HOPELESS_NOISE = 10.0
 """A start is given up after its first stage if the typical residual is above this many times the noise ..."""
 HOPELESS_SHARE = 0.01
 """... and above this share of the motion: pieces so short follow any motion that the model has."""
+ALIKE = 15.0
+"""Twice the logarithm of the likelihood by which the data tell two optima apart."""
 SAME = 0.01
 """Two searches led to the same motion if their residuals differ by less than this share of themselves."""
 STILL_NOISE = 4.0
@@ -69,17 +80,37 @@ class Search:
         tried = starts(
             self.problem, self.motion, self._smoothed, self.route, self._settings.starts, self._settings.seed
         )
-        best, count = first_good(
-            lambda start: multiple_shooting(
-                self.problem, start[0], self._smoothed, start[1], self.report, self._hopeless
-            ),
-            tried,
-            cost=residual_size,
-            good=self.explained,
-            same=_same,
-        )
+        endings: list[Optimum] = []
+
+        def ending(start: tuple[np.ndarray, Route]) -> Optimum:
+            endings.append(
+                multiple_shooting(
+                    self.problem, start[0], self._smoothed, start[1], self.report, self._hopeless
+                )
+            )
+            return endings[-1]
+
+        best, count = first_good(ending, tried, cost=residual_size, good=self.explained, same=_same)
         # where every start was given up the best of them goes all the way after all
-        return (best if best.complete else self.from_start(best.x)), count
+        best = best if best.complete else self.from_start(best.x)
+        return replace(best, twins=self._twins(best, endings)), count
+
+    def _twins(self, best: Optimum, endings: Sequence[Optimum]) -> tuple[np.ndarray, ...]:
+        """Return where other starts ended that explain the record as well, beyond a rise of the cost."""
+        apart = 0.5 * ALIKE * max(best.sigma, 1.0) ** 2
+        found: list[Optimum] = []
+        for other in endings:
+            near = other.complete and best.complete and abs(other.cost - best.cost) < apart
+            if near and all(self._rise(one, other) > apart for one in (best, *found)):
+                found.append(other)
+        return tuple(other.x for other in found)
+
+    def _rise(self, one: Optimum, other: Optimum) -> float:
+        """Return by how much the cost half-way between two optima is above theirs: along a direction that is
+        open it does not rise, and the intervals say so."""
+        start = one.trial.at(0.5 * (one.x + other.x), 0.5 * (one.trial.states + other.trial.states))
+        middle = fit_pieces(self.problem, start, self.route, STATES_ALONE, held=True)
+        return middle.cost - max(one.cost, other.cost)
 
     def from_start(self, x: np.ndarray) -> Optimum:
         """Return the optimum to which one start leads.
@@ -206,8 +237,8 @@ def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
     rigid = [name for name, moved in zip(names, moves, strict=True) if moved <= RIGID_NOISE]
     if rigid and max(moves) > MOVING_NOISE:
         return (
-            f"{listed(rigid)} never moves, while {names[int(np.argmax(moves))]} does: what is in the record has "
-            "no such joint, or it is stuck. Take a mechanism without it, its bodies made one."
+            f"{listed(rigid)} never moves, while {names[int(np.argmax(moves))]} does: what is in the record "
+            "has no such joint, or it is stuck. Take a mechanism without it, its bodies made one."
         )
     return None
 

@@ -1,8 +1,8 @@
-"""What a model lacks that does not follow its record: one further freedom after the other, named if it explains.
+"""What a model lacks that does not follow its record: one further freedom after the other, the best named.
 
 Each freedom is something that is often forgotten: quadratic drag, gravity that does not act straight down
-where the angles are measured, a clock that runs at another rate, a base that swings. Along smooth motion the
-accelerations show in a moment which of them comes closest; the best ``TRIED`` are fitted to the record itself.
+where the angles are measured, a clock that runs at another rate, a base that swings. Along smooth motion
+the accelerations show in a moment which of them comes closest; the best ``TRIED`` are fitted to the record.
 
 The rule: a cause is named if with it the residuals are at most half as large. With chance alone a further
 unknown takes off a few thousandths.
@@ -88,8 +88,8 @@ def lacking(
             if HALVED * after < before:
                 return cause.said(problem, optimum, before / after), True
     return (
-        f"Nothing usual explains what is left over: neither {listed([cause.name for cause in tried])} halves "
-        "it. Look whether something else moves along or acts on the mechanism (a link more than it has, a "
+        f"None of the usual causes halves what is left over ({listed([cause.name for cause in tried])}): "
+        "look whether something else moves along with the mechanism or acts on it (a link more than it has, a "
         "hand, a string, a stop), and whether the file is that of this mechanism."
     ), False
 
@@ -225,8 +225,8 @@ def dragged(names: Sequence[str], times: float) -> str:
         times: How many times as close to the record the motion comes with it.
     """
     return (
-        f"With quadratic drag at its joints the motion comes {times:.2g} times as close to the record: --free "
-        f"{' '.join(names)} estimates it."
+        f"With quadratic drag at its joints the motion comes {times:.2g} times as close to the record: "
+        f"--free {' '.join(names)} estimates it."
     )
 
 
@@ -239,8 +239,8 @@ def tilted(roll: float, times: float) -> str:
     """
     return (
         f"With gravity {abs(np.degrees(roll)):.2g} deg from straight down where the angles are measured the "
-        f"motion comes {times:.2g} times as close to the record: a camera is out of level by that much, or the "
-        "zero of an encoder is; --free camera.roll estimates it, --fix camera.roll=VALUE [rad] gives it."
+        f"motion comes {times:.2g} times as close to the record: a camera is out of level by that much, or "
+        "the zero of an encoder is; --free camera.roll estimates it, --fix camera.roll=VALUE [rad] gives it."
     )
 
 
@@ -254,6 +254,6 @@ def swung(reach: float, rate: float, times: float) -> str:
     """
     return (
         f"On a base that swings to the right and back, over {1e3 * reach:.2g} mm at "
-        f"{rate / (2.0 * np.pi):.2g} Hz, the motion comes {times:.2g} times as close to the record: what holds "
-        "the mechanism moves. Fasten it, or give the file a body on a slide with a spring for it."
+        f"{rate / (2.0 * np.pi):.2g} Hz, the motion comes {times:.2g} times as close to the record: what "
+        "holds the mechanism moves. Fasten it, or give the file a body on a slide with a spring for it."
     )
