@@ -143,8 +143,8 @@ def unfound_links(part: Poses, seen: int) -> str | None:
         return None
     return (
         f"{listed(few)} could be measured in at most {int(counts.min())} of the {seen} frames in which "
-        "another joint was: what it moves does not lie on anything that stands out from the background. The clip may "
-        "show a mechanism without such a link; diagnosis.png shows where it was looked for."
+        "another joint was: what it moves does not lie on anything that stands out from the background. The "
+        "clip may show a mechanism without such a link; diagnosis.png shows where it was looked for."
     )
 
 
@@ -173,7 +173,7 @@ def _doubtful_points(scene: PointScene, part: Poses) -> str | None:
 
 
 def unshown_parts(file: Mechanism, found: Mechanism) -> str | None:
-    """Name the parts that a picture has shrunk into the rest of their body, though in the file they stand out.
+    """Name the parts that were shrunk into the rest of their body, though in the file they stand out.
 
     Args:
         file: The mechanism as in its file.
@@ -191,8 +191,8 @@ def unshown_parts(file: Mechanism, found: Mechanism) -> str | None:
         return None
     return (
         f"The picture shows nothing of {listed(parts)}: it was found inside of the rest of its body, where "
-        "it changes no outline, although it stands out in the mechanism file. The file may be that of another "
-        "mechanism: take one without it, or, where it is there, give its sizes with --fix."
+        "it changes no outline, although it stands out in the mechanism file. The file may be that of "
+        "another mechanism: take one without it, or, where it is there, give its sizes with --fix."
     )
 
 

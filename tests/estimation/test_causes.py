@@ -10,12 +10,12 @@ import pytest
 
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.starts import matched
 from monodyn.estimation.shooting.swinging import swing_of
 from monodyn.estimation.verdict import causes
-from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from swings import white

@@ -81,7 +81,13 @@ def _mechanism(text: str, urdf: bool, meshes: dict[str, bytes], where: str) -> M
 
 
 def assembled(name: str, links: list[Link], gravity: float) -> Mechanism:
-    """Return a mechanism made of its parts: its links, parents first, and gravity in the plane [m/s^2]."""
+    """Return a mechanism made of its parts.
+
+    Args:
+        name: Its name.
+        links: Its links, parents first.
+        gravity: Gravity in the plane, downward [m/s^2].
+    """
     plan = make_plan(links, gravity)
     table = plan.table
     numbers, own = np.array(table.start), np.zeros(len(table.names), dtype=bool)

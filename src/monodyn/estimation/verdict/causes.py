@@ -89,8 +89,8 @@ def lacking(
                 return cause.said(problem, optimum, before / after), True
     return (
         f"None of the usual causes halves what is left over ({listed([cause.name for cause in tried])}): "
-        "look whether something else moves along with the mechanism or acts on it (a link more than it has, a "
-        "hand, a string, a stop), and whether the file is that of this mechanism."
+        "look whether something else moves along with the mechanism or acts on it (a link more than it has, "
+        "a hand, a string, a stop), and whether the file is that of this mechanism."
     ), False
 
 
