@@ -41,8 +41,9 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
         "was seen: check the mechanism file; --roi X,Y,W,H and --time-range A:B leave other things out."
     )
     assert (
-        doubtful_sight(SimpleNamespace(mismatch=float("nan"), scene=None, points=None), poses(9, 9)) is None
-    )  # type: ignore[arg-type]
+        doubtful_sight(SimpleNamespace(mismatch=float("nan"), scene=None, points=None), poses(9, 9))  # type: ignore[arg-type]
+        is None
+    )
     # a mechanism that is lost in half of the frames has to lie twice as well in the others
     sight = SimpleNamespace(mismatch=0.45, beyond=0.3, scene=None, points=None)
     assert doubtful_sight(sight, poses(91, 100)) is None  # type: ignore[arg-type]
@@ -98,7 +99,7 @@ def test_a_link_that_is_never_found_is_named() -> None:
     shown = np.column_stack([np.ones(100, dtype=bool), np.arange(100) < 4])
     part = Poses(
         ("joint1", "joint2"), whole.frame, whole.time, np.zeros((100, 2)), np.tile(np.eye(2), (100, 1, 1)),
-        shown.all(axis=1), joint_seen=shown,
+        np.arange(100) < 4, joint_seen=shown,
     )  # fmt: skip
     sight = SimpleNamespace(mismatch=0.1, beyond=0.1, scene=None, points=None)
     assert doubtful_sight(sight, part) == (  # type: ignore[arg-type]
@@ -120,6 +121,7 @@ def test_a_ball_that_the_picture_has_not_is_named() -> None:
         "no outline, although it stands out in the mechanism file. The file may be that of another "
         "mechanism: take one without it, or, where it is there, give its sizes with --fix."
     )
+    assert unshown_parts(file, file.with_values({width: 1e-12})) is not None
     # what is hidden in the file as well is no surprise
     assert unshown_parts(shrunk, shrunk) is None
     assert unshown_parts(load(EXAMPLES / "double.xml"), load(EXAMPLES / "double.xml")) is None

@@ -42,6 +42,8 @@ trusted."""
 INSIDE, SHOWS = 0.02, 0.15
 """Share of a geom outside of the others of its body up to which no outline of it is left, and from which on
 one that the file has would show."""
+THIN = 1e-3
+"""Least radius of a geom that is compared with others, as a share of the mechanism's extent."""
 CELLS = 60
 """Places along a geom, and across it, at which it is compared with the others."""
 
@@ -201,8 +203,10 @@ def _standing_out(mechanism: Mechanism) -> list[float]:
     shapes, shares = mechanism.shapes, []
     turns = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
     around = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    # a thread and a ball of no size have no hull: everything is drawn a little thicker
+    least = THIN * max(float(np.ptp(shapes.points[:, :2], axis=0).max(initial=0.0)), 1e-12)
     outlines = [
-        (shapes.points[a:b, None, :2] + radius * around).reshape(-1, 2)
+        (shapes.points[a:b, None, :2] + max(radius, least) * around).reshape(-1, 2)
         for a, b, radius in zip(shapes.first[:-1], shapes.first[1:], shapes.radius, strict=True)
     ]
     for geom, link in enumerate(shapes.link):

@@ -68,7 +68,10 @@ def identify_jointly(
     # a misfit is looked into; what else a fit is doubted for has its reason
     lacks = fit.unmodelled is not None or not fit.ok
     cause, named = lacking(records, mechanism, settings, fit) if lacks else ("", False)
-    reason = () if named or fit.ok else _beginning(records, mechanism, settings)
+    if fit.ok:
+        # what can be used at least approximately is no other mechanism
+        return replace(fit, advice=(cause, *fit.advice)) if named else fit
+    reason = () if named else _beginning(records, mechanism, settings)
     return replace(fit, advice=(*([cause] if cause else []), *reason, *fit.advice))
 
 
