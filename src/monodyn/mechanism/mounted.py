@@ -53,7 +53,14 @@ def mounted(mechanism: Mechanism, rate: float) -> tuple[Mechanism, str]:
         )
         own[at], free[at] = mechanism.own[row], mechanism.free[row]
     made = replace(
-        made, numbers=numbers, lower=lower, upper=upper, own=own, free=free, chosen=mechanism.chosen
+        made,
+        numbers=numbers,
+        lower=lower,
+        upper=upper,
+        own=own,
+        free=free,
+        chosen=mechanism.chosen,
+        measured=mechanism.measured,
     )
     held = [p.name for p in made.parameters if p.owner == name and not p.follows]
     return made.with_choices(fix={n: made.values[n] for n in held}).with_choices(

@@ -54,8 +54,8 @@ def swing_of(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> Swing | N
         motion: Smooth motion.
 
     Returns:
-        The swing; None where the mechanism does not hang on a single hinge, does not feel gravity, or the
-        record is too short.
+        The swing; None where the mechanism does not hang on a single hinge, does not feel gravity, has no
+        finite accelerations, or where the record is too short.
 
     Source:
         Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
@@ -66,6 +66,9 @@ def swing_of(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> Swing | N
     if push is None or span == 0.0:
         return None
     rows, jacobian = mismatch_rows(problem, x, motion)
+    # far from any mechanism accelerations may be beyond all numbers
+    if not (np.isfinite(rows).all() and np.isfinite(jacobian).all() and np.isfinite(push).all()):
+        return None
     # what the other unknowns can explain is taken out of both rows and columns (variable projection)
     q, _ = np.linalg.qr(jacobian)
     rest, best = rows - q @ (q.T @ rows), None

@@ -78,7 +78,7 @@ def lacking(
     Returns:
         A sentence for the user, empty where nothing could be tried; and whether a cause was found.
     """
-    before, tried = _size(records, fit.residual), _causes(records, mechanism)
+    before, tried = _size(records, fit), _causes(records, mechanism)
     if not tried or not np.isfinite(before):
         return "", False
     for cause in sorted(tried, key=lambda cause: cause.left)[:TRIED]:
@@ -199,12 +199,14 @@ def _fitted(cause: Cause, settings: IdentifySettings) -> tuple[Problem, Optimum]
     return problem, multiple_shooting(problem, problem.unknowns.x0, smoothed, route)
 
 
-def _size(records: Sequence[Poses], residuals: Sequence[np.ndarray]) -> float:
-    """Return the mean size of residuals in units of the stated noise; infinite without any."""
-    sizes = []
-    for record, residual in zip(records, residuals, strict=True):
+def _size(records: Sequence[Poses], fit: Fit) -> float:
+    """Return the mean size of a fit's residuals in units of the stated noise; infinite without any."""
+    sizes, slide = [], np.array([joint.kind == "slide" for joint in fit.mechanism.joints])
+    for record, residual in zip((ordered(r, fit.mechanism) for r in records), fit.residual, strict=True):
         noise = np.sqrt(np.maximum(np.diagonal(record.covariance, axis1=1, axis2=2), 1e-300))
-        sizes.append((np.abs(residual) / noise)[np.isfinite(residual)])
+        # a fit has the residuals of slides in metres, a picture's positions are in the start scale
+        unit = np.where(slide & (not record.metric), fit.scale, 1.0)
+        sizes.append((np.abs(residual) / (unit * noise))[np.isfinite(residual)])
     every = np.concatenate(sizes) if sizes else np.zeros(0)
     return float(np.mean(every)) if len(every) else np.inf
 
