@@ -94,7 +94,7 @@ def test_nothing_usual(monkeypatch):
     assert causes.lacking((record,), load("single"), QUICK, fit) == (
         "None of the usual causes halves what is left over (quadratic drag, tilted gravity and a base that "
         "swings): look whether something else moves along with the mechanism or acts on it (a link more than "
-        "it has, a hand, a string, a stop), and whether the file is that of this mechanism.",
+        "it has, a support that moves, a hand, a stop), and whether the file is that of this mechanism.",
         False,
     )
 

@@ -90,7 +90,7 @@ def lacking(
     return (
         f"None of the usual causes halves what is left over ({listed([cause.name for cause in tried])}): "
         "look whether something else moves along with the mechanism or acts on it (a link more than it has, "
-        "a hand, a string, a stop), and whether the file is that of this mechanism."
+        "a support that moves, a hand, a stop), and whether the file is that of this mechanism."
     ), False
 
 
