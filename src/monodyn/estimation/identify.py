@@ -72,7 +72,8 @@ def identify_jointly(
         # what can be used at least approximately is no other mechanism
         return replace(fit, advice=(cause, *fit.advice)) if named else fit
     reason = () if named else _beginning(records, mechanism, settings)
-    return replace(fit, advice=(*([cause] if cause else []), *reason, *fit.advice))
+    # a beginning that fits says more than what does not explain the rest
+    return replace(fit, advice=(*reason, *([cause] if cause else []), *fit.advice))
 
 
 def _identified(
