@@ -15,7 +15,6 @@ from monodyn.checks import (
     check_tracked,
     chosen_mechanism,
     clip_and_mechanism,
-    doubtful_sight,
     drawn_mechanism,
     fitted_range,
     how_to_film,
@@ -211,66 +210,6 @@ def test_a_refused_clip_leads_to_the_page_on_filming() -> None:
     assert how_to_film(SimpleNamespace(ok=True), filmed) == []
     # points were filmed by somebody else
     assert how_to_film(SimpleNamespace(ok=False), pointed) == []
-
-
-def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
-    sight = SimpleNamespace(mismatch=0.12, scene=None, points=None)
-    assert doubtful_sight(sight, poses(25, 100)) is None  # type: ignore[arg-type]
-    assert doubtful_sight(sight, poses(24, 100)) == (  # type: ignore[arg-type]
-        "Only 24 of the 100 frames to fit were tracked: too few to trust that the mechanism was followed and "
-        "not something like it; diagnosis.png shows what was seen. --time-range A:B and --roi X,Y,W,H choose "
-        "frames and a part of the picture in which it shows."
-    )
-    video = SimpleNamespace(repeats=SimpleNamespace(frames=tuple(range(50, 60))), bare=False)
-    repeated = SimpleNamespace(
-        mismatch=0.12, scene=SimpleNamespace(masks=SimpleNamespace(video=video), beside={}), points=None
-    )
-    assert doubtful_sight(repeated, poses(24, 100)) is None  # type: ignore[arg-type]
-    sight = SimpleNamespace(mismatch=0.83, scene=None, points=None)
-    assert doubtful_sight(sight, poses(100, 100)) == (  # type: ignore[arg-type]
-        "The mechanism as it was located differs from what stands out from the background by 83% of its "
-        "area: it is in the wrong place, of the wrong size or blurred by its motion, or other things move "
-        "with it; diagnosis.png shows what was seen. --roi X,Y,W,H and --time-range A:B leave other things "
-        "out."
-    )
-    assert (
-        doubtful_sight(SimpleNamespace(mismatch=float("nan"), scene=None, points=None), poses(9, 9)) is None
-    )  # type: ignore[arg-type]
-    # a mechanism that is lost in half of the frames has to lie twice as well in the others
-    sight = SimpleNamespace(mismatch=0.45, scene=None, points=None)
-    assert doubtful_sight(sight, poses(91, 100)) is None  # type: ignore[arg-type]
-    assert doubtful_sight(sight, poses(89, 100)) == (  # type: ignore[arg-type]
-        "The mechanism as it was located differs from what stands out from the background by 45% of its "
-        "area, and 11 of 100 frames were not tracked: it is in the wrong place, of the wrong size or blurred "
-        "by its motion, or other things move with it; diagnosis.png shows what was seen. --roi X,Y,W,H and "
-        "--time-range A:B leave other things out."
-    )
-    scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={"link1": 0.02, "link2": 0.12})
-    sight = SimpleNamespace(mismatch=0.2, scene=scene, points=None)
-    assert doubtful_sight(sight, poses(100, 100)) == (  # type: ignore[arg-type]
-        "Something moves along with 'link2' outside of its outline, 12% of what stands out from the "
-        "background: the mechanism file has no geom for it, or a geom was found in another place, and masses "
-        "and lengths would come out wrong. Give the file a geom for it, about as it is, or take "
-        "--identify.bodies free; diagnosis.png shows it."
-    )
-    assert doubtful_sight(sight, poses(100, 100), uniform=False) is None  # type: ignore[arg-type]
-    scene.beside["link2"] = 0.04
-    assert doubtful_sight(sight, poses(100, 100)) is None  # type: ignore[arg-type]
-
-
-def test_a_mechanism_that_sways_before_a_bare_wall_is_doubted() -> None:
-    video = SimpleNamespace(repeats=SimpleNamespace(frames=()), bare=True)
-    scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={})
-    sight = SimpleNamespace(mismatch=0.2, scene=scene, points=None, sway_px=12.34)
-    assert doubtful_sight(sight, poses(100, 100)) == (  # type: ignore[arg-type]
-        "The whole mechanism sways by 12.3 px in the picture, and the background shows too little to follow "
-        "the camera by: put the camera on a tripod, or film before a background with edges and patterns over "
-        "much of the picture."
-    )
-    sight.sway_px = 0.4
-    assert doubtful_sight(sight, poses(100, 100)) is None  # type: ignore[arg-type]
-    sight.sway_px, video.bare = 12.34, False
-    assert doubtful_sight(sight, poses(100, 100)) is None  # type: ignore[arg-type]
 
 
 def test_a_clip_that_is_tracked_in_parts_has_advice() -> None:

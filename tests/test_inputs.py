@@ -14,7 +14,8 @@ import pytest
 
 import monodyn
 from monodyn.blur import check_exposure
-from monodyn.checks import doubtful_sight, unshown
+from monodyn.checks import unshown
+from monodyn.doubtful import doubtful_sight
 from monodyn.errors import SettingsError, VideoError
 from monodyn.inputs import masks_and_mechanism, opened, points_and_mechanism
 from monodyn.settings import RunSettings

@@ -14,7 +14,8 @@ import monodyn
 import tracked
 from fits import identified, made_fit
 from monodyn import job, pipeline
-from monodyn.checks import FILMING, doubtful_sight
+from monodyn.checks import FILMING
+from monodyn.doubtful import doubtful_sight
 from monodyn.errors import FitError, SettingsError, VideoError
 from monodyn.estimation.fit import Doubt
 from monodyn.estimation.record.tables import write_poses

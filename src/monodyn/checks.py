@@ -24,29 +24,12 @@ from monodyn.stages import check_camera
 from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background
-from monodyn.vision.points.scene import PointScene
 from monodyn.vision.release import FreeSpan
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
     from monodyn.mechanism import Mechanism
 
-LEAST_SEEN = 0.25
-"""Share of the frames to fit that have to be tracked."""
-MOST_MISMATCH = 0.5
-"""Mismatch of outline and mask, as a share of the mask's area, above which no fit is trusted: as much as the
-published method allows. Where only a part of the frames was tracked, only that part of it."""
-MOST_SWAY_PX = 1.5
-"""Sway of the whole mechanism before a background that does not show how the camera moves, above which no fit
-is trusted [px]; a camera that stands still leaves less than a tenth of that."""
-MOST_BESIDE = 0.05
-"""What moves along with a body outside of its outline, as a share of the foreground, above which no fit of
-uniform bodies is trusted."""
-MOST_OUTSIDE = 0.4
-"""Share of tracked points away from the mechanism above which no fit is trusted."""
-MOST_OFF = 0.04
-"""Distance of tracked points from the mechanism, over its size in the picture, above which no fit is
-trusted."""
 MOST_ROWS = 1_000_000
 """Most rows of a prediction."""
 FILMING = "What makes a clip good, with examples: docs/filming.md."
@@ -298,79 +281,6 @@ def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:
         f"clip '{video.path}': expected the mechanism in frames {first} to {last}, tracked it in none; "
         + " ".join([*(notes or ["look at diagnosis.png."]), FILMING])
     )
-
-
-def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | None:
-    """Find a reason not to trust any fit to the poses: what was followed is hardly the mechanism.
-
-    Args:
-        sight: What the run saw of its clip.
-        part: The poses that are fitted.
-        uniform: Whether masses follow from the geoms; free masses take in what no geom stands for.
-
-    Returns:
-        The reason, a sentence for the user; None where the outline explains what was seen.
-    """
-    if sight.points is not None:
-        return _doubtful_points(sight.points, part)
-    # pictures that repeat the one before are not expected to be measured
-    repeats = () if sight.scene is None else sight.scene.masks.video.repeats.frames
-    seen, count = int(np.sum(part.measured.any(axis=1))), int(np.sum(~np.isin(part.frame, repeats)))
-    if seen < LEAST_SEEN * count:
-        return (
-            f"Only {seen} of the {count} frames to fit were tracked: too few to trust that the mechanism was "
-            "followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
-            "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
-        )
-    # what lies badly on its mask and was lost again and again may be something else
-    if sight.mismatch > MOST_MISMATCH * min(seen / max(count, 1), 1.0):
-        lost = f", and {count - seen} of {count} frames were not tracked" if seen < count else ""
-        return (
-            "The mechanism as it was located differs from what stands out from the background by "
-            f"{sight.mismatch:.0%} of its area{lost}: it is in the wrong place, of the wrong size or blurred "
-            "by its motion, or other things move with it; diagnosis.png shows what was seen. --roi X,Y,W,H "
-            "and --time-range A:B leave other things out."
-        )
-    if sight.scene is not None and sight.scene.masks.video.bare and sight.sway_px > MOST_SWAY_PX:
-        return (
-            f"The whole mechanism sways by {sight.sway_px:.1f} px in the picture, and the background "
-            "shows too little to follow the camera by: put the camera on a tripod, or film before a "
-            "background with edges and patterns over much of the picture."
-        )
-    beside = {} if sight.scene is None else sight.scene.beside
-    body = max(beside, key=lambda name: beside[name], default="")
-    if uniform and body and beside[body] > MOST_BESIDE:
-        return (
-            f"Something moves along with '{body}' outside of its outline, {beside[body]:.0%} of what stands "
-            "out from the background: the mechanism file has no geom for it, or a geom was found in another "
-            "place, and masses and lengths would come out wrong. Give the file a geom for it, about as it "
-            "is, or take --identify.bodies free; diagnosis.png shows it."
-        )
-    return None
-
-
-def _doubtful_points(scene: PointScene, part: Poses) -> str | None:
-    """Find a reason not to trust any fit to tracked points."""
-    seen, count = int(np.sum(part.measured.any(axis=1))), len(part)
-    if seen < LEAST_SEEN * count:
-        return (
-            f"Only {seen} of the {count} frames to fit show a joint: too few points to trust the fit; "
-            "diagnosis.png shows which were found."
-        )
-    if scene.outside > MOST_OUTSIDE:
-        return (
-            f"{scene.outside:.0%} of the tracked points do not lie where the mechanism can have them: "
-            "names may belong to other points (--points.map), or the mechanism file is another one; "
-            "diagnosis.png shows it."
-        )
-    if scene.rms_px > MOST_OFF * scene.extent_px:
-        return (
-            f"The tracked points lie {scene.rms_px:.1f} px from where the mechanism can have them, "
-            f"{scene.rms_px / scene.extent_px:.0%} of its size in the picture: names may belong to other "
-            "points (--points.map), the camera may move without a point of the scene that shows it, or the "
-            "mechanism file is another one; diagnosis.png shows it."
-        )
-    return None
 
 
 def left_out(background: Background, *, given: bool = False) -> list[str]:

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn.checks import camera_choices, doubtful_sight, drawn_mechanism, free_range
+from monodyn.checks import camera_choices, drawn_mechanism, free_range
+from monodyn.doubtful import doubtful_sight
 from monodyn.errors import FitError, MechanismError, MonodynError, SettingsError
 from monodyn.estimation.fit import GRADES, Doubt, Fit
 from monodyn.job import Job

@@ -17,7 +17,6 @@ from monodyn.checks import (
     camera_choices,
     check_tracked,
     chosen_mechanism,
-    doubtful_sight,
     fitted_range,
     free_range,
     how_to_film,
@@ -27,13 +26,14 @@ from monodyn.checks import (
     untracked,
 )
 from monodyn.choose import AUTO, candidates, choose, nearest
+from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
 from monodyn.inputs import clip_torques, input_files, opened, torque_files, with_torques
 from monodyn.job import Job, Outcome, shown_if_refused
-from monodyn.mechanism.dots import mass_notes, shows_dots
+from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
@@ -113,16 +113,22 @@ def run(
             poses, unsure = with_right_turns(
                 poses, (first, stop), scene.mechanism, settings.identify, progress
             )
-            fit = identify(poses.part(first, stop), scene.mechanism, settings.identify, progress=progress)
+            part = poses.part(first, stop)
+            bodies = chosen_bodies(mechanism, settings.identify.bodies)
+            why = doubtful_sight(sight, part, uniform=bodies == "uniform")
+            # no number of starts finds the mechanism in poses that are not its own
+            quick = replace(settings.identify, starts=1, uncertainty="linear")
+            fit = identify(part, scene.mechanism, quick if why else settings.identify, progress=progress)
+            why = why or (None if fit.ok else likely_sight(sight))
             uniform = not any(p.kind == "inertia" and p.free for p in fit.mechanism.parameters)
             log.notes += mass_notes(mechanism, "uniform" if uniform else "free")
-            why = doubtful_sight(sight, poses.part(first, stop), uniform=uniform)
         log.notes += unsure
         if why:
             # a motion may be followed in the wrong place: then no advice on the model helps
             fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
-        elif sight.unsettled and fit.ok:
-            fit = fit.doubted([Doubt("approximate", sight.unsettled)])
+        elif fit.ok:
+            unsaid = [sight.unsettled, sight.scene and unshown_parts(mechanism, sight.scene.mechanism)]
+            fit = fit.doubted([Doubt("approximate", said) for said in unsaid if said])
         with log.stage("predict"):
             traces = predicted(fit, poses, times, video.path.name)
             if fit.ok:

@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from monodyn.errors import FitError
+from monodyn.estimation.record.samples import ordered, prepare
+from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting import search
+from monodyn.estimation.shooting.problem import posed
 from monodyn.mechanism import load
 from monodyn.stages import identify
+from swings import motion, record
 
 
 @pytest.mark.parametrize(
@@ -23,6 +28,11 @@ from monodyn.stages import identify
         (
             lambda p: replace(p, position=np.where(np.arange(60)[:, None] < 40, p.position[:1], np.nan)),
             "Nothing moves in the record: no joint leaves its noise; give frames with motion.",
+        ),
+        (
+            lambda p: replace(p, position=np.where([True, False], 30.0 * p.position, 0.3)),
+            "joint2 never moves, while joint1 does: what is in the record has no such joint, or it is stuck. "
+            "Take a mechanism without it, its bodies made one.",
         ),
         (
             lambda p: replace(p, position=np.where([True, False], p.position, np.nan)),
@@ -80,3 +90,31 @@ def test_short_tables_have_a_status(tmp_path, count):
                 s.startswith(("The simulated motion does not follow", "The residual of")) for s in said
             )
         assert fit.ok == fit.status.startswith("Identified")
+
+
+def test_optima_that_the_data_cannot_tell_apart_are_listed(monkeypatch):
+    """A pendulum of given mass and inertia swings alike about two distances from its centre of mass, whose
+    product is inertia over mass (Kater's reversible pendulum)."""
+    single = load("single").with_bodies("free")
+    radius2 = 4e-4
+    held = {"link1.length": 0.2, "link1.mass": 1.0, "link1.inertia": radius2, "link1.com_y": 0.0}
+    pendulum = single.with_choices(
+        fix={**held, "camera.roll": 0.0}, free=["link1.com_x"], bounds={"link1.com_x": (1e-3, 1.0)}
+    ).with_values({"link1.com_x": 0.05})
+    times = np.arange(60) / 30.0
+    poses = record(pendulum, times, motion(pendulum, times, [0.5], [0.0]), noise=1e-4)
+    data, smoothed = prepare((poses,), pendulum), (smooth(ordered(poses, pendulum)),)
+    problem = posed(pendulum.with_torque("friction"), data)
+    looked = search.Search(problem, smoothed, IdentifySettings(torque="friction"), None)
+
+    def near(x):
+        return posed(problem.mechanism.with_values({"link1.com_x": x}), data).unknowns.x0, looked.route
+
+    monkeypatch.setattr(search, "starts", lambda *args: iter([near(0.06), near(0.007)]))
+    monkeypatch.setattr(looked, "explained", lambda optimum: False)
+    best, _ = looked.from_starts()
+    values = [problem.unknowns.named(x)["link1.com_x"] for x in (best.x, *best.twins)]
+    np.testing.assert_allclose(sorted(values), [radius2 / 0.05, 0.05], rtol=5e-3)
+    # one optimum that two starts lead to is no twin of its own
+    monkeypatch.setattr(search, "starts", lambda *args: iter([near(0.06), near(0.045)]))
+    assert looked.from_starts()[0].twins == ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -159,6 +159,8 @@ class Fit:
         torques: Known torques of each record; empty where none are known.
         tried_torques: The kinds of torque that were tried, the chosen one first; empty where friction left
             nothing to explain, or where the kind was named.
+        alternatives: Values of the estimated parameters by name where another start of the search ended
+            that the data cannot tell from this fit.
     """
 
     status: str
@@ -181,6 +183,7 @@ class Fit:
     unmodelled: Unmodelled | None = None
     torques: tuple[TorqueLog, ...] = ()
     tried_torques: tuple[TriedTorque, ...] = ()
+    alternatives: tuple[Mapping[str, float], ...] = ()
 
     @property
     def grade(self) -> Grade:

@@ -22,12 +22,12 @@ from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.known import fit_known
 from monodyn.estimation.torque.task import Task
+from monodyn.estimation.verdict.causes import lacking
 from monodyn.estimation.verdict.stretches import (
     beginning,
     disagreeing,
     disagreement,
     explained,
-    other_rate,
 )
 from monodyn.estimation.verdict.summary import summarize
 from monodyn.mechanism import Mechanism
@@ -60,28 +60,20 @@ def identify_jointly(
         The identified mechanism with intervals.
     """
     fit = _identified(records, mechanism, settings, progress)
-    if not fit.ok and fit.starts and settings.torque in ("auto", "friction") and fit.torque == "friction":
-        settings = replace(settings, torque="friction", uncertainty="linear")
-        reason = _other_rate(records, mechanism, settings) or _beginning(records, mechanism, settings)
-        fit = replace(fit, advice=(*reason, *fit.advice))
-    return fit
-
-
-def _other_rate(
-    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings
-) -> tuple[str, ...]:
-    """Name the rate at which the record fits gravity and a given length; nothing where none does."""
-    free = {p.name for p in mechanism.parameters if p.free}
-    given = [p.name for p in mechanism.parameters if p.kind == "length" and not p.free]
-    # with either of them open it would have taken up what the clock lacks
-    if not given or "gravity" in free or "time_scale" in free:
-        return ()
-    fit = _identified(records, mechanism.with_choices(free=["time_scale"]), replace(settings, starts=2), None)
-    clock = fit.parameter("time_scale")
-    if not fit.ok or not clock.identifiable or clock.lower <= 1.0 <= clock.upper:
-        return ()
-    step = float(np.median(np.diff(records[0].time)))
-    return (other_rate(clock.value, 1.0 / (step * clock.value), given),)
+    usual = settings.torque in ("auto", "friction") and fit.torque == "friction"
+    # with one start nobody wants to know more than how near it leads
+    if fit.grade == "trusted" or not fit.starts or not usual or settings.starts == 1:
+        return fit
+    settings = replace(settings, torque="friction", uncertainty="linear")
+    # a misfit is looked into; what else a fit is doubted for has its reason
+    lacks = fit.unmodelled is not None or not fit.ok
+    cause, named = lacking(records, mechanism, settings, fit) if lacks else ("", False)
+    if fit.ok:
+        # what can be used at least approximately is no other mechanism
+        return replace(fit, advice=(cause, *fit.advice)) if named else fit
+    reason = () if named else _beginning(records, mechanism, settings)
+    # a beginning that fits says more than what does not explain the rest
+    return replace(fit, advice=(*reason, *([cause] if cause else []), *fit.advice))
 
 
 def _identified(

@@ -77,11 +77,17 @@ def _mechanism(text: str, urdf: bool, meshes: dict[str, bytes], where: str) -> M
     file = _File(mujoco, spec, model, where, urdf)
     # "MuJoCo Model" is what MuJoCo calls a model without a name.
     name = Path(where).stem if spec.modelname in ("", "MuJoCo Model") else spec.modelname
-    return _assembled(name.encode("utf-8", "replace").decode("utf-8"), *file.links())
+    return assembled(name.encode("utf-8", "replace").decode("utf-8"), *file.links())
 
 
-def _assembled(name: str, links: list[Link], gravity: float) -> Mechanism:
-    """Return a mechanism made of its parts: its links, parents first, and gravity in the plane [m/s^2]."""
+def assembled(name: str, links: list[Link], gravity: float) -> Mechanism:
+    """Return a mechanism made of its parts.
+
+    Args:
+        name: Its name.
+        links: Its links, parents first.
+        gravity: Gravity in the plane, downward [m/s^2].
+    """
     plan = make_plan(links, gravity)
     table = plan.table
     numbers, own = np.array(table.start), np.zeros(len(table.names), dtype=bool)
@@ -314,7 +320,7 @@ class _File:
         Options such as ``settotalmass`` and ``shellinertia`` change what the geoms weigh, and a mesh that is
         not convex weighs less than its hull; the formulas of this room do not take them into account.
         """
-        tree = _assembled("", links, self.plane.gravity).tree
+        tree = assembled("", links, self.plane.gravity).tree
         for j, link in enumerate(links):
             body = int(self.model.jnt_bodyid[j])
             if not link.carries or self.urdf:

@@ -83,6 +83,7 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "unknowns": sum(estimate.free for estimate in fit.parameters),
         "evaluations": fit.evaluations,
         "parameters": [parameter_row(estimate) for estimate in fit.parameters],
+        "alternatives": [dict(values) for values in fit.alternatives],
         "combinations": [{"name": c.name, "value": c.value, "std": c.std} for c in fit.combinations],
         "initial_state": starts[0] if len(starts) == 1 else starts,
         "rms": dict(fit.rms),

@@ -63,6 +63,7 @@ class Judged:
         matched: Share of the outline samples on an edge.
         inside: Coverage just inside of the outline.
         mismatch: Mismatch of outline and mask as a share of the mask's area.
+        beyond: What of it is of the mask, outside of the outline; the rest is of the outline, off the mask.
     """
 
     frame: Frame
@@ -71,6 +72,7 @@ class Judged:
     matched: float
     inside: float
     mismatch: float
+    beyond: float = 0.0
 
     @property
     def score(self) -> float:
@@ -256,6 +258,12 @@ class Sight:
         shares = [judged.mismatch for judged in self.judged if judged.tracked]
         return float(np.median(shares)) if shares else float("nan")
 
+    @property
+    def beyond(self) -> float:
+        """Median of what of the mismatch is outside of the outline, likewise."""
+        shares = [judged.beyond for judged in self.judged if judged.tracked]
+        return float(np.median(shares)) if shares else float("nan")
+
 
 def located_at(scene: Scene, frame: int) -> tuple[int, np.ndarray]:
     """Return the key frame nearest to a frame, and the pose that was located there.
@@ -342,8 +350,8 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, arou
     mask = scene.masks.of(frame)
     planes = planes_for(mask, view)
     found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
-    share = _mismatch(scene, planes, view, _during(scene, frame.index, position), around)
-    return Judged(frame, position, tracked, found.matched, found.inside, share)
+    missing, more = _mismatch(scene, planes, view, _during(scene, frame.index, position), around)
+    return Judged(frame, position, tracked, found.matched, found.inside, missing + more, more)
 
 
 def _during(scene: Scene, frame: int, position: np.ndarray) -> list[np.ndarray]:
@@ -359,8 +367,9 @@ def _during(scene: Scene, frame: int, position: np.ndarray) -> list[np.ndarray]:
 
 def _mismatch(
     scene: Scene, planes: np.ndarray, view: View, positions: Sequence[np.ndarray], window: Window
-) -> float:
-    """Return the mismatch of outline and mask within a window as a share of the mask's area there.
+) -> tuple[float, float]:
+    """Return the mismatch of outline and mask within a window as shares of the mask's area there: what the
+    outline has and the mask has not, and the other way round.
 
     The outline covers a pixel as it does in the mean of ``positions``, the poses during the exposure. Where
     the background has a geom's colour nothing of the geom is expected, and coverage that noise alone makes is
@@ -389,8 +398,8 @@ def _mismatch(
             level = (LEAST_LEVEL * drawn).astype(np.int16) if varied else drawn
             expected = np.maximum(expected, np.where(trust[plane] >= TRUSTED, level, 0))
     missing, more = np.maximum(expected - covered, 0), np.maximum(covered - model, 0)
-    area = float(covered[known].sum())
-    return (float(missing.sum()) + float(more[known].sum())) / max(area, float(FULL))
+    area = max(float(covered[known].sum()), float(FULL))
+    return float(missing.sum()) / area, float(more[known].sum()) / area
 
 
 def _drawn(outlines: Sequence[np.ndarray], window: Window) -> np.ndarray:

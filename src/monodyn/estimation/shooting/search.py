@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -11,8 +13,14 @@ from monodyn.estimation.record.smooth import NORMAL, Smoothed
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import Optimum, Route, multiple_shooting, relative_difference
-from monodyn.estimation.shooting.starts import starts
+from monodyn.estimation.shooting.shoot import (
+    Optimum,
+    Route,
+    fit_pieces,
+    multiple_shooting,
+    relative_difference,
+)
+from monodyn.estimation.shooting.starts import STATES_ALONE, starts
 from monodyn.estimation.wording import listed
 from monodyn.optimize import SearchSettings, first_good
 from monodyn.types import Progress
@@ -27,10 +35,16 @@ HOPELESS_SHARE = 0.01
 """... and above this share of the motion: pieces so short follow any motion that the model has."""
 NEGLIGIBLE = 0.01
 """Integration error that does not count, as a share of the typical residual."""
+ALIKE = 15.0
+"""Twice the logarithm of the likelihood by which the data tell two optima apart."""
 SAME = 0.01
 """Two searches led to the same motion if their residuals differ by less than this share of themselves."""
 STILL_NOISE = 4.0
 """A joint whose positions scatter by less than this many times their noise does not move."""
+RIGID_NOISE = 1.5
+"""A joint whose positions scatter by less than this many times their noise shows no motion at all ..."""
+MOVING_NOISE = 50.0
+"""... where another one's scatter by more than this many times theirs: through the dynamics it would move."""
 NOTHING_MOVES = "Nothing moves in the record: no joint leaves its noise; give frames with motion."
 """Status of a fit to a record at rest, whatever the method."""
 
@@ -73,20 +87,40 @@ class Search:
         tried = starts(
             self.problem, self.motion, self._smoothed, self.route, self._settings.starts, self._settings.seed
         )
-        tried = islice(tried, first, None)
+        endings: list[Optimum] = []
+
+        def ending(start: tuple[np.ndarray, Route]) -> Optimum:
+            endings.append(
+                multiple_shooting(
+                    self.problem, start[0], self._smoothed, start[1], self.report, self._hopeless
+                )
+            )
+            return endings[-1]
+
         best, count = first_good(
-            lambda start: multiple_shooting(
-                self.problem, start[0], self._smoothed, start[1], self.report, self._hopeless
-            ),
-            tried,
-            cost=residual_size,
-            good=self.explained,
-            same=_same,
+            ending, islice(tried, first, None), cost=residual_size, good=self.explained, same=_same
         )
-        if best.complete or give_up:
-            return best, first + count
-        # where every start was given up the best of them goes all the way after all
-        return self.from_start(best.x), count
+        if not best.complete and not give_up:
+            # where every start was given up the best of them goes all the way after all
+            best = self.from_start(best.x)
+        return replace(best, twins=self._twins(best, endings)), first + count
+
+    def _twins(self, best: Optimum, endings: Sequence[Optimum]) -> tuple[np.ndarray, ...]:
+        """Return where other starts ended that explain the record as well, beyond a rise of the cost."""
+        apart = 0.5 * ALIKE * max(best.sigma, 1.0) ** 2
+        found: list[Optimum] = []
+        for other in endings:
+            near = other.complete and best.complete and abs(other.cost - best.cost) < apart
+            if near and all(self._rise(one, other) > apart for one in (best, *found)):
+                found.append(other)
+        return tuple(other.x for other in found)
+
+    def _rise(self, one: Optimum, other: Optimum) -> float:
+        """Return by how much the cost half-way between two optima is above theirs: along a direction that is
+        open it does not rise, and the intervals say so."""
+        start = one.trial.at(0.5 * (one.x + other.x), 0.5 * (one.trial.states + other.trial.states))
+        middle = fit_pieces(self.problem, start, self.route, STATES_ALONE, held=True)
+        return middle.cost - max(one.cost, other.cost)
 
     def from_start(self, x: np.ndarray, *, give_up: bool = False) -> Optimum:
         """Return the optimum to which one start leads.
@@ -209,17 +243,25 @@ def obstacle(problem: Problem, smoothed: tuple[Smoothed, ...]) -> str | None:
             if not np.isfinite(found.noise[dof]):
                 record = f" in record {i}" if records > 1 else ""
                 return f"Joint {names[dof]!r} was measured under 5 times{record}; give more frames."
-    if all(_still(data, dof) for dof in range(dofs)):
+    moves = [_moves(data, dof) for dof in range(dofs)]
+    if max(moves) <= STILL_NOISE:
         return NOTHING_MOVES
+    rigid = [name for name, moved in zip(names, moves, strict=True) if moved <= RIGID_NOISE]
+    if rigid and max(moves) > MOVING_NOISE:
+        return (
+            f"{listed(rigid)} never moves, while {names[int(np.argmax(moves))]} does: what is in the record "
+            "has no such joint, or it is stuck. Take a mechanism without it, its bodies made one."
+        )
     return None
 
 
-def _still(data: Data, dof: int) -> bool:
-    """True when a joint does not leave its noise in any record."""
+def _moves(data: Data, dof: int) -> float:
+    """Return the scatter of a joint over its noise, of the record where it moves most."""
+    most = 0.0
     for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
         use = data.measured[first:stop, dof]
         if use.any():
             values = data.position[first:stop, dof][use]
-            if np.std(values) > STILL_NOISE * np.median(data.std[first:stop, dof][use]):
-                return False
-    return True
+            noise = float(np.median(data.std[first:stop, dof][use]))
+            most = max(most, float(np.std(values)) / max(noise, 1e-300))
+    return most

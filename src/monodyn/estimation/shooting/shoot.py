@@ -61,6 +61,7 @@ class Optimum:
         evaluations: Evaluations of the model.
         converged: True when the last search reached its minimum.
         at_bound: True for unknowns on a bound, (param,).
+        twins: Coordinates of other optima that the data cannot tell from this one, each (param,).
     """
 
     trial: Trial
@@ -70,6 +71,7 @@ class Optimum:
     evaluations: int
     converged: bool
     at_bound: np.ndarray
+    twins: tuple[np.ndarray, ...] = ()
 
     @property
     def x(self) -> np.ndarray:

@@ -77,7 +77,7 @@ def starts(
     for i, x in enumerate(scatter(rolled, width, count - 1, seed=seed)[1:]):
         x = np.clip(x, unknowns.lower, unknowns.upper)
         # every other one is matched first: where accelerations are any good that saves the short pieces
-        yield (x, short) if i % 2 == 0 else (_match(problem, motion, x), route)
+        yield (x, short) if i % 2 == 0 else (match(problem, motion, x), route)
 
 
 def matched(problem: Problem, motion: SmoothMotion) -> np.ndarray:
@@ -92,7 +92,7 @@ def matched(problem: Problem, motion: SmoothMotion) -> np.ndarray:
     """
     tried = _scales(problem, motion)
     nearest = min(tried, key=lambda x: mismatch_cost(problem, x, motion))
-    return _match(problem, motion, nearest)
+    return match(problem, motion, nearest)
 
 
 def _scales(problem: Problem, motion: SmoothMotion) -> list[np.ndarray]:
@@ -103,7 +103,17 @@ def _scales(problem: Problem, motion: SmoothMotion) -> list[np.ndarray]:
     return found
 
 
-def _match(problem: Problem, motion: SmoothMotion, x: np.ndarray) -> np.ndarray:
+def match(problem: Problem, motion: SmoothMotion, x: np.ndarray) -> np.ndarray:
+    """Match accelerations from one start.
+
+    Args:
+        problem: The problem.
+        motion: Smooth motion.
+        x: Coordinates of the start, (param,).
+
+    Returns:
+        Coordinates, (param,).
+    """
     unknowns = problem.unknowns
     found = minimize(
         lambda at: mismatch_rows(problem, at, motion), x, (unknowns.lower, unknowns.upper), settings=MATCH,

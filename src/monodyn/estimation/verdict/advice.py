@@ -319,6 +319,29 @@ def starts_tried(tried: int) -> list[str]:
     return [f"{tried} starts were tried; the best of them is reported."] if tried > 1 else []
 
 
+def twins(parameters: Sequence[Estimate], alternatives: Sequence[Mapping[str, float]]) -> list[str]:
+    """List other parameters with which the motion is as close to the record.
+
+    Args:
+        parameters: The estimates.
+        alternatives: The others' values by name.
+
+    Returns:
+        Sentences; none without others.
+    """
+    rows = {p.name: p for p in parameters}
+    said = []
+    for values in alternatives:
+        found = [rows[name] for name in values if name in rows and rows[name].free]
+        away = sorted(found, key=lambda p: -abs(values[p.name] - p.value) / max(abs(p.value), 1e-300))
+        told = [f"{p.name} {values[p.name]:.3g} in place of {p.value:.3g} {p.unit}".rstrip() for p in away]
+        said.append(
+            f"Another start ended elsewhere with a motion as close to the record: {listed(told, 3)}. Nothing "
+            "in the record tells them apart; a measured value, given with --fix, does."
+        )
+    return said
+
+
 def zero_frictions(mechanism: Mechanism, unknowns: Unknowns) -> list[str]:
     """Name the dry frictions that are zero and were not estimated.
 

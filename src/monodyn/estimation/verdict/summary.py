@@ -76,15 +76,15 @@ def summarize(
         stamp_error=found.noise.stamps,
         unmodelled=lacking,
         tried_torques=solution.compared,
+        alternatives=tuple(problem.unknowns.named(x) for x in optimum.twins),
     )
     unsupported = [Doubt("approximate", solution.doubt)] if solution.doubt else []
     few = [hardly] if hardly else []
     fit = fit.doubted([*unsupported, *few, *_doubts(found, fit, settings)])
+    twins = advice.twins(fit.parameters, fit.alternatives)
     advised = (
-        *solution.advice,
-        *_advice(found, fit, records, settings),
-        *advice.starts_tried(solution.tried),
-    )
+        *twins, *solution.advice, *_advice(found, fit, records, settings), *advice.starts_tried(solution.tried)
+    )  # fmt: skip
     return replace(fit, advice=advised)
 
 

@@ -1,0 +1,261 @@
+"""What a model lacks that does not follow its record: one further freedom after the other, the best named.
+
+Each freedom is something that is often forgotten: quadratic drag, gravity that does not act straight down
+where the angles are measured, a clock that runs at another rate, a base that swings. Along smooth motion
+the accelerations show in a moment which of them comes closest; the best ``TRIED`` are fitted to the record.
+
+The rule: a cause is named if with it the residuals are at most half as large. With chance alone a further
+unknown takes off a few thousandths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.record.samples import ordered, prepare
+from monodyn.estimation.record.smooth import Smoothed, smooth
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.accelerations import SmoothMotion, mismatch_cost, smooth_motion
+from monodyn.estimation.shooting.problem import Problem, posed
+from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, multiple_shooting
+from monodyn.estimation.shooting.starts import match, matched
+from monodyn.estimation.shooting.swinging import Swing, swing_of
+from monodyn.estimation.verdict.stretches import other_rate
+from monodyn.estimation.wording import listed
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.mounted import mounted
+from monodyn.mechanism.upright import ROLL, feels_roll
+from monodyn.types import Poses
+
+HALVED = 2.0
+"""Factor by which a cause makes the residuals smaller, at least, to be named."""
+TRIED = 2
+"""Causes that are fitted to the record: those that come closest to its accelerations."""
+COARSE = 1e-4
+"""Integration error that these fits may have [rad or m]."""
+PSEUDO = 0.4
+"""Deviation of the base's positions about those that the accelerations call for, as a share of its largest:
+they only begin the fit."""
+
+Sentence = Callable[[Problem, Optimum, float], str]
+"""Names a cause, from its fit and the factor by which it makes the residuals smaller."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """Something that the model may lack.
+
+    Attributes:
+        name: What it is, in words.
+        mechanism: The mechanism with it, at values that match the accelerations.
+        records: The records, of a base's motion too.
+        left: What it leaves of the accelerations, a sum of weighed squares.
+        said: Names it.
+    """
+
+    name: str
+    mechanism: Mechanism
+    records: tuple[Poses, ...]
+    left: float
+    said: Sentence
+
+
+def lacking(
+    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, fit: Fit
+) -> tuple[str, bool]:
+    """Say what explains that a motion is not followed, or that nothing usual does.
+
+    Args:
+        records: The records.
+        mechanism: The mechanism, its bodies chosen.
+        settings: How it was identified.
+        fit: The fit that does not follow.
+
+    Returns:
+        A sentence for the user, empty where nothing could be tried; and whether a cause was found.
+    """
+    before, tried = _size(records, fit), _causes(records, mechanism)
+    if not tried or not np.isfinite(before):
+        return "", False
+    for cause in sorted(tried, key=lambda cause: cause.left)[:TRIED]:
+        problem, optimum = _fitted(cause, settings)
+        if optimum.complete:
+            after = _size_of(problem, optimum, [joint.name for joint in mechanism.joints])
+            if HALVED * after < before:
+                return cause.said(problem, optimum, before / after), True
+    return (
+        f"None of the usual causes halves what is left over ({listed([cause.name for cause in tried])}): "
+        "look whether something else moves along with the mechanism or acts on it (a link more than it has, "
+        "a support that moves, a hand, a stop), and whether the file is that of this mechanism."
+    ), False
+
+
+def _causes(records: tuple[Poses, ...], mechanism: Mechanism) -> list[Cause]:
+    """Return what the model may lack, with what it leaves of the accelerations."""
+    plain = mechanism.with_torque("friction")
+    problem = posed(plain, prepare(records, plain))
+    smoothed = tuple(smooth(ordered(record, plain)) for record in records)
+    motion = smooth_motion(problem, smoothed)
+    if not len(motion.time):
+        return []
+    x = matched(problem, motion)
+    found = [
+        _freed(name, names, said, (problem, x), records, smoothed)
+        for name, names, said in _freedoms(plain, problem)
+    ]
+    base = _based((problem, x), motion, records)
+    return [*found, *([base] if base else [])]
+
+
+def _freedoms(mechanism: Mechanism, problem: Problem) -> list[tuple[str, list[str], Sentence]]:
+    """Return what the mechanism has no unknown for: its name, the parameters that it takes, its sentence."""
+    found: list[tuple[str, list[str], Sentence]] = []
+    unknown = set(problem.unknowns.names)
+    drags = [p.name for p in mechanism.parameters if p.kind == "drag" and p.name not in unknown]
+    if drags:
+        found.append(("quadratic drag", drags, lambda _, __, times: dragged(drags, times)))
+    if ROLL not in unknown and problem.data.by_roll.any() and feels_roll(mechanism):
+        found.append(
+            (
+                "tilted gravity",
+                [ROLL],
+                lambda p, o, times: tilted(p.mechanism_at(o.x).values[ROLL] - mechanism.values[ROLL], times),
+            )
+        )
+    given = [p.name for p in mechanism.parameters if p.kind == "length" and not p.free]
+    # with either of them open it would have taken up what the clock lacks
+    if given and not unknown & {"gravity", "time_scale"}:
+        step = float(np.median(np.diff(problem.data.times)))
+
+        def rate(p: Problem, o: Optimum, _: float) -> str:
+            scale = p.mechanism_at(o.x).values["time_scale"]
+            return other_rate(scale, 1.0 / (step * scale), given)
+
+        found.append(("another clock", ["time_scale"], rate))
+    return found
+
+
+def _freed(
+    name: str,
+    names: Sequence[str],
+    said: Sentence,
+    near: tuple[Problem, np.ndarray],
+    records: tuple[Poses, ...],
+    smoothed: tuple[Smoothed, ...],
+) -> Cause:
+    """Match accelerations with further parameters free."""
+    problem, x = near
+    freed = problem.mechanism.with_choices(free=names)
+    larger = posed(freed, problem.data)
+    motion = smooth_motion(larger, smoothed)
+    x = match(larger, motion, larger.unknowns.carried(x, problem.unknowns))
+    return Cause(name, larger.mechanism_at(x), records, mismatch_cost(larger, x, motion), said)
+
+
+def _based(
+    near: tuple[Problem, np.ndarray], motion: SmoothMotion, records: tuple[Poses, ...]
+) -> Cause | None:
+    """Match accelerations with a base that swings; None where the mechanism does not hang on one hinge."""
+    problem, x = near
+    swing = swing_of(problem, x, motion) if len(records) == 1 and not problem.data.torques else None
+    if swing is None:
+        return None
+    mechanism, joint = mounted(problem.mechanism_at(x), swing.rate)
+    record = _with_base(ordered(records[0], problem.mechanism), joint, swing)
+    return Cause(
+        "a base that swings", mechanism, (record,), swing.left,
+        lambda p, o, times: swung(float(np.ptp(p.simulated(o.trial)[:, 0])), swing.rate, times),
+    )  # fmt: skip
+
+
+def _with_base(record: Poses, joint: str, swing: Swing) -> Poses:
+    """Return a record with the positions of the base that its accelerations call for, loosely."""
+    place = swing.at(record.time)
+    frames, dofs = record.position.shape
+    covariance = np.zeros((frames, dofs + 1, dofs + 1))
+    covariance[:, 1:, 1:] = record.covariance
+    covariance[:, 0, 0] = (PSEUDO * float(np.abs(place).max())) ** 2
+    seen = record.joint_seen
+    return replace(
+        record,
+        joints=(joint, *record.joints),
+        position=np.column_stack([place, record.position]),
+        covariance=covariance,
+        joint_seen=None if seen is None else np.column_stack([seen.any(axis=1), seen]),
+        roll=None,
+        shifts=None,
+    )
+
+
+def _fitted(cause: Cause, settings: IdentifySettings) -> tuple[Problem, Optimum]:
+    """Fit the records with a cause, roughly."""
+    problem = posed(cause.mechanism, prepare(cause.records, cause.mechanism))
+    smoothed = tuple(smooth(ordered(record, cause.mechanism)) for record in cause.records)
+    route = Route(settings.piece, max(settings.error_bound, COARSE), ROUGH)
+    return problem, multiple_shooting(problem, problem.unknowns.x0, smoothed, route)
+
+
+def _size(records: Sequence[Poses], fit: Fit) -> float:
+    """Return the mean size of a fit's residuals in units of the stated noise; infinite without any."""
+    sizes, slide = [], np.array([joint.kind == "slide" for joint in fit.mechanism.joints])
+    for record, residual in zip((ordered(r, fit.mechanism) for r in records), fit.residual, strict=True):
+        noise = np.sqrt(np.maximum(np.diagonal(record.covariance, axis1=1, axis2=2), 1e-300))
+        # a fit has the residuals of slides in metres, a picture's positions are in the start scale
+        unit = np.where(slide & (not record.metric), fit.scale, 1.0)
+        sizes.append((np.abs(residual) / (unit * noise))[np.isfinite(residual)])
+    every = np.concatenate(sizes) if sizes else np.zeros(0)
+    return float(np.mean(every)) if len(every) else np.inf
+
+
+def _size_of(problem: Problem, optimum: Optimum, joints: Sequence[str]) -> float:
+    """Return the same of an optimum, of some joints."""
+    every = [joint.name for joint in problem.mechanism.joints]
+    columns = [every.index(name) for name in joints]
+    sizes = np.abs(problem.differences(optimum.trial)[:, columns]) / problem.data.std[:, columns]
+    return float(np.nanmean(np.where(problem.data.measured[:, columns], sizes, np.nan)))
+
+
+def dragged(names: Sequence[str], times: float) -> str:
+    """Name quadratic drag as what is lacking.
+
+    Args:
+        names: Its parameters.
+        times: How many times as close to the record the motion comes with it.
+    """
+    return (
+        f"With quadratic drag at its joints the motion comes {times:.2g} times as close to the record: "
+        f"--free {' '.join(names)} estimates it."
+    )
+
+
+def tilted(roll: float, times: float) -> str:
+    """Name a tilt of gravity as what is lacking.
+
+    Args:
+        roll: The tilt [rad].
+        times: How many times as close to the record the motion comes with it.
+    """
+    return (
+        f"With gravity {abs(np.degrees(roll)):.2g} deg from straight down where the angles are measured the "
+        f"motion comes {times:.2g} times as close to the record: a camera is out of level by that much, or "
+        "the zero of an encoder is; --free camera.roll estimates it, --fix camera.roll=VALUE [rad] gives it."
+    )
+
+
+def swung(reach: float, rate: float, times: float) -> str:
+    """Name a base that swings as what is lacking.
+
+    Args:
+        reach: How far it swings from one side to the other [m].
+        rate: Rate of the oscillation [rad/s].
+        times: How many times as close to the record the motion comes with it.
+    """
+    return (
+        f"On a base that swings to the right and back, over {1e3 * reach:.2g} mm at "
+        f"{rate / (2.0 * np.pi):.2g} Hz, the motion comes {times:.2g} times as close to the record: what "
+        "holds the mechanism moves. Fasten it, or give the file a body on a slide with a spring for it."
+    )

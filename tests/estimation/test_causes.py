@@ -1,0 +1,116 @@
+"""What a model lacks is named: records that MuJoCo moved with something in addition."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from monodyn.estimation.record.samples import ordered, prepare
+from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.accelerations import smooth_motion
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.starts import matched
+from monodyn.estimation.shooting.swinging import swing_of
+from monodyn.estimation.verdict import causes
+from monodyn.mechanism import load
+from monodyn.stages import identify
+from swings import white
+
+NOISE = 1e-3
+POLE = """<mujoco><option gravity="0 0 -9.81" timestep="0.0005"/><worldbody>
+<body><joint name="joint1" type="hinge" axis="0 -1 0" damping="0.0005"/>
+<geom type="box" density="2700" size="0.15 0.003 0.012" pos="0.15 0 0"/></body></worldbody></mujoco>"""
+QUICK = IdentifySettings(torque="friction", starts=2)
+
+
+def swung(push, frames=120):
+    """Return a noisy record of a pole; ``push`` changes MuJoCo's model and data before each step."""
+    model = mujoco.MjModel.from_xml_string(POLE)
+    data = mujoco.MjData(model)
+    data.qpos[0] = -0.2
+    rows = []
+    for step in range(40 * frames):
+        if step % 40 == 0:
+            rows.append(data.qpos.copy())
+        push(model, data)
+        mujoco.mj_step(model, data)
+    noise = NOISE * np.random.default_rng(0).normal(size=(frames, 1))
+    return white(("joint1",), np.arange(frames) / 50.0, np.array(rows) + noise, NOISE)
+
+
+def drag(model, data):
+    data.qfrc_applied[0] = -0.004 * abs(data.qvel[0]) * data.qvel[0]
+
+
+def tilt(model, data):
+    model.opt.gravity[:] = 9.81 * np.array([np.sin(0.2), 0.0, -np.cos(0.2)])
+
+
+def base(model, data):
+    model.opt.gravity[0] = 0.03 * 8.0**2 * np.sin(8.0 * data.time)
+
+
+def test_a_right_model_has_no_cause():
+    fit = identify(swung(lambda model, data: None), load("single"), QUICK)
+    assert fit.grade == "trusted"
+    assert not any("times as close" in said or "usual causes" in said for said in fit.advice)
+
+
+@pytest.mark.parametrize(
+    ("push", "begins"),
+    [
+        (drag, "With quadratic drag at its joints the motion comes "),
+        (tilt, "With gravity 11 deg from straight down where the angles are measured the motion comes "),
+        (base, "On a base that swings to the right and back, over 60 mm at 1.3 Hz, the motion comes "),
+    ],
+)
+def test_what_is_lacking_is_named(push, begins):
+    fit = identify(swung(push), load("single"), QUICK)
+    assert fit.grade != "trusted"
+    assert fit.advice[0].startswith(begins)
+
+
+def test_the_swing_that_accelerations_call_for():
+    record = swung(base)
+    mechanism = load("single").with_torque("friction")
+    problem = posed(mechanism, prepare((record,), mechanism))
+    motion = smooth_motion(problem, (smooth(ordered(record, mechanism)),))
+    swing = swing_of(problem, matched(problem, motion), motion)
+    assert swing is not None
+    # the frequencies that are tried are a tenth of a turn over the record apart
+    assert swing.rate == pytest.approx(8.0, abs=0.1 * 2.0 * np.pi / 2.3)
+    np.testing.assert_allclose(swing.at(record.time), 0.03 * np.sin(8.0 * record.time), atol=6e-3)
+
+
+def test_nothing_usual(monkeypatch):
+    """A cause has to halve what is left over."""
+    record = swung(drag)
+    fit = identify(record, load("single"), replace(QUICK, starts=1))
+    monkeypatch.setattr(causes, "HALVED", 1e9)
+    assert causes.lacking((record,), load("single"), QUICK, fit) == (
+        "None of the usual causes halves what is left over (quadratic drag, tilted gravity and a base that "
+        "swings): look whether something else moves along with the mechanism or acts on it (a link more than "
+        "it has, a support that moves, a hand, a stop), and whether the file is that of this mechanism.",
+        False,
+    )
+
+
+def test_sentences():
+    assert causes.dragged(["joint1.drag", "joint2.drag"], 6.13) == (
+        "With quadratic drag at its joints the motion comes 6.1 times as close to the record: --free "
+        "joint1.drag joint2.drag estimates it."
+    )
+    assert causes.tilted(-0.1745, 12.2) == (
+        "With gravity 10 deg from straight down where the angles are measured the motion comes 12 times as "
+        "close to the record: a camera is out of level by that much, or the zero of an encoder is; --free "
+        "camera.roll estimates it, --fix camera.roll=VALUE [rad] gives it."
+    )
+    assert causes.swung(0.04, 9.0, 43.0) == (
+        "On a base that swings to the right and back, over 40 mm at 1.4 Hz, the motion comes 43 times as "
+        "close to the record: what holds the mechanism moves. Fasten it, or give the file a body on a slide "
+        "with a spring for it."
+    )
