@@ -199,7 +199,9 @@ class Problem:
                 tree, directions, clock[first:stop], q0, v0, substeps=trial.substeps, drive=drive
             )
             # start rates are by true time: a slower clock is like larger ones, at the same stamps
-            dq[:, :, :params] += (dq[:, :, params + dofs :] @ v0)[:, :, None] * instance.dstretch
+            # of a motion that grows beyond all bounds nothing is finite, which the search rejects
+            with np.errstate(invalid="ignore", over="ignore"):
+                dq[:, :, :params] += (dq[:, :, params + dofs :] @ v0)[:, :, None] * instance.dstretch
             parts.append((q, dq))
         q, dq = (np.concatenate(part) for part in zip(*parts, strict=True))
         slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
