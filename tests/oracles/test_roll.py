@@ -63,11 +63,11 @@ def test_the_roll_is_found_and_positions_are_against_gravity(degrees: float, tmp
     assert any(tilted in line for line in fit.advice) == (degrees > 12.0)
 
 
-def test_a_level_camera_would_have_been_wrong(tmp_path: Path) -> None:
+def test_a_level_camera_is_not_trusted(tmp_path: Path) -> None:
     truth = double_truth()
     poses, _ = filmed(truth, np.radians(7.0), tmp_path)
     held = identify(poses, load("double"))
-    assert not held.ok or sigmas(held.parameter("link1.length"), truth.values["link1.length"]) > 4.0
+    assert held.grade != "trusted"
     assert ROLL not in [p.name for p in held.parameters]
     given = identify(poses, load("double").with_choices(fix={ROLL: np.radians(7.0)}))
     assert given.ok

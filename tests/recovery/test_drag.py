@@ -1,5 +1,6 @@
 """Quadratic drag, which nobody asks for by default, found in a simulated record."""
 
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.unknowns import assumed_sizes
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -19,6 +20,10 @@ def test_drag_that_is_freed_is_found() -> None:
     assert drag.identifiable
     assert sigmas(drag, 2e-4) < 4.0  # four standard deviations, one seed
     assert drag.std < 0.5e-4
-    without = identify(poses, single)
+    without = identify(poses, single, IdentifySettings(torque="friction"))
     assert without.parameter("joint1.drag").value == 0.0
     assert without.rms["joint1"] > fit.rms["joint1"]
+    # the evidence alone leads there as well
+    found = identify(poses, single)
+    assert found.acting == fit.acting
+    assert sigmas(found.parameter("joint1.drag"), 2e-4) < 4.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.known import fit_known
 from monodyn.estimation.torque.task import Task
-from monodyn.estimation.verdict.causes import lacking
+from monodyn.estimation.verdict.causes import explained_otherwise, lacking
 from monodyn.estimation.verdict.stretches import (
     beginning,
     disagreeing,
@@ -84,7 +85,8 @@ def _identified(
     data = prepare(records, mechanism)
     smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
     model = "known" if data.torques else settings.torque
-    solution = TORQUE_MODELS[model](mechanism, Task(data, smoothed, settings, progress))
+    otherwise = partial(explained_otherwise, records, settings)
+    solution = TORQUE_MODELS[model](mechanism, Task(data, smoothed, settings, progress, otherwise))
     return summarize(solution, records, settings, began, progress)
 
 

@@ -104,7 +104,7 @@ class PaperIdentifySettings(IdentifySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.method != "fast" and self.torque == "auto":
+        if self.method == "paper" and self.torque == "auto":
             # the paper chooses its cases by hand; the first one is what acts where nothing else is said
             object.__setattr__(self, "torque", "friction")
         check_choice("identify.states", self.states, ("measured", "filtered"))

@@ -144,14 +144,17 @@ def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> 
 
 def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
     """Try bodies whose mass may lie anywhere, where the user left that open and the evidence is for it."""
-    if task.settings.bodies != "auto" or solution.optimum is None:
+    problem, optimum = solution.problem, solution.optimum
+    if task.settings.bodies != "auto" or optimum is None or not problem.unknowns.uniform:
+        return []
+    if optimum.complete and task.otherwise(problem, optimum):
         return []
     found = fit_free_bodies(solution, task)
     if found is None or found.optimum is None:
         return []
-    further = len(found.problem.unknowns) - len(solution.problem.unknowns)
-    optima = [(solution.problem, solution.optimum), (found.problem, found.optimum)]
-    if likeliest(optima) == 0 or not pays(solution.optimum, found.optimum, max(further, 1)):
+    further = len(found.problem.unknowns) - len(problem.unknowns)
+    better = likeliest([(problem, optimum), (found.problem, found.optimum)]) == 1
+    if not better or not pays(optimum, found.optimum, max(further, 1)):
         return []
     return [_Tried(FREE_BODIES, found)]
 

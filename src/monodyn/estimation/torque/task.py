@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from monodyn.estimation.fit import TriedTorque
@@ -25,12 +26,14 @@ class Task:
         smoothed: Smooth motion of each record.
         settings: How to search.
         progress: Called with the stages done.
+        otherwise: Returns whether what a solution leaves over has a reason that is no torque, nor the bodies.
     """
 
     data: Data
     smoothed: tuple[Smoothed, ...]
     settings: IdentifySettings
     progress: Progress | None
+    otherwise: Callable[[Problem, Optimum], bool] = lambda *_: False
 
     def search(self, problem: Problem) -> Search:
         """Return the search of one problem.

@@ -41,6 +41,9 @@ PSEUDO = 0.4
 """Deviation of the base's positions about those that the accelerations call for, as a share of its largest:
 they only begin the fit."""
 
+DRAG = "quadratic drag"
+"""The cause that is a torque."""
+
 Sentence = Callable[[Problem, Optimum, float], str]
 """Names a cause, from its fit and the factor by which it makes the residuals smaller."""
 
@@ -81,17 +84,44 @@ def lacking(
     before, tried = _size(records, fit), _causes(records, mechanism)
     if not tried or not np.isfinite(before):
         return "", False
-    for cause in sorted(tried, key=lambda cause: cause.left)[:TRIED]:
-        problem, optimum = _fitted(cause, settings)
-        if optimum.complete:
-            after = _size_of(problem, optimum, [joint.name for joint in mechanism.joints])
-            if HALVED * after < before:
-                return cause.said(problem, optimum, before / after), True
+    joints = [joint.name for joint in mechanism.joints]
+    cause = _named(tried, before, joints, settings)
+    if cause:
+        return cause, True
     return (
         f"None of the usual causes halves what is left over ({listed([cause.name for cause in tried])}): "
         "look whether something else moves along with the mechanism or acts on it (a link more than it has, "
         "a support that moves, a hand, a stop), and whether the file is that of this mechanism."
     ), False
+
+
+def explained_otherwise(
+    records: tuple[Poses, ...], settings: IdentifySettings, problem: Problem, optimum: Optimum
+) -> bool:
+    """Return whether tilted gravity, another clock or a base that swings explains what is left over.
+
+    Bodies whose mass may lie anywhere explain some of these as well: one further unknown is asked first.
+
+    Args:
+        records: The records.
+        settings: How they were identified.
+        problem: The problem that was solved.
+        optimum: Its optimum.
+    """
+    joints = [joint.name for joint in problem.mechanism.joints]
+    tried = [cause for cause in _causes(records, problem.mechanism) if cause.name != DRAG]
+    return bool(_named(tried, _size_of(problem, optimum, joints), joints, settings))
+
+
+def _named(tried: Sequence[Cause], before: float, joints: Sequence[str], settings: IdentifySettings) -> str:
+    """Return the sentence of the first of the likeliest causes that halves the residuals; empty for none."""
+    for cause in sorted(tried, key=lambda cause: cause.left)[:TRIED]:
+        problem, optimum = _fitted(cause, settings)
+        if optimum.complete:
+            after = _size_of(problem, optimum, joints)
+            if HALVED * after < before:
+                return cause.said(problem, optimum, before / after)
+    return ""
 
 
 def _causes(records: tuple[Poses, ...], mechanism: Mechanism) -> list[Cause]:
@@ -117,7 +147,7 @@ def _freedoms(mechanism: Mechanism, problem: Problem) -> list[tuple[str, list[st
     unknown = set(problem.unknowns.names)
     drags = [p.name for p in mechanism.parameters if p.kind == "drag" and p.name not in unknown]
     if drags:
-        found.append(("quadratic drag", drags, lambda _, __, times: dragged(drags, times)))
+        found.append((DRAG, drags, lambda _, __, times: dragged(drags, times)))
     if ROLL not in unknown and problem.data.by_roll.any() and feels_roll(mechanism):
         found.append(
             (

@@ -82,9 +82,8 @@ def summarize(
     few = [hardly] if hardly else []
     fit = fit.doubted([*unsupported, *few, *_doubts(found, fit, settings)])
     twins = advice.twins(fit.parameters, fit.alternatives)
-    advised = (
-        *twins, *solution.advice, *_advice(found, fit, records, settings), *advice.starts_tried(solution.tried)
-    )  # fmt: skip
+    said = _advice(found, fit, records, settings)
+    advised = (*twins, *solution.advice, *said, *advice.starts_tried(solution.tried))
     return replace(fit, advice=advised)
 
 
