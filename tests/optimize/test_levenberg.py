@@ -1,8 +1,9 @@
 """Levenberg-Marquardt on arrows: blocks against the dense solution, steps that are no numbers."""
 
 import numpy as np
+import pytest
 
-from monodyn.optimize import Arrow, minimize, minimize_arrow
+from monodyn.optimize import Arrow, SearchSettings, minimize, minimize_arrow
 
 
 def test_a_step_that_is_no_number_is_not_tried():
@@ -51,3 +52,56 @@ def test_arrow_is_the_dense_solution():
     np.testing.assert_allclose(blocks.shared, whole.x[:2], atol=1e-8)
     np.testing.assert_allclose(blocks.local[:, 0], whole.x[2:], atol=1e-8)
     assert blocks.evaluations == whole.evaluations
+
+
+def valley(x):
+    """Residuals and slope of a parabolic valley: 100 (y - x^2), 1 - x."""
+    return np.array([100.0 * (x[1] - x[0] ** 2), 1.0 - x[0]]), np.array([[-200.0 * x[0], 100.0], [-1.0, 0.0]])
+
+
+def valley_arrow(shared, local):
+    residual, slope = valley(shared)
+    nothing = (np.zeros((0, 2, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0)))
+    return Arrow(0.5 * float(residual @ residual), slope.T @ slope, slope.T @ residual, *nothing, slope)
+
+
+def valley_bend(model, shared, local, step, local_step):
+    """The first residual has the second derivative -200 along x, the other one is straight."""
+    return model.kept.T @ np.array([-200.0 * step[0] ** 2, 0.0]), local_step
+
+
+def test_a_bent_step_follows_a_curved_valley():
+    ends = []
+    for bend in (None, valley_bend):
+        start, box = np.array([-1.5, 2.25]), (np.full(2, -9.0), np.full(2, 9.0))
+        found = minimize_arrow(
+            valley_arrow, start, np.zeros((0, 0)), box, settings=SearchSettings(evaluations=1000), bend=bend
+        )
+        ends.append(found)
+        assert ends[-1].converged
+        np.testing.assert_allclose(ends[-1].shared, 1.0, atol=1e-6)
+    assert ends[1].evaluations < 0.2 * ends[0].evaluations
+
+
+def test_a_bent_step_leaves_what_has_met_its_bound_there():
+    box = np.full(2, -9.0), np.array([9.0, 0.5])
+    found = minimize_arrow(valley_arrow, np.array([-1.5, 0.4]), np.zeros((0, 0)), box, bend=valley_bend)
+    assert found.shared[1] == 0.5
+    assert found.at_bound[1]
+
+
+def test_a_block_that_nothing_determines_is_damped():
+    """Without damping the block is singular: the step counts as rejected, and the next one is damped."""
+
+    def arrow(shared, local):
+        residual = shared - 3.0
+        return Arrow(
+            0.5 * float(residual @ residual), np.eye(1), residual, np.zeros((1, 1, 2)),
+            np.array([[[1.0, 1.0], [1.0, 1.0]]]), np.zeros((1, 2)),
+        )  # fmt: skip
+
+    bounds, settings = (np.array([-9.0]), np.array([9.0])), SearchSettings(damping=1e-17)
+    found = minimize_arrow(arrow, np.zeros(1), np.zeros((1, 2)), bounds, settings=settings)
+    assert found.converged
+    assert found.shared[0] == pytest.approx(3.0)
+    assert not found.local.any()

@@ -9,6 +9,7 @@ from monodyn.optimize.levenberg import Arrow, ArrowSolution, SearchSettings, min
 from monodyn.optimize.minimum import Bounds, DirectSettings, Minimum
 from monodyn.optimize.multistart import first_good, scatter
 from monodyn.optimize.powell import powell
+from monodyn.optimize.randomize import Draws, randomized
 
 __all__ = [
     "Arrow",
@@ -16,6 +17,7 @@ __all__ = [
     "Bounds",
     "Bracket",
     "DirectSettings",
+    "Draws",
     "Exhausted",
     "Found",
     "Minimum",
@@ -30,6 +32,7 @@ __all__ = [
     "minimize",
     "minimize_arrow",
     "powell",
+    "randomized",
     "scatter",
     "swann",
 ]

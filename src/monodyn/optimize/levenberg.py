@@ -9,17 +9,20 @@ blocks.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED, STALLED
 
-LEAST_DAMPING = 1e-10
-MOST_DAMPING = 1e12
+LEAST_DAMPING, MOST_DAMPING = 1e-15, 1e12
+"""The least is small against what is known least, such as an assumed proportion, next to the largest slope of
+a motion that doubles every error several times: damped more it would creep."""
 LEAST_GAIN = 1e-4
 """A step is taken when the cost falls by at least this share of what the model predicted."""
+MOST_BEND = 0.75
+"""Acceleration over a step, both as they move the residuals, above which it is not bent."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,10 @@ class ArrowSolution:
     at_bound: np.ndarray
 
 
+Bend = Callable[[Arrow, np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Gives J.r'' along a step at a model and its point: (model, shared, local, step, local step)."""
+
+
 def minimize_arrow(
     evaluate: Callable[[np.ndarray, np.ndarray], Arrow | None],
     shared: np.ndarray,
@@ -102,13 +109,15 @@ def minimize_arrow(
     *,
     settings: SearchSettings = USUAL_SEARCH,
     reach: np.ndarray | float = np.inf,
+    bend: Bend | None = None,
 ) -> ArrowSolution:
     """Minimize 1/2 r(shared, local).r with bounds on the shared unknowns.
 
     Each step solves (H + damping D) dx = -g with D the largest diagonal of H seen so far; shared unknowns
     that the step carries over a bound, or further than ``reach``, are put there and the others solved again,
     so that the step is the best one inside. A point that cannot be evaluated (None, NaN, infinite) counts as
-    a rejected step.
+    a rejected step. Where the residuals bend along a step, it is bent with them: narrow valleys that are
+    curved are followed in few steps.
 
     Args:
         evaluate: Gives the model at (shared, local), or None where the residuals do not exist.
@@ -119,13 +128,17 @@ def minimize_arrow(
         reach: Longest step of each shared unknown, (shared,) or one for all; above 0. A logarithm whose
             derivative fades in one direction needs one: a single step of the model can carry it so far that
             no later step brings it back.
+        bend: Gives J.r'' of the second derivative of the residuals along a step, shared and local, at the
+            point of a model; without it steps are straight.
 
     Returns:
         The best point found; its status is the reason why the search ended.
 
     Source:
         Marquardt, An algorithm for least-squares estimation of nonlinear parameters, 1963; the scaling by the
-        largest diagonal is that of Moré, 1978.
+        largest diagonal is that of Moré, 1978; the bent step that of Transtrum and Sethna, Improvements to
+        the Levenberg-Marquardt algorithm for nonlinear least-squares minimization, 2012 (geodesic
+        acceleration).
     """
     shared, local, (lower, upper) = np.array(shared, dtype=float), np.array(local, dtype=float), bounds
     model = evaluate(shared, local)
@@ -144,6 +157,9 @@ def minimize_arrow(
             converged = damping < 1.0
             status = REACHED if converged else STALLED
             break
+        if bend is not None and np.isfinite(predicted):
+            pull = bend(model, shared, local, step, local_step)
+            step, local_step = _bent(model, damping, scale, room, (step, local_step), pull)
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
         trial = evaluate(at, local_at) if np.isfinite(predicted) else None
         evaluations += 1
@@ -171,6 +187,31 @@ def _nowhere(size: int, local: tuple[int, ...], kept: Any) -> Arrow:
     )  # fmt: skip
 
 
+def _bent(
+    model: Arrow,
+    damping: float,
+    scale: tuple[np.ndarray, np.ndarray],
+    room: tuple[np.ndarray, np.ndarray],
+    step: tuple[np.ndarray, np.ndarray],
+    pull: tuple[np.ndarray, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a step with half of its acceleration, which undoes what the residuals bend away along it."""
+    left = replace(model, gradient=pull[0], local_gradient=pull[1])
+    with np.errstate(over="ignore", invalid="ignore"):
+        # what is left of the room for a step counts twice for an acceleration; what used it up stays there
+        met = (step[0] <= room[0]) | (step[0] >= room[1])
+        below, above = (np.where(met, 0.0, 2.0 * (end - step[0])) for end in room)
+        more, local_more, _ = damped_step(left, damping, scale, below, above)
+        lengths = [
+            np.sqrt(np.sum(scale[0] * one**2) + np.sum(scale[1] * other**2))
+            for one, other in (step, (more, local_more))
+        ]
+    # a step along which the residuals bend that much is too long for the model, bent or not
+    if not lengths[1] <= MOST_BEND * lengths[0]:
+        return step
+    return step[0] + 0.5 * more, step[1] + 0.5 * local_more
+
+
 def damped_step(
     model: Arrow,
     damping: float,
@@ -189,15 +230,19 @@ def damped_step(
 
     Returns:
         Shared step (shared,), local step (block, local), and the decrease of the cost that the model
-        predicts.
+        predicts; that is NaN where there is no such step.
     """
     # With A the shared, C the local and B the cross block, the local step is -C^-1 (c + B' d), so that the
     # shared step solves the Schur complement (A - B C^-1 B') d = -(a - B C^-1 c): C is inverted by blocks.
     hessian = model.hessian + np.diag(damping * scale[0])
     local = model.local_hessian + (damping * scale[1])[:, :, None] * np.eye(scale[1].shape[1])
     right = np.concatenate((np.swapaxes(model.cross, 1, 2), model.local_gradient[:, :, None]), axis=2)
-    solved = np.linalg.solve(local, right) if local.size else right
     size = len(model.gradient)
+    try:
+        solved = np.linalg.solve(local, right) if local.size else right
+    except np.linalg.LinAlgError:
+        # as good as no damping leaves a block singular whose start state nothing determines
+        return np.zeros(size), np.zeros_like(model.local_gradient), np.nan
     reduced = hessian - np.einsum("bsl,blt->st", model.cross, solved[:, :, :size])
     gradient = model.gradient - np.einsum("bsl,bl->s", model.cross, solved[:, :, size])
     step = _bounded_solve(reduced, gradient, room_below, room_above)
