@@ -44,6 +44,14 @@ C, S, PHI, OX, OY, SW, SX, SY, VW, VX, VY, M, MX, MY, J, FN, FX, FY, AW, AX, AY 
 """Columns of the scratch ``w``, one row a link: cosine, sine and angle of its frame; its origin; the motion
 that a unit rate of its joint is (S), its own motion (V), inertia (M to J), force (F), acceleration (A)."""
 WORK = 21
+SETTLED = 4.0
+"""Rate over that of creep beyond which dry friction no longer changes (to 1e-3)."""
+AHEAD = 1.5
+"""A rate may reach zero within a step where it is below this many times the change that it begins with."""
+RESOLVED = 1.5
+"""Largest change of a rate in a part of a step through zero, in units of the rate of creep."""
+MOST_PARTS = 64
+"""Parts of a step at most."""
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -200,6 +208,28 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
 
 
 @njit(cache=True, error_model="numpy")
+def parts_of_step(links, v, a, step):  # pragma: no cover - compiled
+    """Return into how many equal parts a step is divided where dry friction may change its sign within it.
+
+    ``v`` and ``a`` (dof,) are rates and accelerations at its begin. A step over the change misses it by its
+    own length times the friction, however smooth all else is; so the rate changes by at most ``RESOLVED``
+    widths of the friction's own transition in a part.
+    """
+    parts = 1
+    for i in range(links.shape[0]):
+        if links[i, FRICTION].real == 0.0:
+            continue
+        rate, change = v[i].real, a[i].real * step
+        away = rate * change > 0.0
+        near = SETTLED * CREEP + (0.0 if away else AHEAD * abs(change))
+        if abs(rate) < near:
+            wanted = abs(change) / (RESOLVED * CREEP)
+            if wanted > parts:
+                parts = min(int(np.ceil(wanted)), MOST_PARTS)
+    return parts
+
+
+@njit(cache=True, error_model="numpy")
 def accelerations(parent, kind, links, gravity, q, v, tau):  # pragma: no cover - compiled
     """Return the accelerations in every row of positions, rates and torques, all (frame, dof)."""
     w = np.empty((parent.size, WORK), links.dtype)
@@ -240,19 +270,28 @@ def rollout(
         step = (times[f] - times[f - 1]) / substeps
         for s in range(substeps):
             begin = times[f - 1] + s * step
-            for k in range(4):
-                part = 0.0 if k == 0 else step if k == 3 else 0.5 * step
-                if k > 0:
-                    for i in range(n):
-                        x[k, i] = x[0, i] + part * u[k - 1, i]
-                        u[k, i] = u[0, i] + part * a[k - 1, i]
-                # The middle of the step determines on which side of a knot its ends are.
-                if mode != NONE:
-                    torque(mode, stamps, table, begin + part, begin + 0.5 * step, value, rate, tau, slope)
-                forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
-            for i in range(n):
-                x[0, i] += step / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
-                u[0, i] += step / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
+            done, parts, length = 0, 1, step
+            while done < parts:
+                for k in range(4):
+                    part = 0.0 if k == 0 else length if k == 3 else 0.5 * length
+                    if k > 0:
+                        for i in range(n):
+                            x[k, i] = x[0, i] + part * u[k - 1, i]
+                            u[k, i] = u[0, i] + part * a[k - 1, i]
+                    # The middle of the step determines on which side of a knot its ends are.
+                    if mode != NONE:
+                        middle = times[f - 1] + (s + 0.5) * step
+                        torque(mode, stamps, table, begin + part, middle, value, rate, tau, slope)
+                    forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
+                    # the first stage does not depend on the length of the step
+                    if k == 0 and done == 0:
+                        parts = parts_of_step(links, u[0], a[0], step)
+                        length = step / parts
+                for i in range(n):
+                    x[0, i] += length / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
+                    u[0, i] += length / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
+                done += 1
+                begin += length
         for i in range(n):
             q[f, i] = x[0, i]
             v[f, i] = u[0, i]

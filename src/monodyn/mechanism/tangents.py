@@ -40,6 +40,7 @@ from monodyn.mechanism.planar import (
     M,
     S,
     forward,
+    parts_of_step,
     place,
 )  # fmt: skip
 from monodyn.mechanism.tree import (
@@ -317,42 +318,49 @@ def rollout_tangents(
         step = (times[f] - times[f - 1]) / substeps if f > 0 else 0.0
         for s in range(substeps if f > 0 else 0):
             begin = times[f - 1] + s * step
-            for r in range(4):
-                part = 0.0 if r == 0 else step if r == 3 else 0.5 * step
-                if r > 0:
-                    for i in range(n):
-                        x[r, i] = x[0, i] + part * u[r - 1, i]
-                        u[r, i] = u[0, i] + part * a[r - 1, i]
-                        for k in range(many):
-                            dx[r, i, k] = dx[0, i, k] + part * du[r - 1, i, k]
-                            du[r, i, k] = du[0, i, k] + part * da[r - 1, i, k]
-                time, span = begin + part, (0, 0)
-                if mode != NONE:
-                    span = torque(mode, stamps, table, time, begin + 0.5 * step, value, rate, tau, slope)
-                # ``forward`` leaves the factors of M in h and sums of subtrees in w; the tangents need the
-                # inertia of each link alone, which ``place`` restores.
-                forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
-                place(parent, kind, links, x[r], u[r], w)
-                _needed_forces(parent, gravity, u[r], a[r], w)
-                _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
-                _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
-                _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
-                if mode != NONE:
-                    _add_torque(
-                        tau, slope, time, value, span, slot, loads, clocks, lagging, lags, da[r], many
-                    )
-                # da holds dtau - (dM a + dbias); M is that of this stage
-                solve_all(parent, h, da[r], many)
-            for i in range(n):
-                x[0, i] += step / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
-                u[0, i] += step / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
-                for k in range(many):
-                    dx[0, i, k] += (
-                        step / 6.0 * (du[0, i, k] + 2.0 * (du[1, i, k] + du[2, i, k]) + du[3, i, k])
-                    )
-                    du[0, i, k] += (
-                        step / 6.0 * (da[0, i, k] + 2.0 * (da[1, i, k] + da[2, i, k]) + da[3, i, k])
-                    )
+            done, parts, length = 0, 1, step
+            while done < parts:
+                for r in range(4):
+                    part = 0.0 if r == 0 else length if r == 3 else 0.5 * length
+                    if r > 0:
+                        for i in range(n):
+                            x[r, i] = x[0, i] + part * u[r - 1, i]
+                            u[r, i] = u[0, i] + part * a[r - 1, i]
+                            for k in range(many):
+                                dx[r, i, k] = dx[0, i, k] + part * du[r - 1, i, k]
+                                du[r, i, k] = du[0, i, k] + part * da[r - 1, i, k]
+                    time, span = begin + part, (0, 0)
+                    if mode != NONE:
+                        # of the whole step: its parts are on the same side of a knot
+                        middle = times[f - 1] + (s + 0.5) * step
+                        span = torque(mode, stamps, table, time, middle, value, rate, tau, slope)
+                    # ``forward`` leaves the factors of M in h and sums of subtrees in w; the tangents need
+                    # the inertia of each link alone, which ``place`` restores.
+                    forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
+                    # as in ``planar.rollout``, so that these are the derivatives of that very rollout
+                    if r == 0 and done == 0:
+                        parts = parts_of_step(links, u[0], a[0], step)
+                        length = step / parts
+                    place(parent, kind, links, x[r], u[r], w)
+                    _needed_forces(parent, gravity, u[r], a[r], w)
+                    _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
+                    _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
+                    _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
+                    if mode != NONE:
+                        _add_torque(
+                            tau, slope, time, value, span, slot, loads, clocks, lagging, lags, da[r], many
+                        )
+                    # da holds dtau - (dM a + dbias); M is that of this stage
+                    solve_all(parent, h, da[r], many)
+                sixth = length / 6.0
+                for i in range(n):
+                    x[0, i] += sixth * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
+                    u[0, i] += sixth * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
+                    for k in range(many):
+                        dx[0, i, k] += sixth * (du[0, i, k] + 2.0 * (du[1, i, k] + du[2, i, k]) + du[3, i, k])
+                        du[0, i, k] += sixth * (da[0, i, k] + 2.0 * (da[1, i, k] + da[2, i, k]) + da[3, i, k])
+                done += 1
+                begin += length
         for i in range(n):
             q[f, i], v[f, i] = x[0, i], u[0, i]
             for k in range(many):
