@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.record.smooth import motion_size, smooth
 from swings import white
 
 
@@ -63,3 +63,12 @@ def test_five_samples_have_none_that_is_far_off(position):
     found = smooth(record(np.arange(5) * 0.1, position))
     assert np.isfinite(found.acceleration).all()
     assert not found.outlier.any()
+
+
+def test_no_gross_error_makes_a_motion_larger():
+    """A sine of one half has the deviation 0.5 / sqrt(2), whatever one sample in forty says."""
+    values = 0.5 * np.sin(np.linspace(0.0, 8.0 * np.pi, 400, endpoint=False))
+    assert motion_size(values) == pytest.approx(0.5 / np.sqrt(2.0), rel=1e-9)
+    values[::50] = 1e20
+    assert motion_size(values) == pytest.approx(0.5 / np.sqrt(2.0), rel=0.2)
+    assert motion_size(values[:0]) == 0.0

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.errors import MechanismError, VideoError
+from monodyn.estimation.record.smooth import motion_size
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.logged import LoggedTorque, logged
 from monodyn.mechanism.upright import by_roll
@@ -72,10 +73,9 @@ class Data:
 
     @cached_property
     def motion_size(self) -> np.ndarray:
-        """Standard deviation of the measured positions of each joint about their mean [rad or m], (dof,)."""
-        return np.array(
-            [np.std(self.position[use, j]) if use.any() else 0.0 for j, use in enumerate(self.measured.T)]
-        )
+        """Standard deviation of the measured positions of each joint about their mean, without the pull of
+        gross errors [rad or m], (dof,)."""
+        return np.array([motion_size(self.position[use, j]) for j, use in enumerate(self.measured.T)])
 
     def by_row(self, of_record: np.ndarray) -> np.ndarray:
         """Repeat what holds for a record for each of its rows.
@@ -123,6 +123,17 @@ class Data:
             source=self.source[rows],
             shifts=None if self.shifts is None else self.shifts[:, rows],
         )
+
+    def of(self, records: np.ndarray) -> Data:
+        """Return the data of some records alone, without known torques.
+
+        Args:
+            records: Which, rising, int (record,).
+        """
+        rows = np.concatenate([np.arange(*self.first[k : k + 2].tolist()) for k in records.tolist()])
+        first = np.concatenate(([0], np.cumsum(np.diff(self.first)[records])))
+        part = replace(self.part(rows), first=first)
+        return replace(part, slide=self.slide[records], by_roll=self.by_roll[records], torques=())
 
     def without(self, rows: np.ndarray) -> Data:
         """Return the data with the measurements of some rows left out.

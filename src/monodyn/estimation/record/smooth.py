@@ -12,6 +12,9 @@ import numpy as np
 
 from monodyn.types import Poses
 
+MIDDLE = (0.025, 0.975)
+"""Shares of the positions of a joint between which no gross error lies."""
+
 WINDOWS = (7, 11, 17, 27)
 """Numbers of neighbours that are tried."""
 FEWEST_SAMPLES = 5
@@ -20,7 +23,7 @@ NORMAL = 0.6745
 """Median of the absolute value of a standard normal variable."""
 
 POSITION, VELOCITY, ACCELERATION, ACCELERATION_STD = range(4)
-"""Rows of a curve."""
+"""Rows of a curve, in the order of the kernel."""
 CURVE_ROWS = ACCELERATION_STD + 1
 """Number of these rows."""
 
@@ -117,7 +120,7 @@ def _best_window(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> _Curv
 def _fit(times: np.ndarray, values: np.ndarray, count: int) -> _Curve:
     """Fit at the samples, down-weight those far off, fit again."""
     weight = np.ones(len(times))
-    least = 1e-9 * float(np.ptp(values)) + 1e-12
+    least = 1e-9 * motion_size(values) + 1e-12
     for _ in range(8):
         curve, share = _cubics(times, values, weight, times, count)
         # a sample that takes part in its own estimate with share s is s nearer to it than to one without it:
@@ -127,8 +130,10 @@ def _fit(times: np.ndarray, values: np.ndarray, count: int) -> _Curve:
         size = max(float(np.median(left_out)) / NORMAL, least)
         if left_out.max() < 6.0 * size:
             break
-        # bisquare weights: a sample six typical residuals off no longer pulls at the curve
-        weight = np.clip(1.0 - (left_out / (6.0 * size)) ** 2, 0.0, 1.0) ** 2 + 1e-6
+        # bisquare weights: a sample six typical residuals off no longer pulls at the curve, however far off;
+        # the rest of a weight keeps a curve among such samples alone
+        far_off = (left_out / (6.0 * size)) ** 2
+        weight = np.clip(1.0 - far_off, 0.0, 1.0) ** 2 + 1e-6 / (1.0 + far_off)
     residual = left_out * np.sqrt(rest)
     noise = max(float(np.median(residual)) / NORMAL, least)
     far = (left_out > 8.0 * size) & (residual > 8.0 * noise)
@@ -151,29 +156,13 @@ def _cubics(
         The curve in the rows named above, its standard deviation for unit noise, (row, frame); and the share
         of a sample in its own estimate (its leverage), (frame,), of use where ``at`` are the samples.
     """
-    # times are divided by the distance of the farthest neighbour, so that powers up to three stay of one size
-    near = _neighbours(times, at, count)
-    offset = times[near] - at[:, None]
-    reach = np.abs(offset).max(axis=1) * (1.0 + 1.0 / count)
-    x = offset / reach[:, None]
-    kernel = (1.0 - np.abs(x) ** 3) ** 3 * weight[near]
-    degree = min(3, count - 2)
-    basis = x[:, :, None] ** np.arange(degree + 1)
-    weighted = basis * kernel[:, :, None]
-    normal = np.einsum("fki,fkj->fij", weighted, basis)
-    # the small ridge decides where several samples at one time leave the cubic open
-    normal += 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(degree + 1)
-    influence = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2))
-    coefficient = np.einsum("fik,fk->fi", influence, values[near])
-    second = 2.0 / reach**2
-    std = np.sqrt(np.einsum("fk,fk->f", influence[:, 2], influence[:, 2])) * second
-    rows = np.stack((coefficient[:, 0], coefficient[:, 1] / reach, coefficient[:, 2] * second, std))
-    own = np.argmin(np.abs(offset), axis=1)
-    return rows, influence[np.arange(len(at)), 0, own]
+    from monodyn.estimation.record.cubics import local_cubics
+
+    return local_cubics(times, values, weight, at, _neighbours(times, at, count), count)
 
 
 def _neighbours(times: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
-    """Indices of the ``count`` samples nearest to each requested time, (frame, count)."""
+    """First of the ``count`` samples nearest to each requested time, int (frame,)."""
     # start from a window centred by rank, then slide it one sample at a time while the sample that enters is
     # nearer than the one that leaves; times increase, so that a window which no longer moves is the nearest
     first = np.searchsorted(times, at) - count // 2
@@ -190,4 +179,21 @@ def _neighbours(times: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
         if not closer.any():
             break
         first = first - closer
-    return first[:, None] + np.arange(count)
+    return first
+
+
+def motion_size(values: np.ndarray) -> float:
+    """Return the standard deviation of positions about their mean, to which no gross error adds much.
+
+    Values farther outside of the middle 95 % than that is wide count as if they were no farther.
+
+    Args:
+        values: Positions [rad or m], (sample,).
+
+    Returns:
+        Their size in the same unit; 0 for none.
+    """
+    if not len(values):
+        return 0.0
+    low, high = np.quantile(values, MIDDLE)
+    return float(np.std(np.clip(values, 2.0 * low - high, 2.0 * high - low)))

@@ -223,13 +223,13 @@ def _check_values(
 
 def _with_noise(poses: Poses, std: np.ndarray) -> Poses:
     """Fill in missing standard deviations with the scatter about a smooth curve."""
-    from monodyn.estimation.record.smooth import smooth
+    from monodyn.estimation.record.smooth import motion_size, smooth
 
     smoothed = smooth(poses)
     scatter = np.nan_to_num(smoothed.noise, nan=0.0)
     columns = zip(poses.position.T, poses.measured.T, strict=True)
     # a record without any scatter would have infinite weight; a ten-thousandth of its motion is exact enough
-    floor = np.array([1e-4 * np.std(values[use]) if use.any() else 0.0 for values, use in columns])
+    floor = np.array([1e-4 * motion_size(values[use]) for values, use in columns])
     filled = np.where(np.isfinite(std), std, np.maximum(np.maximum(scatter, floor), 1e-9))
     covariance = np.zeros_like(poses.covariance)
     covariance[:, range(len(poses.joints)), range(len(poses.joints))] = filled**2
