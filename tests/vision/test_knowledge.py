@@ -37,7 +37,7 @@ def test_camera_std_is_held_to_the_common_scale() -> None:
 def test_a_shifted_edge_looks_like_a_turn_of_the_camera() -> None:
     """A camera turned by as much, about the hinge, sees the end of the link 0.2 px off."""
     mechanism = load("single")
-    bundle = SimpleNamespace(mechanism=mechanism, camera=CAMERA)
+    bundle = SimpleNamespace(mechanism=mechanism, camera=CAMERA, systematic_px=0.2)
     assert shifted_turn(bundle, "camera.focal") == 0.0
     # the corner of the link
     end = np.hypot(mechanism.values["link1.length"], 0.5 * mechanism.values["link1.width"])

@@ -11,9 +11,10 @@ from monodyn.mechanism import load
 from monodyn.types import Camera, Poses
 from monodyn.vision.drawing.camera import CAMERA_STD, around_origin, from_origin
 from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.locating.advice import twin_advice
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
 from monodyn.vision.locating.doubt import doubt_of
-from monodyn.vision.locating.oblique import Looking, from_other_sides, looking, open_turns
+from monodyn.vision.locating.oblique import Looking, from_other_sides, looking, open_turns, with_camera
 from monodyn.vision.locating.search import SceneGuess
 from pictures import drawn_mask, trusted
 
@@ -22,16 +23,17 @@ OPEN = ["camera.pitch", "camera.yaw", "camera.focal"]
 SEARCH = EdgeSearch(np.array([8.0, 6.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0]), 2.0)
 
 
-def squarely(yaw: float) -> tuple[KeyMasks, Bundle]:
-    """Refine a double pendulum before a camera as if it looked squarely."""
-    double = load("double")
+def squarely(yaw: float, away: float = 1.0, offset: float = 0.008) -> tuple[KeyMasks, Bundle]:
+    """Refine a double pendulum before a camera as if it looked squarely, from ``away`` times as far."""
+    double = load("double").with_values({"link2.offset": offset})
     # turned about the hinge, which stays where it is in the picture
-    camera = from_origin(Camera(400, 300, 400.0, x=0.02, y=-0.03, depth=0.95, yaw=yaw))
+    focal, depth = 400.0 * away, 0.95 * away
+    camera = from_origin(Camera(400, 300, focal, x=0.02, y=-0.03, depth=depth, yaw=yaw))
     rng = np.random.default_rng(2)
     poses = np.column_stack([rng.uniform(-2.8, -0.3, 12), rng.uniform(-1.5, 1.5, 12)])
     masks = KeyMasks([drawn_mask(double, camera, q) for q in poses], trusted(double, camera))
-    guess = SceneGuess(double, Camera(400, 300, 400.0, x=0.02, y=-0.03, depth=0.95), poses, np.zeros(12))
-    variables = replace(scene_variables(double, NAMES), focal=400.0, about_origin=True)
+    guess = SceneGuess(double, Camera(400, 300, focal, x=0.02, y=-0.03, depth=depth), poses, np.zeros(12))
+    variables = replace(scene_variables(double, NAMES), focal=focal, about_origin=True)
     return masks, refine(masks, guess, variables, SEARCH)
 
 
@@ -85,14 +87,37 @@ def test_a_camera_far_aside_is_found() -> None:
 def test_a_camera_on_the_other_side_is_found() -> None:
     """As if the first steps had led to the wrong side; what is right is kept as it is."""
     masks, bundle = squarely(0.35)
-    good = looking(masks, bundle, OPEN, (), SEARCH).bundle
-    assert from_other_sides(masks, bundle, good, SEARCH) is good
+    looks = looking(masks, bundle, OPEN, (), SEARCH)
+    good = looks.bundle
+    assert looks.twin is None
+    assert from_other_sides(masks, bundle, good, SEARCH) == (good, None)
     camera = from_origin(replace(around_origin(bundle.camera), yaw=-0.3))
     wrong = replace(good, camera=camera, rms_px=np.full(12, 2.0))
-    assert from_other_sides(masks, bundle, wrong, SEARCH).camera.yaw == pytest.approx(0.35, abs=0.02)
+    assert from_other_sides(masks, bundle, wrong, SEARCH)[0].camera.yaw == pytest.approx(0.35, abs=0.02)
     # where the camera stands is given
     given = replace(wrong, variables=replace(wrong.variables, about_origin=False))
-    assert from_other_sides(masks, bundle, given, SEARCH) is given
+    assert from_other_sides(masks, bundle, given, SEARCH) == (given, None)
+
+
+def test_a_camera_far_away_looks_the_same_from_either_side() -> None:
+    """Without perspective a plane turned to the left is foreshortened as one turned to the right."""
+    masks, bundle = squarely(0.35, away=400.0, offset=0.0)
+    aside = from_origin(replace(around_origin(bundle.camera), yaw=0.3))
+    guess = SceneGuess(bundle.mechanism, aside, bundle.positions, np.zeros(12))
+    every = with_camera(bundle.variables, bundle.mechanism, ["camera.pitch", "camera.yaw"])
+    good = refine(masks, guess, every, SEARCH)
+    assert good.camera.yaw == pytest.approx(0.35, abs=0.02)
+    best, twin = from_other_sides(masks, bundle, good, SEARCH)
+    assert best is good
+    assert twin is not None
+    assert twin.yaw == pytest.approx(-good.camera.yaw, abs=0.02)
+    assert twin_advice(good.camera, None) == []
+    said = twin_advice(replace(good.camera, pitch=0.0, yaw=0.35), replace(twin, pitch=0.0, yaw=-0.35))
+    assert said == [
+        "From which side the camera looks is open: yaw -20.1 deg and pitch 0.0 deg explain the pictures as "
+        "well as yaw 20.1 deg and pitch 0.0 deg, which were taken. Give the true ones with --fix camera.yaw "
+        "camera.pitch where the side counts."
+    ]
 
 
 def test_turns_that_bring_no_edge_nearer_are_not_believed() -> None:

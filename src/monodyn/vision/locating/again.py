@@ -90,6 +90,8 @@ def find_again(sought: Sought, scene: Scene, tracked: Poses, *, looks: bool) -> 
     planes = [frames.frames[i].planes for i in kept]
     whole = KeyMasks(planes, frames.view, shutter=followed.shutter.only(kept))
     looking = camera_looks(sought, whole, bundle) if looks else Looking(bundle, bundle.variables, bundle)
+    if turned:
+        looking = replace(looking, twin=scene.twin)
     # blur is foreground beside the outline, and says nothing about what is there
     slow = _slow(followed.blurs[kept]).tolist()
     found = found_scene(sought, masks, frames.only(kept), looking.bundle, looking, slow)

@@ -7,7 +7,7 @@ eliminated frame by frame (Schur complement), so a step costs little more than t
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -33,7 +33,11 @@ from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.thin import LEAST_WIDTH_PX
 
 NOISE_PX = 0.3
-"""Standard deviation of an edge sample, systematic part included [px]."""
+"""Standard deviation of an edge sample, systematic part included, as it is assumed before it is known
+[px]."""
+SYSTEMATIC_PX = 0.2
+"""Standard deviation of a size that more frames do not reduce, as it is assumed where it is not measured: of
+points of another tool, and before the refinement has ended [px]."""
 OFFSET_STD = 0.02
 """Standard deviation of how far a body may stand before its parent, in mean lengths of the mechanism."""
 SETTLED_STEP = 1e-5
@@ -93,6 +97,9 @@ class Bundle:
         matched: Share of outline samples on an edge, (key frame,).
         inside: Mean coverage inside of the outline, (key frame,).
         samples: Outline samples at which an edge could be looked for, (key frame,).
+        systematic_px: Standard deviation of a size that more key frames do not reduce [px].
+        lit: Change of the variables if light was mixed before it was coded, by name; empty where that is not
+            asked.
     """
 
     mechanism: Mechanism
@@ -104,6 +111,8 @@ class Bundle:
     matched: np.ndarray
     inside: np.ndarray
     samples: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    systematic_px: float = SYSTEMATIC_PX
+    lit: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def agreement(self) -> float:

@@ -14,7 +14,7 @@ from monodyn.types import Poses
 from monodyn.vision.drawing.camera import PARAMETERS
 from monodyn.vision.drawing.gains import pose_gains
 from monodyn.vision.locating.bundle import Bundle, shifted_rigs, springs
-from monodyn.vision.locating.knowledge import SYSTEMATIC_PX, shifted_turn
+from monodyn.vision.locating.knowledge import shifted_turn
 
 SLIDING = ("camera.x", "camera.y")
 """Places that every frame has in common with all edges of the outline."""
@@ -91,9 +91,9 @@ def doubt_of(bundle: Bundle, known: Bundle, off: np.ndarray, metre: float, *, sc
     for i, name in enumerate(variables.names):
         if variables.is_size[i] or variables.is_place[i]:
             size = values[variables.against[i] or name]
-            covariance[i, i] += (SYSTEMATIC_PX / max(size * px, 1e-9)) ** 2
+            covariance[i, i] += (bundle.systematic_px / max(size * px, 1e-9)) ** 2
         elif name in SLIDING:
-            covariance[i, i] += (SYSTEMATIC_PX / px) ** 2
+            covariance[i, i] += (bundle.systematic_px / px) ** 2
         else:
             covariance[i, i] += shifted_turn(bundle, name) ** 2
     values, vectors = np.linalg.eigh(covariance + np.outer(off, off))

@@ -12,9 +12,6 @@ from monodyn.vision.drawing.camera import CAMERA_TURNS, PARAMETERS, value_of
 from monodyn.vision.drawing.rig import longest_reach, rig_of
 from monodyn.vision.locating.bundle import Bundle
 
-SYSTEMATIC_PX = 0.2
-"""Standard deviation of a size that more key frames do not reduce: blur, light and the codec shift edges
-[px]."""
 UNSEEN = 16.0
 """Information of a logarithm, or of a ratio to a length, below which a size or place is not determined."""
 STEP = 1e-6
@@ -91,8 +88,10 @@ def _known(bundle: Bundle, *, scale_free: bool) -> tuple[tuple[str, ...], np.nda
     px = np.array([values[variables.against[i] or variables.names[i]] for i in sizes])
     px = px * bundle.camera.focal / bundle.camera.depth
     # (K^-1 + D)^-1 for a K that may be singular, D the variance that no number of frames takes away
-    floor = np.diag((px / SYSTEMATIC_PX) ** 2)
-    known = known - known @ np.linalg.solve(known + floor, known)
+    lit = np.array([bundle.lit.get(name, 0.0) for name in names])
+    variance = np.diag((bundle.systematic_px / px) ** 2) + np.outer(lit, lit)
+    known = np.linalg.solve(np.eye(len(names)) + known @ variance, known)
+    known = 0.5 * (known + known.T)
     is_place, hidden = variables.is_place[sizes], []
     while (worst := _worst_hidden(known, gauge, is_place)) is not None:
         hidden.append(names[worst])
@@ -174,7 +173,7 @@ def shifted_turn(bundle: Bundle, name: str) -> float:
     reach_px = longest_reach(rig_of(bundle.mechanism, bundle.camera)) * focal / bundle.camera.depth
     # turned about the line of sight the outermost edges go along a circle; turned aside they come nearer
     arm_px = reach_px if name == ROLL else reach_px**2 / focal
-    return SYSTEMATIC_PX / arm_px
+    return bundle.systematic_px / arm_px
 
 
 def _camera_slope(bundle: Bundle, cameras: list[str]) -> np.ndarray:

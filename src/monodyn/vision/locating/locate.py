@@ -28,7 +28,7 @@ from monodyn.vision.drawing.rig import (
 )
 from monodyn.vision.drawing.shutter import Shutter
 from monodyn.vision.foreground.masks import GeomColours, Masks
-from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED, scene_advice
+from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED, scene_advice, twin_advice
 from monodyn.vision.locating.arrange import BETTER, freed
 from monodyn.vision.locating.body import beside
 from monodyn.vision.locating.bundle import (
@@ -41,9 +41,11 @@ from monodyn.vision.locating.bundle import (
 from monodyn.vision.locating.coarse import reconsidered, refined_coarsely, variables_of
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.doubt import doubt_of
+from monodyn.vision.locating.exactness import exactness_of
 from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
 from monodyn.vision.locating.knowledge import hidden_advice, hidden_places, size_information
+from monodyn.vision.locating.mixing import lit_sizes
 from monodyn.vision.locating.oblique import Looking, looking, open_turns
 from monodyn.vision.locating.places import with_departed, without_names, without_unseen
 from monodyn.vision.locating.scene import Scene
@@ -360,6 +362,11 @@ def found_scene(
     rows = list(range(len(frames.frames)) if sharp is None else sharp)
     judged = frames.only(rows)
     shown = SceneGuess(bundle.mechanism, bundle.camera, bundle.positions[rows], bundle.rms_px[rows])
+    whole, picture_of = _whole(frames, rows), {frame.index: frame for frame in masks.samples.frames}
+    pictures = [picture_of[frame.index] for frame in judged.frames]
+    lit = lit_sizes(whole, pictures, masks.background, bundle, rows)
+    exact = exactness_of(whole, bundle, np.array(rows))
+    bundle, looks = replace(exact.of(bundle), lit=lit), replace(looks, doubted=exact.of(looks.doubted))
     names = bundle.variables.names
     sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS and not p.follows]
     # a single size that is held, or the depth, pins the common scale
@@ -372,6 +379,7 @@ def found_scene(
     freed = {name: value for name, value in std.items() if name in sought.free}
     advice = scene_advice(bundle, freed, _mismatch_share(judged, shown), varied=masks.varied)
     advice += hidden_advice(hidden_places(bundle, scale_free=scale_free))
+    advice += twin_advice(bundle.camera, looks.twin)
     camera = bundle.camera
     metre = units_per_metre(bundle.mechanism, camera, sought.mechanism, sought.fix, sought.pinned)
     mechanism = in_metres(bundle.mechanism, sought.mechanism, metre, sought.pinned)
@@ -392,6 +400,7 @@ def found_scene(
         advice=tuple(advice),
         thicker=frames.thicker,
         doubt=doubt_of(bundle, looks.known(bundle), looks.off(bundle), metre, scale_free=scale_free),
+        twin=looks.twin,
     )
 
 

@@ -58,11 +58,13 @@ class Looking:
         bundle: The refinement, its camera turned where that is clear.
         variables: What was refined.
         doubted: A refinement in which the camera was free to turn, whatever came of it.
+        twin: A camera on another side that explains the pictures as well; None where there is none.
     """
 
     bundle: Bundle
     variables: SceneVariables
     doubted: Bundle
+    twin: Camera | None = None
 
     def known(self, bundle: Bundle) -> Bundle:
         """Return a later refinement of the same variables with what is known if the camera may be turned.
@@ -155,16 +157,19 @@ def looking(
     if wanted or turned_by(tried, bundle, names) > WORTH:
         found = _refined(masks, tried, every, search)
         if wanted or _believed(found, bundle, names):
-            found = from_other_sides(masks, bundle, found, search)
-            return Looking(found, every, found)
+            found, twin = from_other_sides(masks, bundle, found, search)
+            return Looking(found, every, found, twin)
     return Looking(bundle, bundle.variables, tried)
 
 
-def from_other_sides(masks: KeyMasks, bundle: Bundle, found: Bundle, search: EdgeSearch) -> Bundle:
+def from_other_sides(
+    masks: KeyMasks, bundle: Bundle, found: Bundle, search: EdgeSearch
+) -> tuple[Bundle, Camera | None]:
     """Return the best of what is found from cameras that look from either side, from above and from below.
 
     A link before a camera on the left is foreshortened as before one on the right: from where it looks
-    squarely the steps may lead to the wrong side, and stay there.
+    squarely the steps may lead to the wrong side, and stay there. How the ends of links grow as they come
+    nearer tells the sides apart, where the camera is near enough for that.
 
     Args:
         masks: Masks of the key frames.
@@ -173,21 +178,26 @@ def from_other_sides(masks: KeyMasks, bundle: Bundle, found: Bundle, search: Edg
         search: How the edges are looked for.
 
     Returns:
-        The one that leaves clearly less, or ``found``; this, too, where the camera's place is given.
+        The one that leaves clearly less, or ``found``; this, too, where the camera's place is given. And a
+        camera that is turned otherwise and leaves no more, None without one.
     """
-    best = found
-    if not found.variables.about_origin:
-        return best
+    endings = [found]
     wide = search._replace(reaches=np.array(TRIED))
     square = around_origin(bundle.camera)
-    for name in ("camera.yaw", "camera.pitch"):
+    for name in ("camera.yaw", "camera.pitch") if found.variables.about_origin else ():
         for turn in (ASIDE, -ASIDE):
             if name in found.variables.names:
                 camera = from_origin(with_values(square, {name: turn}))
                 tried = _refined(masks, replace(bundle, camera=camera), found.variables, wide)
-                other = _refined(masks, tried, found.variables, search)
-                best = other if _fall(other, best) > CLEAR**2 else best
-    return best
+                endings.append(_refined(masks, tried, found.variables, search))
+    best = found
+    for other in endings[1:]:
+        best = other if _fall(other, best) > CLEAR**2 else best
+    turns = [name for name in CAMERA_TURNS if name in found.variables.names]
+    for other in endings:
+        if _fall(best, other) < CLEAR**2 and turned_by(best, other, turns) > CLEAR:
+            return best, other.camera
+    return best, None
 
 
 def with_camera(before: SceneVariables, mechanism: Mechanism, names: Sequence[str]) -> SceneVariables:

@@ -17,6 +17,7 @@ from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SHOWN_KINDS
 from monodyn.vision.locating.bundle import (
     LOG_STD,
+    SYSTEMATIC_PX,
     Bundle,
     KeyMasks,
     SceneVariables,
@@ -24,7 +25,6 @@ from monodyn.vision.locating.bundle import (
     scene_variables,
     springs,
 )
-from monodyn.vision.locating.knowledge import SYSTEMATIC_PX
 from monodyn.vision.locating.search import SceneGuess
 
 DEPARTED = 5.0

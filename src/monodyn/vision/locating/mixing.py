@@ -1,0 +1,134 @@
+"""Which sizes a clip would show if its light was mixed before it was coded.
+
+The coverage of a pixel is taken to be linear in its level. That is so where a program mixes coded levels, as
+most renderers do. A camera mixes light, in its lens and on its sensor, and codes it then by about the root of
+``GAMMA``: where a dark body covers half of a pixel before a bright wall, the pixel shows 73 % of the wall's
+level. The coverage comes out too small on all edges of a dark body, too large on those of a bright one; how
+much, in pixels, follows from both levels and from how soft the edges are. Profiles stay as smooth as they
+were, so that no mask tells which it was.
+
+What this does to the sizes is found by doing it: the coverage is decoded as if the light had been mixed
+first, and the sizes are refined on it once more. Their change is one direction, all edges of dark bodies
+outwards and all of bright ones inwards. What is not known is a factor on it for the whole clip, with mean 0
+and standard deviation 1. Widths change by both of their edges, free ends by one, and the distance between two
+hinges by none. Nor do poses: both sides of a body move alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monodyn.types import FULL, Frame
+from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.changes import full_size
+from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT
+from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
+from monodyn.vision.locating.search import SceneGuess
+
+GAMMA = 2.2
+"""Light is about this power of the level that codes it: standards for video are between 2.0 and 2.4."""
+RED_GREEN_BLUE = np.array([[1.0, 0.0, 1.402], [1.0, -0.344136, -0.714136], [1.0, 1.772, 0.0]])
+RED_GREEN_BLUE /= [219.0, 224.0, 224.0]
+"""Red, green and blue of grey level, blue and red difference beyond ``BLACK``, white being 1 (ITU-R
+BT.601)."""
+WEIGHTS = np.array([1.0, CHROMA_WEIGHT, CHROMA_WEIGHT])
+"""Weights of the three channels in a coverage."""
+LEAST_APART = 2.0
+"""Difference of figure and ground below which the levels do not tell how light was mixed [grey levels]."""
+WHOLE = (0.95, 1.05)
+"""Coverage between which a pixel shows the colour of its plane."""
+HALVINGS = 8
+"""Halvings of the interval in which a coverage lies: finer than the 160 levels of a mask."""
+SEARCH = EdgeSearch(np.full(4, 4.0), 3.0)
+"""How the edges are looked for: they are next to where they were."""
+
+
+def lit_sizes(
+    masks: KeyMasks, pictures: Sequence[Frame], background: Background, bundle: Bundle, rows: Sequence[int]
+) -> dict[str, float]:
+    """Return by how much each refined variable changes if light was mixed before it was coded.
+
+    Masks of another tool are pictures in white on black, and their edges are as uncertain as those of such a
+    clip.
+
+    Args:
+        masks: Masks of the key frames that motion does not blur.
+        pictures: These frames.
+        background: What is behind the mechanism.
+        bundle: A refinement over these frames and others.
+        rows: Rows of these frames among its own.
+
+    Returns:
+        The changes by name: of sizes and depth as logarithms, of places as ratios.
+    """
+    ground = _stacked(background.luma, background.chroma)
+    colours = _colours(masks.planes, pictures)
+    decoded = replace(masks, planes=[lit_planes(planes, colours, ground) for planes in masks.planes])
+    at = np.asarray(rows, dtype=np.int64)
+    guess = SceneGuess(bundle.mechanism, bundle.camera, bundle.positions[at], bundle.rms_px[at])
+    coded, lit = (refine(shown, guess, bundle.variables, SEARCH) for shown in (masks, decoded))
+    before, after = (bundle.variables.read(found.mechanism, found.camera) for found in (coded, lit))
+    return dict(zip(bundle.variables.names, (after - before).tolist(), strict=True))
+
+
+def lit_planes(planes: np.ndarray, colours: np.ndarray, ground: np.ndarray) -> np.ndarray:
+    """Return the coverage that a mask would show if light was mixed before it was coded.
+
+    Args:
+        planes: A mask by colour, uint8 (colour, height, width).
+        colours: Grey level, blue and red difference of each; NaN where they are not known, (colour, 3).
+        ground: The same behind the mechanism, (height, width, 3).
+
+    Returns:
+        The coverage, uint8 (colour, height, width); the same where figure and ground are nearly alike.
+    """
+    lit = planes.copy()
+    for plane, colour in zip(lit, colours, strict=True):
+        mixed = np.flatnonzero((plane > 0) & (plane < FULL))
+        behind = ground.reshape(-1, 3)[mixed]
+        # a colour that is not known is not apart from anything
+        apart = (colour - behind) ** 2 @ WEIGHTS > LEAST_APART**2
+        shares = plane.flat[mixed[apart]] / FULL
+        plane.flat[mixed[apart]] = np.round(FULL * _lit(shares, colour, behind[apart]))
+    return lit
+
+
+def _lit(share: np.ndarray, colour: np.ndarray, ground: np.ndarray) -> np.ndarray:
+    """Return the shares of pixels, (pixel,), of which the light of a colour (3,) before the ground (pixel, 3)
+    makes the given shares of their difference."""
+    difference = colour - ground
+    # the share of a colour's difference is linear in red, green and blue as they are coded
+    along = difference * WEIGHTS @ np.linalg.inv(RED_GREEN_BLUE)
+    along /= np.sum(difference**2 * WEIGHTS, axis=1, keepdims=True)
+    figure, behind = (np.maximum((x - BLACK) @ RED_GREEN_BLUE.T, 0.0) for x in (colour, ground))
+    lower, upper = np.zeros(len(share)), np.ones(len(share))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (lower + upper)
+        light = behind**GAMMA + middle[:, np.newaxis] * (figure**GAMMA - behind**GAMMA)
+        below = np.sum(along * (light ** (1.0 / GAMMA) - behind), axis=1) < share
+        lower, upper = np.where(below, middle, lower), np.where(below, upper, middle)
+    return 0.5 * (lower + upper)
+
+
+def _stacked(luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
+    """Return a picture as grey level, blue and red difference, (height, width, 3)."""
+    planes = full_size(luma, chroma)
+    if chroma is None:
+        planes = [planes[0], *[np.full(luma.shape, neutral, np.float32) for neutral in BLACK[1:]]]
+    return np.stack(planes, axis=-1, dtype=np.float32)
+
+
+def _colours(masks: Sequence[np.ndarray], pictures: Sequence[Frame]) -> np.ndarray:
+    """Return the colour of each plane of some masks, (colour, 3): that of what it covers as a whole; NaN
+    where it covers nothing."""
+    shown: list[list[np.ndarray]] = [[] for _ in masks[0]]
+    for mask, frame in zip(masks, pictures, strict=True):
+        picture = _stacked(frame.luma, frame.chroma)
+        for plane, own in zip(mask, shown, strict=True):
+            own.append(picture[(plane > WHOLE[0] * FULL) & (plane < WHOLE[1] * FULL)])
+    pixels = [np.concatenate(own) for own in shown]
+    return np.array([np.median(own, axis=0) if len(own) else np.full(3, np.nan) for own in pixels])
