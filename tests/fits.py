@@ -44,7 +44,7 @@ def made_fit(**changes: Any) -> Fit:
             Estimate("joint1.damping", 1e-3, math.inf, 0.0, math.inf, "N m s/rad", True, False, False),
             Estimate("gravity", 9.81, 0.0, 9.81, 9.81, "m/s^2", False, True, False),
         ),
-        "combinations": (Combination("joint1.damping / link1.J", 0.123456, 0.00123),),
+        "combinations": (Combination("joint1.damping / link1.J", 0.123456, 0.00123, 0.121, 0.126),),
     }
     return replace(identified(), **{**said, **changes})
 

@@ -110,8 +110,9 @@ class RunSettings:
             absolute with it. How much later they act is estimated, or given with --fix torque.lag=SECONDS.
         rate: Frames a second [Hz] in place of the time stamps of the clip.
         seed: Seed of every random start; it replaces the seeds of the stages.
-        uncertainty: Where intervals come from: linear, the covariance at the optimum; profile, how the cost
-            rises to either side of it; bootstrap, 200 fits of records with other noise.
+        uncertainty: Where intervals come from: linear, the covariance at the optimum, or where sizes are
+            assumed, draws in the inertias in which the motion is linear; profile, how the cost rises to
+            either side of the optimum; bootstrap, 200 fits of records with other noise.
         method: fast, or paper for the method of 2012 as published; a stage may have its own.
         segment: How the foreground is found.
         camera: How the camera is found.

@@ -81,6 +81,10 @@ def test_bounds_that_were_met(double):
     ]
     assert undetermined.nothing_seen(found[1:]) == []
     assert advice.bounds_met(found[:1]) == []
+    # of one that the data leave open any value will do, that of a bound too
+    loose = estimates(still, {"link1.length": np.inf}, bound=still.values)
+    assert loose[0].at_bound
+    assert advice.bounds_met(loose) == []
 
 
 def test_residuals_above_the_noise_and_what_may_be_the_reason():

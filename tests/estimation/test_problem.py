@@ -72,6 +72,40 @@ def test_the_derivative_by_the_roll_is_exact(kept):
     assert begun[0] == pytest.approx(swing[0, 0] + 0.1, abs=0.01)
 
 
+@pytest.mark.parametrize("limit", [0.0, 5.0])
+def test_the_bend_along_a_step_is_that_of_the_jacobian(limit):
+    """Against a central difference of the Jacobian along the step, pieces and start states included."""
+    start = load("double")
+    swing = motion(start, TIMES, [0.1, 0.5], [0.2, 1.0])
+    problem = posed(start, prepare([record(start, TIMES, swing, noise=1e-2)], start))
+    pieces, params = cut(problem.data, 20), len(problem.unknowns)
+    rng = np.random.default_rng(3)
+    count = len(pieces.record)
+    states = np.tile([0.1, 0.5, 0.2, 1.0], (count, 1)) + 0.05 * rng.normal(size=(count, 4))
+    trial = Trial(problem.unknowns.x0, states, pieces, 4)
+    # dampings are no logarithms
+    usual = np.array([1e-5 if kind == "damping" else 0.02 for kind in problem.unknowns.kinds])
+    step = usual * rng.normal(size=params), 0.02 * rng.normal(size=states.shape)
+    by_row = np.repeat(step[1], np.diff(pieces.first), axis=0)
+    rows = problem.rows(trial)
+    slopes = []
+    for sign in (1.0, -1.0):
+        _, jacobian = problem.rows(trial.at(trial.x + sign * 1e-3 * step[0], states + sign * 1e-3 * step[1]))
+        slopes.append(
+            jacobian[:, :, :params] @ step[0] + np.einsum("fil,fl->fi", jacobian[:, :, params:], by_row)
+        )
+    second = (slopes[0] - slopes[1]) / 2e-3
+    if limit:
+        second /= 1.0 + np.sum(rows[0] ** 2, axis=1, keepdims=True) / limit**2
+    each = np.einsum("fip,fi->fp", rows[1], second)
+    wanted = np.add.reduceat(each[:, params:], pieces.first[:-1], axis=0)
+    found = problem.bend(problem.model(trial.x, rows, pieces, limit), trial, step, limit)
+    # up to the third derivative, at a tenth of the step
+    shared = each[:, :params].sum(axis=0)
+    np.testing.assert_allclose(found[0], shared, rtol=0.02, atol=1e-3 * np.abs(shared).max())
+    np.testing.assert_allclose(found[1], wanted, rtol=0.02, atol=5e-3 * np.abs(wanted).max())
+
+
 @pytest.mark.parametrize("name", ["joint1.torque.cos1", "torque.period", "time_scale", "link1.length"])
 def test_slopes_of_a_driven_rollout_are_differences(name, driven, tmp_path):
     start = started(DOUBLE, tmp_path, 1.1).with_torque("fourier", terms=2, period=2.1)

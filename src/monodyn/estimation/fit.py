@@ -77,11 +77,15 @@ class Combination:
         name: The expression.
         value: Its value [SI].
         std: Standard deviation [SI].
+        lower: Lower end of the 95 % interval [SI].
+        upper: Upper end [SI].
     """
 
     name: str
     value: float
     std: float
+    lower: float
+    upper: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.known import fit_known
+from monodyn.estimation.torque.many import fit_many
 from monodyn.estimation.torque.task import Task
 from monodyn.estimation.verdict.causes import explained_otherwise, lacking
 from monodyn.estimation.verdict.stretches import (
@@ -85,8 +86,8 @@ def _identified(
     data = prepare(records, mechanism)
     smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
     model = "known" if data.torques else settings.torque
-    otherwise = partial(explained_otherwise, records, settings)
-    solution = TORQUE_MODELS[model](mechanism, Task(data, smoothed, settings, progress, otherwise))
+    task = Task(data, smoothed, settings, progress, partial(explained_otherwise, settings), records)
+    solution = fit_many(TORQUE_MODELS[model], mechanism, task)
     return summarize(solution, records, settings, began, progress)
 
 

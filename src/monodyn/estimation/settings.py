@@ -43,8 +43,10 @@ class IdentifySettings:
         outlier: A sample is left out when its residual is above this many typical ones, 3 or more; 0 keeps
             all, as ``paper`` always does.
         evaluations: Evaluations of the model in one search, at most.
-        uncertainty: Where intervals come from: ``linear``, the covariance at the optimum; ``profile``, how
-            the cost rises to either side of it; ``bootstrap``, fits of 200 records with other noise.
+        uncertainty: Where intervals come from: ``linear``, the covariance at the optimum, or where sizes are
+            assumed that nothing measures, draws in the inertias in which the motion is linear; ``profile``,
+            how the cost rises to either side of the optimum; ``bootstrap``, fits of 200 records with other
+            noise.
     """
 
     method: Method | None = None

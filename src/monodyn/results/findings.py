@@ -84,7 +84,7 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "evaluations": fit.evaluations,
         "parameters": [parameter_row(estimate) for estimate in fit.parameters],
         "alternatives": [dict(values) for values in fit.alternatives],
-        "combinations": [{"name": c.name, "value": c.value, "std": c.std} for c in fit.combinations],
+        "combinations": [asdict(one) for one in fit.combinations],
         "initial_state": starts[0] if len(starts) == 1 else starts,
         "rms": dict(fit.rms),
         "heldout_rms": findings.traces[0].heldout() if findings.traces else dict.fromkeys(joints),

@@ -106,3 +106,44 @@ def normal_blocks(residual, jacobian, first, params, limit):
                     for r in range(local):
                         local_hessian[k, p, r] += scaled * jacobian[f, i, params + r]
     return cost, hessian, gradient, cross, local_hessian, local_gradient
+
+
+@njit(cache=True, nogil=True)
+def bent_pull(residual, jacobian, ahead, step, local_step, first, along, limit):
+    """J.r'' of the second derivative r'' of residuals along a step, by a finite difference.
+
+    r(x + h s) = r + h J s + h^2/2 r''.
+
+    Args:
+        residual: Whitened residuals, (row, dof).
+        jacobian: Their Jacobian, (row, dof, column).
+        ahead: The residuals at the share ``along`` of the step, (row, dof).
+        step: Step of the shared unknowns, (param,).
+        local_step: Step of the start states, (piece, local).
+        first: First row of each piece and one past the last, (piece + 1,).
+        along: h.
+        limit: Residual norm from which on a sample's pull no longer grows, or 0.
+
+    Returns:
+        J.r'' of the shared unknowns, (param,), and of the start states, (piece, local).
+    """
+    params, (pieces, local), dofs = len(step), local_step.shape, residual.shape[1]
+    shared, own = np.zeros(params), np.zeros((pieces, local))
+    for k in range(pieces):
+        for f in range(first[k], first[k + 1]):
+            square = 0.0
+            for i in range(dofs):
+                square += residual[f, i] ** 2
+            weight = 1.0 / (1.0 + square / limit**2) if limit > 0.0 else 1.0
+            for i in range(dofs):
+                slope = 0.0
+                for p in range(params):
+                    slope += jacobian[f, i, p] * step[p]
+                for p in range(local):
+                    slope += jacobian[f, i, params + p] * local_step[k, p]
+                bend = 2.0 / along * ((ahead[f, i] - residual[f, i]) / along - slope)
+                for p in range(params):
+                    shared[p] += weight * jacobian[f, i, p] * bend
+                for p in range(local):
+                    own[k, p] += weight * jacobian[f, i, params + p] * bend
+    return shared, own

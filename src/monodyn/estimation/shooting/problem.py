@@ -17,7 +17,7 @@ from monodyn.arrays import plain
 from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.shooting.prior import Prior, size_prior
-from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.shooting.trial import Run, Trial, for_each_run
 from monodyn.estimation.shooting.unknowns import Unknowns, choose_unknowns
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import power
@@ -57,6 +57,10 @@ class Instance:
     roll: float
     droll: np.ndarray
     lag: float
+
+
+ALONG = 0.1
+"""Share of a step at which its bend is measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +168,7 @@ class Problem:
             limit: Residual norm from which on a sample's pull no longer grows; 0 for plain least squares.
 
         Returns:
-            The model; it keeps the residuals (row, dof) as they are before the loss.
+            The model; it keeps the rows as they are before the loss.
         """
         from monodyn.estimation.shooting.kernels import normal_blocks
 
@@ -173,7 +177,7 @@ class Problem:
         pull = self.prior.information @ change
         # the picture's information is quadratic in the logarithms: it has no loss and needs no linearization
         cost += 0.5 * float(change @ pull)
-        return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope, rows[0])
+        return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope, rows)
 
     def rows(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
         """Return whitened residuals and their Jacobian.
@@ -191,8 +195,9 @@ class Problem:
         clock, starts = data.times * instance.stretch, plain(trial.states)
         tree, directions = instance.tree, _slowed(instance)
         dofs, params = data.position.shape[1], len(trial.x)
-        parts = []
-        for first, stop, state in zip(pieces.first[:-1], pieces.first[1:], starts, strict=True):
+
+        def of_piece(run: Run) -> tuple[np.ndarray, np.ndarray]:
+            first, stop, state = run
             q0, v0 = state[:dofs], state[dofs:]
             drive = self.driven(instance.drive, instance.lag, instance.stretch, first, stop)
             q, _, dq, _ = rollout_derivatives(
@@ -202,14 +207,39 @@ class Problem:
             # of a motion that grows beyond all bounds nothing is finite, which the search rejects
             with np.errstate(invalid="ignore", over="ignore"):
                 dq[:, :, :params] += (dq[:, :, params + dofs :] @ v0)[:, :, None] * instance.dstretch
-            parts.append((q, dq))
-        q, dq = (np.concatenate(part) for part in zip(*parts, strict=True))
+            return q, dq
+
+        runs = list(zip(pieces.first[:-1].tolist(), pieces.first[1:].tolist(), starts, strict=True))
+        q, dq = (np.concatenate(part) for part in zip(*for_each_run(of_piece, runs), strict=True))
         slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
         # the picture of a rolled camera lacks the roll: it is added to what was measured, and its derivative
         # is that of the simulated less the measured position
         dq[:, :, :params] -= turned[:, :, None] * instance.droll
         position = data.position + turned * instance.roll
         return whitened_rows(q, dq, position, data.white, slide, instance.size, instance.dsize)
+
+    def bend(
+        self, model: Arrow, trial: Trial, step: tuple[np.ndarray, np.ndarray], limit: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return how the residuals bend along a step, as a pull on the unknowns.
+
+        Args:
+            model: The model at the trial, with its rows.
+            trial: Unknowns and start states.
+            step: Step of the unknowns (param,) and of the start states (piece, 2 dof).
+            limit: As for the model.
+
+        Returns:
+            J.r'' with r'' the second derivative of the residuals along the step, of the unknowns (param,) and
+            of the start states (piece, 2 dof).
+        """
+        from monodyn.estimation.shooting.kernels import bent_pull
+
+        (residual, jacobian), (shared, local) = model.kept, step
+        ahead = trial.at(trial.x + ALONG * shared, trial.states + ALONG * local)
+        with np.errstate(invalid="ignore", over="ignore"):
+            there = self.residuals(ahead)
+        return bent_pull(residual, jacobian, there, shared, local, trial.pieces.first, ALONG, limit)
 
     def residuals(self, trial: Trial) -> np.ndarray:
         """Return the whitened residuals alone, as ``rows`` does.
@@ -293,12 +323,15 @@ class Problem:
             States of all runs end to end, positions then rates [rad or m, rad/s or m/s], (row, 2 dof).
         """
         mechanism, stretch = self.mechanism_at(x), self.stretch(x)
-        tree, lag, parts = mechanism.tree, mechanism.values.get(LAG, 0.0), []
-        for first, stop, state in runs:
+        tree, lag = mechanism.tree, mechanism.values.get(LAG, 0.0)
+
+        def of_run(run: Run) -> np.ndarray:
+            first, stop, state = run
             times, (q0, v0) = self.data.times[first:stop] * stretch, np.split(state, 2)
             drive = self.driven(mechanism.drive, lag, stretch, first, stop)
-            parts.append(np.hstack(rollout(tree, times, q0, v0, substeps=substeps, drive=drive)))
-        return np.concatenate(parts)
+            return np.hstack(rollout(tree, times, q0, v0, substeps=substeps, drive=drive))
+
+        return np.concatenate(for_each_run(of_run, runs))
 
     def stretch(self, x: np.ndarray) -> float:
         """Return the true seconds per stamped second.

@@ -192,11 +192,16 @@ def fit_pieces(
         ahead = None
         return problem.model(at, rows, start.pieces, limit)
 
+    def bend(
+        model: Arrow, at: np.ndarray, local: np.ndarray, step: np.ndarray, local_step: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        return problem.bend(model, start.at(at, local), (step, local_step), limit)
+
     # the start states are eliminated piece by piece, so that a step costs no more for many pieces
     found = minimize_arrow(
-        evaluate, start.x, start.states, (lower, upper), settings=search, reach=unknowns.reach
+        evaluate, start.x, start.states, (lower, upper), settings=search, reach=unknowns.reach, bend=bend
     )
-    residuals = found.model.kept
+    residuals = found.model.kept[0]
     ended = Optimum(
         start.at(found.shared, found.local), residuals, found.model.cost,
         typical(residuals, problem.data.measured), found.evaluations, found.converged, found.at_bound,

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.estimation.record.samples import Pieces
+
+Run = tuple[int, int, np.ndarray]
+"""First row, one past the last row and start state (2 dof,) of a rollout."""
+Result = TypeVar("Result")
+ROWS_FOR_CORES = 1000
+"""Rows from which on runs are divided among the cores."""
+CHUNKS = 16
+"""Parts into which they are divided: more than there are cores, for some runs take longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +50,26 @@ class Trial:
         return replace(self, x=x, states=states)
 
     @property
-    def runs(self) -> list[tuple[int, int, np.ndarray]]:
+    def runs(self) -> list[Run]:
         """First row, one past the last row and start state (2 dof,) of each piece."""
         return list(zip(self.pieces.first[:-1], self.pieces.first[1:], self.states, strict=True))
+
+
+def for_each_run(function: Callable[[Run], Result], runs: Sequence[Run]) -> list[Result]:
+    """Apply a function to each run of rows, on all cores where there is enough to do.
+
+    Args:
+        function: The function.
+        runs: The runs.
+
+    Returns:
+        What it returned, in their order.
+    """
+    rows = sum(stop - first for first, stop, _ in runs)
+    if len(runs) == 1 or rows < ROWS_FOR_CORES:
+        return [function(run) for run in runs]
+    # neighbours together: one by one the runs are too short to be handed to another core
+    bounds = np.linspace(0, len(runs), min(len(runs), CHUNKS) + 1).astype(int)
+    chunks = [runs[a:b] for a, b in pairwise(bounds)]
+    done = on_all_cores(lambda chunk: [function(run) for run in chunk], chunks)
+    return [result for part in done for result in part]

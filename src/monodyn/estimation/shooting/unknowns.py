@@ -139,17 +139,17 @@ class Unknowns:
         """Return the parameter values at coordinates.
 
         Args:
-            x: Coordinates, (param,).
+            x: Coordinates, (param,), or (draw, param) for many at once.
 
         Returns:
-            Values, (param,).
+            Values, (param,) or (draw, param).
         """
         values = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
         return values * self._units(values)
 
     def _units(self, values: np.ndarray) -> np.ndarray:
-        """Return what the coordinates are ratios to at parameter values, 1 for all but places, (param,)."""
-        return np.where(self.against >= 0, values[self.against], self.unit) if len(values) else self.unit
+        """Return what the coordinates are ratios to at parameter values, 1 but for places, (..., param)."""
+        return np.where(self.against >= 0, values[..., self.against], self.unit) if len(self) else self.unit
 
     def slope(self, x: np.ndarray) -> np.ndarray:
         """Differentiate the parameters by the coordinates.
@@ -175,9 +175,20 @@ class Unknowns:
         Returns:
             Value by parameter name.
         """
+        return dict(zip((*self.names, *self.tied), self.with_tied(x).tolist(), strict=True))
+
+    def with_tied(self, x: np.ndarray) -> np.ndarray:
+        """Return the values at coordinates, tied sizes after the unknowns.
+
+        Args:
+            x: Coordinates, (param,), or (draw, param) for many at once.
+
+        Returns:
+            Values, (param + tied,) or (draw, param + tied).
+        """
         values = self.values(x)
-        tied = self.tied_start * values[self.tied_to] / self.start[self.tied_to]
-        return dict(zip((*self.names, *self.tied), (*values.tolist(), *tied.tolist()), strict=True))
+        tied = self.tied_start * values[..., self.tied_to] / self.start[self.tied_to]
+        return np.concatenate((values, tied), axis=-1)
 
     def chain(self, x: np.ndarray) -> np.ndarray:
         """Return the derivatives of the parameters ``names`` and ``tied`` by coordinate at ``x``.

@@ -90,13 +90,14 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     """Try more than friction, whose solution leaves something over; return the best."""
     route = task.search(solution.problem).route
     friction = _Tried(FRICTION, solution)
-    tried = [friction, *_dragged(mechanism, friction, task, route)]
+    dragged = _dragged(mechanism, friction, task, route)
+    tried = dragged if dragged and dragged[0].kind == FRICTION else [friction, *dragged]
     if not _explained(tried[-1].solution):
         loose = _loosened(solution, task)
         tried += [*loose, *(one for free in loose for one in _dragged(mechanism, free, task, route))]
     best = _likeliest(tried)
     if _explained(best.solution):
-        return _told(best, tried)
+        return _told(best, tried) if len(tried) > 1 else best.solution
     place = tried.index(best)
     best = tried[place] = replace(best, errors=_withheld(best, task, route))
     # rows that are missed by less than that much cannot be halved: their noise is left
@@ -107,7 +108,7 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
                 tried.append(found)
                 if _halves(best, found):
                     return _told(found, tried)
-    return _told(best, tried) if len(tried) > 1 else solution
+    return _told(best, tried) if len(tried) > 1 else best.solution
 
 
 def _explained(solution: TorqueSolution) -> bool:
@@ -122,7 +123,10 @@ def _likeliest(tried: list[_Tried]) -> _Tried:
 
 
 def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> list[_Tried]:
-    """Try quadratic drag, without dry friction and with it; nothing where it explains no more."""
+    """Try quadratic drag, without dry friction and with it; nothing where it explains no more.
+
+    What leads to the right dry friction may be a drag that is none: then it is the kind before once more.
+    """
     solution = before.solution
     problem, optimum = solution.problem, solution.optimum
     if not problem.unknowns.uniform:
@@ -138,6 +142,13 @@ def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> 
     larger, found = _with_dry(larger, found, task)
     if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, len(names)):
         return []
+    rubbing = [p.name for p in larger.mechanism.parameters if p.kind == "friction" and p.free]
+    if rubbing:
+        smaller = larger.of(mechanism.with_torque("friction").with_choices(free=rubbing))
+        x = smaller.unknowns.carried(found.x, larger.unknowns)
+        without = fit_pieces(smaller, found.trial.at(x, found.trial.states), route, route.fine)
+        if likeliest([(larger, found), (smaller, without)]) == 1:
+            return [replace(before, solution=replace(solution, problem=smaller, optimum=without))]
     kind = "free bodies and quadratic drag" if before.kind == FREE_BODIES else "quadratic drag"
     return [_Tried(f"friction with {kind}", replace(solution, problem=larger, optimum=found))]
 
@@ -147,7 +158,7 @@ def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
     problem, optimum = solution.problem, solution.optimum
     if task.settings.bodies != "auto" or optimum is None or not problem.unknowns.uniform:
         return []
-    if optimum.complete and task.otherwise(problem, optimum):
+    if optimum.complete and task.otherwise(task.records, problem, optimum):
         return []
     found = fit_free_bodies(solution, task)
     if found is None or found.optimum is None:

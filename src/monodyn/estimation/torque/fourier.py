@@ -15,6 +15,7 @@ from monodyn.estimation.shooting.accelerations import SmoothMotion, model_accele
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
+from monodyn.estimation.shooting.starts import match
 from monodyn.estimation.torque.evidence import likeliest, pays, with_more_unknowns
 from monodyn.estimation.torque.friction import near_proportions
 from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
@@ -84,7 +85,11 @@ def _from_guess(
 ) -> tuple[Problem, Optimum]:
     """Fit a series from one guess of the period."""
     problem = posed(series(mechanism, guess.terms, guess.period), task.data)
-    return problem, task.search(problem).from_start(periods.start(guess, problem), give_up=give_up)
+    search = task.search(problem)
+    # the guess is one linear step from the start, which may lead far off where the masses are far from the
+    # true ones: the accelerations alone bring it back before anything is integrated
+    start = match(problem, search.motion, periods.start(guess, problem))
+    return problem, search.from_start(start, give_up=give_up)
 
 
 def series(mechanism: Mechanism, terms: int, period: float) -> Mechanism:

@@ -18,6 +18,7 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces, multiple_shooting
 from monodyn.estimation.shooting.starts import least_driven
+from monodyn.estimation.torque.evidence import FARTHEST
 from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import SearchSettings
@@ -140,7 +141,9 @@ def residual_rms(problem: Problem, optimum: Optimum) -> float:
         problem: The problem.
         optimum: Its optimum.
     """
-    return float(np.sqrt(np.mean(optimum.residuals[problem.data.measured] ** 2)))
+    bound = FARTHEST * max(optimum.sigma, 1.0)
+    residuals = np.clip(optimum.residuals[problem.data.measured], -bound, bound)
+    return float(np.sqrt(np.mean(residuals**2)))
 
 
 def _from_accelerations(problem: Problem, smoothed: tuple[Smoothed, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -92,8 +92,7 @@ def near_proportions(problem: Problem, optimum: Optimum, task: Task) -> tuple[Pr
     larger, start = with_proportions(problem, optimum)
     if len(larger.unknowns) == len(problem.unknowns):
         return problem, optimum
-    route = task.search(larger).route
-    return larger, fit_pieces(larger, start.trial, route, route.fine)
+    return larger, task.search(larger).from_start(start.x)
 
 
 def with_dry_friction(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.record.samples import Data
@@ -14,7 +16,7 @@ from monodyn.estimation.shooting.search import Search
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import BRAKES
-from monodyn.types import Progress
+from monodyn.types import Poses, Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +28,31 @@ class Task:
         smoothed: Smooth motion of each record.
         settings: How to search.
         progress: Called with the stages done.
-        otherwise: Returns whether what a solution leaves over has a reason that is no torque, nor the bodies.
+        otherwise: Returns whether what a solution of ``records`` leaves over has a reason that is no torque,
+            nor the bodies.
+        records: The records themselves, which ``data`` has as samples.
     """
 
     data: Data
     smoothed: tuple[Smoothed, ...]
     settings: IdentifySettings
     progress: Progress | None
-    otherwise: Callable[[Problem, Optimum], bool] = lambda *_: False
+    otherwise: Callable[[tuple[Poses, ...], Problem, Optimum], bool] = lambda *_: False
+    records: tuple[Poses, ...] = ()
+
+    def of(self, records: np.ndarray) -> Task:
+        """Return the same task for some of the records.
+
+        Args:
+            records: Which, rising, int (record,).
+        """
+        which = records.tolist()
+        return replace(
+            self,
+            data=self.data.of(records),
+            smoothed=tuple(self.smoothed[k] for k in which),
+            records=tuple(self.records[k] for k in which),
+        )
 
     def search(self, problem: Problem) -> Search:
         """Return the search of one problem.

@@ -25,7 +25,9 @@ SLOW = 1.5
 
 
 def bounds_met(parameters: Sequence[Estimate]) -> list[str]:
-    """Name the parameters that ended on a bound other than zero.
+    """Name the parameters that ended on a bound other than zero, and that it keeps from the data's value.
+
+    One of which the data leave open all values may stand anywhere, on a bound too: others make up for it.
 
     Args:
         parameters: The estimates.
@@ -33,7 +35,7 @@ def bounds_met(parameters: Sequence[Estimate]) -> list[str]:
     Returns:
         Sentences; none where no bound was met.
     """
-    other = [p.name for p in parameters if p.at_bound and p.value != 0]
+    other = [p.name for p in parameters if p.at_bound and p.value != 0 and np.isfinite(p.std)]
     return (
         [f"{listed(other)} ended on a bound; widen the bound or check the mechanism file."] if other else []
     )

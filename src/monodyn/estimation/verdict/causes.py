@@ -96,15 +96,15 @@ def lacking(
 
 
 def explained_otherwise(
-    records: tuple[Poses, ...], settings: IdentifySettings, problem: Problem, optimum: Optimum
+    settings: IdentifySettings, records: tuple[Poses, ...], problem: Problem, optimum: Optimum
 ) -> bool:
     """Return whether tilted gravity, another clock or a base that swings explains what is left over.
 
     Bodies whose mass may lie anywhere explain some of these as well: one further unknown is asked first.
 
     Args:
+        settings: How the records were identified.
         records: The records.
-        settings: How they were identified.
         problem: The problem that was solved.
         optimum: Its optimum.
     """

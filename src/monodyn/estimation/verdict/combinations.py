@@ -11,9 +11,11 @@ from monodyn.estimation.fit import Combination
 from monodyn.estimation.shooting.prior import size_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
+from monodyn.estimation.verdict.posterior import Posterior
+from monodyn.estimation.verdict.regrouped import Regrouped, Trees, carried_mass, regroup
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, COM_X, COM_Y, DAMPING, HINGE, INERTIA, MASS, Tree
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, DAMPING, HINGE, Tree
 
 MOVED = 1e-3
 """An open direction of length one moves a parameter when its relative change along it is above this."""
@@ -25,23 +27,42 @@ REFERENCE = ("thickness", "density", "mass", "inertia", "length", "gravity", "ti
 """Kinds by which the others are divided, the first of them that serves."""
 
 
-def combinations(problem: Problem, x: np.ndarray, known: Knowledge) -> tuple[Combination, ...]:
+def combinations(
+    problem: Problem, x: np.ndarray, known: Knowledge, quantile: float, drawn: Posterior | None = None
+) -> tuple[Combination, ...]:
     """List what the data fix although parameters in it are open.
 
     Args:
         problem: The problem.
         x: Coordinates of the optimum, (param,).
         known: What the data know.
+        quantile: Half width of an interval in standard deviations.
+        drawn: Draws of the posterior, from which intervals are taken where there are any.
 
     Returns:
         Products of powers of parameters, dampings over the inertia they act on, and for bodies with free
         inertia the regrouped inertial parameters, in ratios or, under known torques, themselves.
     """
-    powers = _powers(problem, x, known)
-    return (*powers, *_regrouped(problem, x, known))
+    found = [*_powers(problem, x, known, drawn), *_regrouped(problem, x, known, drawn)]
+    return tuple(one.combination(quantile, drawn) for one in found)
 
 
-def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combination]:
+class _Found(NamedTuple):
+    """A combination without its interval: its value in every draw, (draw,), where there are any."""
+
+    name: str
+    value: float
+    std: float
+    draws: np.ndarray | None
+
+    def combination(self, quantile: float, drawn: Posterior | None) -> Combination:
+        low, high = self.value - quantile * self.std, self.value + quantile * self.std
+        if drawn is not None and self.draws is not None and self.std > 0.0:
+            low, high = drawn.interval(self.draws)
+        return Combination(self.name, self.value, self.std, min(low, self.value), max(high, self.value))
+
+
+def _powers(problem: Problem, x: np.ndarray, known: Knowledge, drawn: Posterior | None) -> list[_Found]:
     """Products p_i p_f^e that no open direction changes, with f as few reference parameters as there are
     directions.
 
@@ -71,7 +92,7 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combinati
         powers = [(int(i), whole), *((f, whole * e) for f, e in zip(reference, simple, strict=True))]
         if all(e <= 0 for _, e in powers):
             powers = [(k, -e) for k, e in powers]
-        found.append(_product_of(unknowns, values, powers, known))
+        found.append(_product_of(unknowns, values, powers, known, drawn))
     return found
 
 
@@ -83,15 +104,19 @@ def _moved(unknowns: Unknowns, known: Knowledge) -> np.ndarray:
 
 
 def _product_of(
-    unknowns: Unknowns, values: np.ndarray, powers: list[tuple[int, Fraction]], known: Knowledge
-) -> Combination:
+    unknowns: Unknowns, values: np.ndarray, powers: list[tuple[int, Fraction]], known: Knowledge,
+    drawn: Posterior | None,
+) -> _Found:  # fmt: skip
     """Value and standard deviation of a product of powers (unknown, exponent)."""
     gradient = np.zeros(len(unknowns))
     for k, e in powers:
         gradient[k] += float(e) * known.relative[k]
     value = float(np.prod([values[k] ** float(e) for k, e in powers]))
     std = value * float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0)))
-    return Combination(_product([(unknowns.names[k], e) for k, e in powers]), float(value), std)
+    draws = None
+    if drawn is not None:
+        draws = np.prod([drawn.unknowns[:, k] ** float(e) for k, e in powers], axis=0)
+    return _Found(_product([(unknowns.names[k], e) for k, e in powers]), value, std, draws)
 
 
 def _reference(unknowns: Unknowns, unfixed: np.ndarray, usable: np.ndarray) -> list[int]:
@@ -126,7 +151,7 @@ def _power(name: str, exponent: Fraction) -> str:
     return f"{name}^{exponent}" if exponent.denominator == 1 else f"{name}^({exponent})"
 
 
-def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combination]:
+def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge, drawn: Posterior | None) -> list[_Found]:
     """Inertial ratios with their standard deviations, where no open direction changes them."""
     instance = problem.at(x)
     mechanism = problem.mechanism
@@ -135,7 +160,7 @@ def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combin
     free = not problem.unknowns.uniform or bool(size_ratios(mechanism, problem.unknowns))
     absolute = bool(problem.data.torques)
 
-    def regrouped(tree: Tree) -> dict[str, complex]:
+    def regrouped(tree: Tree | Trees) -> dict[str, np.ndarray]:
         found = inertial_ratios(mechanism, tree, full=free and not absolute)
         return found | (inertial_values(mechanism, tree) if free and absolute else {})
 
@@ -144,19 +169,20 @@ def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge) -> list[Combin
     for p in range(len(x)):
         moved = instance.tree.along(instance.directions, p, COMPLEX_STEP * 1j)
         step = regrouped(moved)
-        slopes.append([step[name].imag / COMPLEX_STEP for name in values])
+        slopes.append([np.imag(step[name]) / COMPLEX_STEP for name in values])
     slope = np.array(slopes).T.reshape(len(values), len(x))
+    draws = {} if drawn is None else regrouped(drawn.trees)
     found = []
     for (name, value), gradient in zip(values.items(), slope, strict=True):
         along = np.abs(known.open.T @ (gradient / known.relative)) if known.open.size else np.zeros(1)
         if value == 0 or along.max() > 1e-3 * abs(value):
             continue
         std = float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0)))
-        found.append(Combination(name, float(value.real), std))
+        found.append(_Found(name, float(np.real(value)), std, draws.get(name)))
     return found
 
 
-def inertial_ratios(mechanism: Mechanism, tree: Tree, *, full: bool) -> dict[str, complex]:
+def inertial_ratios(mechanism: Mechanism, tree: Tree | Trees, *, full: bool) -> dict[str, np.ndarray]:
     """Regroup the inertial parameters of a planar tree into ratios that the motion can fix.
 
     With M_j the mass of everything that hangs on joint j and a_j its place on the body:
@@ -166,103 +192,62 @@ def inertial_ratios(mechanism: Mechanism, tree: Tree, *, full: bool) -> dict[str
 
     Args:
         mechanism: Gives the names.
-        tree: The joint tree; complex for a derivative.
+        tree: The joint tree, complex for a derivative; or many.
         full: All ratios; otherwise only dampings over inertias.
 
     Returns:
-        Values by name [SI].
+        Values by name [SI], () or (draw,).
 
     Source:
         Gautier and Khalil, Direct calculation of minimum set of inertial parameters of serial robots, 1990,
         in the plane.
     """
-    about, carried = _regroup(tree), _carried_mass(tree)
-    ratios: dict[str, complex] = {}
+    about, carried = regroup(tree), carried_mass(tree)
+    ratios: dict[str, np.ndarray] = {}
     for i, joint in enumerate(mechanism.joints):
         if i in about.inertia:
             over, label = about.inertia[i], "J"
         else:
             over, label = (0.0 if tree.kind[i] == HINGE else carried[i]), "M"
         damping = tree.links[i, DAMPING]
-        if over != 0 and damping != 0:
+        if np.all(over != 0) and np.any(damping != 0):
             ratios[f"{joint.name}.damping / {joint.body}.{label}"] = damping / over
     if full and about.inertia:
         ratios |= _over_the_last(mechanism, tree, about, carried)
-    return {name: complex(value) for name, value in ratios.items()}
+    return {name: np.asarray(value) for name, value in ratios.items()}
 
 
-def inertial_values(mechanism: Mechanism, tree: Tree) -> dict[str, complex]:
+def inertial_values(mechanism: Mechanism, tree: Tree | Trees) -> dict[str, np.ndarray]:
     """Return the regrouped inertial parameters themselves, which the motion fixes under a known torque.
 
     Args:
         mechanism: Gives the names.
-        tree: The joint tree; complex for a derivative.
+        tree: The joint tree, complex for a derivative; or many.
 
     Returns:
         ``<body>.J``, ``.mx`` and ``.my`` of hinged bodies, ``.M`` of slides, as in `inertial_ratios` but for
-        the division, by name [SI].
+        the division, by name [SI], () or (draw,).
     """
-    about, carried = _regroup(tree), _carried_mass(tree)
-    values: dict[str, complex] = {}
+    about, carried = regroup(tree), carried_mass(tree)
+    values: dict[str, np.ndarray] = {}
     for i, joint in enumerate(mechanism.joints):
         if i in about.inertia:
-            values[f"{joint.body}.J"] = complex(about.inertia[i])
-            values[f"{joint.body}.mx"] = complex(about.first_x[i])
-            values[f"{joint.body}.my"] = complex(about.first_y[i])
+            values[f"{joint.body}.J"] = np.asarray(about.inertia[i])
+            values[f"{joint.body}.mx"] = np.asarray(about.first_x[i])
+            values[f"{joint.body}.my"] = np.asarray(about.first_y[i])
         elif tree.kind[i] != HINGE:
-            values[f"{joint.body}.M"] = complex(carried[i])
+            values[f"{joint.body}.M"] = np.asarray(carried[i])
     return values
 
 
-class _Regrouped(NamedTuple):
-    """Inertial parameters of the hinged bodies about their own hinge, those that hang on them included.
-
-    Attributes:
-        inertia: J of each, by row of the tree.
-        first_x: First moment along the body.
-        first_y: First moment across it.
-    """
-
-    inertia: dict[int, complex]
-    first_x: dict[int, complex]
-    first_y: dict[int, complex]
-
-
-def _carried_mass(tree: Tree) -> np.ndarray:
-    """Mass of everything that hangs on each joint, (dof,)."""
-    total = tree.links[:, MASS].copy()
-    for i in range(len(total) - 1, -1, -1):  # children stand after their parents
-        if tree.parent[i] >= 0:
-            total[tree.parent[i]] += total[i]
-    return total
-
-
-def _regroup(tree: Tree) -> _Regrouped:
-    """Move the mass of everything that hangs on a body to the joint it hangs on."""
-    links, total = tree.links, _carried_mass(tree)
-    found = _Regrouped({}, {}, {})
-    for i in range(len(total)):
-        # what slides on a hinged body changes its inertia with the motion: it cannot be regrouped
-        if tree.kind[i] != HINGE or _carries_slide(tree, i):
-            continue
-        mass, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]
-        children = np.flatnonzero(tree.parent == i)
-        ax, ay = links[children, ANCHOR_X], links[children, ANCHOR_Y]
-        own = links[i, INERTIA] + mass * (cx**2 + cy**2)
-        found.inertia[i] = own + np.sum(total[children] * (ax**2 + ay**2))
-        found.first_x[i] = mass * cx + np.sum(total[children] * ax)
-        found.first_y[i] = mass * cy + np.sum(total[children] * ay)
-    return found
-
-
 def _over_the_last(
-    mechanism: Mechanism, tree: Tree, about: _Regrouped, carried: np.ndarray
-) -> dict[str, complex]:
+    mechanism: Mechanism, tree: Tree | Trees, about: Regrouped, carried: np.ndarray
+) -> dict[str, np.ndarray]:
     """Ratios of everything to J of the last hinged body, which fixes the scale of masses."""
     links, joints, last = tree.links, mechanism.joints, max(about.inertia)
     unit, fall = about.inertia[last], np.sqrt(tree.gravity[0] ** 2 + tree.gravity[1] ** 2)
     under = f"{joints[last].body}.J"
-    ratios: dict[str, complex] = {}
+    ratios: dict[str, np.ndarray] = {}
     for i in about.inertia:
         body, parent = joints[i].body, tree.parent[i]
         if i != last:
@@ -273,13 +258,9 @@ def _over_the_last(
             # the coupling of two bodies in the mass matrix: arm of the one times first moment of the other
             arm = np.sqrt(links[i, ANCHOR_X] ** 2 + links[i, ANCHOR_Y] ** 2)
             ratios[f"{joints[parent].body}.length * {body}.mx / {under}"] = arm * about.first_x[i] / unit
-        if i != last and links[i, DAMPING] != 0:
+        if i != last and np.any(links[i, DAMPING] != 0):
             ratios[f"{joints[i].name}.damping / {under}"] = links[i, DAMPING] / unit
     for i, joint in enumerate(joints):
         if tree.kind[i] != HINGE:
             ratios[f"{joints[last].body}.mx / {joint.body}.M"] = about.first_x[last] / carried[i]
     return ratios
-
-
-def _carries_slide(tree: Tree, i: int) -> bool:
-    return any(tree.kind[j] != HINGE for j in np.flatnonzero(tree.parent == i))

@@ -6,7 +6,7 @@ proportion to a length, about which the data give no information.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,6 +15,7 @@ from monodyn.estimation.fit import Estimate
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.unknowns import PICTURE_ONLY
+from monodyn.estimation.verdict.posterior import Posterior
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Parameter
 from monodyn.mechanism.assemble import following_slopes
@@ -25,7 +26,9 @@ WEAK = 1.0
 """Standard deviation of the logarithm above which a value is hardly known: a factor of e either way."""
 
 
-def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: float) -> tuple[Estimate, ...]:
+def estimates(
+    problem: Problem, optimum: Optimum, known: Knowledge, quantile: float, drawn: Posterior | None = None
+) -> tuple[Estimate, ...]:
     """Bring every parameter together with its interval.
 
     Args:
@@ -33,6 +36,7 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
         optimum: The optimum.
         known: What the data know there.
         quantile: Half width of an interval in standard deviations.
+        drawn: Draws of the posterior, from which intervals are taken where there are any.
 
     Returns:
         One estimate by parameter of the mechanism, in its order. A size that keeps its proportion to a length
@@ -82,6 +86,8 @@ def estimates(problem: Problem, optimum: Optimum, known: Knowledge, quantile: fl
             found.append(_estimate(p, _along(columns[p.name], p.value, known), quantile))
         else:
             found.append(_estimate(p, Deviation(0.0, False), quantile))
+    if drawn is not None:
+        found = [_from_draws(estimate, mechanism.parameter(estimate.name), drawn) for estimate in found]
     return tuple(found)
 
 
@@ -105,6 +111,16 @@ def _along(gradient: np.ndarray, value: float, known: Knowledge) -> Deviation:
     if open_share.max(initial=0.0) > 1e-3 * max(abs(value), 1e-300):
         return Deviation(np.inf, value > 0)
     return Deviation(float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0))), value > 0)
+
+
+def _from_draws(estimate: Estimate, p: Parameter, drawn: Posterior) -> Estimate:
+    """Return an estimate with the interval of the draws, cut at its bounds; it always contains its value."""
+    values = drawn.values.get(estimate.name)
+    if values is None or not 0.0 < estimate.std < np.inf:
+        return estimate
+    low, high = drawn.interval(values)
+    lower, upper = max(low, p.lower), min(high, p.upper)
+    return replace(estimate, lower=min(lower, estimate.value), upper=max(upper, estimate.value))
 
 
 def _estimate(

@@ -16,9 +16,11 @@ from monodyn.cores import on_all_cores
 from monodyn.estimation.fit import Doubt, Estimate
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.prior import size_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.verdict.refine import Refined
+from monodyn.estimation.verdict.surrogate import surrogate_of
 from monodyn.estimation.verdict.uncertainty import knowledge_at
 from monodyn.optimize import SearchSettings
 from monodyn.types import Progress
@@ -174,7 +176,8 @@ def _redrawn(
         rng = np.random.default_rng((seed, k))
         data = _drawn(problem.data, difference, found.freedom, rng)
         prior = problem.prior.drawn_about(optimum.x - problem.unknowns.x0, rng)
-        again = refits.settled(replace(problem, data=data, prior=prior), optimum.x, False)
+        another = replace(problem, data=data, prior=prior)
+        again = refits.settled(another, _near(another, optimum), False)
         step()
         if not again.converged or not np.isfinite(again.cost):
             return None
@@ -195,6 +198,19 @@ def _redrawn(
             estimate = replace(estimate, std=float(np.std(spread)), lower=float(low), upper=float(high))
         made.append(estimate)
     return tuple(made), None
+
+
+def _near(problem: Problem, optimum: Optimum) -> np.ndarray:
+    """Return where a search begins, (param,): where sizes are assumed the optimum lies far along a bent
+    valley, which a search creeps along and closed forms follow at once."""
+    if not size_ratios(problem.mechanism, problem.unknowns):
+        return optimum.x
+    surrogate = surrogate_of(problem, optimum.trial, optimum.at_bound)
+    if surrogate is None:
+        return optimum.x
+    unknowns = problem.unknowns
+    x = unknowns.coordinates(surrogate.sizes.unknowns(surrogate.peak()[None])[0])
+    return np.clip(x, unknowns.lower, unknowns.upper)
 
 
 def _drawn(data: Data, difference: np.ndarray, freedom: float, rng: np.random.Generator) -> Data:

@@ -17,6 +17,7 @@ from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict import advice, assumed, undetermined
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
+from monodyn.estimation.verdict.posterior import Posterior, posterior
 from monodyn.estimation.verdict.refine import Refined, refine
 from monodyn.estimation.verdict.refits import refitted
 from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
@@ -63,7 +64,10 @@ def summarize(
         status = UNSTARTED
         return replace(refused(problem, status, records, time.perf_counter() - began), advice=solution.advice)
     found = refine(problem, optimum, settings)
-    fit = fit_of(found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began)
+    fit = fit_of(
+        found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began,
+        drawn=posterior(found),
+    )  # fmt: skip
     hardly = None
     if settings.uncertainty != "linear":
         quantile = _quantile(found.freedom)
@@ -199,6 +203,7 @@ def fit_of(
     *,
     freedom: float,
     began: float,
+    drawn: Posterior | None = None,
 ) -> Fit:
     """Collect what was found, all but status and advice.
 
@@ -209,6 +214,7 @@ def fit_of(
         records: The records, for the shape of the residuals.
         freedom: Degrees of freedom of the intervals.
         began: When the identification began.
+        drawn: Draws of the posterior, from which intervals are taken where there are any.
 
     Returns:
         The fit, with an empty status.
@@ -225,8 +231,8 @@ def fit_of(
         doubts=(),
         advice=(),
         mechanism=mechanism,
-        parameters=estimates(problem, optimum, known, _quantile(freedom)),
-        combinations=combinations(problem, optimum.x, known),
+        parameters=estimates(problem, optimum, known, _quantile(freedom), drawn),
+        combinations=combinations(problem, optimum.x, known, _quantile(freedom), drawn),
         starts=_starts(problem, optimum, covariance),
         tied=tuple((name, unknowns.names[i]) for name, i in tied),
         covariance=covariance,

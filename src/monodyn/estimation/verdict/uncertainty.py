@@ -77,7 +77,7 @@ def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: 
     """
     count = len(problem.unknowns)
     stacked, local, pulls = [], [], []
-    shifts = _whitened_shifts(problem.data)
+    shifts = whitened_shifts(problem.data)
     for first, stop in zip(pieces.first[:-1], pieces.first[1:], strict=True):
         rows = jacobian[first:stop].reshape(-1, jacobian.shape[2])
         used = np.any(rows != 0, axis=1)
@@ -115,8 +115,12 @@ class _Local(NamedTuple):
     shift: np.ndarray
 
 
-def _whitened_shifts(data: Data) -> np.ndarray:
-    """Return what moves the positions together as the residuals have it, (row, dof, direction)."""
+def whitened_shifts(data: Data) -> np.ndarray:
+    """Return what moves the positions together as the residuals have it, (row, dof, direction).
+
+    Args:
+        data: The data.
+    """
     rows, dofs = data.position.shape
     if data.shifts is None:
         return np.zeros((rows, dofs, 0))

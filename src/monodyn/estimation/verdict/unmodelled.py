@@ -113,6 +113,8 @@ def _filtered(
     rows, dofs = residual.shape
     state, error = 2 * dofs, np.zeros(2 * dofs)
     covariance, square = np.zeros((state, state)), np.zeros((state, state))
+    # products of matrices so small are written out: a library's take many times as long
+    moved, half, gain = np.zeros(state), np.zeros((state, state)), np.zeros(state)
     likelihood, counted = 0.0, 0
     for row in range(rows):
         if begins[row]:
@@ -120,8 +122,19 @@ def _filtered(
             for j in range(dofs):
                 covariance[j, j], covariance[dofs + j, dofs + j] = unknown[j], unknown[j]
         else:
-            error[:] = carried[row] @ error
-            covariance[:] = carried[row] @ covariance @ carried[row].T
+            for i in range(state):
+                moved[i] = 0.0
+                for k in range(state):
+                    moved[i] += carried[row, i, k] * error[k]
+                    half[i, k] = 0.0
+                    for m in range(state):
+                        half[i, k] += carried[row, i, m] * covariance[m, k]
+            error[:] = moved
+            for i in range(state):
+                for k in range(state):
+                    covariance[i, k] = 0.0
+                    for m in range(state):
+                        covariance[i, k] += half[i, m] * carried[row, k, m]
             h = steps[row]
             for j in range(dofs):
                 covariance[j, j] += density[j] * h**3 / 3.0
@@ -132,12 +145,17 @@ def _filtered(
             if not math.isnan(residual[row, j]):
                 total = covariance[j, j] + variance[row, j]
                 off = residual[row, j] - error[j]
-                gain = covariance[:, j] / total
-                error += gain * off
-                covariance -= np.outer(gain, gain) * total
+                for i in range(state):
+                    gain[i] = covariance[i, j] / total
+                for i in range(state):
+                    error[i] += gain[i] * off
+                    for k in range(state):
+                        covariance[i, k] -= gain[i] * gain[k] * total
                 likelihood -= 0.5 * (math.log(total) + off * off / total)
         # the first rows of a record only find its state
         if row >= 4 * dofs and not begins[max(0, row - 4 * dofs) : row + 1].any():
-            square += np.outer(error, error) + covariance
+            for i in range(state):
+                for k in range(state):
+                    square[i, k] += error[i] * error[k] + covariance[i, k]
             counted += 1
     return likelihood, square / max(counted, 1)
