@@ -15,6 +15,8 @@ import monodyn
 
 RATE, SECONDS, NOISE = 60.0, 3.0, 1e-3
 """Of a record that is as it should be [Hz], [s], [rad or m]."""
+AHEAD = 1.0
+"""How long the motion is known after the record [s]."""
 STEP = 2e-4
 """Integration step [s]."""
 
@@ -34,6 +36,8 @@ class Record:
         lengths: True lengths by name [m].
         fix: Parameters that are given.
         free: Parameters that are freed.
+        ahead: How it went on: time stamps [s], (frame,), and positions without noise, (frame, dof); None
+            where the damage leaves no such thing.
     """
 
     time: np.ndarray
@@ -43,6 +47,7 @@ class Record:
     lengths: dict[str, float]
     fix: dict[str, float] = field(default_factory=dict)
     free: tuple[str, ...] = ()
+    ahead: tuple[np.ndarray, np.ndarray] | None = None
 
     def text(self) -> str:
         """Return the table as comma-separated values."""
@@ -92,15 +97,15 @@ def drawn(
         path = Path(folder) / "drawn.xml"
         monodyn.write_mjcf(mechanism, path)
         body = mujoco.MjModel.from_xml_path(str(path))
-    body.opt.timestep, body.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    body.opt.timestep, body.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_RK4
     down = float(np.linalg.norm(body.opt.gravity))
     body.opt.gravity[:] = down * np.array([np.sin(gravity), 0.0, -np.cos(gravity)])
     body.dof_frictionloss[:] = friction * down * float(body.body_mass.sum()) * 0.1
     data = mujoco.MjData(body)
     data.qpos[:] = rng.uniform(-1.2, 1.2, body.nq)
     count, every = round(rate * seconds), round(1.0 / (rate * STEP))
-    position = np.zeros((count, body.nq))
-    for row in range(count):
+    position = np.zeros((count + round(rate * AHEAD), body.nq))
+    for row in range(len(position)):
         position[row] = data.qpos
         for _ in range(every):
             data.qfrc_applied[:] = 0.0
@@ -110,10 +115,12 @@ def drawn(
             if forces is not None:
                 forces(body, data)
             mujoco.mj_step(body, data)
-    position += rng.normal(scale=noise, size=position.shape)
+    time, measured = every * STEP * np.arange(len(position)), position[:count]
+    measured = measured + rng.normal(scale=noise, size=measured.shape)
     joints = tuple(mujoco.mj_id2name(body, mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(body.njnt))
     lengths = {p.name: p.value for p in mechanism.parameters if p.kind == "length" and p.free}
-    return Record(every * STEP * np.arange(count), position, joints, model or kind, lengths)
+    ahead = time[count:], position[count:]
+    return Record(time[:count], measured, joints, model or kind, lengths, ahead=ahead)
 
 
 def _drag(body: Any, data: Any) -> None:
@@ -127,7 +134,7 @@ def _pull(body: Any, data: Any) -> None:
 
 def _with(change: Callable[[Record, np.random.Generator], Record]) -> Callable[[np.random.Generator], Record]:
     """Return a damage that changes a right record."""
-    return lambda rng: change(drawn(rng), rng)
+    return lambda rng: replace(change(drawn(rng), rng), ahead=None)
 
 
 def _spoilt(record: Record, rows: np.ndarray, values: np.ndarray | float) -> Record:
@@ -149,7 +156,7 @@ def _gap(record: Record, rng: np.random.Generator) -> Record:
 
 def _first_as(record: Record, model: str, joints: tuple[str, ...]) -> Record:
     """Return the record of the first joints alone, for a model that has no more."""
-    return replace(record, position=record.position[:, : len(joints)], joints=joints, model=model)
+    return replace(record, position=record.position[:, : len(joints)], joints=joints, model=model, ahead=None)
 
 
 DAMAGES: dict[str, Callable[[np.random.Generator], Record]] = {

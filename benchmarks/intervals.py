@@ -116,7 +116,7 @@ def covered(group: str, records: int, frames: int, given: bool) -> list[Figure]:
             say(f"{group}: {seed + 1} of {records}, {share(held, 'interval'):.1f} % of intervals")
     figures = [Figure(group, "records without a fit", lost, "")]
     for name in sorted(held):
-        figures.append(Figure(group, f"{name} ({len(held[name])})", 100.0 * np.mean(held[name]), "%"))
+        figures.append(Figure(group, f"{name} ({len(held[name])})", 100.0 * float(np.mean(held[name])), "%"))
     for kind in ("interval", "band"):
         value = share(held, kind)
         figures.append(Figure(group, f"{kind}s that hold", value, "%", LEAST, least=True))
@@ -151,8 +151,7 @@ def intervals(fit: Fit, known: Mapping[str, float]) -> list[tuple[str, bool]]:
             found.append((f"interval of {p.name}", bool(p.lower <= known[p.name] <= p.upper)))
     for c in fit.combinations:
         if "friction" not in c.name and c.std > 0.0:
-            off = abs(c.value - valued(c.name, known))
-            found.append((f"interval of {c.name}", bool(off <= BAND * c.std)))
+            found.append((f"interval of {c.name}", bool(c.lower <= valued(c.name, known) <= c.upper)))
     return found
 
 

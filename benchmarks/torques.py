@@ -1,8 +1,9 @@
 """Print how well masses come out where the torque is known: records made with MuJoCo, and a real pendubot.
 
-Run: ``python benchmarks/torques.py [--only GROUP ...] [--json FILE] [--gate]``; the group ``pendubot`` needs
-``MONODYN_DATA``. Every made record starts from the bundled file, whose lengths, thicknesses, densities and
-frictions are not those of the mechanism that moved; what no table shows, the widths, is given.
+Run: ``python benchmarks/torques.py [--only GROUP ...] [--json FILE] [--gate]``; ``pendubot`` (its encoders)
+and ``film`` need ``MONODYN_DATA``. Every made record starts from the bundled file, whose lengths,
+thicknesses, densities and frictions are not those of the mechanism that moved; widths, which no table shows,
+are given.
 """
 
 from __future__ import annotations
@@ -20,12 +21,15 @@ import numpy as np
 
 import monodyn
 from figures import Figure, command_line, finish, say, table
+from monodyn.job import Outcome
 from monodyn.pipeline import identify_tables
 
 STEP = 2e-4
 """Integration step of MuJoCo [s]."""
 MASS_TARGET = 2.0
 """Error of a mass, at most [%]."""
+LOGGED = (58, 271)
+"""Frames of its film that the log of the torque covers, less the last quarter."""
 WINDOW = 1.5
 """Seconds of each window of the pendubot."""
 EVERY = 4
@@ -106,11 +110,11 @@ def main() -> int:
     Returns:
         The exit code: 1 when a target is missed under ``--gate``, 2 when the data are missing.
     """
-    groups: dict[str, Callable[[Path], list[Figure]]] = {"made": made, "pendubot": pendubot}
+    groups: dict[str, Callable[[Path], list[Figure]]] = {"made": made, "pendubot": pendubot, "film": film}
     parser = command_line(__doc__, tuple(groups))
     options = parser.parse_args()
     wanted = options.only or groups
-    if "pendubot" in wanted and not _pendubot()[0].is_file():
+    if {"pendubot", "film"} & {*wanted} and not _pendubot()[0].is_file():
         print("MONODYN_DATA: expected the folder that holds real/; set the variable.", file=sys.stderr)
         return 2
     figures: list[Figure] = []
@@ -233,14 +237,32 @@ def pendubot(folder: Path) -> list[Figure]:
         fix={"link1.length": 0.3, "link2.length": 0.2},
         free=("joint1.friction",),
     )
-    outcome = identify_tables(windows, model, settings=settings)
+    return _found("pendubot", identify_tables(windows, model, settings=settings))
+
+
+def film(folder: Path) -> list[Figure]:
+    """Return what is found of the pendubot from its film and that torque, its first link's length given.
+
+    Args:
+        folder: Where the run goes.
+    """
+    source, model = _pendubot()
+    settings = monodyn.RunSettings(
+        torques=(source,), fit_frames=LOGGED, fix={"link1.length": 0.3}, free=("joint1.friction",)
+    )
+    return _found("film", monodyn.run(source.parent / "pendubot.m4v", model, folder / "film", settings))
+
+
+def _found(case: str, outcome: Outcome) -> list[Figure]:
+    """Return masses, dry friction and lag with their intervals."""
     rows = {row["name"]: row for row in outcome.document["parameters"]}
-    figures = [Figure("pendubot", "trusted", float(outcome.document["grade"] == "trusted"), "")]
+    say(f"{case}: {outcome.document['grade']}: {outcome.document['status']}")
+    figures = [Figure(case, "trusted", float(outcome.document["grade"] == "trusted"), "")]
     for name in ("link1.mass", "link2.mass", "joint1.friction", "torque.lag"):
         row = rows[name]
-        figures.append(Figure("pendubot", name, row["value"], row["unit"]))
-        figures.append(Figure("pendubot", f"{name}, lower end", row["lower"], row["unit"]))
-        figures.append(Figure("pendubot", f"{name}, upper end", row["upper"], row["unit"]))
+        figures.append(Figure(case, name, row["value"], row["unit"]))
+        figures.append(Figure(case, f"{name}, lower end", row["lower"], row["unit"]))
+        figures.append(Figure(case, f"{name}, upper end", row["upper"], row["unit"]))
     return figures
 
 

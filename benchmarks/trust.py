@@ -13,7 +13,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -172,10 +172,68 @@ def filmed(data: Path, clip: str, model: str, runs: Path) -> Verdict:
     document = json.loads((out / "fit.json").read_text(encoding="utf-8"))
     truth = json.loads((folder / f"{clip}.json").read_text(encoding="utf-8"))["truth"]
     known = {f"link{i}.length": link[0] for i, link in enumerate(truth["links"], start=1)}
-    return judged(case, document, known, time.perf_counter() - began)
+    return judged(case, document, known, time.perf_counter() - began, beyond_frames(out))
 
 
-def judged(case: str, document: dict[str, Any], known: dict[str, float], seconds: float) -> Verdict:
+def beyond_frames(out: Path) -> dict[str, float]:
+    """Return by how many bands the frames that were held out lie beside their prediction, by joint.
+
+    Args:
+        out: A run folder.
+    """
+    if not (out / "prediction.csv").is_file():
+        return {}
+    poses, future = _columns(out / "poses.csv"), _columns(out / "prediction.csv")
+    _, rows, places = np.intersect1d(future["frame"], poses["frame"], return_indices=True)
+    found = {}
+    for joint in (name.removesuffix("_seen") for name in poses if name.endswith("_seen")):
+        off = future[joint][rows] - poses[joint][places]
+        std = np.hypot(future[f"{joint}_std"][rows], poses[f"{joint}_std"][places])
+        use = (poses[f"{joint}_seen"][places] == 1) & np.isfinite(off)
+        if use.any():
+            found[joint] = bands_off(off[use], std[use])
+    return found
+
+
+def bands_off(off: np.ndarray, std: np.ndarray) -> float:
+    """Return the size of errors in units of their standard deviations, both rms.
+
+    Args:
+        off: Errors, (frame,).
+        std: Their standard deviations, (frame,).
+    """
+    return float(np.sqrt(np.mean(off**2) / np.mean(std**2)))
+
+
+def beyond_record(fit: monodyn.Fit | None, record: Record) -> dict[str, float]:
+    """Return by how many bands the motion after a record lies beside its prediction, by joint.
+
+    Args:
+        fit: What was identified.
+        record: The record, and how it went on.
+    """
+    if record.ahead is None or fit is None or not fit.ok:
+        return {}
+    time, position = record.ahead
+    future = monodyn.predict(fit, times=time)
+    return {
+        joint: bands_off(future.position[:, j] - position[:, j], future.std[:, j])
+        for j, joint in enumerate(record.joints)
+    }
+
+
+def _columns(path: Path) -> dict[str, np.ndarray]:
+    table = np.genfromtxt(path, delimiter=",", names=True)
+    return {name: table[name] for name in table.dtype.names or ()}
+
+
+def judged(
+    case: str,
+    document: dict[str, Any],
+    known: dict[str, float],
+    seconds: float,
+    beyond: Mapping[str, float] | None = None,
+) -> Verdict:
     """Compare what a run said with what is known.
 
     Args:
@@ -183,11 +241,12 @@ def judged(case: str, document: dict[str, Any], known: dict[str, float], seconds
         document: The content of ``fit.json``.
         known: True values by name.
         seconds: Wall time [s].
+        beyond: By how many bands what it did not see lies beside the prediction, by joint.
 
     Returns:
         What it said, and whether it was so.
     """
-    wrong = []
+    wrong = [f"{joint} {bands:.1f} bands" for joint, bands in (beyond or {}).items() if bands > MOST_BANDS]
     for row in document["parameters"]:
         std = row["std"]
         if row["name"] in known and row["free"] and std is not None and np.isfinite(std) and std > 0.0:
@@ -248,7 +307,8 @@ def identified(case: str, record: Record, runs: Path) -> Verdict:
         outcome = identify_tables([path], record.model, settings=settings)
     except monodyn.MonodynError as error:
         return Verdict(case, "stopped", (), str(error)[:100], time.perf_counter() - began)
-    return judged(case, outcome.document, record.lengths, time.perf_counter() - began)
+    seconds, beyond = time.perf_counter() - began, beyond_record(outcome.fit, record)
+    return judged(case, outcome.document, record.lengths, seconds, beyond)
 
 
 def encoders(data: Path, runs: Path) -> Iterator[Verdict]:
