@@ -21,12 +21,12 @@ NOISE_SHARE = 1e-3
 FIRST_PART = 1.5
 """Values in the first of these parts under a Fourier series for each unknown, at least."""
 LONGER_BY = 8
-"""Samples by which the part of a record that torques over time are fitted to grows, at least."""
+"""Samples by which the part of a record that is fitted grows, at least."""
 FOLLOWED_SHARE = 0.5
 """A part under a Fourier series grows as far as the motion is followed within this share of its size."""
-MOST_FOR_A_PART = {"fourier": 800, "free": 2500}
+MOST_FOR_A_PART = {"friction": 800, "fourier": 800, "free": 2500}
 """Evaluations of residuals or Jacobian for each of those parts, at most."""
-PART_STEPS = {"fourier": 4, "free": LED_STEPS}
+PART_STEPS = {"friction": 8, "fourier": 4, "free": LED_STEPS}
 """Integration steps between stamps in those parts."""
 PART_TOLERANCE = 1e-2
 """Nor, for a part under a Fourier series or in new directions, for less than this share."""
@@ -87,6 +87,9 @@ def descend(
 ) -> Descent | None:
     """Search from one start after the other until the motion is explained.
 
+    Without torques over time each start is fitted to the whole record and, where that does not explain it, to
+    parts of it that grow: over a long motion the least squares have many minima, over a short one few.
+
     Args:
         fixed: The problem; its scales and integration steps are chosen here.
         smoothed: Smooth motion of each record.
@@ -98,11 +101,14 @@ def descend(
     Returns:
         The best end, or None where no start can be simulated.
     """
-    close = CLOSE_SHARE[fixed.problem.mechanism.torque] * fixed.problem.data.motion_size
+    torque = fixed.problem.mechanism.torque
+    close = CLOSE_SHARE[torque] * fixed.problem.data.motion_size
     fixed, best, tried = replace(fixed, rollouts=Rollouts(progress)), None, 0
-    for x in fit_starts(fixed, smoothed, series, settings):
-        found = _search(fixed, x, smoothed, settings)
-        tried += 1
+    ways = (False, True) if torque == "friction" else (True,)
+    begun = enumerate(fit_starts(fixed, smoothed, series, settings), 1)
+    for number, x, grown in ((number, x, grown) for number, x in begun for grown in ways):
+        tried = number
+        found = _search(fixed, x, smoothed, settings, grown=grown)
         if found is not None:
             best = found if best is None or found.size < best.size else best
         near = found is not None and bool((_rms(found) < close).all())
@@ -123,17 +129,23 @@ def _rms(found: Descent) -> np.ndarray:
 
 
 def _search(
-    fixed: FixedStart, x: np.ndarray, smoothed: tuple[Smoothed, ...], settings: PaperIdentifySettings
+    fixed: FixedStart,
+    x: np.ndarray,
+    smoothed: tuple[Smoothed, ...],
+    settings: PaperIdentifySettings,
+    *,
+    grown: bool,
 ) -> Descent | None:
-    """Search from one start; again where the end needs more integration steps than the start did."""
+    """Search from one start, in parts that grow or at once; again where the end needs more integration steps
+    than the start did."""
     fixed, bounds = bounded(fixed, x, smoothed)
     # of angles beyond all sense no loads can be computed
     if not np.isfinite(fixed.scale).all():
         return None
     x, rollouts, converged = np.clip(x, *bounds), fixed.rollouts, False
-    in_one, began = GRADIENT_EVALUATIONS * settings.evaluations * (len(x) + 1), fixed.rollouts.spent
     driven = fixed.problem.mechanism.torque != "friction"
-    if driven:
+    in_one, began = GRADIENT_EVALUATIONS * settings.evaluations * (len(x) + 1), fixed.rollouts.spent
+    if grown:
         x = _in_parts(fixed, x, bounds, smoothed[0], began + min(in_one, (MOST_ROLLOUTS - began) // 2))
     # the start may move slowly and the end fast: the steps that the end needs are only known there
     error, most = np.inf, fixed.jacobian_rollouts
@@ -158,8 +170,12 @@ def _search(
 def _in_parts(
     fixed: FixedStart, x: np.ndarray, bounds: np.ndarray, smoothed: Smoothed, until: int
 ) -> np.ndarray:
-    """Fit torques over time to the first samples, then to more; free ones are led on from where they fit."""
-    rows, torque, rollouts = len(fixed.problem.data.times), fixed.problem.mechanism.torque, fixed.rollouts
+    """Fit to the first samples of each record, then to more; free torques are led on from where they fit."""
+    data, torque, rollouts = fixed.problem.data, fixed.problem.mechanism.torque, fixed.rollouts
+    rows, of_record = (
+        int(np.diff(data.first).max()),
+        np.arange(len(data.times)) - data.by_row(data.first[:-1]),
+    )
     fixed, stop = replace(fixed, substeps=PART_STEPS[torque]), LONGER_BY
     # half of the evaluations are Jacobians, of which each may take many rollouts
     in_part = MOST_FOR_A_PART[torque] * (1 + fixed.jacobian_rollouts) // 2
@@ -170,7 +186,7 @@ def _in_parts(
     last = rows + LONGER_BY if torque == "fourier" else rows - 1
     while stop < last and rollouts.spent < until:
         # NaN in the target leaves a row out; torques after it move nothing that is compared
-        late = (np.arange(rows) >= stop)[:, None]
+        late = (of_record >= stop)[:, None]
         part = replace(fixed, target=np.where(late, np.nan, fixed.target))
         if not np.isfinite(part.residuals(x)).all():
             break
