@@ -3,7 +3,10 @@
 import mujoco
 import numpy as np
 
+from monodyn.estimation.record.samples import ordered, prepare
+from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.torque.task import Task
 from monodyn.mechanism import load
 from monodyn.results.torques import torques
 from swings import white
@@ -25,6 +28,8 @@ CART = f"""<mujoco><option gravity="0 0 -9.81" integrator="RK4"/><worldbody>
 <body name="pole" pos="0 -0.02 0"><joint name="hinge" type="hinge" axis="0 -1 0" damping="0.0005"/>
 <geom {GEOM} size="0.15 0.003 0.012" pos="0.15 0 0"/></body></body></worldbody></mujoco>"""
 SERIES = IdentifySettings(torque="fourier")
+STIFF = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"'
+"""MuJoCo's friction gives way a little by default."""
 
 
 def simulated(model, start, frames, torque=None, seed=0):
@@ -74,3 +79,9 @@ def misses(fit, record, applied):
     """Return the rms error of the torques in shares of the rms torque, (dof,)."""
     error = torques(fit, record.time).torque - applied
     return np.sqrt(np.mean(error**2, axis=0) / np.mean(applied**2, axis=0))
+
+
+def task_of(records, mechanism):
+    """Return what a torque model is given of some records."""
+    smoothed = tuple(smooth(ordered(one, mechanism)) for one in records)
+    return Task(prepare(records, mechanism), smoothed, IdentifySettings(), None, records=tuple(records))

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from driven import DOUBLE, PERIOD, THICKNESS, pull, simulated, started
+from driven import DOUBLE, PERIOD, STIFF, THICKNESS, pull, simulated, started, task_of
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.unknowns import assumed_sizes
+from monodyn.estimation.torque import auto
 from monodyn.estimation.torque.evidence import at_noise, slow_part
+from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict.combinations import inertial_ratios
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -134,3 +137,20 @@ def test_a_torque_without_a_period_is_taken_where_sizes_are_given(tmp_path) -> N
     )
     fit = identify(record, started(DOUBLE, tmp_path, 1.0, **THICKNESS), settings)
     assert fit.torque != "free"
+
+
+def test_a_drag_that_only_led_to_the_dry_friction_is_none(tmp_path) -> None:
+    """Friction without any dry friction is far off; a drag leads nearer, from where the dry one is found."""
+    dry = DOUBLE.replace('damping="0.001"', f'damping="0.001" frictionloss="0.004" {STIFF}')
+    poses, _ = simulated(dry, [-0.8, 0.4], 120)
+    start = started(DOUBLE, tmp_path, 0.5, **THICKNESS)
+    task = task_of([poses], start)
+    problem = posed(start.with_torque("friction"), task.data)
+    optimum, _ = task.search(problem).from_starts()
+    assert not at_noise(problem, optimum)
+    before = auto._Tried(auto.FRICTION, TorqueSolution(problem, optimum))
+    (found,) = auto._dragged(start, before, task, task.search(problem).route)
+    mechanism = found.solution.problem.mechanism_at(found.solution.optimum.x)
+    assert found.kind == auto.FRICTION
+    assert mechanism.values["joint1.friction"] == pytest.approx(0.004, rel=0.05)
+    assert not any(p.free for p in mechanism.parameters if p.kind == "drag")

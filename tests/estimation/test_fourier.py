@@ -16,11 +16,14 @@ from driven import (
     misses,
     simulated,
     started,
+    task_of,
     two_waves,
     wave,
 )  # fmt: skip
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.torque import fourier
+from monodyn.estimation.torque.free import residual_rms
+from monodyn.estimation.torque.periods import PeriodSearch
 from monodyn.results.predict import predict
 from monodyn.results.torques import torques
 from monodyn.stages import identify
@@ -76,6 +79,20 @@ def test_harmonics_are_counted(tmp_path, monkeypatch):
     assert misses(fit, record, applied).max() < 0.03
     # each of the three harmonics stands out of its error: no series is fitted that lacks one of them
     assert not [terms for terms in fitted if terms < 3]
+
+
+def test_a_guess_whose_linear_step_led_far_off_is_brought_back(driven, tmp_path):
+    """The step is linear, from masses that may be far from the true ones: dampings come out absurd."""
+    start = started(DOUBLE, tmp_path, 0.5, **MASSIVE)
+    task = task_of([driven[0]], start)
+    periods = PeriodSearch.of(start, task.data, task.smoothed)
+    guess = periods.guesses(1)[0]
+    brakes = periods.problem.unknowns.of_kind("damping")
+    assert brakes.sum() == 2
+    absurd = replace(guess, change=np.where(brakes, 300.0, guess.change))
+    problem, optimum = fourier._from_guess(start, task, periods, absurd, False)
+    assert optimum.complete
+    assert residual_rms(problem, optimum) < 1.3
 
 
 def test_a_force_at_a_slide(tmp_path):

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from driven import DOUBLE, GEOM, THICKNESS, simulated, started
+from driven import DOUBLE, GEOM, STIFF, THICKNESS, simulated, started
 from monodyn.results.predict import predict
 from monodyn.stages import identify
 
-STIFF = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"'
-"""MuJoCo's friction gives way a little by default."""
 STOPPING = f"""<mujoco><option gravity="0 0 -9.81" integrator="RK4"/><worldbody>
 <body name="link1"><joint name="joint1" type="hinge" axis="0 -1 0" frictionloss="0.08" damping="0.0003"
   {STIFF}/>

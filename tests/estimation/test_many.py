@@ -3,20 +3,12 @@
 import numpy as np
 import pytest
 
-from monodyn.estimation.record.samples import ordered, prepare
-from monodyn.estimation.record.smooth import smooth
-from monodyn.estimation.settings import IdentifySettings
+from driven import task_of
 from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.many import fit_many
-from monodyn.estimation.torque.task import Task
 from swings import TIMES, motion, record, scaled
 
 STARTS = [[0.3 * np.cos(k), 0.5 + 0.1 * k] for k in range(8)]
-
-
-def task_of(records, mechanism):
-    smoothed = tuple(smooth(ordered(one, mechanism)) for one in records)
-    return Task(prepare(records, mechanism), smoothed, IdentifySettings(), None, records=tuple(records))
 
 
 def swings(mechanism, starts=STARTS):

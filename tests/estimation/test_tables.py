@@ -75,6 +75,19 @@ def test_encoder_log_in_the_order_of_the_mechanism(tmp_path):
     assert found.seen.all()
 
 
+def test_one_sample_of_1e20_makes_the_others_no_noisier(tmp_path):
+    """The noise of a joint weighs all of its samples: with 7e14 for one gross error, none would count."""
+    time = np.arange(50) * 0.01
+    values = np.sin(5 * time) + 0.001 * np.random.default_rng(6).normal(size=50)
+    noise = []
+    for spoilt in (values[25], 1e20):
+        values[25] = spoilt
+        lines = ["time,a", *(f"{t},{x}" for t, x in zip(time, values, strict=True))]
+        (tmp_path / "log.csv").write_text("\n".join(lines))
+        noise.append(np.sqrt(read_poses(tmp_path / "log.csv", ["a"]).covariance[0, 0, 0]))
+    assert noise[1] == pytest.approx(noise[0], rel=0.2)
+
+
 def test_a_joint_that_was_never_measured_is_a_gap(tmp_path):
     (tmp_path / "log.csv").write_text("time,a,b\n" + "".join(f"{i},{i % 3},\n" for i in range(9)))
     found = read_poses(tmp_path / "log.csv", ["a", "b"])

@@ -54,6 +54,25 @@ def test_arrow_is_the_dense_solution():
     assert blocks.evaluations == whole.evaluations
 
 
+def test_what_is_known_least_is_not_held_back():
+    """One direction is 1e12 times stiffer than the other, which no coordinate is along."""
+    hessian = 5e9 * np.array([[1.0, 1.0], [1.0, 1.0]]) + 5e-3 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    goal = np.array([1.0, -1.0])
+
+    def arrow(shared, local):
+        off = shared - goal
+        # along and across one by one: their sizes differ by more than a sum of both can hold
+        across, along = np.sqrt(5e9) * (off[0] + off[1]), np.sqrt(5e-3) * (off[0] - off[1])
+        gradient = np.sqrt(5e9) * across * np.ones(2) + np.sqrt(5e-3) * along * np.array([1.0, -1.0])
+        nothing = (np.zeros((0, 2, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0)))
+        return Arrow(0.5 * (across**2 + along**2), hessian, gradient, *nothing)
+
+    box = (np.full(2, -9.0), np.full(2, 9.0))
+    found = minimize_arrow(arrow, np.zeros(2), np.zeros((0, 0)), box, settings=SearchSettings(evaluations=30))
+    assert found.converged
+    np.testing.assert_allclose(found.shared, goal, atol=1e-2)
+
+
 def valley(x):
     """Residuals and slope of a parabolic valley: 100 (y - x^2), 1 - x."""
     return np.array([100.0 * (x[1] - x[0] ** 2), 1.0 - x[0]]), np.array([[-200.0 * x[0], 100.0], [-1.0, 0.0]])
