@@ -270,6 +270,28 @@ def _add_torque(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def _to_stage(r, part, x, u, a, dx, du, da, live):  # pragma: no cover - compiled
+    """Put state and tangents of stage ``r`` where those of the stage before lead in the time ``part``."""
+    for i in range(x.shape[1]):
+        x[r, i] = x[0, i] + part * u[r - 1, i]
+        u[r, i] = u[0, i] + part * a[r - 1, i]
+        for k in range(live):
+            dx[r, i, k] = dx[0, i, k] + part * du[r - 1, i, k]
+            du[r, i, k] = du[0, i, k] + part * da[r - 1, i, k]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _to_end(sixth, x, u, a, dx, du, da, live):  # pragma: no cover - compiled
+    """Put state and tangents of stage 0 at the end of a step, of which ``sixth`` is a sixth."""
+    for i in range(x.shape[1]):
+        x[0, i] += sixth * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
+        u[0, i] += sixth * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
+        for k in range(live):
+            dx[0, i, k] += sixth * (du[0, i, k] + 2.0 * (du[1, i, k] + du[2, i, k]) + du[3, i, k])
+            du[0, i, k] += sixth * (da[0, i, k] + 2.0 * (da[1, i, k] + da[2, i, k]) + da[3, i, k])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def rollout_tangents(
     parent, kind, links, dpar, gravity, dgpar, times, substeps, q0, v0, mode, stamps, table, lagging, entry,
     load, clock, lag, order, live,
@@ -323,12 +345,7 @@ def rollout_tangents(
                 for r in range(4):
                     part = 0.0 if r == 0 else length if r == 3 else 0.5 * length
                     if r > 0:
-                        for i in range(n):
-                            x[r, i] = x[0, i] + part * u[r - 1, i]
-                            u[r, i] = u[0, i] + part * a[r - 1, i]
-                            for k in range(many):
-                                dx[r, i, k] = dx[0, i, k] + part * du[r - 1, i, k]
-                                du[r, i, k] = du[0, i, k] + part * da[r - 1, i, k]
+                        _to_stage(r, part, x, u, a, dx, du, da, many)
                     time, span = begin + part, (0, 0)
                     if mode != NONE:
                         # of the whole step: its parts are on the same side of a knot
@@ -352,13 +369,7 @@ def rollout_tangents(
                         )
                     # da holds dtau - (dM a + dbias); M is that of this stage
                     solve_all(parent, h, da[r], many)
-                sixth = length / 6.0
-                for i in range(n):
-                    x[0, i] += sixth * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
-                    u[0, i] += sixth * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
-                    for k in range(many):
-                        dx[0, i, k] += sixth * (du[0, i, k] + 2.0 * (du[1, i, k] + du[2, i, k]) + du[3, i, k])
-                        du[0, i, k] += sixth * (da[0, i, k] + 2.0 * (da[1, i, k] + da[2, i, k]) + da[3, i, k])
+                _to_end(length / 6.0, x, u, a, dx, du, da, many)
                 done += 1
                 begin += length
         for i in range(n):

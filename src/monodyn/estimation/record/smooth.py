@@ -14,7 +14,6 @@ from monodyn.types import Poses
 
 MIDDLE = (0.025, 0.975)
 """Shares of the positions of a joint between which no gross error lies."""
-
 WINDOWS = (7, 11, 17, 27)
 """Numbers of neighbours that are tried."""
 FEWEST_SAMPLES = 5

@@ -142,15 +142,25 @@ def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> 
     larger, found = _with_dry(larger, found, task)
     if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, len(names)):
         return []
-    rubbing = [p.name for p in larger.mechanism.parameters if p.kind == "friction" and p.free]
-    if rubbing:
-        smaller = larger.of(mechanism.with_torque("friction").with_choices(free=rubbing))
-        x = smaller.unknowns.carried(found.x, larger.unknowns)
-        without = fit_pieces(smaller, found.trial.at(x, found.trial.states), route, route.fine)
-        if likeliest([(larger, found), (smaller, without)]) == 1:
-            return [replace(before, solution=replace(solution, problem=smaller, optimum=without))]
+    without = _undragged(mechanism, larger, found, route)
+    if without is not None:
+        problem, optimum = without
+        return [replace(before, solution=replace(solution, problem=problem, optimum=optimum))]
     kind = "free bodies and quadratic drag" if before.kind == FREE_BODIES else "quadratic drag"
     return [_Tried(f"friction with {kind}", replace(solution, problem=larger, optimum=found))]
+
+
+def _undragged(
+    mechanism: Mechanism, problem: Problem, optimum: Optimum, route: Route
+) -> tuple[Problem, Optimum] | None:
+    """Return the fit of dry friction without the drag that led to it; None where the drag explains more."""
+    rubbing = [p.name for p in problem.mechanism.parameters if p.kind == "friction" and p.free]
+    if not rubbing:
+        return None
+    smaller = problem.of(mechanism.with_torque("friction").with_choices(free=rubbing))
+    x = smaller.unknowns.carried(optimum.x, problem.unknowns)
+    found = fit_pieces(smaller, optimum.trial.at(x, optimum.trial.states), route, route.fine)
+    return (smaller, found) if likeliest([(problem, optimum), (smaller, found)]) == 1 else None
 
 
 def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
