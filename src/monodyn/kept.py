@@ -76,7 +76,8 @@ def _as_chosen(
         return mechanism, replace(
             settings, torque="fourier", terms=(fit.mechanism.drive.table.shape[1] - 1) // 2
         )
-    drags = [p.name for p in fit.parameters if p.free and fit.mechanism.parameter(p.name).kind == "drag"]
+    kinds = {p.name: p.kind for p in fit.mechanism.parameters}
+    drags = [p.name for p in fit.parameters if p.free and kinds[p.name] in ("drag", "air")]
     return mechanism.with_choices(free=drags), replace(settings, torque=fit.torque)
 
 

@@ -100,7 +100,7 @@ def test_nothing_usual(monkeypatch):
 
 
 def test_sentences():
-    assert causes.dragged(["joint1.drag", "joint2.drag"], 6.13) == (
+    assert causes.dragged(drags.QUADRATIC, ["joint1.drag", "joint2.drag"], 6.13) == (
         "With quadratic drag at its joints the motion comes 6.1 times as close to the record: --free "
         "joint1.drag joint2.drag estimates it."
     )

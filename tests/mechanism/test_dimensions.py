@@ -109,7 +109,7 @@ def test_other_units_leave_the_motion_as_it_is(units: dict[str, float], bodies: 
 def test_mass_kinds_are_what_the_scale_of_masses_changes() -> None:
     assert set(MASS_KINDS) == {
         "thickness", "density", "mass", "inertia", "damping", "friction", "stiffness", "armature", "drag",
-        "torque",
+        "air", "torque",
     }  # fmt: skip
     for kind in DIMENSIONS:
         held = {power(kind, mass=1), power(kind, mass=1, thickness=1)}
@@ -124,7 +124,7 @@ def test_longer_in_more_gravity() -> None:
             "length", "width", "tail", "tip", "extent", "along", "across", "offset", "com_x", "com_y",
             "gravity",
         }  # fmt: skip
-        kinds = ("damping", "friction", "stiffness", "armature", "drag", "torque", "inertia")
+        kinds = ("damping", "friction", "stiffness", "armature", "drag", "air", "torque", "inertia")
         assert all(at[kind] == weighted for kind in kinds)
         assert at["mass"] == masses
         assert at["thickness"] == at["time_scale"] == at["period"] == 0.0

@@ -37,6 +37,14 @@ from support import refuses
             mjcf(SINGLE, '<option viscosity="0.1"/>'),
             "m.xml: option: forces of a surrounding fluid are not supported; remove density and viscosity.",
         ),
+        *(
+            (
+                mjcf(SINGLE, f'<custom><numeric name="joint1.air" data="{data}"/></custom>'),
+                "m.xml: custom numeric 'joint1.air': expected one number from 0 to 1e+09, the drag of the air "
+                f"on its link, got {data}; correct it.",
+            )
+            for data in ("-0.1", "1 2")
+        ),
         (
             mjcf(SINGLE, '<option gravity="0 0 1e300"/>'),
             "m.xml: gravity: expected numbers up to 1e+09, got 1e+300; correct it.",

@@ -69,6 +69,7 @@ DIMENSIONS = {
     "stiffness": _TORQUE,
     "armature": Dimensions(mass=1, length=2),
     "drag": Dimensions(mass=1, length=2),
+    "air": Dimensions(mass=1, length=2),
     "torque": _TORQUE,
     "gravity": Dimensions(length=1, time=-2),
     "time_scale": Dimensions(time=1),
@@ -84,6 +85,7 @@ SLIDE_DIMENSIONS = {
     "stiffness": Dimensions(mass=1, time=-2),
     "armature": Dimensions(mass=1),
     "drag": Dimensions(mass=1, length=-1),
+    "air": Dimensions(mass=1, length=-1),
     "torque": _FORCE,
 }
 """Dimensions of the kinds that are forces at a slide where they are torques at a hinge."""

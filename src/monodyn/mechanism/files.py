@@ -20,7 +20,7 @@ MAX_COPIES = 1000
 MAX_DEPTH = 100
 
 UNUSED = {
-    "actuator", "sensor", "keyframe", "custom", "visual", "statistic", "size", "contact", "texture",
+    "actuator", "sensor", "keyframe", "text", "tuple", "visual", "statistic", "size", "contact", "texture",
     "material",
     "transmission", "gazebo", "camera", "light",
 }  # fmt: skip

@@ -12,6 +12,7 @@ import numpy as np
 
 from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Given, Joint, Link
+from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.read import assembled
 
 BASE = "base"
@@ -39,7 +40,7 @@ def mounted(mechanism: Mechanism, rate: float) -> tuple[Mechanism, str]:
         joint=Joint(name, name, "slide", -np.inf, np.inf, 1), parent=-1, carries=True, anchor=np.zeros(2),
         angle=0.0, axis=np.array([1.0, 0.0]), offset=0.0, geoms=(),
         givens=(Given(name, mass, np.zeros(2), mass),), rest=0.0,
-        terms={"damping": 0.0, "friction": 0.0, "stiffness": mass * rate**2, "armature": 0.0, "drag": 0.0},
+        terms={kind: mass * rate**2 if kind == "stiffness" else 0.0 for kind in JOINT},
     )  # fmt: skip
     links = [base, *(replace(link, parent=link.parent + 1) for link in mechanism.plan.links)]
     made = assembled(mechanism.name, links, values["gravity"])

@@ -30,6 +30,7 @@ from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Link, Table
 from monodyn.mechanism.places import Naming, half_across, main_ends, main_sides
 from monodyn.mechanism.solids import Solid, geom_solid, given_solid
 from monodyn.mechanism.tree import (
+    AIR,
     ANGLE,
     ARMATURE,
     AXIS_X,
@@ -74,6 +75,7 @@ JOINT = {
     "stiffness": JointTerm(STIFFNESS, "N m/rad", "N/m"),
     "armature": JointTerm(ARMATURE, "kg m^2", "kg"),
     "drag": JointTerm(DRAG, "N m s^2/rad^2", "N s^2/m^2"),
+    "air": JointTerm(AIR, "N m s^2/rad^2", "N s^2/m^2"),
 }
 """The parameters of every joint by kind, in the order in which they are entered."""
 JOINT_COLUMNS = [term.column for term in JOINT.values()]

@@ -21,6 +21,7 @@ from numba import njit
 from monodyn.mechanism.branches import factor, solve
 from monodyn.mechanism.drive import NONE, torque
 from monodyn.mechanism.tree import (
+    AIR,
     ANCHOR_X,
     ANCHOR_Y,
     ANGLE,
@@ -162,6 +163,42 @@ def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
         w[i, FY] = w[i, M] * w[i, AY] + w[i, AW] * w[i, MX] + w[i, VW] * px
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def air_direction(i, kind, links, w):  # pragma: no cover - compiled
+    """Return the unit force of the air on link i, (moment about the fixed point, x, y), as ``w`` stands.
+
+    The motion that it resists is the product z of this and the link's motion; the air pushes with -c |z| z
+    times it. All of it acts at the link's centre of oscillation, at the distance J / (m r) from its hinge, J
+    about the hinge and r the distance of the centre of mass, and across the line to the hinge: a rod meets
+    the same moment as if each of its points were resisted by the square of its own speed, to a few percent,
+    and where its hinge rests z is its turn rate. A slide's link is resisted along the slide.
+    """
+    if kind[i] != HINGE:
+        return w[i, OX] * w[i, SY] - w[i, OY] * w[i, SX], w[i, SX], w[i, SY]
+    m, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]
+    inertia = links[i, INERTIA] + m * (cx * cx + cy * cy)
+    if inertia.real <= 0.0:
+        return inertia * 0.0 + 1.0, inertia * 0.0, inertia * 0.0
+    # one over the distance of the centre of oscillation, toward it
+    x = m * (w[i, C] * cx - w[i, S] * cy) / inertia
+    y = m * (w[i, S] * cx + w[i, C] * cy) / inertia
+    return 1.0 + x * w[i, OX] + y * w[i, OY], -y, x
+
+
+@njit(cache=True, error_model="numpy")
+def resist(kind, links, w):  # pragma: no cover - compiled
+    """Add what the air takes to the forces (FN, FX, FY) that the links need."""
+    for i in range(kind.size):
+        if links[i, AIR] != 0.0:
+            n, x, y = air_direction(i, kind, links, w)
+            z = n * w[i, VW] + x * w[i, VX] + y * w[i, VY]
+            # |z| z is analytic on either side of 0, which a complex step needs; abs() of a complex is not
+            force = links[i, AIR] * (z * z if z.real > 0.0 else -z * z)
+            w[i, FN] += force * n
+            w[i, FX] += force * x
+            w[i, FY] += force * y
+
+
 @njit(cache=True, error_model="numpy")
 def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cover - compiled
     """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch.
@@ -170,6 +207,7 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
     """
     place(parent, kind, links, q, v, w)
     _bias(parent, gravity, v, w)
+    resist(kind, links, w)
     # Inward: when link i is reached, all of its subtree has been added to it, so that its inertia and its
     # force are those of the whole subtree that its joint carries.
     for i in range(parent.size - 1, -1, -1):
@@ -182,7 +220,7 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
         if links[i, FRICTION] != 0.0:
             a[i] -= links[i, FRICTION] * _friction(v[i])
         if links[i, DRAG] != 0.0:
-            # |v| v is analytic on either side of 0, which a complex step needs; abs() of a complex is not
+            # as in ``resist``
             a[i] -= links[i, DRAG] * (v[i] * v[i] if v[i].real > 0.0 else -v[i] * v[i])
         # Composite rigid body: (turn, px, py) is the force that moves the rigid subtree with a unit
         # acceleration of joint i; its projection on the subspaces of the joints inward is a row of M(q).

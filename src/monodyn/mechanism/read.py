@@ -16,7 +16,7 @@ from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Geom, Given, Joint, Link, Site
 from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, make_plan
 from monodyn.mechanism.plane import Plane, find_plane
-from monodyn.mechanism.supported import refuse_unsupported
+from monodyn.mechanism.supported import refuse_unsupported, stated_air
 from monodyn.mechanism.torques import make_torques
 from monodyn.mechanism.tree import INERTIA, MASS
 
@@ -213,6 +213,7 @@ class _File:
                 "stiffness": float(model.jnt_stiffness[j]) if spring else 0.0,
                 "armature": float(model.dof_armature[j]),
                 "drag": float(model.dof_dampingpoly[j, 0]) if damper else 0.0,
+                "air": float(stated_air(model, self.joint_names[j])[0]),
             },
             sites=self._sites(body, frame) if carries else (),
         )

@@ -78,6 +78,23 @@ def _refuse_joint(model: Any, j: int, shown: str, *, reserved: bool) -> None:
         )
 
 
+def stated_air(model: Any, joint: str) -> np.ndarray:
+    """Return what a custom numeric ``<joint>.air`` of a file states, for which MJCF has no attribute.
+
+    Args:
+        model: The compiled model.
+        joint: Name of the joint.
+
+    Returns:
+        Its numbers, (entry,); one 0 where the file has none.
+    """
+    for n in range(model.nnumeric):
+        numeric = model.numeric(n)
+        if numeric.name == f"{joint}.air":
+            return np.array(numeric.data, dtype=float)
+    return np.zeros(1)
+
+
 def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
     """Raise for numbers that are too large for any mechanism and for the arithmetic."""
     damping = np.column_stack([model.dof_damping, model.dof_dampingpoly])
@@ -101,6 +118,13 @@ def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
             raise MechanismError(
                 f"{where}: {what}: expected numbers up to {WILD:g}, got {np.asarray(numbers)[wild][0]:g}; "
                 "correct it."
+            )
+    for name in joints:
+        air = stated_air(model, name)
+        if len(air) != 1 or not 0.0 <= air[0] <= WILD:
+            raise MechanismError(
+                f"{where}: custom numeric '{name}.air': expected one number from 0 to {WILD:g}, "
+                f"the drag of the air on its link, got {' '.join(f'{value:g}' for value in air)}; correct it."
             )
     for name, axis in zip(joints, model.jnt_axis, strict=True):
         if abs(float(axis @ axis) - 1) > 1e-6:

@@ -39,11 +39,14 @@ from monodyn.mechanism.planar import (
     J,
     M,
     S,
+    air_direction,
     forward,
     parts_of_step,
     place,
+    resist,
 )  # fmt: skip
 from monodyn.mechanism.tree import (
+    AIR,
     ANCHOR_X,
     ANCHOR_Y,
     ANGLE,
@@ -70,7 +73,7 @@ TANGENT = 14
 
 
 @njit(cache=True, error_model="numpy")
-def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
+def _needed_forces(parent, kind, links, gravity, v, a, w):  # pragma: no cover - compiled
     """Fill A (AW..AY) and force (FN..FY) of each link at the accelerations ``a``; sum forces inward.
 
     ``v`` and ``a`` are (dof,), ``w`` is (dof, WORK) as ``place`` leaves it. This is ``_bias`` with the actual
@@ -99,6 +102,7 @@ def _needed_forces(parent, gravity, v, a, w):  # pragma: no cover - compiled
         )
         w[i, FX] = w[i, M] * w[i, AX] - w[i, AW] * w[i, MY] - w[i, VW] * py
         w[i, FY] = w[i, M] * w[i, AY] + w[i, AW] * w[i, MX] + w[i, VW] * px
+    resist(kind, links, w)
     # All forces are taken about the same fixed point: a child's adds to its parent's without a shift. Parents
     # come before their children, so that each sum is complete before it is passed on.
     for i in range(parent.size - 1, -1, -1):
@@ -203,6 +207,42 @@ def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no 
             t[i, DFN, k] += dvx * py + vx * dpy - dvy * px - vy * dpx
             t[i, DFX, k] = dm * ax + m * dax - daw * w[i, MY] - aw * dmy - dvw * py - vw * dpy
             t[i, DFY, k] = dm * ay + m * day + daw * w[i, MX] + aw * dmx + dvw * px + vw * dpx
+
+
+@njit(cache=True, error_model="numpy")
+def _push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
+    """Add the derivatives of what the air takes to those of the links' forces, as ``resist`` has them."""
+    for i in range(kind.size):
+        c, met = links[i, AIR], links[i, AIR] != 0.0
+        for k in range(live):
+            met = met or dlinks[i, AIR, k] != 0.0
+        if not met:
+            continue
+        n, x, y = air_direction(i, kind, links, w)
+        z = n * w[i, VW] + x * w[i, VX] + y * w[i, VY]
+        law, slope = abs(z) * z, 2.0 * c * abs(z)
+        m, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]
+        inertia = links[i, INERTIA] + m * (cx * cx + cy * cy)
+        gx, gy = (m * cx / inertia, m * cy / inertia) if inertia > 0.0 else (0.0, 0.0)
+        for k in range(live):
+            if kind[i] == HINGE:
+                bx, by = -t[i, DPHI, k] * gy, t[i, DPHI, k] * gx
+                if inertia > 0.0:
+                    dm, dx, dy = dlinks[i, MASS, k], dlinks[i, COM_X, k], dlinks[i, COM_Y, k]
+                    more = dlinks[i, INERTIA, k] + dm * (cx * cx + cy * cy) + 2.0 * m * (cx * dx + cy * dy)
+                    bx += (dm * cx + m * dx - gx * more) / inertia
+                    by += (dm * cy + m * dy - gy * more) / inertia
+                dfx, dfy = -(w[i, S] * bx + w[i, C] * by), w[i, C] * bx - w[i, S] * by
+            else:
+                dfx, dfy = t[i, DSX, k], t[i, DSY, k]
+            # the moment of a force (x, y) at the origin about the fixed point, and one where it turns
+            dfn = t[i, DOX, k] * y + w[i, OX] * dfy - t[i, DOY, k] * x - w[i, OY] * dfx
+            dz = dfn * w[i, VW] + n * t[i, DVW, k]
+            dz += dfx * w[i, VX] + x * t[i, DVX, k] + dfy * w[i, VY] + y * t[i, DVY, k]
+            change = dlinks[i, AIR, k] * law + slope * dz
+            t[i, DFN, k] += change * n + c * law * dfn
+            t[i, DFX, k] += change * x + c * law * dfx
+            t[i, DFY, k] += change * y + c * law * dfy
 
 
 @njit(cache=True, error_model="numpy")
@@ -359,9 +399,10 @@ def rollout_tangents(
                         parts = parts_of_step(links, u[0], a[0], step)
                         length = step / parts
                     place(parent, kind, links, x[r], u[r], w)
-                    _needed_forces(parent, gravity, u[r], a[r], w)
+                    _needed_forces(parent, kind, links, gravity, u[r], a[r], w)
                     _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
                     _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
+                    _push_air(kind, links, dlinks, w, t, many)
                     _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
                     if mode != NONE:
                         _add_torque(

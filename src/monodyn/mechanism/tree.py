@@ -18,11 +18,11 @@ HINGE = 0
 SLIDE = 1
 
 ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, MASS, COM_X, COM_Y, INERTIA = range(9)
-DAMPING, FRICTION, STIFFNESS, REST, ARMATURE, DRAG = range(9, 15)
-COLUMNS = 15
-PASSIVE = (DAMPING, FRICTION, STIFFNESS, DRAG)
-"""Columns of what acts at a single joint, in proportion to the column."""
-BRAKES = {"friction": 0, "damping": 1, "drag": 2}
+DAMPING, FRICTION, STIFFNESS, REST, ARMATURE, DRAG, AIR = range(9, 16)
+COLUMNS = 16
+PASSIVE = (DAMPING, FRICTION, STIFFNESS, DRAG, AIR)
+"""Columns of what acts at a single joint, or of the air on its link, in proportion to the column."""
+BRAKES = {"friction": 0, "damping": 1, "drag": 2, "air": 2}
 """Kinds of parameter that take energy out of a joint, with the power of the rate in the torque."""
 
 CREEP = 0.01
@@ -42,7 +42,8 @@ class Tree:
       turns counter-clockwise) and 0;
     * ``MASS`` [kg], ``COM_X, COM_Y`` centre of mass in the link's frame [m], ``INERTIA`` about it [kg m^2];
     * ``DAMPING`` [N m s/rad or N s/m], ``FRICTION`` [N m or N], ``STIFFNESS`` [N m/rad or N/m] about ``REST``
-      [rad or m], ``ARMATURE`` [kg m^2 or kg], ``DRAG`` c of the torque -c |v| v [N m s^2/rad^2 or N s^2/m^2].
+      [rad or m], ``ARMATURE`` [kg m^2 or kg], ``DRAG`` c of the torque -c |v| v [N m s^2/rad^2 or N s^2/m^2],
+      ``AIR`` c of the same law of the link's motion through the air, whatever carries it (``planar``).
 
     Attributes:
         parent: Row of the parent link, -1 for the world, int64 (dof,); a parent comes before its children.

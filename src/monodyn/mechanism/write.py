@@ -20,6 +20,7 @@ from monodyn.mechanism.parts import Joint
 from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.solids import Solid
 from monodyn.mechanism.tree import (
+    AIR,
     ANCHOR_X,
     ANCHOR_Y,
     ANGLE,
@@ -41,7 +42,7 @@ from monodyn.mechanism.tree import (
 FAR = 1000.0
 """Limit [m] written for a slide without limits, because URDF requires one."""
 
-NOT_IN_URDF = ("stiffness", "armature", "drag")
+NOT_IN_URDF = ("stiffness", "armature", "drag", "air")
 """Kinds of parameters of a joint that URDF has no place for."""
 
 MASSLESS = 1e-12
@@ -65,8 +66,9 @@ def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as an MJCF file.
 
     The motion in MuJoCo is that of ``simulate`` except where friction loss holds a joint: MuJoCo keeps it
-    still, ``simulate`` lets it creep. Torques over time are not in the file: each joint of a driven
-    mechanism has a motor, whose control is the torque [N m or N].
+    still, ``simulate`` lets it creep; and except for the drag of the air on links, which MJCF has no place
+    for: it stands in custom numerics, that MuJoCo does not look at, and a comment says so. Torques over time
+    are not in the file: each joint of a driven mechanism has a motor, whose control is the torque [N m or N].
 
     Args:
         mechanism: The mechanism.
@@ -89,6 +91,7 @@ def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
         for look in _looks(mechanism, group[-1]):
             _mjcf_geom(look, body, asset)
         _mjcf_sites(mechanism, group[-1], body)
+    _mjcf_air(mechanism, root)
     if len(asset):
         root.append(asset)
     root.append(world)
@@ -97,6 +100,18 @@ def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
         for joint in mechanism.joints:
             ET.SubElement(actuator, "motor", name=f"{joint.name}_torque", joint=joint.name, gear="1")
     _save(root, path)
+
+
+def _mjcf_air(mechanism: Mechanism, root: ET.Element) -> None:
+    """Add the drag of the air on the links, as numbers."""
+    stated = [
+        (joint.name, c) for joint, c in zip(mechanism.joints, mechanism.tree.links[:, AIR], strict=True) if c
+    ]
+    if stated:
+        root.append(ET.Comment(" not simulated by MuJoCo: the drag of the air on links, -c |z| z "))
+        custom = ET.SubElement(root, "custom")
+        for name, c in stated:
+            ET.SubElement(custom, "numeric", name=f"{name}.air", data=_numbers(c))
 
 
 def _groups(mechanism: Mechanism) -> list[list[int]]:

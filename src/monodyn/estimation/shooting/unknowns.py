@@ -45,7 +45,7 @@ nearly linear in them, and are known far better than they."""
 CENTRE_KINDS = ("com_x", "com_y")
 """Kinds that are one vector, either part of which may be zero or negative."""
 
-FORCES = ("damping", "friction", "stiffness", "drag")
+FORCES = ("damping", "friction", "stiffness", "drag", "air")
 """Kinds that are in proportion to the scale of masses and may be zero."""
 WEIGHTS = ("density", "thickness", "mass")
 """Kinds that stand for that scale, the first that there is."""

@@ -14,6 +14,7 @@ from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.torque.bodies import fit_free_bodies
+from monodyn.estimation.torque.drags import drag_laws
 from monodyn.estimation.torque.evidence import at_noise, likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import fit_free_torques, residual_rms
@@ -91,8 +92,10 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     route = task.search(solution.problem).route
     friction = _Tried(FRICTION, solution)
     dragged = _dragged(mechanism, friction, task, route)
-    tried = dragged if dragged and dragged[0].kind == FRICTION else [friction, *dragged]
-    if not _explained(tried[-1].solution):
+    # what led to dry friction that explains as much stands for it
+    friction = _likeliest([friction, *(one for one in dragged if one.kind == FRICTION)])
+    tried = [friction, *(one for one in dragged if one.kind != FRICTION)]
+    if not any(_explained(one.solution) for one in tried):
         loose = _loosened(solution, task)
         tried += [*loose, *(one for free in loose for one in _dragged(mechanism, free, task, route))]
     best = _likeliest(tried)
@@ -123,31 +126,47 @@ def _likeliest(tried: list[_Tried]) -> _Tried:
 
 
 def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> list[_Tried]:
-    """Try quadratic drag, without dry friction and with it; nothing where it explains no more.
+    """Try each law of drag, without dry friction and with it; nothing where none explains more.
 
     What leads to the right dry friction may be a drag that is none: then it is the kind before once more.
     """
-    solution = before.solution
-    problem, optimum = solution.problem, solution.optimum
-    if not problem.unknowns.uniform:
-        mechanism = mechanism.with_bodies("free")
-    rows = [p for p in mechanism.parameters if p.kind == "drag" and not p.free]
-    names = [p.name for p in rows if p.name not in mechanism.chosen]
-    if optimum is None or not optimum.complete or not names:
+    optimum = before.solution.optimum
+    if optimum is None or not optimum.complete:
         return []
+    if not before.solution.problem.unknowns.uniform:
+        mechanism = mechanism.with_bodies("free")
+    found = []
+    for law, names in drag_laws(mechanism).items():
+        held = [p.name for p in mechanism.parameters if not p.free and p.name not in mechanism.chosen]
+        names = [name for name in names if name in held]
+        one = _by_law(mechanism, before, optimum, (law, names), task, route) if names else None
+        found += [one] if one is not None else []
+    return found
+
+
+def _by_law(
+    mechanism: Mechanism,
+    before: _Tried,
+    optimum: Optimum,
+    law: tuple[str, list[str]],
+    task: Task,
+    route: Route,
+) -> _Tried | None:
+    """Try the drags of one law, by its name; None where they explain no more."""
+    problem, (what, names) = before.solution.problem, law
     # without the dry friction that was found: it may have stood for the drag
     larger = problem.of(mechanism.with_torque("friction").with_choices(free=names))
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     found = fit_pieces(larger, optimum.trial.at(x, optimum.trial.states), route, route.fine)
     larger, found = _with_dry(larger, found, task)
     if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, len(names)):
-        return []
+        return None
     without = _undragged(mechanism, larger, found, route)
     if without is not None:
         problem, optimum = without
-        return [replace(before, solution=replace(solution, problem=problem, optimum=optimum))]
-    kind = "free bodies and quadratic drag" if before.kind == FREE_BODIES else "quadratic drag"
-    return [_Tried(f"friction with {kind}", replace(solution, problem=larger, optimum=found))]
+        return replace(before, solution=replace(before.solution, problem=problem, optimum=optimum))
+    kind = f"free bodies and {what}" if before.kind == FREE_BODIES else what
+    return _Tried(f"friction with {kind}", replace(before.solution, problem=larger, optimum=found))
 
 
 def _undragged(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, multiple_shooting
 from monodyn.estimation.shooting.starts import match, matched
 from monodyn.estimation.shooting.swinging import Swing, swing_of
+from monodyn.estimation.torque.drags import AIR, QUADRATIC, drag_laws
 from monodyn.estimation.verdict.stretches import other_rate
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
@@ -41,7 +43,7 @@ PSEUDO = 0.4
 """Deviation of the base's positions about those that the accelerations call for, as a share of its largest:
 they only begin the fit."""
 
-DRAG = "quadratic drag"
+DRAGS = (QUADRATIC, AIR)
 """The cause that is a torque."""
 
 Sentence = Callable[[Problem, Optimum, float], str]
@@ -109,7 +111,7 @@ def explained_otherwise(
         optimum: Its optimum.
     """
     joints = [joint.name for joint in problem.mechanism.joints]
-    tried = [cause for cause in _causes(records, problem.mechanism) if cause.name != DRAG]
+    tried = [cause for cause in _causes(records, problem.mechanism) if cause.name not in DRAGS]
     return bool(_named(tried, _size_of(problem, optimum, joints), joints, settings))
 
 
@@ -145,9 +147,9 @@ def _freedoms(mechanism: Mechanism, problem: Problem) -> list[tuple[str, list[st
     """Return what the mechanism has no unknown for: its name, the parameters that it takes, its sentence."""
     found: list[tuple[str, list[str], Sentence]] = []
     unknown = set(problem.unknowns.names)
-    drags = [p.name for p in mechanism.parameters if p.kind == "drag" and p.name not in unknown]
-    if drags:
-        found.append((DRAG, drags, lambda _, __, times: dragged(drags, times)))
+    for law, names in drag_laws(mechanism).items():
+        if not unknown & set(names):
+            found.append((law, names, partial(_dragged, law, names)))
     if ROLL not in unknown and problem.data.by_roll.any() and feels_roll(mechanism):
         found.append(
             (
@@ -249,15 +251,21 @@ def _size_of(problem: Problem, optimum: Optimum, joints: Sequence[str]) -> float
     return float(np.nanmean(np.where(problem.data.measured[:, columns], sizes, np.nan)))
 
 
-def dragged(names: Sequence[str], times: float) -> str:
-    """Name quadratic drag as what is lacking.
+def _dragged(law: str, names: Sequence[str], _: Problem, __: Optimum, times: float) -> str:
+    return dragged(law, names, times)
+
+
+def dragged(law: str, names: Sequence[str], times: float) -> str:
+    """Name a drag as what is lacking.
 
     Args:
+        law: Which, ``QUADRATIC`` or ``AIR``.
         names: Its parameters.
         times: How many times as close to the record the motion comes with it.
     """
+    what = "the drag of the air on its links" if law == AIR else "quadratic drag at its joints"
     return (
-        f"With quadratic drag at its joints the motion comes {times:.2g} times as close to the record: "
+        f"With {what} the motion comes {times:.2g} times as close to the record: "
         f"--free {' '.join(names)} estimates it."
     )
 
