@@ -146,6 +146,7 @@ def kind_of(fit: monodyn.Fit) -> str:
     words = {
         "periodic torque": "periodic",
         "free torque": "free",
+        "air drag": "air",
         "quadratic drag": "drag",
         "dry friction": "dry",
         "viscous friction": "viscous",

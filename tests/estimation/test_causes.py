@@ -15,6 +15,7 @@ from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.starts import matched
 from monodyn.estimation.shooting.swinging import swing_of
+from monodyn.estimation.torque import drags
 from monodyn.estimation.verdict import causes
 from monodyn.mechanism import load
 from monodyn.stages import identify

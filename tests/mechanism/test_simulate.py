@@ -17,7 +17,7 @@ from monodyn.mechanism.simulate import (
     simulate,
     transitions,
 )
-from monodyn.mechanism.tree import CREEP
+from monodyn.mechanism.tree import CREEP, SLIDE
 from support import refuses
 
 
@@ -119,7 +119,7 @@ def test_few_steps_follow_dry_friction_through_its_change_of_sign(tmp_path) -> N
     q, _ = rollout(tree, times, start, rest, substeps=2)
 
     def rates(_: float, state: np.ndarray) -> list[float]:
-        rubbing = 0.8 * np.tanh(state[1] / CREEP)
+        rubbing = 0.8 * np.tanh(state[1] / CREEP[SLIDE])
         return [state[1], -40.0 * state[0] - 1e-3 * state[1] - rubbing]
 
     exact = solve_ivp(rates, (0.0, 3.0), [0.5, 0.0], t_eval=times, rtol=1e-11, atol=1e-12, max_step=1e-3)

@@ -39,9 +39,9 @@ from support import refuses
         ),
         *(
             (
-                mjcf(SINGLE, f'<custom><numeric name="joint1.air" data="{data}"/></custom>'),
-                "m.xml: custom numeric 'joint1.air': expected one number from 0 to 1e+09, the drag of the air "
-                f"on its link, got {data}; correct it.",
+                mjcf(SINGLE, f'<custom><numeric name="j1.air" data="{data}"/></custom>'),
+                "m.xml: custom numeric 'j1.air': expected one number from 0 to 1e+09, the drag of the "
+                f"air on its link, got {data}; correct it.",
             )
             for data in ("-0.1", "1 2")
         ),

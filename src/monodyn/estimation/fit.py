@@ -255,7 +255,8 @@ class Fit:
     @cached_property
     def acting(self) -> tuple[str, ...]:
         """What acts at the joints, as far as it shows: ``"viscous friction"``, ``"dry friction"``,
-        ``"quadratic drag"``, ``"air drag"``, and one of ``"periodic torque"``, ``"free torque"``, ``"known torque"``.
+        ``"quadratic drag"``, ``"air drag"``, and one of ``"periodic torque"``, ``"free torque"``,
+        ``"known torque"``.
 
         A friction shows where it, or its ratio to a mass, is three standard deviations above zero.
         """

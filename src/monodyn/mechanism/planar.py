@@ -56,9 +56,9 @@ MOST_PARTS = 64
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _friction(rate):  # pragma: no cover - compiled
+def _friction(rate, creep):  # pragma: no cover - compiled
     """Return the smoothed sign of ``rate``, tanh(rate / CREEP), without overflow for complex rates."""
-    x = rate / CREEP
+    x = rate / creep
     if x.real > 20.0:
         return x * 0.0 + 1.0
     if x.real < -20.0:
@@ -218,7 +218,7 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
             - (w[i, SW] * w[i, FN] + w[i, SX] * w[i, FX] + w[i, SY] * w[i, FY])
         )
         if links[i, FRICTION] != 0.0:
-            a[i] -= links[i, FRICTION] * _friction(v[i])
+            a[i] -= links[i, FRICTION] * _friction(v[i], CREEP[kind[i]])
         if links[i, DRAG] != 0.0:
             # as in ``resist``
             a[i] -= links[i, DRAG] * (v[i] * v[i] if v[i].real > 0.0 else -v[i] * v[i])
@@ -246,7 +246,7 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
 
 
 @njit(cache=True, error_model="numpy")
-def parts_of_step(links, v, a, step):  # pragma: no cover - compiled
+def parts_of_step(kind, links, v, a, step):  # pragma: no cover - compiled
     """Return into how many equal parts a step is divided where dry friction may change its sign within it.
 
     ``v`` and ``a`` (dof,) are rates and accelerations at its begin. A step over the change misses it by its
@@ -259,9 +259,9 @@ def parts_of_step(links, v, a, step):  # pragma: no cover - compiled
             continue
         rate, change = v[i].real, a[i].real * step
         away = rate * change > 0.0
-        near = SETTLED * CREEP + (0.0 if away else AHEAD * abs(change))
+        near = SETTLED * CREEP[kind[i]] + (0.0 if away else AHEAD * abs(change))
         if abs(rate) < near:
-            wanted = abs(change) / (RESOLVED * CREEP)
+            wanted = abs(change) / (RESOLVED * CREEP[kind[i]])
             if wanted > parts:
                 parts = min(int(np.ceil(wanted)), MOST_PARTS)
     return parts
@@ -323,7 +323,7 @@ def rollout(
                     forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
                     # the first stage does not depend on the length of the step
                     if k == 0 and done == 0:
-                        parts = parts_of_step(links, u[0], a[0], step)
+                        parts = parts_of_step(kind, links, u[0], a[0], step)
                         length = step / parts
                 for i in range(n):
                     x[0, i] += length / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])

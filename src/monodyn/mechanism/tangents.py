@@ -246,7 +246,7 @@ def _push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
 
 
 @njit(cache=True, error_model="numpy")
-def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: no cover - compiled
+def _gather(parent, kind, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: no cover - compiled
     """Sum the force derivatives inward and write the joint-space right-hand side into ``da``.
 
     Row i of the equation of motion is S_i.F_i + armature a_i = tau_i - friction(v_i) - spring(q_i) with the
@@ -258,14 +258,15 @@ def _gather(parent, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: 
         # the smoothed sign of the rate and its slope; beyond 20 both are constant to rounding
         slope = 0.0
         grip = 0.0
-        x = v[i] / CREEP
+        creep = CREEP[kind[i]]
+        x = v[i] / creep
         if x > 20.0:
             grip = 1.0
         elif x < -20.0:
             grip = -1.0
         else:
             grip = np.tanh(x)
-            slope = links[i, FRICTION] * (1.0 - grip * grip) / CREEP
+            slope = links[i, FRICTION] * (1.0 - grip * grip) / creep
         if links[i, DRAG] != 0.0:
             slope += 2.0 * links[i, DRAG] * abs(v[i])
         for k in range(live):
@@ -396,14 +397,14 @@ def rollout_tangents(
                     forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
                     # as in ``planar.rollout``, so that these are the derivatives of that very rollout
                     if r == 0 and done == 0:
-                        parts = parts_of_step(links, u[0], a[0], step)
+                        parts = parts_of_step(kind, links, u[0], a[0], step)
                         length = step / parts
                     place(parent, kind, links, x[r], u[r], w)
                     _needed_forces(parent, kind, links, gravity, u[r], a[r], w)
                     _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
                     _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
                     _push_air(kind, links, dlinks, w, t, many)
-                    _gather(parent, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
+                    _gather(parent, kind, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
                     if mode != NONE:
                         _add_torque(
                             tau, slope, time, value, span, slot, loads, clocks, lagging, lags, da[r], many

@@ -7,7 +7,7 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.drive import fourier_basis
 from monodyn.mechanism.simulate import accelerations
-from monodyn.mechanism.tree import CREEP, Tree
+from monodyn.mechanism.tree import CREEP, HINGE, Tree
 
 
 def friction_torque(
@@ -35,7 +35,7 @@ def friction_torque(
         [-1.1, 0.6]
     """
     rate = np.asarray(rate, dtype=float)
-    return -damping * rate - friction * np.tanh(rate / CREEP)
+    return -damping * rate - friction * np.tanh(rate / CREEP[HINGE])
 
 
 def fourier_coefficients(time: np.ndarray, values: np.ndarray, period: float, terms: int) -> np.ndarray:
