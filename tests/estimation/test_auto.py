@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from driven import DOUBLE, PERIOD, STIFF, THICKNESS, pull, simulated, started, task_of
+from driven import DOUBLE, MASSIVE, PERIOD, STIFF, THICKNESS, pull, simulated, started, task_of
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.unknowns import assumed_sizes
@@ -149,8 +149,24 @@ def test_a_drag_that_only_led_to_the_dry_friction_is_none(tmp_path) -> None:
     optimum, _ = task.search(problem).from_starts()
     assert not at_noise(problem, optimum)
     before = auto._Tried(auto.FRICTION, TorqueSolution(problem, optimum))
-    (found,) = auto._dragged(start, before, task, task.search(problem).route)
-    mechanism = found.solution.problem.mechanism_at(found.solution.optimum.x)
-    assert found.kind == auto.FRICTION
-    assert mechanism.values["joint1.friction"] == pytest.approx(0.004, rel=0.05)
-    assert not any(p.free for p in mechanism.parameters if p.kind == "drag")
+    # by the joints' drag, and by the air's
+    both = auto._dragged(start, before, task, task.search(problem).route)
+    assert [found.kind for found in both] == [auto.FRICTION, auto.FRICTION]
+    for found in both:
+        mechanism = found.solution.problem.mechanism_at(found.solution.optimum.x)
+        assert mechanism.values["joint1.friction"] == pytest.approx(0.004, rel=0.05)
+        assert not any(p.free for p in mechanism.parameters if p.kind in ("drag", "air"))
+
+
+def test_the_air_on_a_carried_link_is_told_from_a_drag_of_its_joint(tmp_path) -> None:
+    """Moved with the drag of the air on both links, strong enough that no friction leads near it."""
+    start = started(DOUBLE, tmp_path, 0.5, **MASSIVE)
+    truth = load(tmp_path / "model.xml").with_values({"joint1.drag": 2e-3, "joint2.air": 1e-3})
+    poses = record(truth, TIMES, motion(truth, TIMES, [-0.4, 0.9], [0.0, 3.0]))
+    fit = identify(poses, start, AUTO)
+    assert fit.acting[-1] == "air drag"
+    assert fit.tried_torques[0].kind == "friction with air drag"
+    for name, true in (("joint1.drag", 2e-3), ("joint2.air", 1e-3)):
+        assert fit.parameter(name).value == pytest.approx(true, abs=4.0 * fit.parameter(name).std)
+        assert fit.parameter(name).std < 0.1 * true
+    assert fit.parameter("link1.length").value == pytest.approx(0.23, rel=2e-3)

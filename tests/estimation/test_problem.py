@@ -18,7 +18,7 @@ from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.upright import ROLL, with_roll
 from swings import TIMES, motion, record
 
-TYPICAL = {"damping": 0.01, "friction": 2e-3, "stiffness": 0.05, "armature": 1e-4, "drag": 1e-4}
+TYPICAL = {"damping": 0.01, "friction": 2e-3, "stiffness": 0.05, "armature": 1e-4, "drag": 1e-4, "air": 1e-4}
 """A value of each joint parameter that shows in a swing [SI units of the kind]."""
 
 

@@ -44,7 +44,7 @@ def test_gravity_against_the_time_scale(poses, double, truth):
     ) in fit.advice
 
 
-HINGE = ("damping", "friction", "stiffness", "torque", "drag")
+HINGE = ("damping", "friction", "stiffness", "torque", "drag", "air")
 SIZES_ALONE = ("length", "width", "tail", "tip", "com_x", "com_y")
 
 
@@ -99,7 +99,9 @@ def test_longer_on_a_slower_clock(model, bodies, mass):
         table = dict.fromkeys(SIZES_ALONE, 1.0) | {
             "time_scale": 0.5, "period": 0.5, "mass": mass, "inertia": mass + 2.0,
             "damping": inertia - 0.5, "stiffness": inertia - 1.0, "friction": force, "torque": force,
-            "drag": inertia if joints.get(owner, "hinge") == "hinge" else mass - 1.0,
+            **dict.fromkeys(
+                ("drag", "air"), inertia if joints.get(owner, "hinge") == "hinge" else mass - 1.0
+            ),
         }  # fmt: skip
         if (bodies, kind) != ("free", "density"):  # nothing depends on it
             assert found[name] == table.get(kind, 0.0), name
