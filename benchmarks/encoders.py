@@ -1,9 +1,10 @@
 """Print how well real encoder records are fitted from a naive start, and how fast, next to targets.
 
-Run: ``MONODYN_DATA=<folder> python benchmarks/encoders.py [--only alone|together|scaling ...] [--json FILE]
+Run: ``MONODYN_DATA=<folder> python benchmarks/encoders.py [--only alone|together|scaling|units ...] [--json FILE]
 [--gate]``; the folder holds ``encoders/*.csv``. ``alone`` fits each window by itself, from a bundled model
-all of whose sizes are ``SIZE``; ``together`` all windows of the double pendulum as one fit; ``scaling``
-made records of growing length and number. Processor time stands next to wall time, which other work on the
+all of whose sizes are ``SIZE``, and holds its ratios against those of the other windows; ``together`` all
+windows of the double pendulum as one fit; ``scaling`` made records of growing length and number; ``units``
+windows in degrees and milliseconds, which are to be named as such. Processor time stands next to wall time, which other work on the
 machine lengthens.
 """
 
@@ -13,13 +14,14 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from figures import Figure, command_line, finish, say, table
-from monodyn.estimation.fit import Fit
+from monodyn.errors import VideoError
+from monodyn.estimation.fit import Combination, Fit
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Mechanism, load
@@ -58,6 +60,10 @@ FRAMES, RECORDS = (40, 100, 250, 600, 1500, 4000), (1, 2, 5, 10, 20, 50)
 """Rows of one record, and numbers of records of ``RECORD_FRAMES`` rows, whose time is measured."""
 RECORD_FRAMES, PACE, NOISE = 80, 0.02, 1e-3
 """Rows of each of several records; time between stamps [s]; noise [rad]."""
+UNITS = {"degrees": (180.0 / np.pi, 1.0), "milliseconds": (1.0, 1000.0)}
+"""What a table may be in: factors of its angles and times."""
+UNIT_SECONDS = 5.0
+"""Longest time in which that is to be named [s]."""
 MOST_GROWTH = 1.2
 """Largest power of rows or records with which the time may grow over the upper half of the range."""
 
@@ -89,6 +95,12 @@ class Timed:
         return self.fit.ok and max(self.rms.values()) <= MOST_RESIDUAL
 
     @property
+    def known(self) -> list[Combination]:
+        """The known ratios as this fit has them."""
+        found = {combination.name: combination for combination in self.fit.combinations}
+        return [found[name] for name in KNOWN_RATIOS]
+
+    @property
     def off(self) -> dict[str, float]:
         """Error of each known ratio [%]."""
         found = {combination.name: combination.value for combination in self.fit.combinations}
@@ -118,7 +130,7 @@ def main() -> int:
     Returns:
         The exit code: 1 when a target is missed under ``--gate``, 2 when the data are missing.
     """
-    groups = {"alone": alone, "together": together, "scaling": scaling}
+    groups = {"alone": alone, "together": together, "scaling": scaling, "units": units}
     options = command_line(__doc__, tuple(groups)).parse_args()
     folder = Path(os.environ.get("MONODYN_DATA") or "missing") / "encoders"
     files = sorted(folder.glob("*.csv"))
@@ -166,9 +178,23 @@ def counted(windows: Sequence[Timed]) -> list[Figure]:
     """
     within = sum(len(KNOWN_RATIOS) - len(window.missed) for window in windows)
     whole = [np.sqrt(np.mean(np.square(list(window.rms.values())))) for window in windows]
+    values, stds = (
+        np.array([[getattr(c, what) for c in w.known] for w in windows]) for what in ("value", "std")
+    )
+    weights = stds**-2.0
+    # of the windows but one, whose own is compared with it
+    rest, total = weights.sum(axis=0) - weights, np.sum(weights * values, axis=0) - weights * values
+    apart = np.abs(values - total / rest) / np.sqrt(stds**2 + 1.0 / rest)
     return [
         Figure(
             "alone", "windows good at every joint", sum(w.good for w in windows), "", FEWEST_GOOD, least=True
+        ),
+        Figure("alone", "ratios within 95 % of other windows", float(np.sum(apart < WIDTH)), ""),
+        *(
+            Figure(
+                "alone", f"{name}: windows scatter by", 100.0 * float(np.std(column) / np.mean(column)), "%"
+            )
+            for name, column in zip(KNOWN_RATIOS, values.T, strict=True)
         ),
         Figure("alone", "windows good over both joints", sum(r <= MOST_RESIDUAL for r in whole), ""),
         Figure("alone", "ratios within 95 %", within, "", len(KNOWN_RATIOS) * len(windows), least=True),
@@ -222,6 +248,38 @@ def scaling(files: Sequence[Path]) -> list[Figure]:
         growth = np.polyfit(np.log(counts[half - 1 :]), np.log(taken[half - 1 :]), 1)[0]
         figures.append(Figure(what, "power of growth", growth, "", MOST_GROWTH))
     return figures
+
+
+def units(files: Sequence[Path]) -> list[Figure]:
+    """Give windows in other units, which are to be named before anything is fitted.
+
+    Args:
+        files: Tables of the windows; the first two and the last of the double pendulum are taken.
+
+    Returns:
+        How many were named, and the longest time.
+    """
+    mechanism, named, longest = naive("double"), 0, 0.0
+    chosen = [file for file in files if file.stem.startswith("double")]
+    for file in (*chosen[:2], chosen[-1]):
+        poses = read_poses(file, mechanism)
+        for what, (angle, time_unit) in UNITS.items():
+            given = replace(poses, position=angle * poses.position, time=time_unit * poses.time)
+            said = ""
+            began = time.perf_counter()
+            try:
+                found = timed(what, [given], mechanism)
+                said = " ".join((found.fit.status, *found.fit.advice))
+            except VideoError as error:
+                said = str(error)
+            longest = max(longest, time.perf_counter() - began)
+            named += what in said
+            say(f"{file.stem} in {what}: {said[:160]}")
+    count = 3 * len(UNITS)
+    return [
+        Figure("units", "named", float(named), f"of {count}", float(count), least=True),
+        Figure("units", "longest time", longest, "s", UNIT_SECONDS),
+    ]
 
 
 def naive(model: str) -> Mechanism:

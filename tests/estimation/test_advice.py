@@ -154,6 +154,12 @@ def test_lengths_rest_on_the_clock(double):
         "life they come out k^2 times too long."
     )
     length = {"link1.length": 0.1}
+    said = (
+        " Gravity is taken to be 9.81 +- 0.015 m/s^2, which their intervals contain; --fix gravity=VALUE "
+        "[m/s^2] gives that of the place exactly."
+    )
+    assert advice.clock(double, estimates(double, length)) == [real + said]
+    double = double.with_choices(fix={"gravity": 9.81})
     assert advice.clock(double, estimates(double, length)) == [real]
     assert advice.clock(double, estimates(double, length | {"time_scale": np.inf})) == [real]
     assert advice.clock(double, estimates(double, length | {"time_scale": 0.1})) == []

@@ -74,7 +74,7 @@ def with_gravity_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
         return x
     at = unknowns.names.index("gravity")
     k = float(np.exp(unknowns.x0[at] - x[at]))
-    return _rescaled(problem, x, k, length=1.0, mass=_mass_per_length(problem))
+    return _rescaled(problem, x, k, length=1.0, mass=mass_per_length(problem))
 
 
 def with_clock_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
@@ -97,7 +97,7 @@ def with_clock_of_start(problem: Problem, x: np.ndarray) -> np.ndarray:
     at = unknowns.names.index("time_scale")
     # the time scale goes with the root of the lengths
     k = float(np.exp(2.0 * (unknowns.x0[at] - x[at])))
-    return _rescaled(problem, x, k, length=1.0, time=0.5, mass=_mass_per_length(problem))
+    return _rescaled(problem, x, k, length=1.0, time=0.5, mass=mass_per_length(problem))
 
 
 def starts_of_scales(problem: Problem, factors: np.ndarray) -> list[np.ndarray]:
@@ -129,8 +129,12 @@ def starts_of_scales(problem: Problem, factors: np.ndarray) -> list[np.ndarray]:
     return found
 
 
-def _mass_per_length(problem: Problem) -> float:
-    """Exponent of masses when lengths grow: areas at a given density and thickness, or nothing."""
+def mass_per_length(problem: Problem) -> float:
+    """Return the exponent of masses when lengths grow: areas at a given density and thickness, or nothing.
+
+    Args:
+        problem: The problem.
+    """
     return 2.0 if problem.unknowns.uniform else 0.0
 
 

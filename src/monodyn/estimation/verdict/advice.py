@@ -9,6 +9,7 @@ import numpy as np
 
 from monodyn.estimation.fit import Estimate
 from monodyn.estimation.shooting.unknowns import Unknowns
+from monodyn.estimation.verdict.gravity import GRAVITY_STD, follows_gravity
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.estimation.wording import amount, listed
 from monodyn.mechanism import Mechanism
@@ -237,10 +238,17 @@ def clock(mechanism: Mechanism, parameters: Sequence[Estimate]) -> list[str]:
         return []
     if not any(p.kind == "length" for p in mechanism.parameters if p.name in free):
         return []
-    return [
+    said = (
         "Lengths follow from gravity and take the time stamps for real time: in a clip k times slower than "
         "life they come out k^2 times too long."
-    ]
+    )
+    if follows_gravity(mechanism):
+        taken = mechanism.values["gravity"]
+        said += (
+            f" Gravity is taken to be {taken:.4g} +- {GRAVITY_STD * taken:.2g} m/s^2, which their intervals "
+            "contain; --fix gravity=VALUE [m/s^2] gives that of the place exactly."
+        )
+    return [said]
 
 
 def stamps(error: float) -> list[str]:

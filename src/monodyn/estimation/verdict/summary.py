@@ -16,6 +16,7 @@ from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict import advice, assumed, undetermined
 from monodyn.estimation.verdict.combinations import combinations
+from monodyn.estimation.verdict.gravity import with_gravity
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.posterior import Posterior, posterior
 from monodyn.estimation.verdict.refine import Refined, refine
@@ -73,6 +74,8 @@ def summarize(
         quantile = _quantile(found.freedom)
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
+    known = with_gravity(found.problem, fit.parameters, _quantile(found.freedom))
+    fit = replace(fit, parameters=known)
     lacking = unmodelled(found.problem, found.optimum.trial, found.noise)
     fit = replace(
         fit,
