@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from monodyn.estimation.verdict.gravity import GRAVITY_STD
 from monodyn.stages import identify
 
 
