@@ -2,7 +2,7 @@
 
 Run: ``python benchmarks/alarms.py [--only NAME ...] [--records N] [--json FILE] [--gate]``.
 Every wrong record is to be refused or called approximate with its cause in status or advice, and no other
-cause; of the right ones at most one in twenty may have any.
+cause (a drag is found and named, and the fit then right); of the right ones at most one in twenty may have any.
 """
 
 from __future__ import annotations
@@ -19,14 +19,16 @@ from damaged import DAMAGES, Record, drawn
 from figures import Figure, command_line, finish, say, table
 from monodyn.pipeline import identify_tables
 
+DRAG = "quadratic drag"
+"""The one damage that the default finds by itself, and then rightly trusts."""
 CAUSES = {
-    "triple as double": "a link more than it has",
-    "a base that swings": "On a base that swings",
-    "quadratic drag": "With quadratic drag at its joints",
-    "gravity tilted by 10 deg": "deg from straight down where the angles are measured the motion comes",
-    "a clock slow by 20 %": "contradict the time stamps",
+    "triple as double": ("a link more than it has",),
+    "a base that swings": ("On a base that swings",),
+    "quadratic drag": ("With quadratic drag at its joints", f"The evidence is for friction with {DRAG}"),
+    "gravity tilted by 10 deg": ("deg from straight down where the angles are measured the motion comes",),
+    "a clock slow by 20 %": ("contradict the time stamps",),
 }
-"""What names each damage."""
+"""What names each damage: a drag may be named as what the model lacks, or found as what acts."""
 RIGHT = "right"
 """Records of the model's own mechanism."""
 FIRST = 100
@@ -69,7 +71,7 @@ def counted(name: str, count: int, damage: Callable[[np.random.Generator], Recor
         began = time.perf_counter()
         grade, said = identified(damage(np.random.default_rng(seed)))
         longest = max(longest, time.perf_counter() - began)
-        found = [cause for cause, words in CAUSES.items() if words in said]
+        found = [cause for cause, words in CAUSES.items() if any(word in said for word in words)]
         right += found == ([] if name == RIGHT else [name])
         other += any(cause != name for cause in found)
         trusted += grade == "trusted"
@@ -82,7 +84,7 @@ def counted(name: str, count: int, damage: Callable[[np.random.Generator], Recor
             Figure(name, "its cause alone named", share * right, "%", NAMED, least=True),
             Figure(name, "another one named", share * other, "%", 0.0),
         ]
-    wanted = {"least": True, "target": UNNAMED} if name == RIGHT else {"target": 0.0}
+    wanted = {"least": True, "target": UNNAMED} if name in (RIGHT, DRAG) else {"target": 0.0}
     return [
         *figures,
         Figure(name, "trusted", share * trusted, "%", **wanted),

@@ -1,17 +1,18 @@
 """Print how well real encoder records are fitted from a naive start, and how fast, next to targets.
 
-Run: ``MONODYN_DATA=<folder> python benchmarks/encoders.py [--only alone|together|scaling|units ...] [--json FILE]
-[--gate]``; the folder holds ``encoders/*.csv``. ``alone`` fits each window by itself, from a bundled model
+Run: ``MONODYN_DATA=<folder> python benchmarks/encoders.py [--only alone|together|scaling|units ...]
+[--json FILE] [--gate]``; the folder holds ``encoders/*.csv``. ``alone`` fits each window by itself, from a bundled model
 all of whose sizes are ``SIZE``, and holds its ratios against those of the other windows; ``together`` all
 windows of the double pendulum as one fit; ``scaling`` made records of growing length and number; ``units``
-windows in degrees and milliseconds, which are to be named as such. Processor time stands next to wall time, which other work on the
-machine lengthens.
+windows in degrees and milliseconds, which are to be named as such. Processor time stands next to wall time,
+which other work on the machine lengthens.
 """
 
 from __future__ import annotations
 
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,12 +21,13 @@ from pathlib import Path
 import numpy as np
 
 from figures import Figure, command_line, finish, say, table
-from monodyn.errors import VideoError
+from monodyn.errors import MonodynError
 from monodyn.estimation.fit import Combination, Fit
-from monodyn.estimation.record.tables import read_poses
+from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Mechanism, load
 from monodyn.mechanism.simulate import simulate
+from monodyn.pipeline import identify_tables
 from monodyn.stages import identify
 from monodyn.types import Poses
 
@@ -265,14 +267,15 @@ def units(files: Sequence[Path]) -> list[Figure]:
         poses = read_poses(file, mechanism)
         for what, (angle, time_unit) in UNITS.items():
             given = replace(poses, position=angle * poses.position, time=time_unit * poses.time)
-            said = ""
-            began = time.perf_counter()
-            try:
-                found = timed(what, [given], mechanism)
-                said = " ".join((found.fit.status, *found.fit.advice))
-            except VideoError as error:
-                said = str(error)
-            longest = max(longest, time.perf_counter() - began)
+            with tempfile.TemporaryDirectory() as folder:
+                table_file = Path(folder) / "record.csv"
+                write_poses(given, table_file)
+                began = time.perf_counter()
+                try:
+                    said = identify_tables([table_file], "double").fit.status
+                except MonodynError as error:
+                    said = str(error)
+                longest = max(longest, time.perf_counter() - began)
             named += what in said
             say(f"{file.stem} in {what}: {said[:160]}")
     count = 3 * len(UNITS)

@@ -10,8 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.shooting.problem import Problem, posed
+from monodyn.estimation.shooting.search import residual_size
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.torque.bodies import fit_free_bodies
 from monodyn.estimation.torque.drags import drag_laws
@@ -109,7 +112,7 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
             found = further(mechanism, task, route, best)
             if found is not None:
                 tried.append(found)
-                if _halves(best, found):
+                if _halves(best, found) and _nearer(found, best, task):
                     return _told(found, tried)
     return _told(best, tried) if len(tried) > 1 else best.solution
 
@@ -192,7 +195,7 @@ def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
     problem, optimum = solution.problem, solution.optimum
     if task.settings.bodies != "auto" or optimum is None or not problem.unknowns.uniform:
         return []
-    if optimum.complete and task.otherwise(task.records, problem, optimum):
+    if optimum.complete and np.isfinite(task.otherwise(task.records, problem, optimum)):
         return []
     found = fit_free_bodies(solution, task)
     if found is None or found.optimum is None:
@@ -255,6 +258,15 @@ def _halves(passive: _Tried, found: _Tried) -> bool:
         return residual_rms(found.solution.problem, optimum) < FEWEST_FREE
     pairs = zip(passive.errors, found.errors, strict=False)
     return bool(found.errors) and all(HALVED * max(after, 1.0) <= before for before, after in pairs)
+
+
+def _nearer(found: _Tried, passive: _Tried, task: Task) -> bool:
+    """Return whether a torque over time leaves less than tilted gravity, another clock or a base that swings,
+    each of which repeats itself as the motion does."""
+    optimum, before = found.solution.optimum, passive.solution.optimum
+    if optimum is None or before is None:
+        return False
+    return residual_size(optimum) < task.otherwise(task.records, passive.solution.problem, before)
 
 
 def _told(chosen: _Tried, tried: list[_Tried]) -> TorqueSolution:

@@ -28,8 +28,8 @@ class Task:
         smoothed: Smooth motion of each record.
         settings: How to search.
         progress: Called with the stages done.
-        otherwise: Returns whether what a solution of ``records`` leaves over has a reason that is no torque,
-            nor the bodies.
+        otherwise: Returns the mean size of the residuals, in units of the noise, that a reason which is no
+            torque, nor the bodies, leaves of what a solution of ``records`` does; infinite for none.
         records: The records themselves, which ``data`` has as samples.
     """
 
@@ -37,7 +37,7 @@ class Task:
     smoothed: tuple[Smoothed, ...]
     settings: IdentifySettings
     progress: Progress | None
-    otherwise: Callable[[tuple[Poses, ...], Problem, Optimum], bool] = lambda *_: False
+    otherwise: Callable[[tuple[Poses, ...], Problem, Optimum], float] = lambda *_: np.inf
     records: tuple[Poses, ...] = ()
 
     def of(self, records: np.ndarray) -> Task:

@@ -87,9 +87,9 @@ def lacking(
     if not tried or not np.isfinite(before):
         return "", False
     joints = [joint.name for joint in mechanism.joints]
-    cause = _named(tried, before, joints, settings)
-    if cause:
-        return cause, True
+    said, _ = _named(tried, before, joints, settings)
+    if said:
+        return said, True
     return (
         f"None of the usual causes halves what is left over ({listed([cause.name for cause in tried])}): "
         "look whether something else moves along with the mechanism or acts on it (a link more than it has, "
@@ -99,31 +99,39 @@ def lacking(
 
 def explained_otherwise(
     settings: IdentifySettings, records: tuple[Poses, ...], problem: Problem, optimum: Optimum
-) -> bool:
-    """Return whether tilted gravity, another clock or a base that swings explains what is left over.
+) -> float:
+    """Find out whether tilted gravity, another clock or a base that swings explains what is left over.
 
-    Bodies whose mass may lie anywhere explain some of these as well: one further unknown is asked first.
+    Bodies whose mass may lie anywhere, and torques over time, explain some of these as well: one further
+    unknown is asked first.
 
     Args:
         settings: How the records were identified.
         records: The records.
         problem: The problem that was solved.
         optimum: Its optimum.
+
+    Returns:
+        Mean size of the residuals that the likeliest of them leaves, in units of the noise; infinite where
+        none halves it.
     """
     joints = [joint.name for joint in problem.mechanism.joints]
     tried = [cause for cause in _causes(records, problem.mechanism) if cause.name not in DRAGS]
-    return bool(_named(tried, _size_of(problem, optimum, joints), joints, settings))
+    return _named(tried, _size_of(problem, optimum, joints), joints, settings)[1]
 
 
-def _named(tried: Sequence[Cause], before: float, joints: Sequence[str], settings: IdentifySettings) -> str:
-    """Return the sentence of the first of the likeliest causes that halves the residuals; empty for none."""
+def _named(
+    tried: Sequence[Cause], before: float, joints: Sequence[str], settings: IdentifySettings
+) -> tuple[str, float]:
+    """Return the sentence of the first of the likeliest causes that halves the residuals, and the size that
+    it leaves; empty and infinite for none."""
     for cause in sorted(tried, key=lambda cause: cause.left)[:TRIED]:
         problem, optimum = _fitted(cause, settings)
         if optimum.complete:
             after = _size_of(problem, optimum, joints)
             if HALVED * after < before:
-                return cause.said(problem, optimum, before / after)
-    return ""
+                return cause.said(problem, optimum, before / after), after
+    return "", np.inf
 
 
 def _causes(records: tuple[Poses, ...], mechanism: Mechanism) -> list[Cause]:
