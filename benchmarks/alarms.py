@@ -2,7 +2,8 @@
 
 Run: ``python benchmarks/alarms.py [--only NAME ...] [--records N] [--json FILE] [--gate]``.
 Every wrong record is to be refused or called approximate with its cause in status or advice, and no other
-cause (a drag is found and named, and the fit then right); of the right ones at most one in twenty may have any.
+cause (a drag is found and named, and the fit then right); of the right ones at most one in twenty may have
+any.
 """
 
 from __future__ import annotations
