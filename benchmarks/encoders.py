@@ -2,9 +2,9 @@
 
 Run: ``MONODYN_DATA=<folder> python benchmarks/encoders.py [--only alone|together|scaling|units ...]
 [--json FILE] [--gate]``; the folder holds ``encoders/*.csv``. ``alone`` fits each window by itself, from a
-bundled model all of whose sizes are ``SIZE``, and holds its ratios against those of the other windows; ``together`` all
-windows of the double pendulum as one fit; ``scaling`` made records of growing length and number; ``units``
-windows in degrees and milliseconds, which are to be named as such. Processor time stands next to wall time,
+bundled model all of whose sizes are ``SIZE``, and holds its ratios against those of the other windows;
+``together`` all windows of the double pendulum as one fit; ``scaling`` made records of growing length and
+number; ``units`` windows in degrees and milliseconds, which are to be named as such. Processor time stands next to wall time,
 which other work on the machine lengthens.
 """
 
