@@ -4,8 +4,8 @@ Run: ``MONODYN_DATA=<folder> python benchmarks/encoders.py [--only alone|togethe
 [--json FILE] [--gate]``; the folder holds ``encoders/*.csv``. ``alone`` fits each window by itself, from a
 bundled model all of whose sizes are ``SIZE``, and holds its ratios against those of the other windows;
 ``together`` all windows of the double pendulum as one fit; ``scaling`` made records of growing length and
-number; ``units`` windows in degrees and milliseconds, which are to be named as such. Processor time stands next to wall time,
-which other work on the machine lengthens.
+number; ``units`` windows in degrees and milliseconds, which are to be named as such. Processor time stands
+next to wall time, which other work on the machine lengthens.
 """
 
 from __future__ import annotations
