@@ -25,7 +25,7 @@ PASSIVE = (DAMPING, FRICTION, STIFFNESS, DRAG, AIR)
 BRAKES = {"friction": 0, "damping": 1, "drag": 2, "air": 2}
 """Kinds of parameter that take energy out of a joint, with the power of the rate in the torque."""
 
-CREEP = (0.01, 0.002)
+CREEP = (0.004, 0.002)
 """Friction loss is ``friction * tanh(rate / creep)``, by kind of joint [rad/s, m/s]: full (to 1e-12) beyond
 14 times that, smooth at zero. MuJoCo's friction loss is a constraint that holds a joint still; here the joint
 creeps instead: less than what a camera or an encoder shows, also of a cart that a pendulum pulls at."""

@@ -16,7 +16,7 @@ def friction_torque(
     """Return the torque of viscous and dry friction, tau = -b v - f sign(v), against the motion.
 
     The paper prints tau = b v, which would drive the joint; a resisting torque has the other sign. The sign
-    function is tanh(v / 0.01), as in the dynamics of hinges.
+    function is tanh(v / 0.004), as in the dynamics of hinges.
 
     Args:
         rate: Joint rates v [rad/s or m/s], (..., dof).

@@ -72,13 +72,19 @@ def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
     if solution.optimum is None or _explained(solution):
         return solution
     found = _further(mechanism, once, solution)
-    more = bool(found.compared) and found.compared[0].kind != FRICTION
-    if more or task.settings.starts == 1 or task.search(solution.problem).explained(solution.optimum):
+    if found.problem.mechanism.torque != "friction" or _explained(found) or task.settings.starts == 1:
+        return found
+    if task.search(solution.problem).explained(solution.optimum):
         return found
     again = _from_further_starts(mechanism, task, solution.optimum)
     if again is None:
         return found
-    return again if _explained(again) else _further(mechanism, once, again)
+    if not _explained(again):
+        again = _further(mechanism, once, again)
+    if found.optimum is None or again.optimum is None:
+        return again
+    better = likeliest([(found.problem, found.optimum), (again.problem, again.optimum)])
+    return again if better == 1 else found
 
 
 def _from_further_starts(mechanism: Mechanism, task: Task, before: Optimum) -> TorqueSolution | None:
