@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation.fit import TriedTorque
+from monodyn.estimation.shooting.accelerations import mismatch_cost
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import residual_size
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
+from monodyn.estimation.shooting.starts import match, matched
 from monodyn.estimation.torque.bodies import fit_free_bodies
 from monodyn.estimation.torque.drags import drag_laws
 from monodyn.estimation.torque.evidence import at_noise, likeliest, pays
@@ -35,7 +37,8 @@ FREE_BODIES = "friction with free bodies"
 SAME_END = 0.9
 """Share of the cost above which further starts have found nothing better."""
 HALVED = 2.0
-"""Factor by which a torque over time lowers the error of rows that it was found without, at least."""
+"""Factor by which a torque over time lowers the error of rows that it was found without, at least; and a drag
+what is left over of the accelerations, to be sought from the start."""
 FEWEST_FREE = 3.0
 """Residual in units of the noise up to which free torques follow a record."""
 ONLY_FREE = (
@@ -167,7 +170,7 @@ def _by_law(
     larger = problem.of(mechanism.with_torque("friction").with_choices(free=names))
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     found = fit_pieces(larger, optimum.trial.at(x, optimum.trial.states), route, route.fine)
-    if far_off(larger, found):
+    if far_off(larger, found) and _called_for(problem, larger, task):
         # a motion that the drag has damped may be so far from every other one that no step leads there
         search = replace(task, settings=replace(task.settings, starts=1)).search(larger)
         other, _ = search.from_starts(give_up=True)
@@ -181,6 +184,16 @@ def _by_law(
         return replace(before, solution=replace(before.solution, problem=problem, optimum=optimum))
     kind = f"free bodies and {what}" if before.kind == FREE_BODIES else what
     return _Tried(f"friction with {kind}", replace(before.solution, problem=larger, optimum=found))
+
+
+def _called_for(problem: Problem, larger: Problem, task: Task) -> bool:
+    """Return whether further unknowns halve what is left over of the accelerations, of any motion."""
+    motion, more = (task.search(one).motion for one in (problem, larger))
+    if not len(motion.time):
+        return False
+    x = matched(problem, motion)
+    after = match(larger, more, larger.unknowns.carried(x, problem.unknowns))
+    return HALVED * mismatch_cost(larger, after, more) < mismatch_cost(problem, x, motion)
 
 
 def _undragged(
