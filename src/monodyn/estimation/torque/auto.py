@@ -102,14 +102,10 @@ def _from_further_starts(mechanism: Mechanism, task: Task, before: Optimum) -> T
 def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> TorqueSolution:
     """Try more than friction, whose solution leaves something over; return the best."""
     route = task.search(solution.problem).route
-    friction = _Tried(FRICTION, solution)
-    dragged = _dragged(mechanism, friction, task, route)
-    # what led to dry friction that explains as much stands for it
-    friction = _likeliest([friction, *(one for one in dragged if one.kind == FRICTION)])
-    tried = [friction, *(one for one in dragged if one.kind != FRICTION)]
+    tried = _with_drags(mechanism, _Tried(FRICTION, solution), task, route)
     if not any(_explained(one.solution) for one in tried):
-        loose = _loosened(solution, task)
-        tried += [*loose, *(one for free in loose for one in _dragged(mechanism, free, task, route))]
+        for free in _loosened(solution, task):
+            tried += _with_drags(mechanism, free, task, route)
     best = _likeliest(tried)
     if _explained(best.solution):
         return _told(best, tried) if len(tried) > 1 else best.solution
@@ -135,6 +131,14 @@ def _likeliest(tried: list[_Tried]) -> _Tried:
     """Return the kind that Schwarz's criterion prefers."""
     optima = [(one.solution.problem, one.solution.optimum) for one in tried]
     return tried[likeliest([(problem, optimum) for problem, optimum in optima if optimum is not None])]
+
+
+def _with_drags(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> list[_Tried]:
+    """Return a kind, and what each law of drag makes of it where that explains more."""
+    dragged = _dragged(mechanism, before, task, route)
+    # where a drag led to dry friction that explains as much, that is the kind
+    same = _likeliest([before, *(one for one in dragged if one.kind == before.kind)])
+    return [same, *(one for one in dragged if one.kind != before.kind)]
 
 
 def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> list[_Tried]:
