@@ -154,16 +154,17 @@ def test_lengths_rest_on_the_clock(double):
         "life they come out k^2 times too long."
     )
     length = {"link1.length": 0.1}
-    said = (
-        " Gravity is taken to be 9.81 +- 0.015 m/s^2, which their intervals contain; --fix gravity=VALUE "
-        "[m/s^2] gives that of the place exactly."
-    )
-    assert advice.clock(double, estimates(double, length)) == [real + said]
-    double = double.with_choices(fix={"gravity": 9.81})
     assert advice.clock(double, estimates(double, length)) == [real]
     assert advice.clock(double, estimates(double, length | {"time_scale": np.inf})) == [real]
     assert advice.clock(double, estimates(double, length | {"time_scale": 0.1})) == []
     assert advice.clock(double, estimates(double, {"link1.thickness": 0.1})) == []
+
+
+def test_gravity_that_is_taken_from_the_file_is_said(double):
+    assert advice.taken_gravity(double) == [
+        "Gravity is taken to be 9.81 +- 0.015 m/s^2, which the intervals of what follows from it contain; "
+        "--fix gravity=VALUE [m/s^2] gives that of the place exactly."
+    ]
 
 
 def test_values_without_use():
@@ -233,4 +234,8 @@ def test_other_parameters_with_the_same_motion(double):
         f"{other['link1.length']:.3g} in place of {rows['link1.length']:.3g} m and link2.length "
         f"{other['link2.length']:.3g} in place of {rows['link2.length']:.3g} m. Nothing in the record tells "
         "them apart; a measured value, given with --fix, does."
+    ]
+    assert advice.twins(found, [{}]) == [
+        "Another start ended elsewhere with a motion as close to the record, of the same mechanism from "
+        "other positions and rates; a record with more frames in the same time tells them apart."
     ]

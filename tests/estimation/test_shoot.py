@@ -27,13 +27,13 @@ def test_the_integration_keeps_its_bound(poses, double, bound):
 
 
 def test_an_integration_bound_out_of_reach_is_said(double):
-    slow = record(double, 12.0 * TIMES[:24], motion(double, 12.0 * TIMES[:24], [0.3, 0.5], [0.0, 1.0], 512))
+    slow = record(double, 5.0 * TIMES[:24], motion(double, 5.0 * TIMES[:24], [0.3, 0.5], [0.0, 1.0], 512))
     known = double.with_choices(fix={p.name: p.value for p in double.parameters if p.free})
-    fit = identify(slow, known, IdentifySettings(starts=1, error_bound=1e-9))
+    fit = identify(slow, known, IdentifySettings(starts=1, error_bound=1e-10))
     assert any(
         re.fullmatch(
             r"With 64 integration steps between time stamps, the most there are, the motion is exact to \S+ "
-            r"rad \(m for slides\) and not to the required 1e-09; fit a shorter record, or give a larger "
+            r"rad \(m for slides\) and not to the required 1e-10; fit a shorter record, or give a larger "
             r"--identify\.error-bound if that is exact enough\.",
             doubt.reason,
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from monodyn.estimation.fit import Estimate
 from monodyn.estimation.shooting.unknowns import Unknowns
-from monodyn.estimation.verdict.gravity import GRAVITY_STD, follows_gravity
+from monodyn.estimation.verdict.gravity import GRAVITY_STD
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.estimation.wording import amount, listed
 from monodyn.mechanism import Mechanism
@@ -238,17 +238,26 @@ def clock(mechanism: Mechanism, parameters: Sequence[Estimate]) -> list[str]:
         return []
     if not any(p.kind == "length" for p in mechanism.parameters if p.name in free):
         return []
-    said = (
+    return [
         "Lengths follow from gravity and take the time stamps for real time: in a clip k times slower than "
         "life they come out k^2 times too long."
-    )
-    if follows_gravity(mechanism):
-        taken = mechanism.values["gravity"]
-        said += (
-            f" Gravity is taken to be {taken:.4g} +- {GRAVITY_STD * taken:.2g} m/s^2, which their intervals "
-            "contain; --fix gravity=VALUE [m/s^2] gives that of the place exactly."
-        )
-    return [said]
+    ]
+
+
+def taken_gravity(mechanism: Mechanism) -> list[str]:
+    """Report how well gravity is known where it is the file's.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        Sentences.
+    """
+    taken = mechanism.values["gravity"]
+    return [
+        f"Gravity is taken to be {taken:.4g} +- {GRAVITY_STD * taken:.2g} m/s^2, which the intervals of what "
+        "follows from it contain; --fix gravity=VALUE [m/s^2] gives that of the place exactly."
+    ]
 
 
 def stamps(error: float) -> list[str]:
@@ -345,6 +354,12 @@ def twins(parameters: Sequence[Estimate], alternatives: Sequence[Mapping[str, fl
         found = [rows[name] for name in values if name in rows and rows[name].free]
         away = sorted(found, key=lambda p: -abs(values[p.name] - p.value) / max(abs(p.value), 1e-300))
         told = [f"{p.name} {values[p.name]:.3g} in place of {p.value:.3g} {p.unit}".rstrip() for p in away]
+        if not told:
+            said.append(
+                "Another start ended elsewhere with a motion as close to the record, of the same mechanism "
+                "from other positions and rates; a record with more frames in the same time tells them apart."
+            )
+            continue
         said.append(
             f"Another start ended elsewhere with a motion as close to the record: {listed(told, 3)}. Nothing "
             "in the record tells them apart; a measured value, given with --fix, does."

@@ -1,74 +1,129 @@
-"""How well gravity is known where nobody measured it, and with it every length that follows from it."""
+"""How well gravity is known where nobody measured it, and with it everything that follows from it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from monodyn.estimation.fit import Estimate
-from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.scaling import mass_per_length
+from monodyn.estimation.fit import Combination, Estimate
+from monodyn.estimation.verdict.combinations import combinations
+from monodyn.estimation.verdict.intervals import estimates
+from monodyn.estimation.verdict.refine import Refined
+from monodyn.estimation.verdict.uncertainty import knowledge_at
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.dimensions import power
-from monodyn.mechanism.plan import JOINT
+
+_Known = TypeVar("_Known", Estimate, Combination)
 
 GRAVITY_STD = 1.5e-3
 """Standard deviation of gravity where it is taken from a file, as a share of it: it is 9.780 to 9.832 m/s^2
 at sea level, less on mountains, and the air carries a part in a thousand of what is light."""
+NOTICED = 1e-3
+"""Share of a standard deviation from which on what gravity adds to it is more than rounding."""
 
 
-def follows_gravity(mechanism: Mechanism) -> bool:
-    """Return whether lengths are known by gravity alone, and gravity is taken from the file.
+@dataclass(frozen=True)
+class GravityShare:
+    """What gravity adds to the standard deviations, in the unit of each.
 
-    Args:
-        mechanism: The mechanism, with what the user chose.
+    Attributes:
+        parameters: By name, of those that follow from gravity.
+        combinations: Likewise.
     """
-    gravity = mechanism.parameter("gravity")
-    if gravity.free or gravity.value <= 0.0 or "gravity" in mechanism.chosen:
-        return False
-    # a length that is given, or a clock that is open, leaves gravity no length to tell
-    lengths = [p for p in mechanism.parameters if p.kind == "length"]
-    return all(p.free or p.follows for p in lengths) and not mechanism.parameter("time_scale").free
+
+    parameters: dict[str, float]
+    combinations: dict[str, float]
 
 
-def with_gravity(problem: Problem, estimates: Sequence[Estimate], quantile: float) -> tuple[Estimate, ...]:
-    """Let the intervals of what follows from gravity contain how well it is known.
+def gravity_share(found: Refined) -> GravityShare:
+    """Return what it adds to the standard deviations that gravity is known no better than that.
 
-    With k times the gravity the same motion is that of everything k times as long, with masses as they go
-    with lengths, or k^-2 times the masses where torques are known; so the predicted motion does not depend
-    on it, and the covariance that predictions use stays.
+    Gravity is taken for a further unknown about the file's value. Lengths follow from it, and masses and
+    forces with them; where a length or a slide tells lengths as well, the motion knows gravity better than
+    that, and it adds less.
 
     Args:
-        problem: The problem that was solved.
-        estimates: The estimates without it.
+        found: The optimum, and what is known there.
+    """
+    problem, optimum = found.weighted, found.optimum
+    if not _taken(problem.mechanism):
+        return GravityShare({}, {})
+    larger = replace(problem.of(problem.mechanism.with_choices(free=["gravity"])), base=problem.base)
+    at, count = larger.unknowns.names.index("gravity"), len(larger.unknowns)
+    assumed = np.zeros((count, count))
+    # its coordinate is the logarithm
+    assumed[at, at] = 1.0 / GRAVITY_STD**2
+    larger = replace(larger, prior=larger.prior.assuming(assumed))
+    x = larger.unknowns.carried(optimum.x, problem.unknowns)
+    moved = replace(
+        optimum,
+        trial=optimum.trial.at(x, optimum.trial.states),
+        at_bound=np.isin(larger.unknowns.names, np.array(problem.unknowns.names)[optimum.at_bound]),
+    )
+    _, jacobian = larger.rows(moved.trial)
+    known = knowledge_at(larger, x, jacobian, moved.trial.pieces)
+    # of deviations alone, which do not depend on the width of an interval
+    return GravityShare(
+        _added(estimates(problem, optimum, found.known, 1.0), estimates(larger, moved, known, 1.0)),
+        _added(combinations(problem, optimum.x, found.known, 1.0), combinations(larger, x, known, 1.0)),
+    )
+
+
+def _taken(mechanism: Mechanism) -> bool:
+    """Return whether gravity is the file's; free torques hold all sizes, whatever it is."""
+    gravity = mechanism.parameter("gravity")
+    held = not gravity.free and "gravity" not in mechanism.chosen
+    return held and gravity.value > 0.0 and mechanism.torque != "free"
+
+
+def _added(before: Sequence[_Known], after: Sequence[_Known]) -> dict[str, float]:
+    """Return by name what has to be added to the standard deviations before to have those after."""
+    std, found = {one.name: one.std for one in before}, {}
+    for one in after:
+        own = std.get(one.name, 0.0)
+        if 0.0 < own < np.inf and np.isfinite(one.std) and one.std > (1.0 + NOTICED) * own:
+            found[one.name] = float(np.sqrt(one.std**2 - own**2))
+    return found
+
+
+def with_gravity(
+    parameters: Sequence[Estimate],
+    found: Sequence[Combination],
+    share: GravityShare,
+    mechanism: Mechanism,
+    quantile: float,
+) -> tuple[tuple[Estimate, ...], tuple[Combination, ...]]:
+    """Let the intervals contain how well gravity is known.
+
+    The motion itself hardly depends on it: predictions, and the covariance that they use, stay.
+
+    Args:
+        parameters: The estimates without it.
+        found: The combinations without it.
+        share: What it adds.
+        mechanism: Gives the bounds.
         quantile: Half width of an interval in standard deviations.
 
     Returns:
-        The estimates, in their order.
+        The estimates and the combinations, in their order.
     """
-    mechanism, data = problem.mechanism, problem.data
-    kinds = {joint.name: joint.kind for joint in mechanism.joints}
-    metric = any(kind == "slide" for kind in kinds.values()) and not data.slide.any()
-    # a slide that is measured in metres tells lengths by itself
-    if metric or not follows_gravity(mechanism):
-        return tuple(estimates)
-    mass = -2.0 if data.torques else mass_per_length(problem)
-    parameters = {p.name: p for p in mechanism.parameters}
+    limits = {p.name: (p.lower, p.upper) for p in mechanism.parameters}
 
-    def widened(estimate: Estimate) -> Estimate:
-        p = parameters[estimate.name]
-        joint = kinds.get(p.owner, "hinge") if p.kind in JOINT else "hinge"
-        more = abs(GRAVITY_STD * power(p.kind, joint, length=1.0, mass=mass) * estimate.value)
-        if not 0.0 < estimate.std < np.inf or more == 0.0:
-            return estimate
-        low, high = estimate.value - estimate.lower, estimate.upper - estimate.value
+    def widened(one: _Known, more: float) -> _Known:
+        if more == 0.0:
+            return one
+        lowest, highest = limits.get(one.name, (-np.inf, np.inf))
+        low, high = one.value - one.lower, one.upper - one.value
         return replace(
-            estimate,
-            std=float(np.hypot(estimate.std, more)),
-            lower=max(estimate.value - float(np.hypot(low, quantile * more)), min(p.lower, estimate.lower)),
-            upper=min(estimate.value + float(np.hypot(high, quantile * more)), max(p.upper, estimate.upper)),
+            one,
+            std=float(np.hypot(one.std, more)),
+            lower=max(one.value - float(np.hypot(low, quantile * more)), min(lowest, one.lower)),
+            upper=min(one.value + float(np.hypot(high, quantile * more)), max(highest, one.upper)),
         )
 
-    return tuple(widened(estimate) for estimate in estimates)
+    return (
+        tuple(widened(one, share.parameters.get(one.name, 0.0)) for one in parameters),
+        tuple(widened(one, share.combinations.get(one.name, 0.0)) for one in found),
+    )

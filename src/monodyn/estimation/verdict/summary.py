@@ -16,7 +16,7 @@ from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict import advice, assumed, undetermined
 from monodyn.estimation.verdict.combinations import combinations
-from monodyn.estimation.verdict.gravity import with_gravity
+from monodyn.estimation.verdict.gravity import gravity_share, with_gravity
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.posterior import Posterior, posterior
 from monodyn.estimation.verdict.refine import Refined, refine
@@ -74,8 +74,11 @@ def summarize(
         quantile = _quantile(found.freedom)
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
-    known = with_gravity(found.problem, fit.parameters, _quantile(found.freedom))
-    fit = replace(fit, parameters=known)
+    share = gravity_share(found)
+    parameters, ratios = with_gravity(
+        fit.parameters, fit.combinations, share, problem.mechanism, _quantile(found.freedom)
+    )
+    fit = replace(fit, parameters=parameters, combinations=ratios)
     lacking = unmodelled(found.problem, found.optimum.trial, found.noise)
     fit = replace(
         fit,
@@ -90,6 +93,8 @@ def summarize(
     fit = fit.doubted([*unsupported, *few, *_doubts(found, fit, settings)])
     twins = advice.twins(fit.parameters, fit.alternatives)
     said = _advice(found, fit, records, settings)
+    if share.parameters or share.combinations:
+        said += advice.taken_gravity(problem.mechanism)
     advised = (*twins, *solution.advice, *said, *advice.starts_tried(solution.tried))
     return replace(fit, advice=advised)
 
