@@ -125,3 +125,22 @@ def test_few_steps_follow_dry_friction_through_its_change_of_sign(tmp_path) -> N
     exact = solve_ivp(rates, (0.0, 3.0), [0.5, 0.0], t_eval=times, rtol=1e-11, atol=1e-12, max_step=1e-3)
     # two steps that are not divided are off by 1.4e-3
     assert np.abs(q[:, 0] - exact.y[0]).max() < 2e-5
+
+
+@pytest.mark.parametrize("substeps", [1, 2, 4])
+def test_a_joint_that_dry_friction_holds_has_the_right_derivatives(substeps: int) -> None:
+    """Held joints have no acceleration: steps as long as without friction would leave that state."""
+    held = {"joint1.friction": 0.01, "joint2.friction": 0.005}
+    mechanism = load("double").with_choices(fix=held)
+    times, start, rest = np.arange(120) / 60.0, np.array([-0.8, 0.4]), np.zeros(2)
+    directions = mechanism.directions(("link1.length", *held))
+    q, _, dq, _ = rollout_derivatives(mechanism.tree, directions, times, start, rest, substeps=substeps)
+
+    def fine(**friction: float) -> np.ndarray:
+        tree = mechanism.with_choices(fix=friction).tree
+        return rollout(tree, times, start, rest, substeps=64)[0]
+
+    assert np.abs(q - fine()).max() < 5e-5
+    for k, name in enumerate(held, 1):
+        ahead, behind = (fine(**{name: held[name] + side * 1e-6}) for side in (1.0, -1.0))
+        assert np.allclose(dq[:, :, k], (ahead - behind) / 2e-6, rtol=2e-3, atol=0.05)

@@ -51,7 +51,7 @@ AHEAD = 1.5
 """A rate may reach zero within a step where it is below this many times the change that it begins with."""
 RESOLVED = 1.5
 """Largest change of a rate in a part of a step through zero, in units of the rate of creep."""
-MOST_PARTS = 64
+MOST_PARTS = 256
 """Parts of a step at most."""
 
 
@@ -246,14 +246,16 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
 
 
 @njit(cache=True, error_model="numpy")
-def parts_of_step(kind, links, v, a, step):  # pragma: no cover - compiled
+def parts_of_step(parent, kind, links, v, a, h, step):  # pragma: no cover - compiled
     """Return into how many equal parts a step is divided where dry friction may change its sign within it.
 
-    ``v`` and ``a`` (dof,) are rates and accelerations at its begin. A step over the change misses it by its
-    own length times the friction, however smooth all else is; so the rate changes by at most ``RESOLVED``
-    widths of the friction's own transition in a part.
+    ``v`` and ``a`` (dof,) are rates and accelerations at its begin, ``h`` (dof, dof) the factored inertia
+    matrix. A step over the change misses it by its own length times the friction, however smooth all else is;
+    so the rate changes by at most ``RESOLVED`` widths of the friction's own transition in a part, and so does
+    what friction alone makes of it: a joint that is held has no acceleration, and longer parts would leave
+    that state, and still more its derivatives.
     """
-    parts = 1
+    most, held = 0.0, 0.0
     for i in range(links.shape[0]):
         if links[i, FRICTION].real == 0.0:
             continue
@@ -261,10 +263,26 @@ def parts_of_step(kind, links, v, a, step):  # pragma: no cover - compiled
         away = rate * change > 0.0
         near = SETTLED * CREEP[kind[i]] + (0.0 if away else AHEAD * abs(change))
         if abs(rate) < near:
-            wanted = abs(change) / (RESOLVED * CREEP[kind[i]])
-            if wanted > parts:
-                parts = min(int(np.ceil(wanted)), MOST_PARTS)
-    return parts
+            most = max(most, abs(change) / CREEP[kind[i]])
+            held += abs(links[i, FRICTION].real * step) * _yield(parent, h, i) / CREEP[kind[i]]
+    return min(int(np.ceil(max(most, held, 1.0) / RESOLVED)), MOST_PARTS)
+
+
+@njit(cache=True, error_model="numpy")
+def _yield(parent, h, i):  # pragma: no cover - compiled
+    """Return the acceleration of joint i by a unit force at it: a diagonal entry of the inverse of M."""
+    x = np.zeros(h.shape[0])
+    x[i] = 1.0
+    total = 0.0
+    while i >= 0:
+        # D L x = L^-T e: entries toward the root alone; their squares over D add up
+        j = parent[i]
+        while j >= 0:
+            x[j] -= h[i, j].real * x[i]
+            j = parent[j]
+        total += x[i] * x[i] / h[i, i].real
+        i = parent[i]
+    return total
 
 
 @njit(cache=True, error_model="numpy")
@@ -323,7 +341,7 @@ def rollout(
                     forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
                     # the first stage does not depend on the length of the step
                     if k == 0 and done == 0:
-                        parts = parts_of_step(kind, links, u[0], a[0], step)
+                        parts = parts_of_step(parent, kind, links, u[0], a[0], h, step)
                         length = step / parts
                 for i in range(n):
                     x[0, i] += length / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])

@@ -397,7 +397,7 @@ def rollout_tangents(
                     forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
                     # as in ``planar.rollout``, so that these are the derivatives of that very rollout
                     if r == 0 and done == 0:
-                        parts = parts_of_step(kind, links, u[0], a[0], step)
+                        parts = parts_of_step(parent, kind, links, u[0], a[0], h, step)
                         length = step / parts
                     place(parent, kind, links, x[r], u[r], w)
                     _needed_forces(parent, kind, links, gravity, u[r], a[r], w)
