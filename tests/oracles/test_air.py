@@ -72,7 +72,7 @@ def test_on_a_link_that_hangs_from_the_wall_it_is_the_drag_of_its_joint() -> Non
 
 
 def test_a_rod_meets_what_its_points_meet() -> None:
-    """Each point of a thin rod is resisted by the square of its own speed across the rod: a few percent."""
+    """Each point is resisted by the square of its own speed: about that, where the tip is no slower."""
     double = load("double")
     thin = double.with_values({"link2.width": 1e-4, "link2.length": 0.2, "joint2.air": 0.01})
     c, (l1, l2) = 0.01, (thin.values["link1.length"], 0.2)

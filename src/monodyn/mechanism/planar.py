@@ -57,7 +57,7 @@ MOST_PARTS = 256
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _friction(rate, creep):  # pragma: no cover - compiled
-    """Return the smoothed sign of ``rate``, tanh(rate / CREEP), without overflow for complex rates."""
+    """Return the smoothed sign of ``rate``, tanh(rate / creep), without overflow for complex rates."""
     x = rate / creep
     if x.real > 20.0:
         return x * 0.0 + 1.0
@@ -165,13 +165,14 @@ def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
 
 @njit(cache=True, error_model="numpy", inline="always")
 def air_direction(i, kind, links, w):  # pragma: no cover - compiled
-    """Return the unit force of the air on link i, (moment about the fixed point, x, y), as ``w`` stands.
+    """Return what the air acts along on link i, (moment about the fixed point, x, y), as ``w`` stands.
 
-    The motion that it resists is the product z of this and the link's motion; the air pushes with -c |z| z
-    times it. All of it acts at the link's centre of oscillation, at the distance J / (m r) from its hinge, J
-    about the hinge and r the distance of the centre of mass, and across the line to the hinge: a rod meets
-    the same moment as if each of its points were resisted by the square of its own speed, to a few percent,
-    and where its hinge rests z is its turn rate. A slide's link is resisted along the slide.
+    The product of this and the link's motion is the motion z that the air resists; it pushes with -c |z| z
+    times this. All of it acts at the link's centre of oscillation, at the distance J / (m r) from its hinge,
+    J about the hinge and r the distance of the centre of mass, and across the line to the hinge. Where its
+    hinge rests z is the turn rate, and a rod meets the moment that its points meet, each resisted by the
+    square of its own speed; where the tip moves the same way as the hinge and no slower, moment and force are
+    those within about 15 %. A slide's link is resisted along the slide.
     """
     if kind[i] != HINGE:
         return w[i, OX] * w[i, SY] - w[i, OY] * w[i, SX], w[i, SX], w[i, SY]

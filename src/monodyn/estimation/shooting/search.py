@@ -203,6 +203,21 @@ def residual_size(optimum: Optimum) -> float:
     return size if optimum.complete else 1e12 + size
 
 
+def difference_size(problem: Problem, optimum: Optimum, joints: Sequence[str]) -> float:
+    """Return the mean size of what is left over of some joints, in units of the stated noise, as it compares
+    with that of another model, which may have more of them.
+
+    Args:
+        problem: The problem.
+        optimum: Its optimum.
+        joints: Names of the joints.
+    """
+    every = [joint.name for joint in problem.mechanism.joints]
+    columns = [every.index(name) for name in joints]
+    sizes = np.abs(problem.differences(optimum.trial)[:, columns]) / problem.data.std[:, columns]
+    return float(np.nanmean(sizes))
+
+
 def _same(one: Optimum, other: Optimum) -> bool:
     """Return whether two searches led to one motion, whatever the unknowns that it does not determine."""
     if not (one.complete and other.complete):

@@ -3,7 +3,8 @@
 The rule: friction stays as long as what it leaves over is no slower or smaller than the noise; quadratic
 drag, and bodies whose mass may lie anywhere, are taken where Schwarz's criterion prefers them; a torque over
 time only where, in rows that it was found without, it halves the error of the best of these, at the
-beginnings and at the ends of the records.
+beginnings and at the ends of the records, and leaves less than tilted gravity, another clock or a base that
+swings. Where no kind explains the motion it is searched from further starts.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from monodyn.estimation.fit import TriedTorque
 from monodyn.estimation.shooting.accelerations import mismatch_cost
 from monodyn.estimation.shooting.problem import Problem, posed
-from monodyn.estimation.shooting.search import residual_size
+from monodyn.estimation.shooting.search import difference_size
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.shooting.starts import match, matched
 from monodyn.estimation.torque.bodies import fit_free_bodies
@@ -289,7 +290,12 @@ def _nearer(found: _Tried, passive: _Tried, task: Task) -> bool:
     optimum, before = found.solution.optimum, passive.solution.optimum
     if optimum is None or before is None:
         return False
-    return residual_size(optimum) < task.otherwise(task.records, passive.solution.problem, before)
+    problem, joints = (
+        found.solution.problem,
+        [joint.name for joint in found.solution.problem.mechanism.joints],
+    )
+    left = task.otherwise(task.records, passive.solution.problem, before)
+    return difference_size(problem, optimum, joints) < left
 
 
 def _told(chosen: _Tried, tried: list[_Tried]) -> TorqueSolution:

@@ -22,6 +22,7 @@ from monodyn.estimation.record.smooth import Smoothed, smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.accelerations import SmoothMotion, mismatch_cost, smooth_motion
 from monodyn.estimation.shooting.problem import Problem, posed
+from monodyn.estimation.shooting.search import difference_size
 from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, multiple_shooting
 from monodyn.estimation.shooting.starts import match, matched
 from monodyn.estimation.shooting.swinging import Swing, swing_of
@@ -117,7 +118,7 @@ def explained_otherwise(
     """
     joints = [joint.name for joint in problem.mechanism.joints]
     tried = [cause for cause in _causes(records, problem.mechanism) if cause.name not in DRAGS]
-    return _named(tried, _size_of(problem, optimum, joints), joints, settings)[1]
+    return _named(tried, difference_size(problem, optimum, joints), joints, settings)[1]
 
 
 def _named(
@@ -128,7 +129,7 @@ def _named(
     for cause in sorted(tried, key=lambda cause: cause.left)[:TRIED]:
         problem, optimum = _fitted(cause, settings)
         if optimum.complete:
-            after = _size_of(problem, optimum, joints)
+            after = difference_size(problem, optimum, joints)
             if HALVED * after < before:
                 return cause.said(problem, optimum, before / after), after
     return "", np.inf
@@ -156,8 +157,9 @@ def _freedoms(mechanism: Mechanism, problem: Problem) -> list[tuple[str, list[st
     found: list[tuple[str, list[str], Sentence]] = []
     unknown = set(problem.unknowns.names)
     for law, names in drag_laws(mechanism).items():
-        if not unknown & set(names):
-            found.append((law, names, partial(_dragged, law, names)))
+        further = [name for name in names if name not in unknown]
+        if further:
+            found.append((law, further, partial(_dragged, law, further)))
     if ROLL not in unknown and problem.data.by_roll.any() and feels_roll(mechanism):
         found.append(
             (
@@ -249,14 +251,6 @@ def _size(records: Sequence[Poses], fit: Fit) -> float:
         sizes.append((np.abs(residual) / (unit * noise))[np.isfinite(residual)])
     every = np.concatenate(sizes) if sizes else np.zeros(0)
     return float(np.mean(every)) if len(every) else np.inf
-
-
-def _size_of(problem: Problem, optimum: Optimum, joints: Sequence[str]) -> float:
-    """Return the same of an optimum, of some joints."""
-    every = [joint.name for joint in problem.mechanism.joints]
-    columns = [every.index(name) for name in joints]
-    sizes = np.abs(problem.differences(optimum.trial)[:, columns]) / problem.data.std[:, columns]
-    return float(np.nanmean(np.where(problem.data.measured[:, columns], sizes, np.nan)))
 
 
 def _dragged(law: str, names: Sequence[str], _: Problem, __: Optimum, times: float) -> str:
