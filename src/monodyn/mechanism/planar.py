@@ -48,8 +48,8 @@ WORK = 21
 SETTLED = 4.0
 """Rate over that of creep beyond which dry friction no longer changes (to 1e-3)."""
 AHEAD = 1.5
-"""A rate may reach zero within a step where it is below this many times the change that it begins with."""
-RESOLVED = 1.5
+"""A rate may come near zero this many times as soon as its acceleration now has it."""
+RESOLVED = 1.0
 """Largest change of a rate in a part of a step through zero, in units of the rate of creep."""
 MOST_PARTS = 256
 """Parts of a step at most."""
@@ -247,26 +247,31 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
 
 
 @njit(cache=True, error_model="numpy")
-def parts_of_step(parent, kind, links, v, a, h, step):  # pragma: no cover - compiled
-    """Return into how many equal parts a step is divided where dry friction may change its sign within it.
+def part_of_step(parent, kind, links, v, a, h, left, step):  # pragma: no cover - compiled
+    """Return how far to go at once of what is ``left`` of a step, where dry friction may change its sign.
 
-    ``v`` and ``a`` (dof,) are rates and accelerations at its begin, ``h`` (dof, dof) the factored inertia
-    matrix. A step over the change misses it by its own length times the friction, however smooth all else is;
-    so the rate changes by at most ``RESOLVED`` widths of the friction's own transition in a part, and so does
-    what friction alone makes of it: a joint that is held has no acceleration, and longer parts would leave
-    that state, and still more its derivatives.
+    ``v`` and ``a`` (dof,) are rates and accelerations now, ``h`` (dof, dof) the factored inertia matrix. A
+    step over the change misses it by its own length times the friction, however smooth all else is; so one
+    goes up to it, and through it by parts in which a rate changes by at most ``RESOLVED`` widths of the
+    friction's own transition. So much may friction alone make of it, too: a joint that is held has no
+    acceleration, and longer parts would leave that state, and still more its derivatives.
     """
-    most, held = 0.0, 0.0
+    longest, held, forth = abs(left), 0.0, 1.0 if step > 0.0 else -1.0
     for i in range(links.shape[0]):
         if links[i, FRICTION].real == 0.0:
             continue
-        rate, change = v[i].real, a[i].real * step
-        away = rate * change > 0.0
-        near = SETTLED * CREEP[kind[i]] + (0.0 if away else AHEAD * abs(change))
-        if abs(rate) < near:
-            most = max(most, abs(change) / CREEP[kind[i]])
-            held += abs(links[i, FRICTION].real * step) * _yield(parent, h, i) / CREEP[kind[i]]
-    return min(int(np.ceil(max(most, held, 1.0) / RESOLVED)), MOST_PARTS)
+        rate, change, creep = v[i].real, abs(a[i].real), CREEP[kind[i]]
+        beyond = abs(rate) - SETTLED * creep
+        if beyond <= 0.0:
+            held += abs(links[i, FRICTION].real) * _yield(parent, h, i) / creep
+            longest = min(longest, RESOLVED * creep / max(change, 1e-300))
+        elif forth * rate * a[i].real < 0.0:
+            longest = min(longest, (beyond / AHEAD + RESOLVED * creep) / change)
+    if held > 0.0:
+        longest = min(longest, RESOLVED / held)
+    longest = max(longest, abs(step) / MOST_PARTS)
+    # no sliver is left; and of a motion without bounds nothing is a number
+    return forth * longest if longest < 0.9 * abs(left) else left
 
 
 @njit(cache=True, error_model="numpy")
@@ -327,8 +332,8 @@ def rollout(
         step = (times[f] - times[f - 1]) / substeps
         for s in range(substeps):
             begin = times[f - 1] + s * step
-            done, parts, length = 0, 1, step
-            while done < parts:
+            left, length, ended = step, step, False
+            while not ended:
                 for k in range(4):
                     part = 0.0 if k == 0 else length if k == 3 else 0.5 * length
                     if k > 0:
@@ -340,14 +345,14 @@ def rollout(
                         middle = times[f - 1] + (s + 0.5) * step
                         torque(mode, stamps, table, begin + part, middle, value, rate, tau, slope)
                     forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
-                    # the first stage does not depend on the length of the step
-                    if k == 0 and done == 0:
-                        parts = parts_of_step(parent, kind, links, u[0], a[0], h, step)
-                        length = step / parts
+                    # the first stage does not depend on the length of the part
+                    if k == 0:
+                        length = part_of_step(parent, kind, links, u[0], a[0], h, left, step)
                 for i in range(n):
                     x[0, i] += length / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
                     u[0, i] += length / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
-                done += 1
+                ended = not abs(length) < abs(left)
+                left -= length
                 begin += length
         for i in range(n):
             q[f, i] = x[0, i]

@@ -41,7 +41,7 @@ from monodyn.mechanism.planar import (
     S,
     air_direction,
     forward,
-    parts_of_step,
+    part_of_step,
     place,
     resist,
 )  # fmt: skip
@@ -381,8 +381,8 @@ def rollout_tangents(
         step = (times[f] - times[f - 1]) / substeps if f > 0 else 0.0
         for s in range(substeps if f > 0 else 0):
             begin = times[f - 1] + s * step
-            done, parts, length = 0, 1, step
-            while done < parts:
+            left, length, ended = step, step, False
+            while not ended:
                 for r in range(4):
                     part = 0.0 if r == 0 else length if r == 3 else 0.5 * length
                     if r > 0:
@@ -396,9 +396,8 @@ def rollout_tangents(
                     # the inertia of each link alone, which ``place`` restores.
                     forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
                     # as in ``planar.rollout``, so that these are the derivatives of that very rollout
-                    if r == 0 and done == 0:
-                        parts = parts_of_step(parent, kind, links, u[0], a[0], h, step)
-                        length = step / parts
+                    if r == 0:
+                        length = part_of_step(parent, kind, links, u[0], a[0], h, left, step)
                     place(parent, kind, links, x[r], u[r], w)
                     _needed_forces(parent, kind, links, gravity, u[r], a[r], w)
                     _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
@@ -412,7 +411,8 @@ def rollout_tangents(
                     # da holds dtau - (dM a + dbias); M is that of this stage
                     solve_all(parent, h, da[r], many)
                 _to_end(length / 6.0, x, u, a, dx, du, da, many)
-                done += 1
+                ended = not abs(length) < abs(left)
+                left -= length
                 begin += length
         for i in range(n):
             q[f, i], v[f, i] = x[0, i], u[0, i]

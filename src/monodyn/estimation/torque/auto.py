@@ -78,15 +78,15 @@ def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
     found = _further(mechanism, once, solution)
     if found.problem.mechanism.torque != "friction" or _explained(found) or task.settings.starts == 1:
         return found
-    if task.search(solution.problem).explained(solution.optimum):
+    if found.optimum is None or task.search(found.problem).explained(found.optimum):
         return found
     again = _from_further_starts(mechanism, task, solution.optimum)
     if again is None:
         return found
     if not _explained(again):
         again = _further(mechanism, once, again)
-    if found.optimum is None or again.optimum is None:
-        return again
+    if again.optimum is None:
+        return found
     better = likeliest([(found.problem, found.optimum), (again.problem, again.optimum)])
     return again if better == 1 else found
 
