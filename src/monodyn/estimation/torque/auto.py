@@ -3,8 +3,8 @@
 The rule: friction stays as long as what it leaves over is no slower or smaller than the noise; quadratic
 drag, and bodies whose mass may lie anywhere, are taken where Schwarz's criterion prefers them; a torque over
 time only where, in rows that it was found without, it halves the error of the best of these, at the
-beginnings and at the ends of the records, and leaves less than tilted gravity, another clock or a base that
-swings. Where no kind explains the motion it is searched from further starts.
+beginnings and at the ends of the records. What does not explain the motion has to leave less than tilted
+gravity, another clock or a base that swings. Where no kind explains it, it is searched from further starts.
 """
 
 from __future__ import annotations
@@ -24,7 +24,13 @@ from monodyn.estimation.torque.drags import drag_laws
 from monodyn.estimation.torque.evidence import at_noise, likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import fit_free_torques, residual_rms
-from monodyn.estimation.torque.friction import far_off, fit_friction, settled, with_dry_friction
+from monodyn.estimation.torque.friction import (
+    far_off,
+    fit_friction,
+    near_proportions,
+    settled,
+    with_dry_friction,
+)
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.torque.withheld import withheld_errors
 from monodyn.estimation.wording import listed
@@ -105,7 +111,9 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     route = task.search(solution.problem).route
     tried = _with_drags(mechanism, _Tried(FRICTION, solution), task, route)
     if not any(_explained(one.solution) for one in tried):
-        for free in _loosened(solution, task):
+        left = _left_otherwise(solution, task)
+        tried = [tried[0], *(one for one in tried[1:] if _size(one.solution) < left)]
+        for free in _loosened(solution, task) if np.isinf(left) else []:
             tried += _with_drags(mechanism, free, task, route)
     best = _likeliest(tried)
     if _explained(best.solution):
@@ -118,7 +126,7 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
             found = further(mechanism, task, route, best)
             if found is not None:
                 tried.append(found)
-                if _halves(best, found) and _nearer(found, best, task):
+                if _halves(best, found) and _size(found.solution) < _left_otherwise(best.solution, task):
                     return _told(found, tried)
     return _told(best, tried) if len(tried) > 1 else best.solution
 
@@ -180,7 +188,7 @@ def _by_law(
         search = replace(task, settings=replace(task.settings, starts=1)).search(larger)
         other, _ = search.from_starts(give_up=True)
         found = other if pays(found, other, len(names)) else found
-    larger, found = _with_dry(larger, found, task)
+    larger, found = _with_dry(*near_proportions(larger, found, task), task)
     if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, len(names)):
         return None
     without = _undragged(mechanism, larger, found, route)
@@ -218,8 +226,6 @@ def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
     """Try bodies whose mass may lie anywhere, where the user left that open and the evidence is for it."""
     problem, optimum = solution.problem, solution.optimum
     if task.settings.bodies != "auto" or optimum is None or not problem.unknowns.uniform:
-        return []
-    if optimum.complete and np.isfinite(task.otherwise(task.records, problem, optimum)):
         return []
     found = fit_free_bodies(solution, task)
     if found is None or found.optimum is None:
@@ -284,18 +290,21 @@ def _halves(passive: _Tried, found: _Tried) -> bool:
     return bool(found.errors) and all(HALVED * max(after, 1.0) <= before for before, after in pairs)
 
 
-def _nearer(found: _Tried, passive: _Tried, task: Task) -> bool:
-    """Return whether a torque over time leaves less than tilted gravity, another clock or a base that swings,
-    each of which repeats itself as the motion does."""
-    optimum, before = found.solution.optimum, passive.solution.optimum
-    if optimum is None or before is None:
-        return False
-    problem, joints = (
-        found.solution.problem,
-        [joint.name for joint in found.solution.problem.mechanism.joints],
-    )
-    left = task.otherwise(task.records, passive.solution.problem, before)
-    return difference_size(problem, optimum, joints) < left
+def _left_otherwise(solution: TorqueSolution, task: Task) -> float:
+    """Return the size of what tilted gravity, another clock or a base that swings leaves over, each of which
+    repeats itself as the motion does; infinite where none of them explains more than a solution."""
+    problem, optimum = solution.problem, solution.optimum
+    if optimum is None or not optimum.complete:
+        return np.inf
+    return task.otherwise(task.records, problem, optimum)
+
+
+def _size(solution: TorqueSolution) -> float:
+    """Return the size of what a solution leaves over, likewise."""
+    problem, optimum = solution.problem, solution.optimum
+    if optimum is None or not optimum.complete:
+        return np.inf
+    return difference_size(problem, optimum, [joint.name for joint in problem.mechanism.joints])
 
 
 def _told(chosen: _Tried, tried: list[_Tried]) -> TorqueSolution:
