@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from damaged import DAMAGES, NOISE
 from driven import DOUBLE, MASSIVE, PERIOD, STIFF, THICKNESS, pull, simulated, started, task_of
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
@@ -16,11 +17,18 @@ from monodyn.estimation.torque import auto
 from monodyn.estimation.torque.evidence import at_noise, slow_part
 from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict.combinations import inertial_ratios
-from monodyn.mechanism import load
+from monodyn.mechanism import Mechanism, load
 from monodyn.stages import identify
-from swings import TIMES, motion, record
+from monodyn.types import Poses
+from swings import TIMES, motion, record, white
 
 AUTO = IdentifySettings(torque="auto")
+
+
+def damaged(name: str, seed: int) -> tuple[Poses, Mechanism]:
+    """Return a record of the alarms with the mechanism that it is taken to be of."""
+    found = DAMAGES[name](np.random.default_rng(seed))
+    return white(found.joints, found.time, found.position, NOISE), load(found.model).with_choices(fix=found.fix)
 
 
 def leaving(residuals: np.ndarray, first: tuple[int, ...], sigma: float = 1.0) -> tuple[Any, Any]:
@@ -170,3 +178,17 @@ def test_the_air_on_a_carried_link_is_told_from_a_drag_of_its_joint(tmp_path) ->
         assert fit.parameter(name).value == pytest.approx(true, abs=4.0 * fit.parameter(name).std)
         assert fit.parameter(name).std < 0.1 * true
     assert fit.parameter("link1.length").value == pytest.approx(0.23, rel=2e-3)
+
+
+def test_a_drag_of_bodies_out_of_the_files_proportion_keeps_them_uniform() -> None:
+    """Sizes that no table shows are not quite the file's: that is no reason for free bodies."""
+    fit = identify(*damaged("quadratic drag", 101), AUTO)
+    assert fit.tried_torques[0].kind == "friction with quadratic drag"
+    assert "inertia" not in {p.name.split(".")[1] for p in fit.parameters if p.free}
+
+
+def test_a_drag_that_leaves_more_than_another_clock_is_none() -> None:
+    """The stamps run slow against given lengths: a drag lowers what is left over, and is not the reason."""
+    fit = identify(*damaged("a clock slow by 20 %", 108), AUTO)
+    assert fit.grade == "refused"
+    assert not any("drag" in one.kind for one in fit.tried_torques)
