@@ -28,7 +28,8 @@ AUTO = IdentifySettings(torque="auto")
 def damaged(name: str, seed: int) -> tuple[Poses, Mechanism]:
     """Return a record of the alarms with the mechanism that it is taken to be of."""
     found = DAMAGES[name](np.random.default_rng(seed))
-    return white(found.joints, found.time, found.position, NOISE), load(found.model).with_choices(fix=found.fix)
+    mechanism = load(found.model).with_choices(fix=found.fix)
+    return white(found.joints, found.time, found.position, NOISE), mechanism
 
 
 def leaving(residuals: np.ndarray, first: tuple[int, ...], sigma: float = 1.0) -> tuple[Any, Any]:
