@@ -1,10 +1,10 @@
 """Print how often intervals and bands hold: double pendulums moved by MuJoCo, with noise of a known size.
 
 Run: ``python benchmarks/intervals.py [--only GROUP ...] [--records N] [--json FILE] [--gate]``.
-Every record has lengths, thicknesses and dampings of its own, and proportions of widths and overhangs that
-are drawn as they are assumed. ``40`` and ``120`` are frames; in ``given`` the proportions are given. Of 95 %
-intervals 92 to 98 % are to contain the truth, of all that is called identifiable, and so are bands of
-predictions.
+Every record has lengths, thicknesses and dampings of its own, and proportions of widths and overhangs, and a
+gravity, that are drawn as they are assumed. ``40`` and ``120`` are frames; in ``given`` the proportions are
+given. Of 95 % intervals 92 to 98 % are to contain the truth, of all that is called identifiable, and so are
+bands of predictions.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from figures import Figure, command_line, finish, say, table
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.shooting.prior import PROPORTION_STD
 from monodyn.estimation.shooting.unknowns import assumed_sizes
+from monodyn.estimation.verdict.gravity import GRAVITY_STD
 from monodyn.results.curves import BAND
 from monodyn.types import Poses
 
@@ -39,7 +40,7 @@ DENSITY = 2700.0
 
 MODEL = """
 <mujoco>
-  <option gravity="0 0 -9.81" integrator="RK4" timestep="{step}"/>
+  <option gravity="0 0 -{gravity}" integrator="RK4" timestep="{step}"/>
   <default>
     <joint type="hinge" axis="0 -1 0"/>
     <geom type="box" density="{density}" contype="0" conaffinity="0"/>
@@ -244,7 +245,8 @@ def _drawn(rng: np.random.Generator) -> tuple[dict[str, float], str]:
             f"wide{k}": 0.5 * seen["width"],
             f"damping{k}": known[f"joint{k}.damping"],
         }
-    return known, MODEL.format(step=1.0 / (RATE * SUBSTEPS), density=DENSITY, **shape)
+    gravity = file["gravity"] * (1.0 + GRAVITY_STD * rng.normal())
+    return known, MODEL.format(gravity=gravity, step=1.0 / (RATE * SUBSTEPS), density=DENSITY, **shape)
 
 
 def inertias(body: mujoco.MjModel) -> dict[str, float]:
