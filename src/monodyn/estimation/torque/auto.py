@@ -4,7 +4,8 @@ The rule: friction stays as long as what it leaves over is no slower or smaller 
 drag, and bodies whose mass may lie anywhere, are taken where Schwarz's criterion prefers them; a torque over
 time only where, in rows that it was found without, it halves the error of the best of these, at the
 beginnings and at the ends of the records. What does not explain the motion has to leave less than tilted
-gravity, another clock or a base that swings. Where no kind explains it, it is searched from further starts.
+gravity, another clock or a base that swings, and such a torque half of it. Where no kind explains the motion,
+it is searched from further starts.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ FREE_BODIES = "friction with free bodies"
 SAME_END = 0.9
 """Share of the cost above which further starts have found nothing better."""
 HALVED = 2.0
-"""Factor by which a torque over time lowers the error of rows that it was found without, at least; and a drag
-what is left over of the accelerations, to be sought from the start."""
+"""Factor by which a torque over time lowers the error of rows that it was found without, at least, and what
+another reason leaves over; and a drag what is left over of the accelerations, to be sought from the start."""
 FEWEST_FREE = 3.0
 """Residual in units of the noise up to which free torques follow a record."""
 ONLY_FREE = (
@@ -126,7 +127,9 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
             found = further(mechanism, task, route, best)
             if found is not None:
                 tried.append(found)
-                if _halves(best, found) and _size(found.solution) < _left_otherwise(best.solution, task):
+                # one unknown that explains nearly as much is the likelier reason than some thirty
+                left = _left_otherwise(best.solution, task) if _halves(best, found) else 0.0
+                if HALVED * _size(found.solution) < left:
                     return _told(found, tried)
     return _told(best, tried) if len(tried) > 1 else best.solution
 
