@@ -48,11 +48,19 @@ WORK = 21
 SETTLED = 4.0
 """Rate over that of creep beyond which dry friction no longer changes (to 1e-3)."""
 AHEAD = 1.5
-"""A rate may come near zero this many times as soon as its acceleration now has it."""
+"""The time in which a rate comes near zero by the acceleration of now is divided by this."""
 RESOLVED = 1.0
 """Largest change of a rate in a part of a step through zero, in units of the rate of creep."""
-MOST_PARTS = 256
-"""Parts of a step at most."""
+MOST_PARTS = 1024
+"""The shortest part of a step is that share of it, a power of two."""
+STABLE = 2.0
+"""Longest part of a step in which a joint is held, in units of the time in which it comes to rest: a
+Runge-Kutta step of order four leaves that state beyond 2.8."""
+MOST_HELD = 64
+"""Such parts of a step at most ..."""
+SHARE = 0.5
+"""... and how much of what friction would take off the rate in a longer one is added to the inertia, by the
+rate: the way to rest is then gone by two thirds at most, for any length."""
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -201,10 +209,11 @@ def resist(kind, links, w):  # pragma: no cover - compiled
 
 
 @njit(cache=True, error_model="numpy")
-def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cover - compiled
+def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: no cover - compiled
     """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch.
 
-    ``q``, ``v``, ``tau`` and ``a`` are (dof,), ``h`` is (dof, dof), ``w`` is (dof, WORK).
+    ``q``, ``v``, ``tau``, ``hold`` and ``a`` are (dof,), ``h`` is (dof, dof), ``w`` is (dof, WORK); ``hold``
+    adds to the inertia at the joints.
     """
     place(parent, kind, links, q, v, w)
     _bias(parent, gravity, v, w)
@@ -228,7 +237,7 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
         px = w[i, M] * w[i, SX] - w[i, SW] * w[i, MY]
         py = w[i, M] * w[i, SY] + w[i, SW] * w[i, MX]
         turn = w[i, J] * w[i, SW] + w[i, MX] * w[i, SY] - w[i, MY] * w[i, SX]
-        h[i, i] = w[i, SW] * turn + w[i, SX] * px + w[i, SY] * py + links[i, ARMATURE]
+        h[i, i] = w[i, SW] * turn + w[i, SX] * px + w[i, SY] * py + links[i, ARMATURE] + hold[i]
         j = parent[i]
         if j >= 0:
             w[j, M] += w[i, M]
@@ -247,31 +256,55 @@ def forward(parent, kind, links, gravity, q, v, tau, w, h, a):  # pragma: no cov
 
 
 @njit(cache=True, error_model="numpy")
-def part_of_step(parent, kind, links, v, a, h, left, step):  # pragma: no cover - compiled
+def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no cover - compiled
     """Return how far to go at once of what is ``left`` of a step, where dry friction may change its sign.
 
-    ``v`` and ``a`` (dof,) are rates and accelerations now, ``h`` (dof, dof) the factored inertia matrix. A
-    step over the change misses it by its own length times the friction, however smooth all else is; so one
+    A step over the change misses it by its own length times the friction, however smooth all else is; so one
     goes up to it, and through it by parts in which a rate changes by at most ``RESOLVED`` widths of the
-    friction's own transition. So much may friction alone make of it, too: a joint that is held has no
-    acceleration, and longer parts would leave that state, and still more its derivatives.
+    friction's own transition. A joint that is held has no acceleration, but comes to rest so fast that longer
+    parts than ``STABLE`` would leave that state, and still more its derivatives. Where that takes more than
+    ``MOST_HELD`` of them, under a friction that hardly anything overcomes, the joint is not followed to its
+    rest: ``hold`` (dof,) is filled by what is added to its inertia, so that it goes a share of the way to rest
+    in a part of any length.
+
+    ``v`` and ``a`` (dof,) are rates and accelerations now, ``h`` (dof, dof) the factored inertia matrix.
+
+    Source:
+        Hairer and Wanner, Solving Ordinary Differential Equations II, 1996, section IV.7 (linearly implicit
+        methods with an inexact Jacobian).
     """
     longest, held, forth = abs(left), 0.0, 1.0 if step > 0.0 else -1.0
     for i in range(links.shape[0]):
-        if links[i, FRICTION].real == 0.0:
-            continue
+        hold[i] = 0.0
         rate, change, creep = v[i].real, abs(a[i].real), CREEP[kind[i]]
         beyond = abs(rate) - SETTLED * creep
-        if beyond <= 0.0:
-            held += abs(links[i, FRICTION].real) * _yield(parent, h, i) / creep
-            longest = min(longest, RESOLVED * creep / max(change, 1e-300))
-        elif forth * rate * a[i].real < 0.0:
+        if links[i, FRICTION].real == 0.0 or (beyond > 0.0 and not forth * rate * a[i].real < 0.0):
+            continue
+        alone = links[i, FRICTION].real * _yield(parent, h, i)
+        if alone * abs(step) > STABLE * MOST_HELD * creep:
+            hold[i] = alone
+        elif beyond > 0.0:
             longest = min(longest, (beyond / AHEAD + RESOLVED * creep) / change)
+        else:
+            held += alone / creep
+            longest = min(longest, RESOLVED * creep / max(change, 1e-300))
     if held > 0.0:
-        longest = min(longest, RESOLVED / held)
-    longest = max(longest, abs(step) / MOST_PARTS)
-    # no sliver is left; and of a motion without bounds nothing is a number
-    return forth * longest if longest < 0.9 * abs(left) else left
+        longest = min(longest, STABLE / held)
+    part = left
+    # a power of two, so that parts are the same for motions nearby, and derivatives those of this very motion;
+    # of a motion without bounds nothing is a number
+    if longest < abs(left):
+        share = max(longest / abs(step), 1.0 / MOST_PARTS)
+        part = step * 2.0 ** np.floor(np.log2(share))
+    for i in range(links.shape[0]):
+        if hold[i] > 0.0:
+            # what friction takes off by the rate; the least rate stands for rest
+            rate = max(abs(v[i].real), 1e-3 * CREEP[kind[i]])
+            share = abs(_friction(rate, CREEP[kind[i]])) / rate
+            # backward in time nothing comes to rest
+            slow = part * hold[i] * share > STABLE
+            hold[i] = SHARE * part * links[i, FRICTION].real * share if slow else 0.0
+    return part
 
 
 @njit(cache=True, error_model="numpy")
@@ -296,9 +329,9 @@ def accelerations(parent, kind, links, gravity, q, v, tau):  # pragma: no cover 
     """Return the accelerations in every row of positions, rates and torques, all (frame, dof)."""
     w = np.empty((parent.size, WORK), links.dtype)
     h = np.empty((parent.size, parent.size), links.dtype)
-    a = np.empty(q.shape, links.dtype)
+    a, free = np.empty(q.shape, links.dtype), np.zeros(parent.size)
     for f in range(len(q)):
-        forward(parent, kind, links, gravity, q[f], v[f], tau[f], w, h, a[f])
+        forward(parent, kind, links, gravity, q[f], v[f], tau[f], free, w, h, a[f])
     return a
 
 
@@ -316,7 +349,7 @@ def rollout(
     slope = np.empty(n, links.dtype)
     w = np.empty((n, WORK), links.dtype)
     h = np.empty((n, n), links.dtype)
-    tau = np.zeros(n, links.dtype)
+    tau, hold = np.zeros(n, links.dtype), np.zeros(n)
     a = np.empty((4, n), links.dtype)
     x = np.empty((4, n), links.dtype)
     u = np.empty((4, n), links.dtype)
@@ -344,10 +377,14 @@ def rollout(
                     if mode != NONE:
                         middle = times[f - 1] + (s + 0.5) * step
                         torque(mode, stamps, table, begin + part, middle, value, rate, tau, slope)
-                    forward(parent, kind, links, gravity, x[k], u[k], tau, w, h, a[k])
-                    # the first stage does not depend on the length of the part
                     if k == 0:
-                        length = part_of_step(parent, kind, links, u[0], a[0], h, left, step)
+                        hold[:] = 0.0
+                    forward(parent, kind, links, gravity, x[k], u[k], tau, hold, w, h, a[k])
+                    # the first stage does not depend on the length of the part, but where a joint is held
+                    if k == 0:
+                        length = part_of_step(parent, kind, links, u[0], a[0], h, left, step, hold)
+                        if hold.any():
+                            forward(parent, kind, links, gravity, x[0], u[0], tau, hold, w, h, a[0])
                 for i in range(n):
                     x[0, i] += length / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
                     u[0, i] += length / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])

@@ -366,7 +366,7 @@ def rollout_tangents(
                 for c in range(entry.shape[1]):
                     if entry[i, c] == p:
                         slot[i, c] = k
-    w, h, tau, slope = np.empty((n, WORK)), np.empty((n, n)), np.zeros(n), np.zeros(n)
+    w, h, tau, slope, hold = np.empty((n, WORK)), np.empty((n, n)), np.zeros(n), np.zeros(n), np.zeros(n)
     value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
     t = np.empty((n, TANGENT, count))
     q, v = np.empty((times.size, n)), np.empty((times.size, n))
@@ -394,10 +394,14 @@ def rollout_tangents(
                         span = torque(mode, stamps, table, time, middle, value, rate, tau, slope)
                     # ``forward`` leaves the factors of M in h and sums of subtrees in w; the tangents need
                     # the inertia of each link alone, which ``place`` restores.
-                    forward(parent, kind, links, gravity, x[r], u[r], tau, w, h, a[r])
+                    if r == 0:
+                        hold[:] = 0.0
+                    forward(parent, kind, links, gravity, x[r], u[r], tau, hold, w, h, a[r])
                     # as in ``planar.rollout``, so that these are the derivatives of that very rollout
                     if r == 0:
-                        length = part_of_step(parent, kind, links, u[0], a[0], h, left, step)
+                        length = part_of_step(parent, kind, links, u[0], a[0], h, left, step, hold)
+                        if hold.any():
+                            forward(parent, kind, links, gravity, x[0], u[0], tau, hold, w, h, a[0])
                     place(parent, kind, links, x[r], u[r], w)
                     _needed_forces(parent, kind, links, gravity, u[r], a[r], w)
                     _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
