@@ -237,5 +237,6 @@ def test_other_parameters_with_the_same_motion(double):
     ]
     assert advice.twins(found, [{}]) == [
         "Another start ended elsewhere with a motion as close to the record, of the same mechanism from "
-        "other positions and rates; a record with more frames in the same time tells them apart."
+        "other positions and rates; more frames in the same time may tell them apart."
     ]
+    assert advice.twins(found, [{"link1.length": 1.001 * rows["link1.length"]}]) == advice.twins(found, [{}])

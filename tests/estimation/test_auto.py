@@ -192,4 +192,5 @@ def test_a_drag_that_leaves_more_than_another_clock_is_none() -> None:
     """The stamps run slow against given lengths: a drag lowers what is left over, and is not the reason."""
     fit = identify(*damaged("a clock slow by 20 %", 108), AUTO)
     assert fit.grade == "refused"
-    assert not any("drag" in one.kind for one in fit.tried_torques)
+    assert fit.torque == "friction"
+    assert not any("drag" in name for name in (*fit.acting, *(one.kind for one in fit.tried_torques)))

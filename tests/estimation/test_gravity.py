@@ -10,9 +10,14 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.verdict.gravity import GRAVITY_STD
 from monodyn.stages import identify
 from monodyn.types import TorqueLog
+from swings import TIMES, motion, record
 
 GIVEN = 9.81
 SAID = "Gravity is taken to be 9.81 +- 0.015 m/s^2"
+CASES = (
+    "ratios", "given thickness", "given mass", "free bodies", "slide in a picture", "known torque",
+    "known torque, given thickness",
+)  # fmt: skip
 VISCOUS = IdentifySettings(torque="friction")
 
 
@@ -40,15 +45,16 @@ def cases(passive, cart, pushed, tmp_path_factory):
     folder = tmp_path_factory.mktemp("gravity")
     double, poled = started(DOUBLE, folder, 0.8), started(CART, folder, 1.0)
     picture = replace(cart, metric=False)
-    return {
-        "ratios": (passive[0], double),
-        "given thickness": (passive[0], double.with_choices(fix=THICKNESS)),
-        "given mass": (passive[0], double.with_bodies("free").with_choices(fix={"link1.mass": 0.5})),
-        "free bodies": (passive[0], double.with_bodies("free")),
-        "slide in a picture": (picture, poled),
-        "known torque": (pushed, double),
-        "known torque, given thickness": (pushed, double.with_choices(fix=THICKNESS)),
-    }
+    found = (
+        (passive[0], double),
+        (passive[0], double.with_choices(fix=THICKNESS)),
+        (passive[0], double.with_bodies("free").with_choices(fix={"link1.mass": 0.5})),
+        (passive[0], double.with_bodies("free")),
+        (picture, poled),
+        (pushed, double),
+        (pushed, double.with_choices(fix=THICKNESS)),
+    )
+    return dict(zip(CASES, found, strict=True))
 
 
 def deviations(fit):
@@ -65,13 +71,7 @@ def fits(case, *gravities):
     ]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "ratios", "given thickness", "given mass", "free bodies", "slide in a picture", "known torque",
-        "known torque, given thickness",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("name", CASES)
 def test_what_another_gravity_changes_is_in_the_interval(cases, name):
     """Whatever is known follows from gravity as fits with more of it show; the motion cannot tell it."""
     more = 1.0 + GRAVITY_STD
@@ -105,3 +105,12 @@ def test_a_length_that_something_else_tells_hardly_follows(cases, cart):
     metric = deviations(fits((cart, cases["slide in a picture"][1]), None)[0])["pole.com_x"]
     picture = deviations(fits(cases["slide in a picture"], None)[0])["pole.com_x"]
     assert metric[1] < picture[1]
+
+
+def test_an_exact_record_knows_gravity_no_better(double):
+    """With next to no noise gravity is nearly all that lengths do not know, but for rounding."""
+    exact = record(double, TIMES, motion(double, TIMES, [0.3, 0.5], [0.0, 1.0]), noise=1e-7)
+    fit = identify(exact, double, VISCOUS)
+    length = fit.parameter("link1.length")
+    assert length.std == pytest.approx(GRAVITY_STD * length.value, rel=0.15)
+    assert any(line.startswith(SAID) for line in fit.advice)

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from monodyn.errors import MechanismError
-from monodyn.mechanism import load
+from monodyn.mechanism import load, planar
 from monodyn.mechanism.drive import UNDRIVEN
 from monodyn.mechanism.simulate import (
     Trajectory,
@@ -144,3 +144,27 @@ def test_a_joint_that_dry_friction_holds_has_the_right_derivatives(substeps: int
     for k, name in enumerate(held, 1):
         ahead, behind = (fine(**{name: held[name] + side * 1e-6}) for side in (1.0, -1.0))
         assert np.allclose(dq[:, :, k], (ahead - behind) / 2e-6, rtol=2e-3, atol=0.05)
+
+
+def test_what_friction_alone_gives_a_joint_is_that_of_the_whole_inertia() -> None:
+    """The diagonal of the inverse inertia matrix, of a mechanism with branches."""
+    tree = load("triple").tree
+    n = len(tree.parent)
+    q, v, work = np.array([0.3, -0.7, 1.1]), np.zeros(n), np.empty((n, planar.WORK))
+    h, a = np.empty((n, n)), np.empty(n)
+    planar.forward(
+        tree.parent, tree.kind, tree.links, tree.gravity, q, v, np.zeros(n), np.zeros(n), work, h, a
+    )
+    for i in range(n):
+        pushed = accelerations(tree, q[None], v[None], np.eye(n)[[i]])[0]
+        assert planar._yield(tree.parent, h, i) == pytest.approx((pushed - a)[i], rel=1e-9)
+
+
+def test_a_joint_under_friction_that_nothing_overcomes_stays() -> None:
+    """Held without short parts, whatever moves at the other joint: as if welded."""
+    mechanism = load("double").with_choices(fix={"joint2.friction": 1e4})
+    times, start = np.arange(60) / 60.0, (np.array([-0.8, 0.4]), np.array([1.0, 0.0]))
+    q, _ = rollout(mechanism.tree, times, *start, substeps=2)
+    assert np.abs(q[:, 1] - 0.4).max() < 1e-3
+    rigid, _ = rollout(mechanism.with_values({"joint2.armature": 1e9}).tree, times, *start, substeps=2)
+    assert np.abs(q[:, 0] - rigid[:, 0]).max() < 1e-3

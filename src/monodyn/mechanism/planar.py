@@ -56,8 +56,8 @@ MOST_PARTS = 1024
 STABLE = 2.0
 """Longest part of a step in which a joint is held, in units of the time in which it comes to rest: a
 Runge-Kutta step of order four leaves that state beyond 2.8."""
-MOST_HELD = 64
-"""Such parts of a step at most ..."""
+MOST_HELD, FASTEST = 64, 2e5
+"""Such parts of a step at most, and the largest rate at which a joint comes to rest [1/s] ..."""
 SHARE = 0.5
 """... and how much of what friction would take off the rate in a longer one is added to the inertia, by the
 rate: the way to rest is then gone by two thirds at most, for any length."""
@@ -263,9 +263,9 @@ def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no 
     goes up to it, and through it by parts in which a rate changes by at most ``RESOLVED`` widths of the
     friction's own transition. A joint that is held has no acceleration, but comes to rest so fast that longer
     parts than ``STABLE`` would leave that state, and still more its derivatives. Where that takes more than
-    ``MOST_HELD`` of them, under a friction that hardly anything overcomes, the joint is not followed to its
-    rest: ``hold`` (dof,) is filled by what is added to its inertia, so that it goes a share of the way to rest
-    in a part of any length.
+    ``MOST_HELD`` of them, or goes faster than ``FASTEST``, under a friction that hardly anything overcomes,
+    the joint is not followed to its rest: ``hold`` (dof,) is filled by what is added to its inertia, so that
+    it goes a share of the way to rest in a part of any length. Derivatives leave out how that changes.
 
     ``v`` and ``a`` (dof,) are rates and accelerations now, ``h`` (dof, dof) the factored inertia matrix.
 
@@ -281,7 +281,7 @@ def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no 
         if links[i, FRICTION].real == 0.0 or (beyond > 0.0 and not forth * rate * a[i].real < 0.0):
             continue
         alone = links[i, FRICTION].real * _yield(parent, h, i)
-        if alone * abs(step) > STABLE * MOST_HELD * creep:
+        if alone > FASTEST * creep or alone * abs(step) > STABLE * MOST_HELD * creep:
             hold[i] = alone
         elif beyond > 0.0:
             longest = min(longest, (beyond / AHEAD + RESOLVED * creep) / change)
@@ -291,7 +291,7 @@ def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no 
     if held > 0.0:
         longest = min(longest, STABLE / held)
     part = left
-    # a power of two, so that parts are the same for motions nearby, and derivatives those of this very motion;
+    # a power of two: parts are the same for motions nearby then, and derivatives those of this very motion;
     # of a motion without bounds nothing is a number
     if longest < abs(left):
         share = max(longest / abs(step), 1.0 / MOST_PARTS)
@@ -343,7 +343,7 @@ def rollout(
 
     ``times`` is (frame,), ``q0`` and ``v0`` are (dof,), ``stamps`` and ``table`` those of the drive.
     """
-    # Row 0 of x, u, a is the start of a step, rows 1 to 3 the other stages; nothing is allocated inside.
+    # Row 0 of x, u, a is the start of a part, rows 1 to 3 the other stages.
     n = parent.size
     value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
     slope = np.empty(n, links.dtype)

@@ -11,6 +11,7 @@ it is searched from further starts.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -85,14 +86,17 @@ def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
     found = _further(mechanism, once, solution)
     if found.problem.mechanism.torque != "friction" or _explained(found) or task.settings.starts == 1:
         return found
-    if found.optimum is None or task.search(found.problem).explained(found.optimum):
+    # free bodies may follow a motion that others follow from another start
+    same = found.problem.unknowns.uniform == solution.problem.unknowns.uniform
+    judged = found if same else solution
+    if judged.optimum is None or task.search(judged.problem).explained(judged.optimum):
         return found
     again = _from_further_starts(mechanism, task, solution.optimum)
     if again is None:
         return found
     if not _explained(again):
         again = _further(mechanism, once, again)
-    if again.optimum is None:
+    if again.optimum is None or found.optimum is None:
         return found
     better = likeliest([(found.problem, found.optimum), (again.problem, again.optimum)])
     return again if better == 1 else found
@@ -111,15 +115,18 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     """Try more than friction, whose solution leaves something over; return the best."""
     route = task.search(solution.problem).route
     tried = _with_drags(mechanism, _Tried(FRICTION, solution), task, route)
-    if not any(_explained(one.solution) for one in tried):
-        left = _left_otherwise(solution, task)
+    left_otherwise = cache(partial(_left_otherwise, task))
+    first = tried[0].solution
+    bodies = task.settings.bodies == "auto" and first.problem.unknowns.uniform
+    if not any(_explained(one.solution) for one in tried) and (bodies or len(tried) > 1):
+        left = left_otherwise(first)
         tried = [tried[0], *(one for one in tried[1:] if _size(one.solution) < left)]
-        for free in _loosened(solution, task) if np.isinf(left) else []:
+        for free in _loosened(first, task) if bodies and np.isinf(left) else []:
             tried += _with_drags(mechanism, free, task, route)
     best = _likeliest(tried)
     if _explained(best.solution):
         return _told(best, tried) if len(tried) > 1 else best.solution
-    place = tried.index(best)
+    place, passive = tried.index(best), best.solution
     best = tried[place] = replace(best, errors=_withheld(best, task, route))
     # rows that are missed by less than that much cannot be halved: their noise is left
     if best.errors and min(best.errors) > HALVED:
@@ -128,7 +135,7 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
             if found is not None:
                 tried.append(found)
                 # one unknown that explains nearly as much is the likelier reason than some thirty
-                left = _left_otherwise(best.solution, task) if _halves(best, found) else 0.0
+                left = left_otherwise(passive) if _halves(best, found) else 0.0
                 if HALVED * _size(found.solution) < left:
                     return _told(found, tried)
     return _told(best, tried) if len(tried) > 1 else best.solution
@@ -191,8 +198,12 @@ def _by_law(
         search = replace(task, settings=replace(task.settings, starts=1)).search(larger)
         other, _ = search.from_starts(give_up=True)
         found = other if pays(found, other, len(names)) else found
-    larger, found = _with_dry(*near_proportions(larger, found, task), task)
-    if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, len(names)):
+    nearer = near_proportions(larger, found, task)
+    if likeliest([(larger, found), nearer]) == 1:
+        larger, found = nearer
+    larger, found = _with_dry(larger, found, task)
+    further = len(larger.unknowns) - len(problem.unknowns)
+    if likeliest([(problem, optimum), (larger, found)]) == 0 or not pays(optimum, found, further):
         return None
     without = _undragged(mechanism, larger, found, route)
     if without is not None:
@@ -226,9 +237,9 @@ def _undragged(
 
 
 def _loosened(solution: TorqueSolution, task: Task) -> list[_Tried]:
-    """Try bodies whose mass may lie anywhere, where the user left that open and the evidence is for it."""
+    """Try bodies whose mass may lie anywhere, where the evidence is for it."""
     problem, optimum = solution.problem, solution.optimum
-    if task.settings.bodies != "auto" or optimum is None or not problem.unknowns.uniform:
+    if optimum is None:
         return []
     found = fit_free_bodies(solution, task)
     if found is None or found.optimum is None:
@@ -293,7 +304,7 @@ def _halves(passive: _Tried, found: _Tried) -> bool:
     return bool(found.errors) and all(HALVED * max(after, 1.0) <= before for before, after in pairs)
 
 
-def _left_otherwise(solution: TorqueSolution, task: Task) -> float:
+def _left_otherwise(task: Task, solution: TorqueSolution) -> float:
     """Return the size of what tilted gravity, another clock or a base that swings leaves over, each of which
     repeats itself as the motion does; infinite where none of them explains more than a solution."""
     problem, optimum = solution.problem, solution.optimum

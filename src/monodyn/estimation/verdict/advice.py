@@ -15,6 +15,8 @@ from monodyn.estimation.wording import amount, listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.upright import ROLL, ROLL_STD
 
+APART = 2.0
+"""Standard deviations from which on a parameter of another optimum is another one."""
 NOTED = 3.0
 """Residuals above this many times the stated noise are worth a sentence."""
 HARDLY = 0.5
@@ -352,12 +354,13 @@ def twins(parameters: Sequence[Estimate], alternatives: Sequence[Mapping[str, fl
     said = []
     for values in alternatives:
         found = [rows[name] for name in values if name in rows and rows[name].free]
+        found = [p for p in found if not abs(values[p.name] - p.value) < APART * p.std]
         away = sorted(found, key=lambda p: -abs(values[p.name] - p.value) / max(abs(p.value), 1e-300))
         told = [f"{p.name} {values[p.name]:.3g} in place of {p.value:.3g} {p.unit}".rstrip() for p in away]
         if not told:
             said.append(
                 "Another start ended elsewhere with a motion as close to the record, of the same mechanism "
-                "from other positions and rates; a record with more frames in the same time tells them apart."
+                "from other positions and rates; more frames in the same time may tell them apart."
             )
             continue
         said.append(

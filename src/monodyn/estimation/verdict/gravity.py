@@ -9,10 +9,12 @@ from typing import TypeVar
 import numpy as np
 
 from monodyn.estimation.fit import Combination, Estimate
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined
-from monodyn.estimation.verdict.uncertainty import knowledge_at
+from monodyn.estimation.verdict.uncertainty import Knowledge, knowledge_at, without_states
 from monodyn.mechanism import Mechanism
 
 _Known = TypeVar("_Known", Estimate, Combination)
@@ -51,23 +53,48 @@ def gravity_share(found: Refined) -> GravityShare:
     if not _taken(problem.mechanism):
         return GravityShare({}, {})
     larger = replace(problem.of(problem.mechanism.with_choices(free=["gravity"])), base=problem.base)
-    at, count = larger.unknowns.names.index("gravity"), len(larger.unknowns)
-    assumed = np.zeros((count, count))
-    # its coordinate is the logarithm
-    assumed[at, at] = 1.0 / GRAVITY_STD**2
-    larger = replace(larger, prior=larger.prior.assuming(assumed))
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     moved = replace(
         optimum,
         trial=optimum.trial.at(x, optimum.trial.states),
         at_bound=np.isin(larger.unknowns.names, np.array(problem.unknowns.names)[optimum.at_bound]),
     )
-    _, jacobian = larger.rows(moved.trial)
-    known = knowledge_at(larger, x, jacobian, moved.trial.pieces)
+    known = _with_its_share(found, larger, moved)
     # of deviations alone, which do not depend on the width of an interval
     return GravityShare(
         _added(estimates(problem, optimum, found.known, 1.0), estimates(larger, moved, known, 1.0)),
         _added(combinations(problem, optimum.x, found.known, 1.0), combinations(larger, x, known, 1.0)),
+    )
+
+
+def _with_its_share(found: Refined, larger: Problem, moved: Optimum) -> Knowledge:
+    """Return what is known with gravity as a further unknown.
+
+    The others follow a change of its logarithm by r, which leaves residuals of squared size s for a unit of
+    it; with its variance v = 1 / (1 / GRAVITY_STD^2 + s) they have the covariance v r r' in addition. (The
+    covariance of all together would lose what gravity adds where a record is exact.)
+    """
+    problem, at = found.weighted, larger.unknowns.names.index("gravity")
+    _, jacobian = larger.rows(moved.trial)
+    others = np.delete(np.arange(jacobian.shape[2]), at)
+    unshifted = problem.with_data(replace(problem.data, shifts=None))
+    noise = knowledge_at(unshifted, found.optimum.x, jacobian[:, :, others], moved.trial.pieces)
+    rows = without_states(jacobian, len(larger.unknowns), moved.trial.pieces)
+    own, rest = rows[:, at], np.delete(rows, at, axis=1)
+    follows = -noise.covariance @ (rest.T @ own)
+    left = float(np.sum((own + rest @ follows) ** 2) + follows @ problem.prior.information @ follows)
+    variance = 1.0 / (GRAVITY_STD**-2.0 + left)
+    along = np.insert(follows, at, 1.0)
+    known = found.known
+    covariance = np.insert(np.insert(known.covariance, at, 0.0, axis=0), at, 0.0, axis=1)
+    covariance += variance * np.outer(along, along)
+    std = np.where(np.isinf(np.insert(known.std, at, 0.0)), np.inf, np.sqrt(np.diag(covariance)))
+    return Knowledge(
+        covariance,
+        np.insert(known.open, at, 0.0, axis=0) if known.open.size else np.zeros((len(along), 0)),
+        np.insert(known.relative, at, 1.0),
+        std,
+        known.full,
     )
 
 

@@ -93,7 +93,7 @@ def summarize(
     fit = fit.doubted([*unsupported, *few, *_doubts(found, fit, settings)])
     twins = advice.twins(fit.parameters, fit.alternatives)
     said = _advice(found, fit, records, settings)
-    if share.parameters or share.combinations:
+    if fit.ok and (share.parameters or share.combinations):
         said += advice.taken_gravity(problem.mechanism)
     advised = (*twins, *solution.advice, *said, *advice.starts_tried(solution.tried))
     return replace(fit, advice=advised)

@@ -107,6 +107,25 @@ def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: 
     return Knowledge(covariance, unfixed, relative, std, full)
 
 
+def without_states(jacobian: np.ndarray, count: int, pieces: Pieces) -> np.ndarray:
+    """Return derivatives by the shared unknowns less what start states can compensate.
+
+    Args:
+        jacobian: By shared unknowns, then by the start state of the row's piece, (row, dof, column).
+        count: Number of shared unknowns.
+        pieces: Which rows share a start state.
+
+    Returns:
+        Rows, (row dof, param).
+    """
+    found = []
+    for first, stop in zip(pieces.first[:-1], pieces.first[1:], strict=True):
+        rows = jacobian[first:stop].reshape(-1, jacobian.shape[2])
+        shared, (q, _) = rows[:, :count], np.linalg.qr(rows[:, count:])
+        found.append(shared - q @ (q.T @ shared))
+    return np.concatenate(found)
+
+
 class _Local(NamedTuple):
     """A start state: its covariance alone, how it follows shared unknowns, and shifts of the positions."""
 
