@@ -3,8 +3,9 @@
 With tau = M(q) a + bias(q, v) solved for a, a direction d obeys M da = dtau - (dM a + dbias): the inverse
 dynamics at fixed a, differentiated by hand, then one solve with the factors already at hand. The same
 Runge-Kutta steps are taken for the motion and its derivatives, so these are the exact derivatives of what
-``rollout`` returns. A direction costs time only from where it begins to change the motion: that of a knot of
-the drive from the knot before on.
+``rollout`` returns (but for joints under a friction that hardly anything overcomes, `planar.part_of_step`).
+A direction costs time only from where it begins to change the motion: that of a knot of the drive from the
+knot before on.
 
 Names: ``d...`` is a derivative, with the direction as its last axis; ``entry``, ``load`` and ``clock`` are
 those of ``Directions``; ``live`` counts the directions that have begun.
