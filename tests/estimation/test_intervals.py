@@ -18,7 +18,7 @@ def test_what_follows_is_known_as_well_as_what_it_follows_from(fit, truth):
             [half.get(name.split(".")[1], 0.0) if name.startswith(body) else 0.0 for name in fit.shared]
         )
         variance = slope @ np.nan_to_num(fit.shared_covariance) @ slope + (GRAVITY_STD * centre.value) ** 2
-        assert centre.std == pytest.approx(np.sqrt(variance), rel=1e-6)
+        assert centre.std == pytest.approx(np.sqrt(variance), rel=1e-3)
         assert centre.lower < truth.values[f"{body}.com_x"] < centre.upper
         assert fit.parameter(f"{body}.com_y").std == 0.0
 

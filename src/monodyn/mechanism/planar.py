@@ -56,7 +56,7 @@ MOST_PARTS = 1024
 STABLE = 2.0
 """Longest part of a step in which a joint is held, in units of the time in which it comes to rest: a
 Runge-Kutta step of order four leaves that state beyond 2.8."""
-MOST_HELD, FASTEST = 64, 2e5
+MOST_HELD, FASTEST = 64, 3e4
 """Such parts of a step at most, and the largest rate at which a joint comes to rest [1/s] ..."""
 SHARE = 0.5
 """... and how much of what friction would take off the rate in a longer one is added to the inertia, by the
