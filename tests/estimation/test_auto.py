@@ -15,7 +15,7 @@ from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.unknowns import assumed_sizes
 from monodyn.estimation.torque import auto
 from monodyn.estimation.torque.evidence import at_noise, slow_part
-from monodyn.estimation.torque.task import TorqueSolution
+from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.verdict.combinations import inertial_ratios
 from monodyn.mechanism import Mechanism, load
 from monodyn.stages import identify
@@ -194,3 +194,27 @@ def test_a_drag_that_leaves_more_than_another_clock_is_none() -> None:
     assert fit.grade == "refused"
     assert fit.torque == "friction"
     assert not any("drag" in name for name in (*fit.acting, *(one.kind for one in fit.tried_torques)))
+
+
+@pytest.mark.parametrize(
+    ("uniform", "followed", "starts"),
+    [(True, True, 0), (True, False, 1), (False, True, 1), (False, False, 1)],
+)
+def test_further_starts_where_no_kind_with_the_same_bodies_follows(monkeypatch, uniform, followed, starts):
+    """What free bodies follow from a wrong start uniform ones may follow from another."""
+
+    def solved(uniform, follows):
+        unknowns = SimpleNamespace(uniform=uniform)
+        problem = SimpleNamespace(unknowns=unknowns, mechanism=SimpleNamespace(torque="friction"))
+        return SimpleNamespace(problem=problem, optimum=SimpleNamespace(follows=follows))
+
+    asked: list[Any] = []
+    search = SimpleNamespace(explained=lambda optimum: optimum.follows)
+    monkeypatch.setattr(Task, "search", lambda *_: search)
+    monkeypatch.setattr(auto, "_explained", lambda _: False)
+    monkeypatch.setattr(auto, "fit_friction", lambda *_: solved(True, False))
+    monkeypatch.setattr(auto, "_further", lambda *_: solved(uniform, followed))
+    monkeypatch.setattr(auto, "_from_further_starts", lambda *_: asked.append(_))
+    nothing: Any = None
+    auto.fit_auto(load("double"), Task(nothing, (), AUTO, None))
+    assert len(asked) == starts
