@@ -84,6 +84,20 @@ def test_a_camera_far_aside_is_found() -> None:
     assert found(0.7).bundle.camera.yaw == pytest.approx(0.7, abs=0.03)
 
 
+def test_focal_length_and_turns_settle_together() -> None:
+    """Distance, focal length and yaw change the pictures almost alike: steps that are held back as those of
+    the search end on the way to where the edges lie."""
+    masks, bundle = squarely(-0.12)
+    near = around_origin(bundle.camera)
+    wrong = from_origin(replace(near, focal=1.4 * near.focal, depth=1.4 * near.depth))
+    every = replace(with_camera(bundle.variables, bundle.mechanism, OPEN), focal=wrong.focal)
+    guess = SceneGuess(bundle.mechanism, wrong, bundle.positions, np.zeros(12))
+    assert refine(masks, guess, every, SEARCH).camera.focal > 1.2 * 400.0
+    settled = refine(masks, guess, every, SEARCH, settle=10)
+    assert settled.camera.focal == pytest.approx(400.0, rel=0.05)
+    assert settled.camera.yaw == pytest.approx(-0.12, abs=0.01)
+
+
 def test_a_camera_on_the_other_side_is_found() -> None:
     """As if the first steps had led to the wrong side; what is right is kept as it is."""
     masks, bundle = squarely(0.35)

@@ -134,10 +134,12 @@ def _solved(
         if not len(open_):
             break
         a, b = slopes[open_], (at - aims)[open_]
-        normal = np.swapaxes(a, 1, 2) @ a
+        # a draw that went so far that its squares are no numbers takes no step
+        with np.errstate(over="ignore", invalid="ignore"):
+            normal = np.swapaxes(a, 1, 2) @ a
         # the unit matrix is the natural scale here; a share of its own size keeps every matrix regular
         least = 1e-12 * (1.0 + np.einsum("kii->k", normal))
-        normal += (damping[open_] + least)[:, None, None] * np.eye(a.shape[2])
+        np.einsum("kii->ki", normal)[:] += (damping[open_] + least)[:, None]
         step = -np.linalg.solve(normal, np.einsum("kij,ki->kj", a, b)[:, :, None])[:, :, 0] @ along.T
         step /= np.maximum(np.max(np.abs(step) / reach, axis=1, initial=0.0), 1.0)[:, None]
         tried = points[open_] + step

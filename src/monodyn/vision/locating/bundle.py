@@ -48,6 +48,10 @@ MOST_STEP = 0.35
 """Largest change of a variable or a joint in one step."""
 HIDDEN_STEP = 0.005
 """Largest change in one step of a variable that the edges do not show: less than a pixel for most bodies."""
+SEARCHING, SETTLING = 1e-3, 1e-5
+"""Damping of a step, over what each variable alone is known by: while edges are still looked for, and at the
+end. Turns, focal length and distance of a camera change the pictures almost alike; the first holds them back
+a hundred times as long as the second."""
 PLACE_STD = 0.5
 """Standard deviation of a start place, in lengths of its body: the file's places are only a start."""
 LOG_CAMERA = ("camera.depth", "camera.focal")
@@ -263,11 +267,12 @@ def refine(
     q = np.array(guess.positions, dtype=np.float64)
     wide = np.array([kind == "width" for kind in variables.kinds], dtype=bool)
     last = float(search.reaches[-1])
-    for reach in (*map(float, search.reaches), *[last] * settle):
+    steps = [*((float(reach), SEARCHING) for reach in search.reaches), *[(last, SETTLING)] * settle]
+    for reach, damping in steps:
         mechanism, camera = variables.write(x, mechanism, camera)
         rig, shifts = shifted_rigs(variables, x, mechanism, camera, masks.shrink)
         terms = _normal_equations(masks, rig, shifts, q, (reach, search.spacing))
-        step, q_step = _step(terms, x, variables.creeps, *springs(variables, x))
+        step, q_step = _step(terms, x, variables.creeps, damping, *springs(variables, x))
         x = x + step
         x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
@@ -392,14 +397,19 @@ def springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _step(
-    terms: _Terms, x: np.ndarray, creeps: np.ndarray, anchor: np.ndarray, stiffness: np.ndarray
+    terms: _Terms,
+    x: np.ndarray,
+    creeps: np.ndarray,
+    damping: float,
+    anchor: np.ndarray,
+    stiffness: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve the damped normal equations by eliminating the poses."""
     weight = 1.0 / NOISE_PX**2
     # a key frame whose pose cannot be drawn, or that shows no edge, takes no part
     good = np.array([float(found.samples > 0) for found in terms.agreement])
-    damping = 1e-4 + 1e-3 * np.einsum("kii->ki", terms.qq)
-    qq = terms.qq + np.einsum("ki,ij->kij", damping, np.eye(terms.qq.shape[1]))
+    held = 1e-4 + 1e-3 * np.einsum("kii->ki", terms.qq)
+    qq = terms.qq + np.einsum("ki,ij->kij", held, np.eye(terms.qq.shape[1]))
     # A pose appears in its own frame only, so the equations are an arrow: a block qq for each frame and one
     # common border. From the frame's own rows, q = qq^-1 (right_q - qx step). Inserted into the rows of the
     # shared parameters, and summed over the frames, this leaves
@@ -411,7 +421,7 @@ def _step(
     # The springs act on this reduced system; the further damping is relative to its diagonal (Levenberg), so
     # that a direction which the frames do not show takes no large step.
     system = weight * xx + np.diag(stiffness)
-    system += np.diag(1e-3 * weight * np.maximum(np.diag(xx), 0.0) + 1e-9)
+    system += np.diag(damping * weight * np.maximum(np.diag(xx), 0.0) + 1e-9)
     step = np.linalg.solve(system, weight * right + stiffness * (anchor - x))
     # What no edge shows, such as an end inside of another geom, follows its spring a little at a time: else
     # it would leap out of there, be drawn back by the edges, and leap again.

@@ -45,6 +45,8 @@ ASIDE = 0.3
 """Turn of the cameras from which it is looked for again once it is known to be turned [rad]."""
 WORTH = 3.0
 """The same after the steps of ``TRIED``, which go only a part of the way."""
+SETTLE = 10
+"""Further steps, at most, until turns and focal length have settled together."""
 TRIED = (8.0, 4.0, 3.0)
 """Lengths of the edge search in the steps by which it is found out [px]: the ends of links, which show a turn
 most, are far off before a camera that is taken to look squarely."""
@@ -155,7 +157,7 @@ def looking(
     tried = _refined(masks, bundle, every, search._replace(reaches=np.array(TRIED)))
     wanted = any(name in asked for name in names)
     if wanted or turned_by(tried, bundle, names) > WORTH:
-        found = _refined(masks, tried, every, search)
+        found = _refined(masks, tried, every, search, SETTLE)
         if wanted or _believed(found, bundle, names):
             found, twin = from_other_sides(masks, bundle, found, search)
             return Looking(found, every, found, twin)
@@ -189,7 +191,7 @@ def from_other_sides(
             if name in found.variables.names:
                 camera = from_origin(with_values(square, {name: turn}))
                 tried = _refined(masks, replace(bundle, camera=camera), found.variables, wide)
-                endings.append(_refined(masks, tried, found.variables, search))
+                endings.append(_refined(masks, tried, found.variables, search, SETTLE))
     best = found
     for other in endings[1:]:
         best = other if _fall(other, best) > CLEAR**2 else best
@@ -216,9 +218,11 @@ def with_camera(before: SceneVariables, mechanism: Mechanism, names: Sequence[st
     )  # fmt: skip
 
 
-def _refined(masks: KeyMasks, bundle: Bundle, variables: SceneVariables, search: EdgeSearch) -> Bundle:
+def _refined(
+    masks: KeyMasks, bundle: Bundle, variables: SceneVariables, search: EdgeSearch, settle: int = 0
+) -> Bundle:
     guess = SceneGuess(bundle.mechanism, bundle.camera, bundle.positions, np.zeros(len(bundle.positions)))
-    return refine(masks, guess, variables, search)
+    return refine(masks, guess, variables, search, settle=settle)
 
 
 def _believed(found: Bundle, before: Bundle, names: Sequence[str]) -> bool:
