@@ -10,7 +10,7 @@ which predicts what comes after it. 88 to 99 % of intervals, of poses and of ban
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import mujoco
 import numpy as np
@@ -21,6 +21,7 @@ from clips import cached
 from figures import Figure, command_line, finish, say, table
 from intervals import AHEAD, Swing, bands, inertias, intervals
 from monodyn.results.curves import BAND
+from monodyn.types import Poses
 from monodyn.vision.drawing.camera import CAMERA_STD, CAMERA_TURNS
 from spec import Case, Part
 
@@ -30,6 +31,8 @@ RATE, SECONDS = 30, 12.0
 """Frames a second [Hz], and length of a clip [s]."""
 LEAST, MOST = 88.0, 99.0
 """Share that is to hold [%]."""
+TURN = 2.0 * np.pi
+"""A whole turn [rad]."""
 HANGING = -0.5 * np.pi
 """Position of the first joint at rest [rad]."""
 SEED = 500
@@ -78,17 +81,7 @@ def covered(case: Case, grades: list[str]) -> Iterator[tuple[str, bool]]:
     clip, roll = cached(case), float(np.radians(case.turned[0]))
     scene = monodyn.locate(monodyn.segment(monodyn.read(clip.video)), monodyn.load(clip.model))
     poses = monodyn.track(scene.masks, scene)
-    # a picture shows all turned clockwise by the roll
-    error, rows = poses.position - clip.position[poses.frame], poses.measured
-    error[:, 0] += roll
-    error = (error + np.pi) % (2.0 * np.pi) - np.pi
-    # the noise of each frame, and what is not known of the scene that all have in common
-    variance = np.diagonal(poses.covariance, axis1=1, axis2=2)
-    std = np.sqrt(variance + (0.0 if poses.shifts is None else np.sum(poses.shifts**2, axis=0)))
-    for j, joint in enumerate(poses.joints):
-        use = rows[:, j]
-        for off in np.abs(error[use, j]) <= BAND * std[use, j]:
-            yield f"pose of {joint}", bool(off)
+    yield from tracked(poses, clip.position[poses.frame], roll)
     known = dict(monodyn.load(clip.truth).values)
     known |= inertias(mujoco.MjModel.from_xml_path(str(clip.truth)))
     known["camera.roll"] = roll
@@ -100,10 +93,54 @@ def covered(case: Case, grades: list[str]) -> Iterator[tuple[str, bool]]:
             continue
         # whole turns of a hinge are not seen
         last = (k + 1) * WINDOW - 1
-        whole = np.round((part.position[-1] - clip.position[last]) / (2.0 * np.pi)) * 2.0 * np.pi
-        later = clip.position[[last + round(ahead * RATE) for ahead in AHEAD]] + np.nan_to_num(whole)
+        whole = np.nan_to_num(np.round((part.position[-1] - clip.position[last]) / TURN) * TURN)
+        states = monodyn.predict(fit, times=part.time)
+        yield from holding(
+            "pose", poses.joints, states.position - clip.position[part.frame] - whole, states.std
+        )
+        later = clip.position[[last + round(ahead * RATE) for ahead in AHEAD]] + whole
         yield from intervals(fit, known)
         yield from bands(fit, Swing(part, known, later))
+
+
+def tracked(poses: Poses, true: np.ndarray, roll: float) -> Iterator[tuple[str, bool]]:
+    """Say of tracked positions whether they hold, by the noise of each frame and by what is not known of the
+    scene that all frames have in common.
+
+    Args:
+        poses: The poses.
+        true: The positions against gravity [rad], (frame, dof).
+        roll: The roll of the camera [rad].
+
+    Yields:
+        Names and whether they hold.
+    """
+    # a picture shows all turned clockwise by the roll
+    error = poses.position - true
+    error[:, 0] += roll
+    variance = np.diagonal(poses.covariance, axis1=1, axis2=2)
+    common = 0.0 if poses.shifts is None else np.sum(poses.shifts**2, axis=0)
+    error = np.where(poses.measured, (error + 0.5 * TURN) % TURN - 0.5 * TURN, np.nan)
+    yield from holding("tracked", poses.joints, error, np.sqrt(variance + common))
+
+
+def holding(
+    what: str, joints: Sequence[str], error: np.ndarray, std: np.ndarray
+) -> Iterator[tuple[str, bool]]:
+    """Say of positions whether their band contains the truth.
+
+    Args:
+        what: What they are.
+        joints: The joints.
+        error: What they are off by, (frame, dof); NaN where there is none.
+        std: Their standard deviations, (frame, dof).
+
+    Yields:
+        Names and whether they hold.
+    """
+    for joint, off, wide in zip(joints, error.T, std.T, strict=True):
+        for value in (np.abs(off) <= BAND * wide)[np.isfinite(off)]:
+            yield f"{what} of {joint}", bool(value)
 
 
 def counts(held: dict[str, list[bool]]) -> str:
