@@ -14,7 +14,7 @@ from monodyn.types import Poses
 from monodyn.vision.drawing.camera import PARAMETERS
 from monodyn.vision.drawing.gains import pose_gains
 from monodyn.vision.locating.bundle import Bundle, shifted_rigs, springs
-from monodyn.vision.locating.knowledge import shifted_turn
+from monodyn.vision.locating.knowledge import covariance_of, shifted_turn
 
 SLIDING = ("camera.x", "camera.y")
 """Places that every frame has in common with all edges of the outline."""
@@ -80,11 +80,7 @@ def doubt_of(bundle: Bundle, known: Bundle, off: np.ndarray, metre: float, *, sc
     x = variables.read(mechanism, camera)
     held = np.where([name in PARAMETERS for name in variables.names], 0.0, springs(variables, x)[1])
     information = known.information + np.diag(held)
-    sizes = variables.is_size.astype(np.float64)
-    if scale_free and sizes.any():
-        # a stiff spring on the mean logarithm of the sizes holds the common scale
-        information = information + 1e3 * np.trace(information) * np.outer(sizes, sizes) / sizes.sum()
-    covariance = np.linalg.pinv(information, hermitian=True)
+    covariance = covariance_of(information, variables.is_size, scale_free=scale_free)
     # what more key frames do not reduce: an edge that is shifted everywhere
     px = camera.focal / camera.depth
     values = mechanism.values

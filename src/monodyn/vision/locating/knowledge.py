@@ -146,18 +146,28 @@ def camera_std(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
     """
     names = bundle.variables.names
     information = bundle.information + 1e-6 * np.eye(len(names))
-    sizes = bundle.variables.is_size.astype(np.float64)
-    if scale_free:
-        # the gauge: a stiff spring on the mean logarithm of the sizes holds the common scale
-        information = information + 1e6 * np.trace(information) * np.outer(sizes, sizes) / max(
-            sizes.sum(), 1.0
-        )
-    covariance = np.linalg.pinv(information, hermitian=True)
+    covariance = covariance_of(information, bundle.variables.is_size, scale_free=scale_free)
     cameras = [name for name in PARAMETERS if name in names]
     slope = _camera_slope(bundle, cameras)
     variance = np.einsum("ci,ij,cj->c", slope, covariance, slope)
     variance += [shifted_turn(bundle, name) ** 2 for name in cameras]
     return dict(zip(cameras, np.sqrt(np.maximum(variance, 0.0)).tolist(), strict=True))
+
+
+def covariance_of(information: np.ndarray, sizes: np.ndarray, *, scale_free: bool) -> np.ndarray:
+    """Return the covariance of refined variables, (param, param).
+
+    Args:
+        information: What is known of them, (param, param).
+        sizes: True for sizes, which are logarithms, bool (param,).
+        scale_free: True where nothing pins the common scale; then the mean logarithm of the sizes is held.
+    """
+    along = sizes.astype(np.float64)
+    if scale_free and sizes.any():
+        # A stiff spring holds it, no stiffer than what is best known: beside a stiffer one what is hardly
+        # known would count as not known at all, and be left out.
+        information = information + np.trace(information) * np.outer(along, along) / along.sum()
+    return np.linalg.pinv(information, hermitian=True)
 
 
 def shifted_turn(bundle: Bundle, name: str) -> float:
