@@ -45,7 +45,7 @@ def main() -> int:
         The exit code: 1 when a target is missed under ``--gate``.
     """
     parser = command_line(__doc__, ())
-    parser.add_argument("--clips", type=int, default=8, metavar="N", help="clips that are made")
+    parser.add_argument("--clips", type=int, default=16, metavar="N", help="clips that are made")
     options = parser.parse_args()
     held: dict[str, list[bool]] = defaultdict(list)
     grades: list[str] = []
@@ -183,7 +183,9 @@ def drawn(rng: np.random.Generator, seed: int) -> Case:
             )
         )
     wall = str(rng.choice(["plain", "mottled", "checker", "stripes"]))
-    start = HANGING + float(rng.uniform(-1.2, 1.2)), float(rng.uniform(-1.0, 1.0))
+    # a mechanism that hardly moves hides the background, and with it what it looks like itself
+    aside = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.2))
+    start = HANGING + aside, float(rng.uniform(-1.0, 1.0))
     turns = [CAMERA_STD[name] for name in CAMERA_TURNS]
     return Case(
         f"drawn_{seed}", tuple(parts), start, rate=RATE, seconds=SECONDS, wall=wall,  # pyright: ignore
