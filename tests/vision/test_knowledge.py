@@ -12,7 +12,13 @@ from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
-from monodyn.vision.locating.knowledge import camera_std, hidden_places, shifted_turn, size_information
+from monodyn.vision.locating.knowledge import (
+    camera_std,
+    covariance_of,
+    hidden_places,
+    shifted_turn,
+    size_information,
+)
 from monodyn.vision.locating.search import SceneGuess
 from pictures import drawn_mask, trusted
 
@@ -32,6 +38,17 @@ def test_camera_std_is_held_to_the_common_scale() -> None:
     # 0.3 px of noise and a few hundred samples on links of 60 px
     assert held["camera.depth"] < 0.01
     assert free["camera.depth"] > 1.5 * held["camera.depth"]
+
+
+def test_what_is_hardly_known_is_not_taken_for_well_known() -> None:
+    """Edges know sizes far better than anything knows the focal length of a square camera."""
+    information = np.diag([1e12, 1e12, 16.0])
+    # two sizes and a distance grow together unseen, the third is the logarithm of the focal length
+    information[:2, :2] -= 1e12 * 0.5
+    for sizes in ([True, True, False], [True, False, False]):
+        covariance = covariance_of(information, np.array(sizes), scale_free=True)
+        assert covariance[2, 2] == pytest.approx(1.0 / 16.0, rel=1e-6)
+        assert covariance[0, 0] < 1e-10
 
 
 def test_a_shifted_edge_looks_like_a_turn_of_the_camera() -> None:

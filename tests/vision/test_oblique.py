@@ -63,7 +63,16 @@ def test_a_square_camera_is_held_and_doubted() -> None:
     assert 1e-3 < std["camera.yaw"] < CAMERA_STD["camera.yaw"]
 
 
-@pytest.mark.parametrize("yaw", [-0.35, 0.15])
+def test_a_camera_that_is_hardly_turned_is_held_and_doubted_by_as_much() -> None:
+    looks = found(0.004)
+    assert looks.bundle.camera.yaw == 0.0
+    assert looks.doubted.camera.yaw == pytest.approx(0.004, rel=0.1)
+    assert looks.camera_std(looks.bundle, scale_free=True)["camera.yaw"] > 0.004
+    # all else goes with it
+    assert np.abs(looks.off(looks.bundle)).max() > 0.0
+
+
+@pytest.mark.parametrize("yaw", [-0.35, 0.03, 0.15])
 def test_an_oblique_camera_is_found(yaw: float) -> None:
     looks = found(yaw)
     std = looks.camera_std(looks.bundle, scale_free=True)
