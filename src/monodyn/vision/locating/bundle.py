@@ -397,13 +397,9 @@ def springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _step(
-    terms: _Terms,
-    x: np.ndarray,
-    creeps: np.ndarray,
-    damping: float,
-    anchor: np.ndarray,
-    stiffness: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    terms: _Terms, x: np.ndarray, creeps: np.ndarray, damping: float,
+    anchor: np.ndarray, stiffness: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Solve the damped normal equations by eliminating the poses."""
     weight = 1.0 / NOISE_PX**2
     # a key frame whose pose cannot be drawn, or that shows no edge, takes no part

@@ -41,7 +41,7 @@ from monodyn.vision.locating.search import SceneGuess
 CLEAR = 4.0
 """Standard deviations from a camera that looks squarely, by noise alone, from which its turns are estimated.
 A part of the noise of edges is the same in all frames, so that three of them would not be far enough: of 48
-drawn clips the square ones came up to 3.2, and those turned by 4 deg or more, but for one at 3.9, from 4 on."""
+drawn clips the square ones came up to 3.2, and those turned by 4 deg or more to 3.9 at least."""
 BETTER = 6.0
 """Standard deviations by which another ending has to be better, or may not, to be another one."""
 ASIDE = 0.3
