@@ -37,11 +37,11 @@ def squarely(yaw: float, away: float = 1.0, offset: float = 0.008) -> tuple[KeyM
     return masks, refine(masks, guess, variables, SEARCH)
 
 
-def found(yaw: float, asked: tuple[str, ...] = (), *, met: float = 0.0) -> Looking:
+def found(yaw: float, asked: tuple[str, ...] = (), *, exact: bool = False) -> Looking:
     """Refine a double pendulum before a camera as if it looked squarely, and find out."""
     masks, bundle = squarely(yaw)
-    if met:
-        bundle = replace(bundle, rms_px=np.zeros(12), matched=np.full(12, met))
+    if exact:
+        bundle = replace(bundle, rms_px=np.zeros(12), matched=np.ones(12))
     return looking(masks, bundle, OPEN, asked, SEARCH)
 
 
@@ -143,9 +143,9 @@ def test_a_camera_far_away_looks_the_same_from_either_side() -> None:
     ]
 
 
-def test_turns_that_lose_edges_are_not_believed() -> None:
-    """As if more of them had been met before a camera that looks squarely."""
-    looks = found(0.15, met=1.005)
+def test_turns_that_bring_no_edge_nearer_are_not_believed() -> None:
+    """As if all edges had been met already before a camera that looks squarely."""
+    looks = found(0.15, exact=True)
     assert looks.bundle.camera.yaw == 0.0
     assert looks.doubted.camera.yaw != 0.0
 

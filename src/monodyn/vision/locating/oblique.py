@@ -42,8 +42,6 @@ CLEAR = 4.0
 """Standard deviations from a camera that looks squarely, by noise alone, from which its turns are estimated.
 A part of the noise of edges is the same in all frames, so that three of them would not be far enough: of 48
 drawn clips the square ones came up to 3.2, and those turned by 4 deg or more to 3.9 at least."""
-WORSE = 2e-3
-"""Share of the outline that fewer samples on an edge may amount to before a camera that is turned."""
 BETTER = 6.0
 """Standard deviations by which another ending has to be better, or may not, to be another one."""
 ASIDE = 0.3
@@ -233,15 +231,14 @@ def _refined(
 
 
 def _believed(found: Bundle, before: Bundle, names: Sequence[str]) -> bool:
-    """Return whether turns are clear, by what is known of them and by how the edges lie then.
+    """Return whether turns are clear, by what is known of them and by the edges that they bring nearer.
 
     Edges that are wrong where the mechanism moves fast, blurred ones, draw the camera far round; then they
-    stay farther from the outline than the noise by which the turns would seem to be known. Before a camera
-    that is turned by little the other unknowns take its place, and the edges come hardly nearer.
+    stay farther from the outline than the noise by which the turns would seem to be known.
     """
     within = float(np.sqrt(np.mean(found.rms_px**2))) <= NOISE_PX
-    as_near = found.agreement > before.agreement - WORSE
-    return within and as_near and turned_by(found, before, names) > CLEAR
+    clear = min(turned_by(found, before, names), float(np.sqrt(max(_fall(found, before), 0.0))))
+    return within and clear > CLEAR
 
 
 def _fall(found: Bundle, before: Bundle) -> float:
