@@ -161,7 +161,7 @@ def valued(expression: str, known: Mapping[str, float]) -> float:
 
     Args:
         expression: As in `Combination`: factors joined by `` * `` and `` / ``, powers by ``^``.
-        known: Values by name; what is not among them does not act, and is 0.
+        known: Values by name.
     """
     value = 1.0
     for i, part in enumerate(expression.split(" / ")):
@@ -169,7 +169,7 @@ def valued(expression: str, known: Mapping[str, float]) -> float:
             name, _, power = factor.partition("^")
             above, _, below = power.strip("()").partition("/")
             exponent = float(above or 1.0) / float(below or 1.0)
-            value *= known.get(name, 0.0) ** (exponent if i == 0 else -exponent)
+            value *= known[name] ** (exponent if i == 0 else -exponent)
     return value
 
 

@@ -20,7 +20,7 @@ from monodyn.estimation.verdict.combinations import inertial_ratios
 from monodyn.mechanism import Mechanism, load
 from monodyn.stages import identify
 from monodyn.types import Poses
-from swings import TIMES, motion, record, white
+from swings import TIMES, motion, record, scaled, white
 
 AUTO = IdentifySettings(torque="auto")
 
@@ -66,6 +66,20 @@ def test_friction_stays_where_it_leaves_nothing(passive, tmp_path) -> None:
     fit = identify(passive[0], start, AUTO)
     assert (fit.torque, fit.tried_torques) == ("friction", ())
     assert fit.acting == ("viscous friction",)
+
+
+def test_free_bodies_on_a_slide_keep_the_scale_of_the_picture() -> None:
+    """A weight sits near the end of the pole, and the picture has all lengths and the way 1.6 times short."""
+    start = load("cartpole")
+    truth = scaled(start, cart=1.6, link1=1.6).with_bodies("free")
+    pole = truth.values["link1.length"]
+    truth = truth.with_values({"cart.mass": 0.3, "link1.com_x": 0.8 * pole, "link1.inertia": 2e-3})
+    position = motion(truth, TIMES, [0.0, 0.5], [0.2, 0.0]) / [1.6, 1.0]
+    fit = identify(record(start, TIMES, position, noise=5e-4, metric=False), start, AUTO)
+    assert "free bodies" in fit.tried_torques[0].kind
+    assert fit.scale == pytest.approx(1.6, rel=0.03)
+    for name in ("cart.length", "link1.length"):
+        assert fit.parameter(name).value == pytest.approx(truth.values[name], rel=0.03)
 
 
 @pytest.mark.slow

@@ -43,12 +43,14 @@ def test_camera_std_is_held_to_the_common_scale() -> None:
 def test_what_is_hardly_known_is_not_taken_for_well_known() -> None:
     """Edges know sizes far better than anything knows the focal length of a square camera."""
     information = np.diag([1e12, 1e12, 16.0])
-    # two sizes and a distance grow together unseen, the third is the logarithm of the focal length
+    # two sizes grow together unseen, the third is the logarithm of the focal length
     information[:2, :2] -= 1e12 * 0.5
     for sizes in ([True, True, False], [True, False, False]):
         covariance = covariance_of(information, np.array(sizes), scale_free=True)
         assert covariance[2, 2] == pytest.approx(1.0 / 16.0, rel=1e-6)
         assert covariance[0, 0] < 1e-10
+    hardly = covariance_of(np.diag([1e13, 1e13, 1e-6]), np.zeros(3, dtype=bool), scale_free=False)
+    assert hardly[2, 2] == pytest.approx(1e6, rel=1e-6)
 
 
 def test_a_shifted_edge_looks_like_a_turn_of_the_camera() -> None:

@@ -95,9 +95,9 @@ class Problem:
         """Return the identification of a mechanism from the same data, with as much open of its sizes.
 
         Args:
-            mechanism: The mechanism.
+            mechanism: The mechanism; its sizes start as those of this one.
         """
-        return posed(mechanism, self.data, near=self.near)
+        return replace(posed(mechanism, self.data, near=self.near), base=self.base)
 
     def mechanism_at(self, x: np.ndarray) -> Mechanism:
         """Return the mechanism at coordinates.

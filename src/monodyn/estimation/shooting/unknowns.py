@@ -11,6 +11,7 @@ known of them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -208,17 +209,18 @@ class Unknowns:
         chain[count + np.arange(len(self.tied)), self.tied_to] = follow * values[self.tied_to]
         return chain
 
-    def carried(self, x: np.ndarray, other: Unknowns) -> np.ndarray:
+    def carried(self, x: np.ndarray, other: Unknowns, begun: Mapping[str, float] | None = None) -> np.ndarray:
         """Take over the coordinates of other unknowns by name; the rest begin at their start.
 
         Args:
             x: Coordinates of the others, (param,).
             other: The others.
+            begun: Values at which some of the rest begin instead, by name.
 
         Returns:
             Coordinates of these, within their bounds, (param,).
         """
-        known = other.named(x)
+        known = {**(begun or {}), **other.named(x)}
         values = [known.get(name, value) for name, value in zip(self.names, self.start, strict=True)]
         return np.clip(self.coordinates(np.array(values)), self.lower, self.upper)
 

@@ -26,8 +26,8 @@ def fit_free_bodies(solution: TorqueSolution, task: Task) -> TorqueSolution | No
         return None
     if optimum.complete and not far_off(problem, optimum):
         # nearby, what uniform bodies found is where these begin: sizes, frictions and the motion itself
-        begun = problem.mechanism_at(optimum.x).with_bodies("free")
-        larger, found = with_more_unknowns(problem, optimum, begun, task.search(problem).route)
+        begun = problem.mechanism_at(optimum.x).with_bodies("free").values
+        larger, found = with_more_unknowns(problem, optimum, mechanism, task.search(problem).route, begun)
         larger, found = with_dry_friction(larger, found, task)
         return replace(solution, problem=larger, optimum=found)
     # far off, sizes and frictions have taken on what the masses should explain

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from monodyn.estimation.shooting.problem import Problem
@@ -102,21 +104,29 @@ def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
 
 
 def with_more_unknowns(
-    problem: Problem, optimum: Optimum, mechanism: Mechanism, route: Route
+    problem: Problem,
+    optimum: Optimum,
+    mechanism: Mechanism,
+    route: Route,
+    begun: Mapping[str, float] | None = None,
 ) -> tuple[Problem, Optimum]:
     """Go on from an optimum with more unknowns: one step, to the end where it pays or much is left.
 
     Args:
         problem: The problem.
         optimum: Its optimum.
-        mechanism: Has the further unknowns, at the values at which they begin.
+        mechanism: Has the further unknowns; all others start as in the problem, for its sizes are those that
+            the picture knows and the record was measured in.
         route: How exact the search is.
+        begun: Values at which the further unknowns begin, by name; those of the mechanism where there are
+            none.
 
     Returns:
         The problem with them and its optimum, or what one step towards it found.
     """
     larger = problem.of(mechanism)
-    start = optimum.trial.at(larger.unknowns.carried(optimum.x, problem.unknowns), optimum.trial.states)
+    x = larger.unknowns.carried(optimum.x, problem.unknowns, begun)
+    start = optimum.trial.at(x, optimum.trial.states)
     # The cost is nearly quadratic about an optimum: the first step gains most of what there is to gain. Not
     # so far from the noise, where the other unknowns have taken on what the new ones should explain.
     found = fit_pieces(larger, start, route, ONE_STEP)

@@ -52,7 +52,7 @@ def gravity_share(found: Refined) -> GravityShare:
     problem, optimum = found.weighted, found.optimum
     if not _taken(problem.mechanism):
         return GravityShare({}, {})
-    larger = replace(problem.of(problem.mechanism.with_choices(free=["gravity"])), base=problem.base)
+    larger = problem.of(problem.mechanism.with_choices(free=["gravity"]))
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     moved = replace(
         optimum,

@@ -48,10 +48,11 @@ MOST_STEP = 0.35
 """Largest change of a variable or a joint in one step."""
 HIDDEN_STEP = 0.005
 """Largest change in one step of a variable that the edges do not show: less than a pixel for most bodies."""
-SEARCHING, SETTLING = 1e-3, 1e-5
-"""Damping of a step, over what each variable alone is known by: while edges are still looked for, and at the
-end. Turns, focal length and distance of a camera change the pictures almost alike; the first holds them back
-a hundred times as long as the second."""
+SETTLE = 10
+"""Further steps, at most, after those in which edges are looked for ever nearer."""
+SEARCH_DAMPING, SETTLE_DAMPING = 1e-3, 1e-5
+"""Damping of the steps of variables that the frames share, over what each alone is known by. Turns, focal
+length and distance change the pictures almost alike: with the first they go a tenth of their way, or less."""
 PLACE_STD = 0.5
 """Standard deviation of a start place, in lengths of its body: the file's places are only a start."""
 LOG_CAMERA = ("camera.depth", "camera.focal")
@@ -257,7 +258,7 @@ def refine(
         guess: Where to start; its poses are those of the key frames.
         variables: What is refined in addition to the poses.
         search: How the edges are looked for; one iteration for each search length.
-        settle: Most further iterations with the last search length, until nothing changes.
+        settle: Most further iterations with the last search length, less damped, until nothing changes.
 
     Returns:
         The refined bundle.
@@ -267,7 +268,7 @@ def refine(
     q = np.array(guess.positions, dtype=np.float64)
     wide = np.array([kind == "width" for kind in variables.kinds], dtype=bool)
     last = float(search.reaches[-1])
-    steps = [*((float(reach), SEARCHING) for reach in search.reaches), *[(last, SETTLING)] * settle]
+    steps = [(float(reach), SEARCH_DAMPING) for reach in search.reaches] + [(last, SETTLE_DAMPING)] * settle
     for reach, damping in steps:
         mechanism, camera = variables.write(x, mechanism, camera)
         rig, shifts = shifted_rigs(variables, x, mechanism, camera, masks.shrink)
@@ -276,7 +277,7 @@ def refine(
         x = x + step
         x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
-        if reach == last and len(x) and np.abs(step).max() < SETTLED_STEP:
+        if (reach, damping) == steps[-1] and len(x) and np.abs(step).max() < SETTLED_STEP:
             break
     mechanism, camera = variables.write(x, mechanism, camera)
     rig, shifts = shifted_rigs(variables, x, mechanism, camera, masks.shrink)

@@ -164,10 +164,13 @@ def covariance_of(information: np.ndarray, sizes: np.ndarray, *, scale_free: boo
     """
     along = sizes.astype(np.float64)
     if scale_free and sizes.any():
-        # A stiff spring holds it, no stiffer than what is best known: beside a stiffer one what is hardly
-        # known would count as not known at all, and be left out.
+        # a spring as stiff as all that is known holds it
         information = information + np.trace(information) * np.outer(along, along) / along.sum()
-    return np.linalg.pinv(information, hermitian=True)
+    # Each variable in the unit in which it alone would be known to 1: else the pseudo-inverse takes what is
+    # hardly known, beside what is known a million times better, for rounding, and so for exactly known.
+    unit = np.sqrt(np.maximum(np.diag(information), 0.0))
+    unit = np.where(unit > 0, unit, 1.0)
+    return np.linalg.pinv(information / np.outer(unit, unit), hermitian=True) / np.outer(unit, unit)
 
 
 def shifted_turn(bundle: Bundle, name: str) -> float:

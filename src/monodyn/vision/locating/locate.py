@@ -32,6 +32,7 @@ from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED, scene_ad
 from monodyn.vision.locating.arrange import BETTER, freed
 from monodyn.vision.locating.body import beside
 from monodyn.vision.locating.bundle import (
+    SETTLE,
     SIDES,
     Bundle,
     KeyMasks,
@@ -339,7 +340,7 @@ def refined_whole(
     kept = np.flatnonzero(good) if enough else np.arange(len(rows))
     again = SceneGuess(first.mechanism, first.camera, first.positions[kept], guess.mismatch)
     rest = search._replace(reaches=search.reaches[half:])
-    return refine(masks.only(kept.tolist()), again, variables, rest, settle=10), [rows[i] for i in kept]
+    return refine(masks.only(kept.tolist()), again, variables, rest, settle=SETTLE), [rows[i] for i in kept]
 
 
 def found_scene(

@@ -17,6 +17,7 @@ from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SHOWN_KINDS
 from monodyn.vision.locating.bundle import (
     LOG_STD,
+    SETTLE,
     SYSTEMATIC_PX,
     Bundle,
     KeyMasks,
@@ -57,7 +58,7 @@ def with_departed(
     mechanism = bundle.mechanism.with_following(departed, follow=False)
     more = with_names(variables, mechanism, departed)
     guess = SceneGuess(mechanism, bundle.camera, bundle.positions, np.zeros(len(bundle.positions)))
-    freed = refine(masks, guess, more, search, settle=10)
+    freed = refine(masks, guess, more, search, settle=SETTLE)
     # along a direction that the edges hardly show a place may go far, and they agree no better than before
     return (freed, more) if freed.agreement > bundle.agreement + MORE_AGREE else (bundle, variables)
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
+from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine
 from monodyn.vision.locating.search import SceneGuess
 
 WELL_MATCHED = 0.9
@@ -26,8 +26,6 @@ MORE_AGREE = 0.01
 """Share of the outline's samples that must agree in addition for a width to be another."""
 REMAIN = 0.97
 """Share of the samples on edges that must be there still: a geom that hides inside of another loses more."""
-SETTLE = 10
-"""Further steps, at most, until each has settled: what has made more of them agrees better, too."""
 
 
 def rewidened(masks: KeyMasks, bundle: Bundle, search: EdgeSearch) -> Bundle:

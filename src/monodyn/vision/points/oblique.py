@@ -1,6 +1,6 @@
 """Turns and focal length of the camera: estimated where the points determine them, else held and doubted.
 
-The rule is that of outlines: marks that keep their places on the links come nearer and go away before a
+The rule is like that of outlines: marks that keep their places on the links come nearer and go away before a
 camera that looks obliquely. Before one that looks squarely turns would only take up the errors of the points.
 """
 
@@ -10,10 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.vision.locating.oblique import CLEAR, open_turns, std_about, turned_by, with_camera
+from monodyn.vision.locating.oblique import open_turns, std_about, turned_by, with_camera
 from monodyn.vision.points.adjust import Adjustment, Fitted, refine
 from monodyn.vision.points.rest import Named
 from monodyn.vision.points.start import SoughtPoints, unexplained
+
+CLEAR = 6.0
+"""Standard deviations from a camera that looks squarely, and by which the points come nearer, from which its
+turns are estimated: errors of a tracker are the same from frame to frame, more than those of outlines."""
 
 
 @dataclass(frozen=True, eq=False)
