@@ -3,7 +3,8 @@
 Run: ``MONODYN_DATA=<folder> python benchmarks/trust.py [--only GROUP ...] [--json FILE] [--gate]``.
 No fit may be called trusted with a parameter more than four standard deviations from its truth, or with a
 held-out error of more than three bands; right models are to be called trusted; ``films`` are the real ones.
-``carts`` are drawn clips by turned cameras. ``--runs`` keeps the folders of clips, and a pair that is there already is not run again.
+``carts`` are drawn clips by turned cameras. ``--runs`` keeps the folders of clips, and a pair that is there
+already is not run again.
 """
 
 from __future__ import annotations
