@@ -115,8 +115,9 @@ def follow_exposed(
             break
         if done == ROUNDS:
             return Exposed(*found, settled=False)
-        # a camera that may turn takes up what the edges of an exposure that is not yet known are off
-        looked = looked or settled or done == ROUNDS - 1
+        # A camera that may turn takes up what the edges of an exposure that is not yet known are off. One that
+        # is turned, and held square, keeps the exposure from settling.
+        looked = looked or settled or done >= ROUNDS // 2
         sought = Sought(scene.masks, mechanism, settings.locate, fix, free, report)
         scene = find_again(sought, moving, poses, looks=looked)
         found = (scene, *track_freely(scene.masks, scene, settings.track, progress=progress))
