@@ -115,8 +115,8 @@ def follow_exposed(
             break
         if done == ROUNDS:
             return Exposed(*found, settled=False)
-        # A camera that may turn takes up what the edges of an exposure that is not yet known are off. One that
-        # is turned, and held square, keeps the exposure from settling.
+        # A camera that may turn takes up what the edges of an exposure that is not yet known are off. One
+        # that is turned, and held square, keeps the exposure from settling.
         looked = looked or settled or done >= ROUNDS // 2
         sought = Sought(scene.masks, mechanism, settings.locate, fix, free, report)
         scene = find_again(sought, moving, poses, looks=looked)
