@@ -47,18 +47,12 @@ def unmodelled(problem: Problem, trial: Trial, noise: NoiseFactors) -> Unmodelle
     """
     if not np.any((noise.size > LARGER) & (noise.correlation > SLOWER)):
         return None
-    data, mechanism = problem.data, problem.mechanism_at(trial.x)
-    clock = data.times * problem.stretch(trial.x)
+    data = problem.data
+    clock, carried = carried_along(problem, trial)
     unit = data.by_row(np.where(data.slide, problem.size(trial.x), 1.0))
     residual = problem.differences(trial) * unit
     # what is no motion at all changes from row to row
-    white = _noise_of_rows(residual, np.where(data.measured, data.std, np.nan) * unit)
-    lag, stretch, parts = mechanism.values.get(LAG, 0.0), problem.stretch(trial.x), []
-    for first, stop, state in trial.runs:
-        drive = problem.driven(mechanism.drive, lag, stretch, first, stop)
-        fine = trial.substeps
-        parts.append(transitions(mechanism.tree, clock[first:stop], state, substeps=fine, drive=drive))
-    carried = np.concatenate(parts)
+    white = noise_of_rows(residual, np.where(data.measured, data.std, np.nan) * unit)
     steps = np.diff(clock, prepend=clock[0])
     begins = np.zeros(len(clock), dtype=np.bool_)
     begins[trial.pieces.first[:-1]] = True
@@ -78,10 +72,32 @@ def unmodelled(problem: Problem, trial: Trial, noise: NoiseFactors) -> Unmodelle
     return Unmodelled(density, off) if density.any() else None
 
 
-def _noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
+def carried_along(problem: Problem, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
+    """Return the clock of the motion [s], (row,), and the derivative of the state at each row by that at the
+    row before, (row, state, state); the identity where a record begins.
+
+    Args:
+        problem: The problem.
+        trial: A point of it, one piece a record.
+    """
+    mechanism, stretch = problem.mechanism_at(trial.x), problem.stretch(trial.x)
+    clock, lag, parts = problem.data.times * stretch, mechanism.values.get(LAG, 0.0), []
+    for first, stop, state in trial.runs:
+        drive = problem.driven(mechanism.drive, lag, stretch, first, stop)
+        fine = trial.substeps
+        parts.append(transitions(mechanism.tree, clock[first:stop], state, substeps=fine, drive=drive))
+    return clock, np.concatenate(parts)
+
+
+def noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
     """Return the part of the residuals that changes from row to row [rad or m], (row, dof).
 
-    It is as large as stated at least, and NaN where not measured.
+    Args:
+        residual: Residuals, NaN where not measured, (row, dof).
+        stated: The stated noise, likewise.
+
+    Returns:
+        The deviation, as large as stated at least, and NaN where not measured.
     """
     white = stated.copy()
     for dof in range(residual.shape[1]):

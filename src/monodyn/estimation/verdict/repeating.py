@@ -1,0 +1,132 @@
+"""What a model lacks, as an unknown function of the state: how far off it may leave what was identified.
+
+Random accelerations average out along a record. A force that is always the same in the same state, of which a
+model knows nothing, does not: it moves what is identified the same way in every record of the mechanism. How
+strong such forces are the residuals tell, in all directions but those that the parameters have taken up;
+these are taken to be as strong.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.verdict.refine import Refined
+from monodyn.estimation.verdict.uncertainty import without_states
+from monodyn.estimation.verdict.unmodelled import carried_along, noise_of_rows
+
+FEATURES = 48
+"""Waves over the state, by joint, of which an unknown force is composed."""
+LENGTHS = (0.5, 0.7, 1.0, 1.4, 2.0)
+"""Distances in the state over which a force stays about the same, tried: in cosine and sine of hinges, in
+deviations of slides and of rates."""
+STRENGTHS = np.append(0.0, 10.0 ** np.arange(-2.0, 3.01, 0.125))
+"""Strengths tried, over that at which a force would leave all of the residuals."""
+SWEEPS, SEED = 4, 0
+"""Times that the joints are gone through; seed of the waves."""
+
+
+def repeating(found: Refined) -> np.ndarray:
+    """Return what an unknown force adds to the covariance of the shared unknowns, (param, param).
+
+    Args:
+        found: The optimum, and what is known there.
+
+    Source:
+        Kennedy and O'Hagan, Bayesian calibration of computer models, 2001 (discrepancy); Rahimi and Recht,
+        Random features for large-scale kernel machines, 2007 (waves that stand for a smooth function).
+    """
+    problem, trial = found.weighted, found.optimum.trial
+    data = problem.data
+    unit = np.broadcast_to(data.by_row(np.where(data.slide, problem.size(trial.x), 1.0)), data.position.shape)
+    clock, carried = carried_along(problem, trial)
+    state = _standard(problem, trial, unit)
+    _, jacobian = problem.rows(trial)
+    count, white, use = len(trial.x), data.white, data.measured
+    residual = np.nan_to_num(problem.differences(trial))
+    # the whitened residuals in deviations of what changes from row to row
+    rows = noise_of_rows(
+        np.where(use, residual, np.nan) * unit, np.where(use, found.problem.data.std, np.nan) * unit
+    )
+    level = np.where(use, rows / unit * np.einsum("fii->fi", white), 1.0).ravel()
+    seen = np.where(use, np.einsum("fij,fj->fi", white, residual), 0.0).ravel() / level
+    best, likeliest = np.zeros((count, count)), -np.inf
+    for length in LENGTHS:
+        pushed = np.einsum(
+            "fij,fjk->fik", white, _pushed(clock, carried, trial, state / length) / unit[..., None]
+        )
+        pushed[~use] = 0.0
+        stacked = np.concatenate((jacobian, pushed), axis=2)
+        # start states take up what they can, then the shared unknowns do
+        order = [*range(count), *range(jacobian.shape[2], stacked.shape[2]), *range(count, jacobian.shape[2])]
+        free = without_states(stacked[..., order], count + pushed.shape[2], trial.pieces)
+        shared, forced = free[:, :count], free[:, count:]
+        follows = -found.known.covariance @ (shared.T @ forced)
+        left = (forced + shared @ follows) / level[:, None]
+        strengths, value = _strengths(
+            left.T @ left, left.T @ seen, data.position.shape[1], float(seen @ seen)
+        )
+        if value > likeliest:
+            likeliest, best = value, follows * strengths
+    return best @ best.T
+
+
+def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:
+    """Return the simulated state in units in which it is of order one, (row, coordinate)."""
+    position = problem.simulated(trial)
+    rate = problem.rates(trial) * unit
+    columns = []
+    for q, slides in zip(position.T, problem.data.slide.any(axis=0), strict=True):
+        columns += [q / max(float(np.std(q)), 1e-12)] if slides else [np.cos(q), np.sin(q)]
+    columns += [v / max(float(np.sqrt(np.mean(v**2))), 1e-12) for v in rate.T]
+    return np.stack(columns, axis=1)
+
+
+def _pushed(clock: np.ndarray, carried: np.ndarray, trial: Trial, state: np.ndarray) -> np.ndarray:
+    """Return how far accelerations of each joint that are waves over the state move the positions [rad or m
+    by rad/s^2 or m/s^2], (row, dof, dof * FEATURES)."""
+    rng, dofs = np.random.default_rng(SEED), carried.shape[1] // 2
+    moved = np.zeros((len(clock), 2 * dofs, dofs * FEATURES))
+    waves = []
+    for _ in range(dofs):
+        along, phase = rng.normal(size=(state.shape[1], FEATURES)), rng.uniform(0.0, 2.0 * np.pi, FEATURES)
+        waves.append(np.sqrt(2.0 / FEATURES) * np.cos(state @ along + phase))
+    for first, stop, _ in trial.runs:
+        for row in range(first + 1, stop):
+            h = clock[row] - clock[row - 1]
+            moved[row] = carried[row] @ moved[row - 1]
+            for dof, wave in enumerate(waves):
+                own = slice(dof * FEATURES, (dof + 1) * FEATURES)
+                acting = 0.5 * (wave[row - 1] + wave[row])
+                moved[row, dof, own] += 0.5 * h**2 * acting
+                moved[row, dofs + dof, own] += h * acting
+    return moved[:, :dofs]
+
+
+def _strengths(normal: np.ndarray, right: np.ndarray, dofs: int, total: float) -> tuple[np.ndarray, float]:
+    """Return the likeliest strength of each wave, (wave,), one for the waves of a joint, and the logarithm of
+    the likelihood but for a constant. ``normal`` (wave, wave) and ``right`` (wave,) are of the residuals in
+    deviations of their noise, ``total`` is the sum of their squares."""
+    count = len(right) // dofs
+
+    def likelihood(tried: np.ndarray) -> float:
+        scaled = np.repeat(tried, count)
+        factor = np.linalg.cholesky(np.eye(len(right)) + scaled[:, None] * normal * scaled)
+        solved = np.linalg.solve(factor, scaled * right)
+        return float(0.5 * solved @ solved - np.sum(np.log(np.diag(factor))))
+
+    whole = np.array(
+        [
+            1.0 / max(np.trace(normal[i : i + count, i : i + count]), 1e-300)
+            for i in range(0, len(right), count)
+        ]
+    )
+    whole = np.sqrt(whole * total)
+    found = np.zeros(dofs)
+    for _ in range(SWEEPS):
+        for dof in range(dofs):
+            tried = np.repeat(found[None], len(STRENGTHS), axis=0)
+            tried[:, dof] = STRENGTHS * whole[dof]
+            found = tried[int(np.argmax([likelihood(one) for one in tried]))]
+    return np.repeat(found, count), likelihood(found)
