@@ -8,11 +8,16 @@ these are taken to be as strong.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.verdict.combinations import combinations
+from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined
+from monodyn.estimation.verdict.shares import Share, added
 from monodyn.estimation.verdict.uncertainty import without_states
 from monodyn.estimation.verdict.unmodelled import carried_along, noise_of_rows
 
@@ -25,6 +30,23 @@ STRENGTHS = np.append(0.0, 10.0 ** np.arange(-2.0, 3.01, 0.125))
 """Strengths tried, over that at which a force would leave all of the residuals."""
 SWEEPS, SEED = 4, 0
 """Times that the joints are gone through; seed of the waves."""
+
+
+def repeating_share(found: Refined) -> Share:
+    """Return what an unknown force adds to the standard deviations.
+
+    Args:
+        found: The optimum, and what is known there.
+    """
+    problem, optimum, known = found.problem, found.optimum, found.known
+    covariance = known.covariance + repeating(found)
+    std = np.where(np.isinf(known.std), np.inf, np.sqrt(np.diag(covariance)))
+    wider = replace(known, covariance=covariance, std=std)
+    # of deviations alone, which do not depend on the width of an interval
+    return Share(
+        added(estimates(problem, optimum, known, 1.0), estimates(problem, optimum, wider, 1.0)),
+        added(combinations(problem, optimum.x, known, 1.0), combinations(problem, optimum.x, wider, 1.0)),
+    )
 
 
 def repeating(found: Refined) -> np.ndarray:

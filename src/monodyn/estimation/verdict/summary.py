@@ -16,11 +16,13 @@ from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict import advice, assumed, undetermined
 from monodyn.estimation.verdict.combinations import combinations
-from monodyn.estimation.verdict.gravity import gravity_share, with_gravity
+from monodyn.estimation.verdict.gravity import gravity_share
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.posterior import Posterior, posterior
 from monodyn.estimation.verdict.refine import Refined, refine
 from monodyn.estimation.verdict.refits import refitted
+from monodyn.estimation.verdict.repeating import repeating_share
+from monodyn.estimation.verdict.shares import with_share
 from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.estimation.verdict.unmodelled import unmodelled
@@ -75,11 +77,12 @@ def summarize(
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
     share = gravity_share(found)
-    parameters, ratios = with_gravity(
-        fit.parameters, fit.combinations, share, problem.mechanism, _quantile(found.freedom)
-    )
-    fit = replace(fit, parameters=parameters, combinations=ratios)
     lacking = unmodelled(found.problem, found.optimum.trial, found.noise)
+    for more in (share, repeating_share(found)) if lacking else (share,):
+        parameters, ratios = with_share(
+            fit.parameters, fit.combinations, more, problem.mechanism, _quantile(found.freedom)
+        )
+        fit = replace(fit, parameters=parameters, combinations=ratios)
     fit = replace(
         fit,
         status=identified(found.problem, fit.rms),
