@@ -121,3 +121,18 @@ def test_directions_without_residuals_stay_at_the_peak_and_lost_draws_count_noth
     found = randomized(ended, np.zeros(1), np.array([[0.5], [2.0]]))
     np.testing.assert_array_equal(found.weights, [1.0, 0.0])
     assert randomized(ended, np.zeros(1), np.array([[2.0]])).effective == 0.0
+
+
+@pytest.mark.filterwarnings("error")
+def test_slopes_whose_squares_are_no_numbers_lead_nowhere() -> None:
+    """Beyond 1.2 the residual is as steep as a step: such draws count for nothing, and nobody is warned."""
+
+    def steep(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        a = points[:, 0]
+        rows = np.stack((a - 1.0, np.where(a > 1.2, 7.0, a - 1.0)), axis=1)
+        return rows, np.stack((np.ones_like(a), np.where(a > 1.2, 1e200, 1.0)), axis=1)[:, :, None]
+
+    draws = randomized(steep, np.array([1.0]), np.random.default_rng(0).normal(size=(50, 2)))
+    near = draws.weights > 0
+    assert near.any()
+    assert np.all(draws.points[near, 0] <= 1.2)
