@@ -21,8 +21,8 @@ from monodyn.estimation.verdict.shares import Share, added
 from monodyn.estimation.verdict.uncertainty import without_states
 from monodyn.estimation.verdict.unmodelled import carried_along, noise_of_rows
 
-FEATURES = 48
-"""Waves over the state, by joint, of which an unknown force is composed."""
+WAVES, MOST_WAVES = 48, 96
+"""Waves over the state that make up the unknown force at a joint, and those of all joints together."""
 LENGTHS = (0.5, 0.7, 1.0, 1.4, 2.0)
 """Distances in the state over which a force stays about the same, tried: in cosine and sine of hinges, in
 deviations of slides and of rates."""
@@ -73,7 +73,7 @@ def repeating(found: Refined) -> np.ndarray:
     )
     level = np.where(use, rows / unit * np.einsum("fii->fi", white), 1.0).ravel()
     seen = np.where(use, np.einsum("fij,fj->fi", white, residual), 0.0).ravel() / level
-    best, likeliest = np.zeros((count, count)), -np.inf
+    best, likeliest = np.zeros((count, 1)), -np.inf
     for length in LENGTHS:
         pushed = np.einsum(
             "fij,fjk->fik", white, _pushed(clock, carried, trial, state / length) / unit[..., None]
@@ -107,23 +107,32 @@ def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:
 
 def _pushed(clock: np.ndarray, carried: np.ndarray, trial: Trial, state: np.ndarray) -> np.ndarray:
     """Return how far accelerations of each joint that are waves over the state move the positions [rad or m
-    by rad/s^2 or m/s^2], (row, dof, dof * FEATURES)."""
-    rng, dofs = np.random.default_rng(SEED), carried.shape[1] // 2
-    moved = np.zeros((len(clock), 2 * dofs, dofs * FEATURES))
-    waves = []
-    for _ in range(dofs):
-        along, phase = rng.normal(size=(state.shape[1], FEATURES)), rng.uniform(0.0, 2.0 * np.pi, FEATURES)
-        waves.append(np.sqrt(2.0 / FEATURES) * np.cos(state @ along + phase))
+    by rad/s^2 or m/s^2], (row, dof, wave); those of a joint stand together."""
+    dofs = carried.shape[1] // 2
+    waves = _waves(state, dofs)
+    count = waves[0].shape[1]
+    moved = np.zeros((len(clock), 2 * dofs, dofs * count))
     for first, stop, _ in trial.runs:
         for row in range(first + 1, stop):
             h = clock[row] - clock[row - 1]
             moved[row] = carried[row] @ moved[row - 1]
             for dof, wave in enumerate(waves):
-                own = slice(dof * FEATURES, (dof + 1) * FEATURES)
+                own = slice(dof * count, (dof + 1) * count)
                 acting = 0.5 * (wave[row - 1] + wave[row])
                 moved[row, dof, own] += 0.5 * h**2 * acting
                 moved[row, dofs + dof, own] += h * acting
     return moved[:, :dofs]
+
+
+def _waves(state: np.ndarray, dofs: int) -> list[np.ndarray]:
+    """Return waves over states, (row, wave) for each joint: their sum with random weights of unit variance
+    has unit variance and the correlation of states by their distance, exp(-distance^2 / 2)."""
+    rng, count = np.random.default_rng(SEED), min(WAVES, MOST_WAVES // dofs)
+    found = []
+    for _ in range(dofs):
+        along, phase = rng.normal(size=(state.shape[1], count)), rng.uniform(0.0, 2.0 * np.pi, count)
+        found.append(np.sqrt(2.0 / count) * np.cos(state @ along + phase))
+    return found
 
 
 def _strengths(normal: np.ndarray, right: np.ndarray, dofs: int, total: float) -> tuple[np.ndarray, float]:
@@ -134,7 +143,11 @@ def _strengths(normal: np.ndarray, right: np.ndarray, dofs: int, total: float) -
 
     def likelihood(tried: np.ndarray) -> float:
         scaled = np.repeat(tried, count)
-        factor = np.linalg.cholesky(np.eye(len(right)) + scaled[:, None] * normal * scaled)
+        try:
+            factor = np.linalg.cholesky(np.eye(len(right)) + scaled[:, None] * normal * scaled)
+        except np.linalg.LinAlgError:
+            # so strong that rounding hides the noise
+            return -np.inf
         solved = np.linalg.solve(factor, scaled * right)
         return float(0.5 * solved @ solved - np.sum(np.log(np.diag(factor))))
 

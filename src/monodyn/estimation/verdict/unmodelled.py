@@ -94,7 +94,7 @@ def noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
 
     Args:
         residual: Residuals, NaN where not measured, (row, dof).
-        stated: The stated noise, likewise.
+        stated: The stated noise, (row, dof).
 
     Returns:
         The deviation, as large as stated at least, and NaN where not measured.

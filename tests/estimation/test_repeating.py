@@ -1,0 +1,141 @@
+"""What a model lacks as an unknown function of the state: intervals of records whose truth is known."""
+
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.stats import multivariate_normal
+
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.verdict import repeating, summary
+from monodyn.estimation.verdict.combinations import inertial_ratios
+from monodyn.estimation.verdict.repeating import _pushed, _strengths, _waves
+from monodyn.estimation.verdict.shares import Share
+from monodyn.mechanism import load
+from monodyn.mechanism.simulate import accelerations, rollout, transitions
+from monodyn.stages import identify
+from swings import motion, record
+
+VISCOUS = IdentifySettings(torque="friction")
+TIMES = np.arange(120) / 60.0
+LACKING = {
+    "dry": {"joint1.friction": 2e-3, "joint2.friction": 1e-3},
+    "drag": {"joint1.drag": 3e-4, "joint2.drag": 2e-4},
+}
+"""Forces of the truth that the model has not, by name."""
+
+
+def lacking(kind: str, seed: int):
+    """Return a record of a double pendulum with a force that is held at zero in the model, and the truth."""
+    forces, rng = LACKING[kind], np.random.default_rng(seed)
+    truth, start = load("double").with_values(forces), [-0.4, 0.0] + np.array([0.5, 0.6]) * rng.normal(size=2)
+    found = record(truth, TIMES, motion(truth, TIMES, start, [0.0, 0.0]), noise=2e-4, seed=seed)
+    return found, load("double").with_choices(fix=dict.fromkeys(forces, 0.0)), truth
+
+
+def deviations(fit, truth) -> np.ndarray:
+    """Return how many deviations the combinations of inertia are off."""
+    true = {
+        name: float(np.real(value)) for name, value in inertial_ratios(truth, truth.tree, full=True).items()
+    }
+    return np.array([(one.value - true[one.name]) / one.std for one in fit.combinations if one.name in true])
+
+
+@pytest.mark.parametrize("kind", LACKING)
+def test_intervals_contain_what_a_force_unknown_to_the_model_moves(kind, monkeypatch):
+    with_it, without = [], []
+    for seed in range(4):
+        poses, start, truth = lacking(kind, seed)
+        fit = identify(poses, start, VISCOUS)
+        assert fit.unmodelled is not None
+        with_it.extend(deviations(fit, truth))
+        with monkeypatch.context() as patch:
+            patch.setattr(summary, "repeating_share", lambda _: Share({}, {}))
+            without.extend(deviations(identify(poses, start, VISCOUS), truth))
+    assert len(with_it) == len(without) >= 12
+    # as the residuals are white noise the intervals are several times too narrow
+    assert np.sqrt(np.mean(np.square(without))) > 3.0
+    assert 0.3 < np.sqrt(np.mean(np.square(with_it))) < 1.6
+    assert np.mean(np.abs(with_it) < 2.0) > 0.85
+
+
+def test_where_noise_explains_the_residuals_next_to_nothing_is_added(poses, double, monkeypatch):
+    shares = []
+
+    def share(found):
+        shares.append((np.diag(repeating.repeating(found)), np.diag(found.known.covariance)))
+        return Share({}, {})
+
+    monkeypatch.setattr(summary, "repeating_share", share)
+    monkeypatch.setattr(summary, "unmodelled", lambda *_: SimpleNamespace(density=np.ones(2)))
+    identify(poses, double, VISCOUS)
+    added, before = shares[0]
+    known = np.isfinite(before) & (before > 0.0)
+    assert np.all(added[known] < 0.5 * before[known])
+
+
+def test_pushes_are_carried_on_as_an_integration_has_them():
+    """Against the motion of a pendulum that each wave accelerates, by another integrator; within 1 %, as a wave
+    is taken to be linear between rows."""
+    single, times, small = load("single"), np.arange(0.0, 1.0, 0.01), 1e-4
+    begin = np.array([0.8]), np.array([-0.5])
+    q, v = rollout(single.tree, times, *begin, substeps=4)
+    state = np.concatenate([np.cos(q), np.sin(q), v], axis=1)
+    trial = SimpleNamespace(runs=[(0, len(times), begin)])
+    carried = transitions(single.tree, times, np.concatenate(begin), substeps=4)
+    found = _pushed(times, carried, trial, state)[:, 0]
+    waves = _waves(state, 1)[0]
+    for wave in (0, 7, 30):
+
+        def moved(time, at, wave, push):
+            along = np.interp(time, times, waves[:, wave])
+            free = accelerations(single.tree, at[None, :1], at[None, 1:], np.zeros((1, 1)))[0]
+            return [at[1], float(free[0]) + push * along]
+
+        there, here = (
+            solve_ivp(
+                partial(moved, wave=wave, push=push), times[[0, -1]], np.concatenate(begin), t_eval=times,
+                rtol=1e-9, atol=1e-11, max_step=0.01,
+            ).y[0]
+            for push in (small, -small)
+        )  # fmt: skip
+        slope = (there - here) / (2.0 * small)
+        np.testing.assert_allclose(found[:, wave], slope, atol=1e-2 * np.abs(slope).max())
+
+
+def test_waves_are_a_smooth_function_of_the_state():
+    """Their sum has the variance and correlation of a Gaussian process, within what chance leaves."""
+    state = np.random.default_rng(0).normal(size=(40, 3))
+    waves = _waves(state, 1)[0]
+    distance = np.linalg.norm(state[:, None] - state[None], axis=2)
+    off = waves @ waves.T - np.exp(-(distance**2) / 2.0)
+    assert np.sqrt(np.mean(off**2)) < 1.5 / np.sqrt(waves.shape[1])
+    assert sum(one.shape[1] for one in _waves(state, 8)) == repeating.MOST_WAVES
+
+
+def test_the_likeliest_strength_is_that_of_the_density_of_all_rows():
+    rng = np.random.default_rng(3)
+    moved = rng.normal(size=(60, 8)).cumsum(axis=0)
+    seen = moved @ (0.4 * rng.normal(size=8)) + rng.normal(size=60)
+    strengths, value = _strengths(moved.T @ moved, moved.T @ seen, 2, float(seen @ seen))
+
+    def density(first: float, second: float) -> float:
+        weight = np.repeat([first, second], 4) ** 2
+        return multivariate_normal(np.zeros(60), np.eye(60) + (moved * weight) @ moved.T).logpdf(seen)
+
+    found = strengths[[0, 4]]
+    assert value == pytest.approx(density(*found) - density(0.0, 0.0), abs=1e-6)
+    for factor in (0.5, 2.0):
+        assert density(found[0] * factor, found[1]) < density(*found)
+        assert density(found[0], found[1] * factor) < density(*found)
+
+
+def test_strengths_without_bound_do_not_break_it():
+    """Residuals of ten thousands of deviations, and waves that are all alike."""
+    moved = np.ones((50, 6))
+    seen = np.full(50, 1e9)
+    strengths, value = _strengths(moved.T @ moved, moved.T @ seen, 1, float(seen @ seen))
+    assert np.all(np.isfinite(strengths))
+    assert np.isfinite(value)
