@@ -33,11 +33,14 @@ SWEEPS, SEED = 4, 0
 
 
 def repeating_share(found: Refined) -> Share:
-    """Return what an unknown force adds to the standard deviations.
+    """Return what an unknown force adds to the standard deviations; nothing where the residuals of a row
+    resemble those of the next no more than chance makes them.
 
     Args:
         found: The optimum, and what is known there.
     """
+    if not np.any(found.noise.correlation > 1.0):
+        return Share({}, {})
     problem, optimum, known = found.problem, found.optimum, found.known
     covariance = known.covariance + repeating(found)
     std = np.where(np.isinf(known.std), np.inf, np.sqrt(np.diag(covariance)))
@@ -99,7 +102,8 @@ def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:
     position = problem.simulated(trial)
     rate = problem.rates(trial) * unit
     columns = []
-    for q, slides in zip(position.T, problem.data.slide.any(axis=0), strict=True):
+    for q, joint in zip(position.T, problem.mechanism.joints, strict=True):
+        slides = joint.kind == "slide"
         columns += [q / max(float(np.std(q)), 1e-12)] if slides else [np.cos(q), np.sin(q)]
     columns += [v / max(float(np.sqrt(np.mean(v**2))), 1e-12) for v in rate.T]
     return np.stack(columns, axis=1)

@@ -76,9 +76,8 @@ def summarize(
         quantile = _quantile(found.freedom)
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
-    share = gravity_share(found)
-    lacking = unmodelled(found.problem, found.optimum.trial, found.noise)
-    for more in (share, repeating_share(found)) if lacking else (share,):
+    by_gravity = gravity_share(found)
+    for more in (by_gravity, repeating_share(found)):
         parameters, ratios = with_share(
             fit.parameters, fit.combinations, more, problem.mechanism, _quantile(found.freedom)
         )
@@ -87,7 +86,7 @@ def summarize(
         fit,
         status=identified(found.problem, fit.rms),
         stamp_error=found.noise.stamps,
-        unmodelled=lacking,
+        unmodelled=unmodelled(found.problem, found.optimum.trial, found.noise),
         tried_torques=solution.compared,
         alternatives=tuple(problem.unknowns.named(x) for x in optimum.twins),
     )
@@ -96,7 +95,7 @@ def summarize(
     fit = fit.doubted([*unsupported, *few, *_doubts(found, fit, settings)])
     twins = advice.twins(fit.parameters, fit.alternatives)
     said = _advice(found, fit, records, settings)
-    if fit.ok and (share.parameters or share.combinations):
+    if fit.ok and (by_gravity.parameters or by_gravity.combinations):
         said += advice.taken_gravity(problem.mechanism)
     advised = (*twins, *solution.advice, *said, *advice.starts_tried(solution.tried))
     return replace(fit, advice=advised)
