@@ -1,8 +1,9 @@
 """What a model lacks, as an unknown function of the state: how far off it may leave what was identified.
 
 Random accelerations average out along a record. A force that is always the same in the same state, of which a
-model knows nothing, does not: it moves what is identified the same way in every record of the mechanism. How
-strong such forces are the residuals tell, in all directions but those that the parameters have taken up;
+model knows nothing, does not: it moves what is identified the same way in every record of the mechanism. Nor
+does an error of the readings that is the same in every pose, such as a picture leaves whose pixels are not
+square. How strong both are the residuals tell, in all directions but those that the parameters have taken up;
 these are taken to be as strong.
 """
 
@@ -18,23 +19,26 @@ from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.shares import Share, added
-from monodyn.estimation.verdict.uncertainty import without_states
+from monodyn.estimation.verdict.uncertainty import knowledge_at, without_states
 from monodyn.estimation.verdict.unmodelled import carried_along, noise_of_rows
 
-WAVES, MOST_WAVES = 48, 96
-"""Waves over the state that make up the unknown force at a joint, and those of all joints together."""
+WAVES, MOST_WAVES = 48, 192
+"""Waves over the state that make up the unknown force at a joint, and the error of its readings; and those of
+all joints together."""
 LENGTHS = (0.5, 0.7, 1.0, 1.4, 2.0)
-"""Distances in the state over which a force stays about the same, tried: in cosine and sine of hinges, in
+"""Distances in the state over which both stay about the same, tried: in cosine and sine of hinges, in
 deviations of slides and of rates."""
-STRENGTHS = np.append(0.0, 10.0 ** np.arange(-2.0, 3.01, 0.125))
-"""Strengths tried, over that at which a force would leave all of the residuals."""
-SWEEPS, SEED = 4, 0
-"""Times that the joints are gone through; seed of the waves."""
+STRENGTHS = np.append(0.0, 10.0 ** np.arange(-2.0, 3.01, 0.5))
+"""Strengths tried, over that at which a cause would leave all of the residuals."""
+NEARER = (10.0 ** np.arange(-0.375, 0.376, 0.125), 10.0 ** np.arange(-0.25, 0.26, 0.125))
+"""Factors of the strengths found so far that are tried then, once after the other."""
+SWEEPS, SEED = 2, 0
+"""Times that the causes are gone through before; seed of the waves."""
 
 
 def repeating_share(found: Refined) -> Share:
-    """Return what an unknown force adds to the standard deviations; nothing where the residuals of a row
-    resemble those of the next no more than chance makes them.
+    """Return what unknown forces and errors of the readings add to the standard deviations; nothing where the
+    residuals of a row resemble those of the next no more than chance makes them.
 
     Args:
         found: The optimum, and what is known there.
@@ -53,7 +57,8 @@ def repeating_share(found: Refined) -> Share:
 
 
 def repeating(found: Refined) -> np.ndarray:
-    """Return what an unknown force adds to the covariance of the shared unknowns, (param, param).
+    """Return what unknown forces and errors of the readings add to the covariance of the shared unknowns,
+    (param, param).
 
     Args:
         found: The optimum, and what is known there.
@@ -68,6 +73,9 @@ def repeating(found: Refined) -> np.ndarray:
     clock, carried = carried_along(problem, trial)
     state = _standard(problem, trial, unit)
     _, jacobian = problem.rows(trial)
+    # what moves all positions of a record is no noise that the unknowns follow
+    unshifted = problem.with_data(replace(data, shifts=None))
+    followed = knowledge_at(unshifted, trial.x, jacobian, trial.pieces).covariance
     count, white, use = len(trial.x), data.white, data.measured
     residual = np.nan_to_num(problem.differences(trial))
     # the whitened residuals in deviations of what changes from row to row
@@ -77,21 +85,22 @@ def repeating(found: Refined) -> np.ndarray:
     level = np.where(use, rows / unit * np.einsum("fii->fi", white), 1.0).ravel()
     seen = np.where(use, np.einsum("fij,fj->fi", white, residual), 0.0).ravel() / level
     best, likeliest = np.zeros((count, 1)), -np.inf
+    dofs = data.position.shape[1]
     for length in LENGTHS:
-        pushed = np.einsum(
-            "fij,fjk->fik", white, _pushed(clock, carried, trial, state / length) / unit[..., None]
-        )
+        forces = _waves(state / length, dofs)
+        # what a reading is wrong by depends on the pose alone
+        errors = _waves(state[:, :-dofs] / length, dofs)
+        moved = np.concatenate([_pushed(clock, carried, trial, forces), _misread(errors)], axis=2)
+        pushed = np.einsum("fij,fjk->fik", white, moved / unit[..., None])
         pushed[~use] = 0.0
         stacked = np.concatenate((jacobian, pushed), axis=2)
         # start states take up what they can, then the shared unknowns do
         order = [*range(count), *range(jacobian.shape[2], stacked.shape[2]), *range(count, jacobian.shape[2])]
         free = without_states(stacked[..., order], count + pushed.shape[2], trial.pieces)
         shared, forced = free[:, :count], free[:, count:]
-        follows = -found.known.covariance @ (shared.T @ forced)
+        follows = -followed @ (shared.T @ forced)
         left = (forced + shared @ follows) / level[:, None]
-        strengths, value = _strengths(
-            left.T @ left, left.T @ seen, data.position.shape[1], float(seen @ seen)
-        )
+        strengths, value = _strengths(left.T @ left, left.T @ seen, 2 * dofs, float(seen @ seen))
         if value > likeliest:
             likeliest, best = value, follows * strengths
     return best @ best.T
@@ -109,12 +118,19 @@ def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def _pushed(clock: np.ndarray, carried: np.ndarray, trial: Trial, state: np.ndarray) -> np.ndarray:
+def _misread(waves: list[np.ndarray]) -> np.ndarray:
+    """Return errors of readings that are waves [rad or m], (row, dof, wave), joint after joint."""
+    dofs, (rows, count) = len(waves), waves[0].shape
+    moved = np.zeros((rows, dofs, dofs * count))
+    for dof, wave in enumerate(waves):
+        moved[:, dof, dof * count : (dof + 1) * count] = wave
+    return moved
+
+
+def _pushed(clock: np.ndarray, carried: np.ndarray, trial: Trial, waves: list[np.ndarray]) -> np.ndarray:
     """Return how far accelerations of each joint that are waves over the state move the positions [rad or m
     by rad/s^2 or m/s^2], (row, dof, wave); those of a joint stand together."""
-    dofs = carried.shape[1] // 2
-    waves = _waves(state, dofs)
-    count = waves[0].shape[1]
+    dofs, count = len(waves), waves[0].shape[1]
     moved = np.zeros((len(clock), 2 * dofs, dofs * count))
     for first, stop, _ in trial.runs:
         for row in range(first + 1, stop):
@@ -131,7 +147,7 @@ def _pushed(clock: np.ndarray, carried: np.ndarray, trial: Trial, state: np.ndar
 def _waves(state: np.ndarray, dofs: int) -> list[np.ndarray]:
     """Return waves over states, (row, wave) for each joint: their sum with random weights of unit variance
     has unit variance and the correlation of states by their distance, exp(-distance^2 / 2)."""
-    rng, count = np.random.default_rng(SEED), min(WAVES, MOST_WAVES // dofs)
+    rng, count = np.random.default_rng(SEED), min(WAVES, MOST_WAVES // (2 * dofs))
     found = []
     for _ in range(dofs):
         along, phase = rng.normal(size=(state.shape[1], count)), rng.uniform(0.0, 2.0 * np.pi, count)
@@ -139,11 +155,11 @@ def _waves(state: np.ndarray, dofs: int) -> list[np.ndarray]:
     return found
 
 
-def _strengths(normal: np.ndarray, right: np.ndarray, dofs: int, total: float) -> tuple[np.ndarray, float]:
-    """Return the likeliest strength of each wave, (wave,), one for the waves of a joint, and the logarithm of
+def _strengths(normal: np.ndarray, right: np.ndarray, causes: int, total: float) -> tuple[np.ndarray, float]:
+    """Return the likeliest strength of each wave, (wave,), one for the waves of a cause, and the logarithm of
     the likelihood but for a constant. ``normal`` (wave, wave) and ``right`` (wave,) are of the residuals in
     deviations of their noise, ``total`` is the sum of their squares."""
-    count = len(right) // dofs
+    count = len(right) // causes
 
     def likelihood(tried: np.ndarray) -> float:
         scaled = np.repeat(tried, count)
@@ -162,10 +178,11 @@ def _strengths(normal: np.ndarray, right: np.ndarray, dofs: int, total: float) -
         ]
     )
     whole = np.sqrt(whole * total)
-    found = np.zeros(dofs)
-    for _ in range(SWEEPS):
-        for dof in range(dofs):
-            tried = np.repeat(found[None], len(STRENGTHS), axis=0)
-            tried[:, dof] = STRENGTHS * whole[dof]
+    found = np.zeros(causes)
+    for factors in (*[None] * SWEEPS, *NEARER):
+        for cause in range(causes):
+            values = STRENGTHS * whole[cause] if factors is None else factors * found[cause]
+            tried = np.repeat(found[None], len(values), axis=0)
+            tried[:, cause] = values
             found = tried[int(np.argmax([likelihood(one) for one in tried]))]
     return np.repeat(found, count), likelihood(found)
