@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.verdict import repeating, summary
 from monodyn.estimation.verdict.combinations import inertial_ratios
-from monodyn.estimation.verdict.repeating import _pushed, _strengths, _waves
+from monodyn.estimation.verdict.repeating import _along, _pushed, _strengths, _waves
 from monodyn.estimation.verdict.shares import Share
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import accelerations, rollout, transitions
@@ -51,6 +51,7 @@ def deviations(fit, truth) -> np.ndarray:
     return np.array([(one.value - true[one.name]) / one.std for one in fit.combinations if one.name in true])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", LACKING)
 def test_intervals_contain_what_is_unknown_to_the_model(kind, monkeypatch):
     with_it, without = [], []
@@ -120,27 +121,37 @@ def test_waves_are_a_smooth_function_of_the_state():
     assert sum(one.shape[1] for one in _waves(state, 8)) == repeating.MOST_WAVES // 2
 
 
-def test_the_likeliest_strength_is_that_of_the_density_of_all_rows():
+def test_strengths_are_those_of_the_density_of_all_rows():
     rng = np.random.default_rng(3)
     moved = rng.normal(size=(60, 8)).cumsum(axis=0)
     seen = moved @ (0.4 * rng.normal(size=8)) + rng.normal(size=60)
-    strengths, value = _strengths(moved.T @ moved, moved.T @ seen, 2, float(seen @ seen))
+    normal, right = moved.T @ moved, moved.T @ seen
+    strengths, value = _strengths(normal, right, 2, float(seen @ seen))
 
     def density(first: float, second: float) -> float:
         weight = np.repeat([first, second], 4) ** 2
-        return multivariate_normal(np.zeros(60), np.eye(60) + (moved * weight) @ moved.T).logpdf(seen)
+        return float(multivariate_normal(np.zeros(60), np.eye(60) + (moved * weight) @ moved.T).logpdf(seen))
 
-    found = strengths[[0, 4]]
-    assert value == pytest.approx(density(*found) - density(0.0, 0.0), abs=1e-6)
-    for factor in (0.5, 2.0):
-        assert density(found[0] * factor, found[1]) < density(*found)
-        assert density(found[0], found[1] * factor) < density(*found)
+    tried = np.geomspace(1e-2, 1e2, 41)
+    along = _along(normal, right, slice(4, 8), np.repeat([0.3, 0.0], 4), tried)
+    # but for a constant, that of no waves at all
+    slow = [density(0.3, one) - density(0.0, 0.0) for one in tried]
+    np.testing.assert_allclose(along, slow, atol=1e-6)
+    tables = np.array([[density(first, second) for second in tried] for first in tried])
+    best = np.unravel_index(np.argmax(tables), tables.shape)
+    # grids of a fifth and a third: neither meets the maximum itself
+    assert value == pytest.approx(tables[best] - density(0.0, 0.0), abs=0.1)
+    for cause, values in enumerate((tables[:, best[1]], tables[best[0]])):
+        weight = np.exp(values - values.max())
+        mean_square = np.sum(weight * tried**2) / np.sum(weight)
+        assert strengths[4 * cause] == pytest.approx(np.sqrt(mean_square), rel=0.05)
 
 
 def test_strengths_without_bound_do_not_break_it():
     """Residuals of ten thousands of deviations, and waves that are all alike."""
     moved = np.ones((50, 6))
     seen = np.full(50, 1e9)
-    strengths, value = _strengths(moved.T @ moved, moved.T @ seen, 1, float(seen @ seen))
+    strengths, value = _strengths(moved.T @ moved, moved.T @ seen, 2, float(seen @ seen))
     assert np.all(np.isfinite(strengths))
     assert np.isfinite(value)
+

@@ -10,6 +10,7 @@ these are taken to be as strong.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -26,14 +27,16 @@ WAVES, MOST_WAVES = 48, 192
 """Waves over the state that make up the unknown force at a joint, and the error of its readings; and those of
 all joints together."""
 LENGTHS = (0.5, 0.7, 1.0, 1.4, 2.0)
-"""Distances in the state over which both stay about the same, tried: in cosine and sine of hinges, in
-deviations of slides and of rates."""
-STRENGTHS = np.append(0.0, 10.0 ** np.arange(-2.0, 3.01, 0.5))
-"""Strengths tried, over that at which a cause would leave all of the residuals."""
-NEARER = (10.0 ** np.arange(-0.375, 0.376, 0.125), 10.0 ** np.arange(-0.25, 0.26, 0.125))
-"""Factors of the strengths found so far that are tried then, once after the other."""
-SWEEPS, SEED = 2, 0
-"""Times that the causes are gone through before; seed of the waves."""
+"""Distances in the state over which the force stays about the same, and the error of the readings, tried: in
+cosine and sine of hinges, in deviations of slides and of rates."""
+STRENGTHS = np.append(0.0, 10.0 ** np.arange(-4.0, 3.01, 0.125))
+"""Strengths tried, over that at which a cause would leave all of the residuals ..."""
+BEGUN = 0.1
+"""... and the one with which the others begin."""
+ROUNDING = 1e-13
+"""Noise that is taken at least, over the variance that a cause leaves."""
+SWEEPS, SEED = 8, 0
+"""Times that the causes are gone through, at most; seed of the waves."""
 
 
 def repeating_share(found: Refined) -> Share:
@@ -84,13 +87,10 @@ def repeating(found: Refined) -> np.ndarray:
     )
     level = np.where(use, rows / unit * np.einsum("fii->fi", white), 1.0).ravel()
     seen = np.where(use, np.einsum("fij,fj->fi", white, residual), 0.0).ravel() / level
-    best, likeliest = np.zeros((count, 1)), -np.inf
     dofs = data.position.shape[1]
-    for length in LENGTHS:
-        forces = _waves(state / length, dofs)
-        # what a reading is wrong by depends on the pose alone
-        errors = _waves(state[:, :-dofs] / length, dofs)
-        moved = np.concatenate([_pushed(clock, carried, trial, forces), _misread(errors)], axis=2)
+
+    def shown(moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how the shared unknowns follow waves, and what of the waves the residuals still show."""
         pushed = np.einsum("fij,fjk->fik", white, moved / unit[..., None])
         pushed[~use] = 0.0
         stacked = np.concatenate((jacobian, pushed), axis=2)
@@ -99,11 +99,21 @@ def repeating(found: Refined) -> np.ndarray:
         free = without_states(stacked[..., order], count + pushed.shape[2], trial.pieces)
         shared, forced = free[:, :count], free[:, count:]
         follows = -followed @ (shared.T @ forced)
-        left = (forced + shared @ follows) / level[:, None]
+        return follows, (forced + shared @ follows) / level[:, None]
+
+    forces = [shown(_pushed(clock, carried, trial, _waves(state / length, dofs))) for length in LENGTHS]
+    # what a reading is wrong by depends on the pose alone
+    errors = [shown(_misread(_waves(state[:, :-dofs] / length, dofs))) for length in LENGTHS]
+    found, likelihood = [], []
+    for (by_force, pushed), (by_error, misread) in product(forces, errors):
+        left = np.concatenate((pushed, misread), axis=1)
         strengths, value = _strengths(left.T @ left, left.T @ seen, 2 * dofs, float(seen @ seen))
-        if value > likeliest:
-            likeliest, best = value, follows * strengths
-    return best @ best.T
+        added = np.concatenate((by_force, by_error), axis=1) * strengths
+        found.append(added @ added.T)
+        likelihood.append(value)
+    # no pair of lengths is certain: each counts as it is likely
+    weight = np.exp(np.array(likelihood) - np.max(likelihood))
+    return np.tensordot(weight / np.sum(weight), found, axes=1)
 
 
 def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:
@@ -156,33 +166,45 @@ def _waves(state: np.ndarray, dofs: int) -> list[np.ndarray]:
 
 
 def _strengths(normal: np.ndarray, right: np.ndarray, causes: int, total: float) -> tuple[np.ndarray, float]:
-    """Return the likeliest strength of each wave, (wave,), one for the waves of a cause, and the logarithm of
-    the likelihood but for a constant. ``normal`` (wave, wave) and ``right`` (wave,) are of the residuals in
-    deviations of their noise, ``total`` is the sum of their squares."""
+    """Return the strength of each wave, (wave,), one for the waves of a cause, and the logarithm of the largest
+    likelihood but for a constant. A strength is the root of its mean square where the other causes are as
+    strong as is likeliest, every power of ten being as likely beforehand. ``normal`` (wave, wave) and
+    ``right`` (wave,) are of the residuals in deviations of their noise, ``total`` is the sum of their squares.
+    """
     count = len(right) // causes
+    own = [slice(i * count, (i + 1) * count) for i in range(causes)]
+    whole = np.sqrt(total / np.array([max(np.trace(normal[one, one]), 1e-300) for one in own]))
+    likeliest, square, value = BEGUN * whole, np.zeros(causes), -np.inf
+    for _ in range(SWEEPS):
+        before = likeliest.copy()
+        for cause, one in enumerate(own):
+            tried = whole[cause] * STRENGTHS
+            likelihood = _along(normal, right, one, np.repeat(likeliest, count), tried)
+            likeliest[cause], value = tried[np.argmax(likelihood)], float(np.max(likelihood))
+            weight = np.exp(likelihood - value)
+            square[cause] = np.sum(weight * tried**2) / np.sum(weight)
+        if np.array_equal(likeliest, before):
+            break
+    return np.repeat(np.sqrt(square), count), value
 
-    def likelihood(tried: np.ndarray) -> float:
-        scaled = np.repeat(tried, count)
-        try:
-            factor = np.linalg.cholesky(np.eye(len(right)) + scaled[:, None] * normal * scaled)
-        except np.linalg.LinAlgError:
-            # so strong that rounding hides the noise
-            return -np.inf
-        solved = np.linalg.solve(factor, scaled * right)
-        return float(0.5 * solved @ solved - np.sum(np.log(np.diag(factor))))
 
-    whole = np.array(
-        [
-            1.0 / max(np.trace(normal[i : i + count, i : i + count]), 1e-300)
-            for i in range(0, len(right), count)
-        ]
-    )
-    whole = np.sqrt(whole * total)
-    found = np.zeros(causes)
-    for factors in (*[None] * SWEEPS, *NEARER):
-        for cause in range(causes):
-            values = STRENGTHS * whole[cause] if factors is None else factors * found[cause]
-            tried = np.repeat(found[None], len(values), axis=0)
-            tried[:, cause] = values
-            found = tried[int(np.argmax([likelihood(one) for one in tried]))]
-    return np.repeat(found, count), likelihood(found)
+def _along(
+    normal: np.ndarray, right: np.ndarray, one: slice, strengths: np.ndarray, tried: np.ndarray
+) -> np.ndarray:
+    """Return the logarithms of the likelihood at strengths of the waves ``one``, (strength,), where those of
+    the others stay."""
+    others = np.delete(np.arange(len(right)), one)
+    by = strengths[others]
+    scaled = by[:, None] * normal[np.ix_(others, others)] * by
+    # noise that is less than the rounding of what is far stronger would not be seen
+    noise = 1.0 + ROUNDING * np.max(np.diag(scaled), initial=0.0)
+    factor = np.linalg.cholesky(scaled + noise * np.eye(len(by)))
+    sides = np.column_stack((normal[others, one], right[others])) * by[:, None]
+    solved = np.linalg.solve(factor, sides)
+    taken, rest = solved[:, :-1], solved[:, -1]
+    # what the others leave of these waves, in directions that do not share in anything
+    power, axes = np.linalg.eigh(normal[one, one] - taken.T @ taken)
+    power, along = np.maximum(power, 0.0), axes.T @ (right[one] - taken.T @ rest)
+    squares = tried[:, None] ** 2
+    own = 0.5 * np.sum(squares * along**2 / (1.0 + squares * power) - np.log1p(squares * power), axis=1)
+    return own + 0.5 * rest @ rest - np.sum(np.log(np.diag(factor)))
