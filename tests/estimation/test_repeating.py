@@ -154,4 +154,3 @@ def test_strengths_without_bound_do_not_break_it():
     strengths, value = _strengths(moved.T @ moved, moved.T @ seen, 2, float(seen @ seen))
     assert np.all(np.isfinite(strengths))
     assert np.isfinite(value)
-

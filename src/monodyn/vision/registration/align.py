@@ -41,6 +41,8 @@ BENDING, BENDING_PX = 0.1, 0.05
 corner: as a share of the displacement, as a turn of a usual camera has it, and least [px]."""
 LEAST_AGREEING = 0.4
 """Share of the points that must agree."""
+NEARER = 0.7
+"""Difference from the points in one place over that in another, below which the picture is nearer there."""
 MOST_STD = 1.0
 """Standard deviation of a displacement above which it is not known [px]."""
 
@@ -93,20 +95,33 @@ def align(pictures: Sequence[np.ndarray], key: Key, start: Homography) -> Alignm
     return Alignment(at, share, overlap, held, _spread(normal, right, bending))
 
 
-def difference(picture: np.ndarray, level: Level, at: Homography) -> float:
-    """Return how far a picture is from the points of a key picture, the median [grey levels].
+def nearer_blocks(picture: np.ndarray, level: Level, there: Homography, here: Homography) -> int:
+    """Return in how many blocks a picture is clearly nearer to the points of a key picture in one place than
+    in another.
 
     Args:
         picture: A picture at the size of the level, uint8 (height, width).
         level: The points.
-        at: Map from the key picture to the picture.
+        there: Map from the key picture to the picture.
+        here: The other one.
     """
+    off = [_off(picture, level, at) for at in (there, here)]
+    count = 0
+    for block in np.unique(level.block):
+        own = level.block == block
+        first, second = (float(np.median(one[own])) for one in off)
+        count += int(np.sum(own)) >= LEAST_POINTS and first < NEARER * second
+    return count
+
+
+def _off(picture: np.ndarray, level: Level, at: Homography) -> np.ndarray:
+    """Return how far the picture is from each point, but for the light of all [grey levels], (point,)."""
     import cv2
 
     places = (at.of(level.points[:2].T + at.middle) / level.scale).astype(np.float32)
     shown = cv2.remap(picture, places[:, np.newaxis], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
     off = shown[:, 0].astype(np.float64) - level.points[2]
-    return float(np.median(np.abs(off - np.median(off))))
+    return np.abs(off - np.median(off))
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,7 +16,7 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.homography import Homography, at_rest
 from monodyn.vision.clip.steady import CameraPath, shown_in_place
 from monodyn.vision.clip.video import Video
-from monodyn.vision.registration.align import align, difference
+from monodyn.vision.registration.align import align, nearer_blocks
 from monodyn.vision.registration.keypicture import Key, key_of, pyramid
 from monodyn.vision.registration.keys import Registrar
 
@@ -24,10 +24,8 @@ COMPARED = 12
 """Frames that decide whether the camera moves."""
 MOVED_PX, MOVED_STDS = 0.4, 6.0
 """Displacement from which it does [px], and in standard deviations."""
-MORE_ALIKE = 0.7
-"""Difference from the scene where it was found over that where it was, below which it is there."""
 WIDESPREAD = 7
-"""Blocks that must move alike: a cart and its shadow may cover several."""
+"""Blocks that must be more alike where they moved to: a cart and its shadow may cover several."""
 LEAST_MOVED = 2
 """Frames that must show it."""
 LEAST_STILL = 0.5
@@ -97,9 +95,9 @@ def camera_moves(samples: Sequence[Frame], key: Key) -> bool | None:
         if found.at.apart(key.at) <= max(MOVED_PX, MOVED_STDS * found.std):
             still += 1
             continue
-        # before a bare wall noise may be taken for a scene, which is no more alike where it was found
-        there, here = (difference(pictures[-1], key.levels[-1], at) for at in (found.at, key.at))
-        moved += found.blocks >= WIDESPREAD and there < MORE_ALIKE * here
+        # before a bare wall the mechanism, with noise around it, may be taken for a scene: the noise is no more
+        # alike where it was found
+        moved += nearer_blocks(pictures[-1], key.levels[-1], found.at, key.at) >= WIDESPREAD
     if moved >= LEAST_MOVED:
         return True
     return False if still >= LEAST_STILL * len(compared) else None
