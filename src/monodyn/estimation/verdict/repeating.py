@@ -104,16 +104,16 @@ def repeating(found: Refined) -> np.ndarray:
     forces = [shown(_pushed(clock, carried, trial, _waves(state / length, dofs))) for length in LENGTHS]
     # what a reading is wrong by depends on the pose alone
     errors = [shown(_misread(_waves(state[:, :-dofs] / length, dofs))) for length in LENGTHS]
-    found, likelihood = [], []
+    more, likelihood = [], []
     for (by_force, pushed), (by_error, misread) in product(forces, errors):
         left = np.concatenate((pushed, misread), axis=1)
         strengths, value = _strengths(left.T @ left, left.T @ seen, 2 * dofs, float(seen @ seen))
-        added = np.concatenate((by_force, by_error), axis=1) * strengths
-        found.append(added @ added.T)
+        off = np.concatenate((by_force, by_error), axis=1) * strengths
+        more.append(off @ off.T)
         likelihood.append(value)
     # no pair of lengths is certain: each counts as it is likely
     weight = np.exp(np.array(likelihood) - np.max(likelihood))
-    return np.tensordot(weight / np.sum(weight), found, axes=1)
+    return np.einsum("k,kij->ij", weight / np.sum(weight), np.stack(more))
 
 
 def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:
@@ -166,10 +166,12 @@ def _waves(state: np.ndarray, dofs: int) -> list[np.ndarray]:
 
 
 def _strengths(normal: np.ndarray, right: np.ndarray, causes: int, total: float) -> tuple[np.ndarray, float]:
-    """Return the strength of each wave, (wave,), one for the waves of a cause, and the logarithm of the largest
-    likelihood but for a constant. A strength is the root of its mean square where the other causes are as
-    strong as is likeliest, every power of ten being as likely beforehand. ``normal`` (wave, wave) and
-    ``right`` (wave,) are of the residuals in deviations of their noise, ``total`` is the sum of their squares.
+    """Return the strength of each wave, (wave,), one for the waves of a cause, and the logarithm of the
+    largest likelihood but for a constant.
+
+    A strength is the root of its mean square where the other causes are as strong as is likeliest, each power
+    of ten being as likely beforehand. ``normal`` (wave, wave) and ``right`` (wave,) are of the residuals in
+    deviations of their noise, ``total`` is the sum of their squares.
     """
     count = len(right) // causes
     own = [slice(i * count, (i + 1) * count) for i in range(causes)]

@@ -95,8 +95,8 @@ def camera_moves(samples: Sequence[Frame], key: Key) -> bool | None:
         if found.at.apart(key.at) <= max(MOVED_PX, MOVED_STDS * found.std):
             still += 1
             continue
-        # before a bare wall the mechanism, with noise around it, may be taken for a scene: the noise is no more
-        # alike where it was found
+        # before a bare wall the mechanism, with noise around it, may be taken for a scene: the noise is no
+        # more alike where it was found
         moved += nearer_blocks(pictures[-1], key.levels[-1], found.at, key.at) >= WIDESPREAD
     if moved >= LEAST_MOVED:
         return True
