@@ -230,13 +230,13 @@ def test_other_parameters_with_the_same_motion(double):
     assert advice.twins(found, []) == []
     other = {"link1.length": 2.0 * rows["link1.length"], "link2.length": 1.1 * rows["link2.length"]}
     assert advice.twins(found, [other]) == [
-        f"Another start ended elsewhere with a motion as close to the record: link1.length "
-        f"{other['link1.length']:.3g} in place of {rows['link1.length']:.3g} m and link2.length "
-        f"{other['link2.length']:.3g} in place of {rows['link2.length']:.3g} m. Nothing in the record tells "
-        "them apart; a measured value, given with --fix, does."
+        f"Other values move as close to the record: link1.length {other['link1.length']:.3g} in place of "
+        f"{rows['link1.length']:.3g} m and link2.length {other['link2.length']:.3g} in place of "
+        f"{rows['link2.length']:.3g} m. Nothing in the record prefers either; a measured value, given with "
+        "--fix, does."
     ]
     assert advice.twins(found, [{}]) == [
-        "Another start ended elsewhere with a motion as close to the record, of the same mechanism from "
-        "other positions and rates; more frames in the same time may tell them apart."
+        "The same mechanism from other positions and rates moves as close to the record; more frames in the "
+        "same time may tell the two apart."
     ]
     assert advice.twins(found, [{"link1.length": 1.001 * rows["link1.length"]}]) == advice.twins(found, [{}])

@@ -163,8 +163,8 @@ class Fit:
         torques: Known torques of each record; empty where none are known.
         tried_torques: The kinds of torque that were tried, the chosen one first; empty where friction left
             nothing to explain, or where the kind was named.
-        alternatives: Values of the estimated parameters by name where another start of the search ended
-            that the data cannot tell from this fit.
+        alternatives: Values of the estimated parameters by name with which the motion is as close to the
+            record, so that nothing in it prefers this fit.
     """
 
     status: str

@@ -359,13 +359,13 @@ def twins(parameters: Sequence[Estimate], alternatives: Sequence[Mapping[str, fl
         told = [f"{p.name} {values[p.name]:.3g} in place of {p.value:.3g} {p.unit}".rstrip() for p in away]
         if not told:
             said.append(
-                "Another start ended elsewhere with a motion as close to the record, of the same mechanism "
-                "from other positions and rates; more frames in the same time may tell them apart."
+                "The same mechanism from other positions and rates moves as close to the record; more frames "
+                "in the same time may tell the two apart."
             )
             continue
         said.append(
-            f"Another start ended elsewhere with a motion as close to the record: {listed(told, 3)}. Nothing "
-            "in the record tells them apart; a measured value, given with --fix, does."
+            f"Other values move as close to the record: {listed(told, 3)}. Nothing in the record prefers "
+            "either; a measured value, given with --fix, does."
         )
     return said
 

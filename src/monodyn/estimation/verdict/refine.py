@@ -95,7 +95,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     problem, optimum = with_proportions(problem, optimum)
     rejected = _gross(problem.data, optimum.residuals, settings.outlier)
     stated = problem.with_data(problem.data.without(rejected))
-    route = _route(problem, optimum, settings)
+    route = route_of(problem, optimum, settings)
     evaluations = optimum.evaluations
     optimum = _settled(stated, optimum)
     substeps, error, rounds = 0, 0.0, 0
@@ -114,8 +114,14 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     return Refined(stated, replace(optimum, evaluations=evaluations), known, noise, rejected, substeps, error)
 
 
-def _route(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Route:
-    """Return how exactly an optimum is searched: roughly where the motion does not follow the record."""
+def route_of(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Route:
+    """Return how exactly an optimum is searched: roughly where the motion does not follow the record.
+
+    Args:
+        problem: The problem, with the noise as stated.
+        optimum: The optimum.
+        settings: Gives the numbers.
+    """
     if relative_difference(problem, optimum.trial) > LOST_SHARE and optimum.sigma > LOST_NOISE:
         # it is refused, however exactly it was found
         return Route(settings.piece, settings.error_bound, ROUGH, NEGLIGIBLE)

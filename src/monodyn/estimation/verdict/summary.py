@@ -24,6 +24,7 @@ from monodyn.estimation.verdict.refits import refitted
 from monodyn.estimation.verdict.repeating import repeating_share
 from monodyn.estimation.verdict.shares import with_share
 from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
+from monodyn.estimation.verdict.twins import twins_of
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.estimation.verdict.unmodelled import unmodelled
 from monodyn.estimation.wording import listed
@@ -76,8 +77,11 @@ def summarize(
         quantile = _quantile(found.freedom)
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
+    missed = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
+    # a motion that is refused is that of another mechanism: neither intervals nor twins are any use
+    lost = missed is not None and missed.grade == "refused"
     by_gravity = gravity_share(found)
-    for more in (by_gravity, repeating_share(found)):
+    for more in (by_gravity,) if lost else (by_gravity, repeating_share(found)):
         parameters, ratios = with_share(
             fit.parameters, fit.combinations, more, problem.mechanism, _quantile(found.freedom)
         )
@@ -88,27 +92,26 @@ def summarize(
         stamp_error=found.noise.stamps,
         unmodelled=unmodelled(found.problem, found.optimum.trial, found.noise),
         tried_torques=solution.compared,
-        alternatives=tuple(problem.unknowns.named(x) for x in optimum.twins),
+        alternatives=(
+            *(problem.unknowns.named(x) for x in optimum.twins),
+            *(() if lost else twins_of(found, fit.parameters, settings)),
+        ),
     )
     unsupported = [Doubt("approximate", solution.doubt)] if solution.doubt else []
     few = [hardly] if hardly else []
-    fit = fit.doubted([*unsupported, *few, *_doubts(found, fit, settings)])
-    twins = advice.twins(fit.parameters, fit.alternatives)
+    others = [Doubt("approximate", reason) for reason in advice.twins(fit.parameters, fit.alternatives)]
+    against = [missed] if missed is not None and lost else _doubts(found, fit, settings, missed)
+    fit = fit.doubted([*unsupported, *few, *against, *others])
     said = _advice(found, fit, records, settings)
     if fit.ok and (by_gravity.parameters or by_gravity.combinations):
         said += advice.taken_gravity(problem.mechanism)
-    advised = (*twins, *solution.advice, *said, *advice.starts_tried(solution.tried))
+    advised = (*solution.advice, *said, *advice.starts_tried(solution.tried))
     return replace(fit, advice=advised)
 
 
-def _doubts(found: Refined, fit: Fit, settings: IdentifySettings) -> list[Doubt]:
-    """Return what the search and its end say against a fit."""
-    doubts = []
-    if missed := verdict(found.problem, found.optimum, fit.rms, found.noise.size):
-        doubts.append(missed)
-        if missed.grade == "refused":
-            # of a motion that is refused it does not matter how exactly it was found
-            return doubts
+def _doubts(found: Refined, fit: Fit, settings: IdentifySettings, missed: Doubt | None) -> list[Doubt]:
+    """Return what the search and its end say against a fit that is not refused for its residuals."""
+    doubts = [missed] if missed is not None else []
     if reason := _unlikely(found, fit):
         return [Doubt("refused", reason), *doubts]
     found_so = [

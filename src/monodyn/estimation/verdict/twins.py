@@ -1,0 +1,117 @@
+"""Other sizes and masses with which the mechanism moves alike, by closed forms, each proven by a fit.
+
+The motion depends on sizes and masses through a few regrouped inertias (``regrouped``). Where several sets of
+them give the same inertias, as two distances from the centre of mass do in Kater's reversible pendulum, a
+search ends at the one that is nearest to its start, and nothing in the record prefers it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from monodyn.estimation.fit import Estimate
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.search import ALIKE
+from monodyn.estimation.shooting.shoot import fit_pieces
+from monodyn.estimation.shooting.unknowns import CENTRE_KINDS
+from monodyn.estimation.verdict.refine import Refined, route_of
+from monodyn.estimation.verdict.surrogate import Surrogate, surrogate_of
+from monodyn.mechanism.parts import PLACE_KINDS
+from monodyn.optimize import SearchSettings, minimize
+
+HIDDEN = ("thickness", "density", "mass", "inertia", *CENTRE_KINDS, *PLACE_KINDS)
+"""Kinds of which several values may move alike: what no picture shows."""
+STARTS, SEED = 12, 0
+"""Starts from which twins are looked for, and the seed of their scatter."""
+FACTOR = np.log(8.0)
+"""Half width of their scatter, of logarithms ..."""
+TIMES, LEAST = 2.0, 0.1
+"""... and of what may be negative: in multiples of itself, and of this ratio at least."""
+LOOKED = SearchSettings(evaluations=60, decrease=1e-6, relative=1e-6)
+"""Each of the searches; an evaluation in closed form takes less than a millisecond."""
+WIDER = 2.0
+"""Times by which a twin lies outside of the interval of one parameter at least."""
+
+
+def twins_of(
+    found: Refined, estimates: Sequence[Estimate], settings: IdentifySettings
+) -> tuple[Mapping[str, float], ...]:
+    """Find other optima that the data cannot tell from the one that was found.
+
+    Args:
+        found: The optimum, and what is known there.
+        estimates: Its parameters with their intervals.
+        settings: How exactly the fits that prove them are searched.
+
+    Returns:
+        The unknowns of each by name; none where the motion depends on more than the regrouped inertias.
+    """
+    problem, optimum = found.weighted, found.optimum
+    unknowns = problem.unknowns
+    hidden = unknowns.of_kind(*HIDDEN) if len(unknowns) else np.zeros(0, dtype=bool)
+    surrogate = surrogate_of(problem, optimum.trial, optimum.at_bound) if hidden.any() else None
+    if surrogate is None:
+        return ()
+    tried: list[Mapping[str, float]] = []
+    twins: list[Mapping[str, float]] = []
+    route, here = route_of(found.problem, optimum, settings), None
+    for values in _minima(surrogate, hidden):
+        x = unknowns.coordinates(values)
+        named = unknowns.named(x)
+        within = np.all(x >= unknowns.lower) and np.all(x <= unknowns.upper)
+        if not within or not _apart(named, estimates) or any(_same(named, other) for other in tried):
+            continue
+        tried.append(named)
+        # the closed forms are those of the optimum's motion: that of the twin itself decides
+        start = optimum.trial.at(x, optimum.trial.states)
+        proven = fit_pieces(problem, start, route, LOOKED, robust=False)
+        here = here or fit_pieces(problem, optimum.trial, route, LOOKED, robust=False)
+        near = proven.complete and proven.cost < here.cost + 0.5 * ALIKE
+        named = unknowns.named(proven.x)
+        if near and _apart(named, estimates) and not any(_same(named, other) for other in twins):
+            twins.append(named)
+    return tuple(twins)
+
+
+def _minima(surrogate: Surrogate, hidden: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield values of the unknowns, (param,), with which the closed forms are as near to the record as at
+    their peak. ``hidden`` (param,) is True for those whose starts are scattered."""
+    sizes, peak = surrogate.sizes, surrogate.peak()
+    log = sizes.problem.unknowns.log
+    rng = np.random.default_rng(SEED)
+
+    def rows(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        with np.errstate(all="ignore"):
+            residuals, jacobian = surrogate.rows(point[None])
+        return residuals[0], jacobian[0]
+
+    least = _cost(rows(peak)[0])
+    for _ in range(STARTS):
+        drawn = rng.uniform(-1.0, 1.0, len(peak))
+        moved = np.where(log, peak + FACTOR * drawn, TIMES * np.maximum(np.abs(peak), LEAST) * drawn)
+        end = minimize(rows, np.where(hidden, moved, peak), settings=LOOKED, reach=surrogate.reach).x
+        cost = _cost(rows(end)[0])
+        if cost < least + 0.5 * ALIKE:
+            yield sizes.unknowns(end[None])[0]
+
+
+def _apart(values: Mapping[str, float], estimates: Sequence[Estimate]) -> bool:
+    """Return whether values lie outside of what the intervals leave open."""
+    for p in estimates:
+        if not p.free or p.name not in values or not np.isfinite(p.std):
+            continue
+        low, high = p.value - p.lower, p.upper - p.value
+        if not p.value - WIDER * low <= values[p.name] <= p.value + WIDER * high:
+            return True
+    return False
+
+
+def _same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    """Return whether two sets of values are one, but for what a search leaves."""
+    return all(np.isclose(value, other[name], rtol=0.02, atol=1e-6) for name, value in one.items())
+
+
+def _cost(residuals: np.ndarray) -> float:
+    return 0.5 * float(np.sum(residuals**2))
