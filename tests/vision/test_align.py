@@ -9,7 +9,7 @@ import pytest
 
 from monodyn.types import Frame
 from monodyn.vision.clip.homography import Homography, at_rest
-from monodyn.vision.registration.align import align, nearer_blocks
+from monodyn.vision.registration.align import align, more_alike_blocks
 from monodyn.vision.registration.keypicture import key_of, pyramid
 from scenes import SIZE, disc, moved, taken, wall
 
@@ -72,16 +72,27 @@ def test_a_bare_wall_holds_nothing() -> None:
     assert not align(pyramid(disc(bare, 66, 50).luma), lone, REST).known
 
 
-def test_what_moves_alone_is_nearer_in_its_own_blocks() -> None:
+def test_what_moves_alone_is_more_alike_in_its_own_blocks() -> None:
     at = moved((6.0, 4.0))
     finest = KEY.levels[-1]
     picture = pyramid(taken(SCENE, at, 1).luma)[-1]
-    assert nearer_blocks(picture, finest, at, REST) == 12
-    assert nearer_blocks(picture, finest, REST, at) == 0
+    assert more_alike_blocks(picture, finest, at, REST) == 12
+    assert more_alike_blocks(picture, finest, REST, at) == 0
     # a disc that moves before blobs that are others in every picture, as noise before a bare wall is
     key = key_of(pyramid(disc(taken(wall(8), REST), 90, 70, 30).luma), REST).levels[-1]
     other = pyramid(disc(taken(wall(9), REST), 96, 74, 30).luma)[-1]
-    assert 1 <= nearer_blocks(other, key, at, REST) <= 5
+    assert 1 <= more_alike_blocks(other, key, at, REST) <= 5
+
+
+def test_points_outside_of_the_picture_do_not_count() -> None:
+    # the last of the four columns of blocks is out of the picture in one of the places
+    away = moved((75.0, 0.0))
+    finest = KEY.levels[-1]
+    picture = pyramid(taken(SCENE, REST, 1).luma)[-1]
+    assert more_alike_blocks(picture, finest, REST, away) == 9
+    picture = pyramid(taken(SCENE, away, 1).luma)[-1]
+    assert more_alike_blocks(picture, finest, away, REST) == 9
+    assert more_alike_blocks(picture, finest, moved((999.0, 0.0)), REST) == 0
 
 
 def test_large_pictures_are_aligned_at_half_their_size() -> None:

@@ -18,7 +18,7 @@ from monodyn.vision.registration import register
 from monodyn.vision.registration.keypicture import key_of, pyramid
 from monodyn.vision.registration.register import camera_moves, levelled, onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
-from scenes import SIZE, disc, hand_held, moved, taken, wall
+from scenes import BEYOND, SIZE, disc, hand_held, moved, taken, wall
 from support import refuses
 
 SCENE = wall()
@@ -99,6 +99,19 @@ def test_frames_without_a_common_scene_do_not_show_whether_the_camera_moves() ->
     assert camera_moves(frames, key) is None
     assert camera_moves([taken(SCENE, moved(), k) for k in range(12)], key) is False
     assert camera_moves([taken(SCENE, at, k) for k, at in enumerate(hand_held(12))], key) is True
+
+
+def test_a_pan_along_most_of_the_edges_is_a_motion() -> None:
+    # boards with a joint here and there: most of the points show next to nothing of the displacement
+    boards = np.where(np.arange(SIZE[1] + 2 * BEYOND) // 8 % 2, 150.0, 70.0)[:, np.newaxis]
+    boards = np.repeat(boards, SIZE[0] + 2 * BEYOND, axis=1)
+    for x in range(0, boards.shape[1], 49):
+        boards[:, x : x + 2] = 200.0
+    boards = cv2.GaussianBlur(boards, (0, 0), 0.8)
+    pan = [taken(boards, moved((0.6 * k, -0.005 * k)), k + 6) for k in range(-6, 7)]
+    assert camera_moves(pan, key_of(pyramid(pan[6].luma), at_rest(SIZE))) is True
+    still = [taken(boards, moved(), k) for k in range(13)]
+    assert camera_moves(still, key_of(pyramid(still[6].luma), at_rest(SIZE))) is False
 
 
 def test_frames_that_show_something_else_are_not_registered(tmp_path: Path) -> None:

@@ -41,8 +41,9 @@ BENDING, BENDING_PX = 0.1, 0.05
 corner: as a share of the displacement, as a turn of a usual camera has it, and least [px]."""
 LEAST_AGREEING = 0.4
 """Share of the points that must agree."""
-NEARER = 0.7
-"""Difference from the points in one place over that in another, below which the picture is nearer there."""
+MORE_ALIKE = 0.7
+"""Median difference from the key picture in one place over that in another, below which a picture is clearly
+more alike in the first."""
 MOST_STD = 1.0
 """Standard deviation of a displacement above which it is not known [px]."""
 
@@ -95,33 +96,51 @@ def align(pictures: Sequence[np.ndarray], key: Key, start: Homography) -> Alignm
     return Alignment(at, share, overlap, held, _spread(normal, right, bending))
 
 
-def nearer_blocks(picture: np.ndarray, level: Level, there: Homography, here: Homography) -> int:
-    """Return in how many blocks a picture is clearly nearer to the points of a key picture in one place than
-    in another.
+def more_alike_blocks(picture: np.ndarray, level: Level, found: Homography, before: Homography) -> int:
+    """Count the blocks where a picture matches the key picture clearly better in one place than in another.
+
+    Only points that are within the picture in both places, and whose grey level the displacement between the
+    places changes by more than the noise, can distinguish them: a displacement along an edge changes nothing.
+
+    Args:
+        picture: A picture at the size of the level, uint8 (height, width).
+        level: Points of the key picture.
+        found: Map from the key picture to the picture that should match better.
+        before: The map with which it is compared.
+
+    Returns:
+        Number of blocks in which the median difference with ``found`` is less than ``MORE_ALIKE`` times that
+        with ``before``.
+    """
+    places = [at.of(level.points[:2].T + at.middle) for at in (found, before)]
+    last = level.scale * (np.array(picture.shape[::-1]) - 1.0)
+    within = np.all([(place >= 0.0) & (place <= last) for place in places], axis=(0, 2))
+    change = np.abs(np.sum(level.points[3:5] * (places[0] - places[1]).T, axis=0))
+    counted = within & (change > level.noise)
+    with_found, with_before = (_differences(picture, level, place, within) for place in places)
+    blocks = 0
+    for block in np.unique(level.block[counted]):
+        own = counted & (level.block == block)
+        if np.sum(own) >= LEAST_POINTS:
+            blocks += bool(np.median(with_found[own]) < MORE_ALIKE * np.median(with_before[own]))
+    return blocks
+
+
+def _differences(picture: np.ndarray, level: Level, places: np.ndarray, within: np.ndarray) -> np.ndarray:
+    """Return the absolute difference of the picture from each point [grey levels], (point,).
 
     Args:
         picture: A picture at the size of the level, uint8 (height, width).
         level: The points.
-        there: Map from the key picture to the picture.
-        here: The other one.
+        places: Where they appear in the picture [px of the clip], (point, 2).
+        within: Whether they are within the picture, (point,); the brightness is adapted to theirs.
     """
-    off = [_off(picture, level, at) for at in (there, here)]
-    count = 0
-    for block in np.unique(level.block):
-        own = level.block == block
-        first, second = (float(np.median(one[own])) for one in off)
-        count += int(np.sum(own)) >= LEAST_POINTS and first < NEARER * second
-    return count
-
-
-def _off(picture: np.ndarray, level: Level, at: Homography) -> np.ndarray:
-    """Return how far the picture is from each point, but for the light of all [grey levels], (point,)."""
     import cv2
 
-    places = (at.of(level.points[:2].T + at.middle) / level.scale).astype(np.float32)
-    shown = cv2.remap(picture, places[:, np.newaxis], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
-    off = shown[:, 0].astype(np.float64) - level.points[2]
-    return np.abs(off - np.median(off))
+    mapped = (places / level.scale).astype(np.float32)[:, np.newaxis]
+    shown = cv2.remap(picture, mapped, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
+    difference = shown[:, 0].astype(np.float64) - level.points[2]
+    return np.abs(difference - (np.median(difference[within]) if within.any() else 0.0))
 
 
 @njit(cache=True, error_model="numpy")

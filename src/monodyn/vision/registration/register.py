@@ -16,7 +16,7 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.homography import Homography, at_rest
 from monodyn.vision.clip.steady import CameraPath, shown_in_place
 from monodyn.vision.clip.video import Video
-from monodyn.vision.registration.align import align, nearer_blocks
+from monodyn.vision.registration.align import align, more_alike_blocks
 from monodyn.vision.registration.keypicture import Key, key_of, pyramid
 from monodyn.vision.registration.keys import Registrar
 
@@ -25,7 +25,8 @@ COMPARED = 12
 MOVED_PX, MOVED_STDS = 0.4, 6.0
 """Displacement from which it does [px], and in standard deviations."""
 WIDESPREAD = 7
-"""Blocks that must be more alike where they moved to: a cart and its shadow may cover several."""
+"""Blocks that must match the key picture better with the displacement than without: a cart and its shadow may
+cover several."""
 LEAST_MOVED = 2
 """Frames that must show it."""
 LEAST_STILL = 0.5
@@ -95,9 +96,10 @@ def camera_moves(samples: Sequence[Frame], key: Key) -> bool | None:
         if found.at.apart(key.at) <= max(MOVED_PX, MOVED_STDS * found.std):
             still += 1
             continue
-        # before a bare wall the mechanism, with noise around it, may be taken for a scene: the noise is no
-        # more alike where it was found
-        moved += nearer_blocks(pictures[-1], key.levels[-1], found.at, key.at) >= WIDESPREAD
+        # before a bare wall the mechanism and the noise around it may pass for a scene, and the motion of the
+        # mechanism for one of the camera; but most blocks then hold noise alone, which no displacement makes
+        # match the key picture better
+        moved += more_alike_blocks(pictures[-1], key.levels[-1], found.at, key.at) >= WIDESPREAD
     if moved >= LEAST_MOVED:
         return True
     return False if still >= LEAST_STILL * len(compared) else None
