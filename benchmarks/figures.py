@@ -6,9 +6,11 @@ import argparse
 import json
 import math
 import platform
+import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -135,6 +137,26 @@ def save(figures: Sequence[Figure], path: Path) -> None:
         "figures": rows,
     }
     path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+
+def figures_of(script: str, *words: str) -> list[Figure]:
+    """Run another benchmark, and return what it measured; its progress goes to the standard error.
+
+    Args:
+        script: Its file beside this one.
+        words: Its arguments.
+
+    Raises:
+        CalledProcessError: It failed.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "figures.json"
+        command = [sys.executable, str(Path(__file__).with_name(script)), *words, "--json", str(path)]
+        subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+        rows = json.loads(path.read_text(encoding="utf-8"))["figures"]
+    names = [field.name for field in fields(Figure)]
+    found = [Figure(**{name: row[name] for name in names}) for row in rows]
+    return [replace(figure, value=math.nan) if figure.value is None else figure for figure in found]
 
 
 def say(text: str) -> None:

@@ -202,7 +202,7 @@ def swung(rng: np.random.Generator, frames: int) -> Swing:
     Returns:
         The record and its truth.
     """
-    known, text = _drawn(rng)
+    known, text = drawn_pendulum(rng)
     body = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(body)
     data.qpos[:] = rng.uniform(-1.2, 1.2, 2)
@@ -221,8 +221,12 @@ def swung(rng: np.random.Generator, frames: int) -> Swing:
     return Swing(poses, known | inertias(body), later)
 
 
-def _drawn(rng: np.random.Generator) -> tuple[dict[str, float], str]:
-    """Return true values by name, and the MJCF of a double pendulum."""
+def drawn_pendulum(rng: np.random.Generator) -> tuple[dict[str, float], str]:
+    """Return true values by name, and the MJCF of a double pendulum.
+
+    Args:
+        rng: Where they come from.
+    """
     file = monodyn.load("double").values
     known: dict[str, float] = {}
     shape: dict[str, float] = {}

@@ -28,6 +28,10 @@ STEP = 2e-4
 """Integration step of MuJoCo [s]."""
 MASS_TARGET = 2.0
 """Error of a mass, at most [%]."""
+CREEPING = 0.02
+"""Time in which MuJoCo's dry friction brings a joint to rest unless a file says otherwise [s]: joints that
+are held creep meanwhile at some degrees a second, which no bearing does, and masses differ by what that
+makes."""
 LOGGED = (58, 271)
 """Frames of its film that the log of the torque covers, less the last quarter."""
 WINDOW = 1.5
@@ -46,6 +50,7 @@ class Case:
         share: Amplitude of the torque as a share of what holds the mechanism level.
         noise: Of the positions [rad or m].
         friction: Dry friction of every joint, as the same share.
+        settles: Within which time it brings a joint to rest [s].
         lag: How much later than in the log the torque acts [s].
         log: Rows of the log a second [Hz].
         hold: True where the controller holds what it sent until the next row.
@@ -59,6 +64,7 @@ class Case:
     share: float = 0.2
     noise: float = 1e-3
     friction: float = 0.0
+    settles: float = 1e-3
     lag: float = 0.0
     log: float = 200.0
     hold: bool = False
@@ -83,6 +89,7 @@ CASES = {
     "triple": Case("triple", ("joint1", "joint2")),
     "cartpole": Case("cartpole", ("slide",)),
     "cartpole, lag": Case("cartpole", ("slide",), lag=0.02, hold=True, log=100.0),
+    "double, creeping": Case("double", ("joint1",), friction=0.02, settles=CREEPING),
 }
 """The made records by name."""
 
@@ -145,7 +152,8 @@ def made(folder: Path) -> list[Figure]:
         lag = 1e3 * abs(rows["torque.lag"]["value"] - late)
         shown = ", ".join(f"{m} {rows[m]['value']:.4g} ({true:.4g})" for m, true in record.masses.items())
         say(f"{name}: {outcome.document['grade']}, {outcome.seconds.get('identify', 0.0):.0f} s: {shown}")
-        figures.append(Figure(name, "worst mass", max(errors.values()), "%", MASS_TARGET))
+        wanted = MASS_TARGET if case.settles < CREEPING else None
+        figures.append(Figure(name, "worst mass", max(errors.values()), "%", wanted))
         figures.append(Figure(name, "masses outside of their interval", len(within) - sum(within), ""))
         figures.append(Figure(name, "lag", lag, "ms"))
         figures.append(Figure(name, "trusted", float(outcome.document["grade"] == "trusted"), ""))
@@ -177,6 +185,7 @@ def simulated(case: Case, rng: np.random.Generator, folder: Path) -> Made:
     body.opt.timestep, body.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_RK4
     level = 9.81 * float(body.body_mass.sum()) * 0.1
     body.dof_frictionloss[:] = case.friction * level
+    body.dof_solref[:, 0] = case.settles
     masses = {p.name: p.value for p in mechanism.parameters if p.name.endswith(".mass")}
     shown = {p.name: p.value for p in mechanism.parameters if p.free and p.kind in ("width", "tail", "tip")}
     made = Made([], [], masses, shown)

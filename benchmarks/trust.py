@@ -3,8 +3,9 @@
 Run: ``MONODYN_DATA=<folder> python benchmarks/trust.py [--only GROUP ...] [--json FILE] [--gate]``.
 No fit may be called trusted with a parameter more than four standard deviations from its truth, or with a
 held-out error of more than three bands; right models are to be called trusted; ``films`` are the real ones.
-``carts`` are drawn clips by turned cameras. ``--runs`` keeps the folders of clips, and a pair that is there
-already is not run again.
+``carts`` are drawn clips by turned cameras. Then come the figures of the scripts that measure what a verdict
+rests on (``ALSO``), whose own options say more. ``--runs`` keeps the folders of clips, and a pair that is
+there already is not run again.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 import monodyn
 from clips import cached
 from damaged import DAMAGES, Record, drawn
-from figures import Figure, command_line, finish, say, table
+from figures import Figure, command_line, figures_of, finish, say, table
 from filmed import MECHANISMS
 from monodyn.pipeline import identify_tables
 from monodyn.vision.drawing.camera import CAMERA_STD, CAMERA_TURNS
@@ -43,6 +44,16 @@ DRAWN = 200
 """Records of right models."""
 SEEDS = 3
 """Records of each damage."""
+ALSO = {
+    "coverage": ("intervals.py",),
+    "lacking": ("lacking.py",),
+    "filmed": ("clip_intervals.py",),
+    "ratios": ("encoders.py", "--only", "alone", "together", "units"),
+    "torque": ("torque_kinds.py",),
+    "known": ("torques.py",),
+    "alarms": ("alarms.py",),
+}
+"""Other scripts, with their arguments, by what they measure."""
 MOST_STD, MOST_BANDS = 4.0, 3.0
 """Standard deviations beyond which a parameter is wrong, and a prediction."""
 
@@ -85,7 +96,7 @@ def main() -> int:
         "encoders": encoders,
         "drawn": right,
     }
-    parser = command_line(__doc__, (*groups, "films"))
+    parser = command_line(__doc__, (*groups, "films", *ALSO))
     parser.add_argument("--runs", type=Path, metavar="FOLDER", help="keep the run folders there")
     options = parser.parse_args()
     data = Path(os.environ.get("MONODYN_DATA") or "missing")
@@ -96,7 +107,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as temporary:
         runs = options.runs or Path(temporary)
         runs.mkdir(parents=True, exist_ok=True)
-        for group in options.only or (*groups, "films"):
+        for group in options.only or (*groups, "films", *ALSO):
+            if group in ALSO:
+                figures += figures_of(*ALSO[group])
+                continue
             if group == "films":
                 figures += real_films(data, runs)
                 continue

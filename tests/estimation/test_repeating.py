@@ -1,5 +1,6 @@
 """What a model lacks as an unknown function of the state: intervals of records whose truth is known."""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -69,6 +70,15 @@ def test_intervals_contain_what_is_unknown_to_the_model(kind, monkeypatch):
     assert np.mean(np.abs(with_it) < 2.0) > 0.85
 
 
+@pytest.mark.slow
+def test_a_record_that_states_too_much_noise_hides_nothing():
+    """What the model lacks is compared with the noise that the record shows, whatever it states."""
+    poses, start, truth = lacking("dry", 0)
+    loud = replace(poses, covariance=100.0 * poses.covariance)
+    one, other = (deviations(identify(given, start, VISCOUS), truth) for given in (poses, loud))
+    np.testing.assert_allclose(other, one, atol=0.3)
+
+
 def test_where_noise_explains_the_residuals_next_to_nothing_is_added(poses, double, monkeypatch):
     shares = []
 
@@ -80,6 +90,7 @@ def test_where_noise_explains_the_residuals_next_to_nothing_is_added(poses, doub
     identify(poses, double, VISCOUS)
     added, before = shares[0]
     known = np.isfinite(before) & (before > 0.0)
+    assert known.any()
     assert np.all(added[known] < 0.5 * before[known])
 
 

@@ -6,15 +6,14 @@ proportion to a length, about which the data give no information.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 
 from monodyn.estimation.fit import Estimate
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum
-from monodyn.estimation.shooting.unknowns import PICTURE_ONLY
+from monodyn.estimation.shooting.unknowns import PICTURE_ONLY, Unknowns
 from monodyn.estimation.verdict.posterior import Posterior
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Parameter
@@ -24,6 +23,8 @@ from monodyn.mechanism.upright import ROLL_STD
 
 WEAK = 1.0
 """Standard deviation of the logarithm above which a value is hardly known: a factor of e either way."""
+LONGEST = 700.0
+"""Longest side of the interval of a logarithm: beyond e^700 there is no number."""
 
 
 def estimates(
@@ -64,53 +65,85 @@ def estimates(
     held = mechanism.torque == "free"
     found = []
     for p in mechanism.parameters:
-        if p.name in where:
-            i = where[p.name]
-            log = bool(unknowns.log[i])
-            deviation = Deviation(float(known.std[i]) * (p.value if log else 1.0), log)
-            if unknowns.ratio[i] or unknowns.against[i] >= 0:
-                # its own ratio may be known better than what it is a ratio to
-                along = _along(chain[i], p.value, known)
-                deviation = Deviation(along.std, False)
-            found.append(_estimate(p, deviation, quantile, free=True, at_bound=bool(optimum.at_bound[i])))
+        i, std = where.get(p.name, -1), 0.0
+        if i >= 0 and (unknowns.ratio[i] or unknowns.against[i] >= 0):
+            # its own ratio may be known better than what it is a ratio to
+            std = _std_along(chain[i], p.value, known)
+        elif i >= 0:
+            std = float(known.std[i]) * (p.value if unknowns.log[i] else 1.0)
         elif p.kind == "roll" and p.free:  # held under free torques, at what is assumed of it
-            found.append(_estimate(p, Deviation(ROLL_STD, False), quantile))
+            std = ROLL_STD
         elif p.kind == "roll" and p.name not in mechanism.chosen and p.value == 0.0:
             continue  # there is no camera
         elif p.name in tied and p.kind == "density":  # as well known as the one it keeps its proportion to
-            along = _along(chain[len(unknowns) + tied[p.name]], p.value, known)
-            found.append(_estimate(p, along, quantile))
+            std = _std_along(chain[len(unknowns) + tied[p.name]], p.value, known)
         elif p.name in tied or (p.free and (held or p.kind in PICTURE_ONLY)):
-            found.append(_estimate(p, Deviation(np.inf, False), quantile))
+            std = np.inf
         elif p.follows:
-            found.append(_estimate(p, _along(columns[p.name], p.value, known), quantile))
-        else:
-            found.append(_estimate(p, Deviation(0.0, False), quantile))
+            std = _std_along(columns[p.name], p.value, known)
+        one = _estimate(p, std, quantile, by_factor=errs_by_factor(unknowns, p))
+        found.append(replace(one, free=i >= 0, at_bound=i >= 0 and bool(optimum.at_bound[i])))
     if drawn is not None:
         found = [_from_draws(estimate, mechanism.parameter(estimate.name), drawn) for estimate in found]
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Deviation:
-    """How far a value may be off.
+def errs_by_factor(unknowns: Unknowns, p: Parameter) -> bool:
+    """Return whether the error of a parameter is a factor, so that its interval is that of a logarithm.
 
-    Attributes:
-        std: Standard deviation in the parameter's unit, infinite where nothing fixes it.
-        ratio: True where the error is a factor, of a positive value.
+    Args:
+        unknowns: What was searched, and how.
+        p: The parameter, with its value.
+
+    Returns:
+        True for what was searched as a logarithm, and for positive values that follow.
     """
+    if p.name in unknowns.names:
+        i = unknowns.names.index(p.name)
+        return bool(unknowns.log[i] and not unknowns.ratio[i] and unknowns.against[i] < 0)
+    return p.value > 0.0 and (p.follows or p.name in unknowns.tied)
 
-    std: float
-    ratio: bool
+
+def determined(value: float, std: float, *, by_factor: bool) -> bool:
+    """Return whether a value is known at least within a factor of about three.
+
+    Args:
+        value: The value.
+        std: Its standard deviation.
+        by_factor: Whether its error is a factor.
+    """
+    return std < WEAK * value if by_factor else bool(np.isfinite(std))
 
 
-def _along(gradient: np.ndarray, value: float, known: Knowledge) -> Deviation:
-    """Return how far a value that follows may be off, from its derivatives by coordinate (param,)."""
+def widened(value: float, lower: float, upper: float, half: float, *, by_factor: bool) -> tuple[float, float]:
+    """Return the ends of an interval with an error more, which is independent of what it has already.
+
+    Either side becomes sqrt(side^2 + half^2): of a factor in the logarithm, in which its error is symmetric.
+
+    Args:
+        value: What it is about.
+        lower: Its lower end; the value itself where it is known exactly.
+        upper: Its upper end, likewise.
+        half: Half width of the interval that the error alone would leave, in the unit of the value.
+        by_factor: Whether the error is a factor.
+    """
+    if not by_factor:
+        return value - float(np.hypot(value - lower, half)), value + float(np.hypot(upper - value, half))
+    below = np.log(value / lower) if lower > 0.0 else np.inf
+    down, up = (
+        float(np.exp(min(np.hypot(side, half / value), LONGEST))) for side in (below, np.log(upper / value))
+    )
+    # no number reaches as far as zero or infinity
+    return min(value / down, lower), max(value * up, upper)
+
+
+def _std_along(gradient: np.ndarray, value: float, known: Knowledge) -> float:
+    """Return the standard deviation of a value that follows, from its derivatives by coordinate (param,)."""
     # a value is known where no open direction changes it, though all that it follows from may be open
     open_share = np.abs(known.open.T @ (gradient / known.relative)) if known.open.size else np.zeros(1)
     if open_share.max(initial=0.0) > 1e-3 * max(abs(value), 1e-300):
-        return Deviation(np.inf, value > 0)
-    return Deviation(float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0))), value > 0)
+        return np.inf
+    return float(np.sqrt(max(gradient @ known.covariance @ gradient, 0.0)))
 
 
 def _from_draws(estimate: Estimate, p: Parameter, drawn: Posterior) -> Estimate:
@@ -123,22 +156,15 @@ def _from_draws(estimate: Estimate, p: Parameter, drawn: Posterior) -> Estimate:
     return replace(estimate, lower=min(lower, estimate.value), upper=max(upper, estimate.value))
 
 
-def _estimate(
-    p: Parameter, deviation: Deviation, quantile: float, *, free: bool = False, at_bound: bool = False
-) -> Estimate:
-    """Return a parameter with its interval, cut at its bounds."""
-    value, std = float(p.value), deviation.std
-    made = partial(Estimate, name=p.name, value=value, unit=p.unit, free=free, at_bound=at_bound)
+def _estimate(p: Parameter, std: float, quantile: float, *, by_factor: bool) -> Estimate:
+    """Return a parameter with its interval, cut at its bounds; one that was not searched."""
+    value, lower, upper = float(p.value), p.lower, p.upper
     if std == 0.0:
-        return made(std=0.0, lower=value, upper=value, identifiable=True)
-    if not np.isfinite(std):
-        return made(std=float("inf"), lower=p.lower, upper=p.upper, identifiable=False)
-    if deviation.ratio:
-        # the error of a logarithm is symmetric, that of the value is not; beyond e^700 there is no number
-        reach = float(np.exp(min(quantile * std / value, 700.0)))
-        lower, upper = value / reach, value * reach
+        lower, upper, clear = value, value, True
+    elif np.isfinite(std):
+        low, high = widened(value, value, value, quantile * std, by_factor=by_factor)
+        lower, upper = max(low, lower), min(high, upper)
+        clear = determined(value, std, by_factor=by_factor)
     else:
-        lower, upper = value - quantile * std, value + quantile * std
-    clear = not deviation.ratio or std < WEAK * value
-    lower, upper = max(float(lower), p.lower), min(float(upper), p.upper)
-    return made(std=std, lower=lower, upper=upper, identifiable=clear)
+        clear = False
+    return Estimate(p.name, value, std, lower, upper, p.unit, free=False, identifiable=clear, at_bound=False)

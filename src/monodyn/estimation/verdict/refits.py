@@ -19,6 +19,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.prior import size_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
+from monodyn.estimation.verdict.intervals import determined, errs_by_factor
 from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.surrogate import surrogate_of
 from monodyn.estimation.verdict.uncertainty import knowledge_at
@@ -190,14 +191,19 @@ def _redrawn(
             "the intervals are those of the covariance, and may be too short; a longer record would help."
         )
         return tuple(estimates), Doubt("approximate", few)
-    made = []
-    for estimate in estimates:
-        if estimate.name in drawn[0] and np.isfinite(estimate.std) and estimate.std > 0.0:
-            spread = np.array([one[estimate.name] for one in drawn])
-            low, high = np.percentile(spread, SIDES)
-            estimate = replace(estimate, std=float(np.std(spread)), lower=float(low), upper=float(high))
-        made.append(estimate)
-    return tuple(made), None
+    found_at = problem.mechanism_at(optimum.x)
+
+    def spread(one: Estimate) -> Estimate:
+        if one.name not in drawn[0] or not np.isfinite(one.std) or one.std <= 0.0:
+            return one
+        values_of = np.array([each[one.name] for each in drawn])
+        low, high = np.percentile(values_of, SIDES)
+        std = float(np.std(values_of))
+        by_factor = errs_by_factor(problem.unknowns, found_at.parameter(one.name))
+        clear = determined(one.value, std, by_factor=by_factor)
+        return replace(one, std=std, lower=float(low), upper=float(high), identifiable=clear)
+
+    return tuple(map(spread, estimates)), None
 
 
 def _near(problem: Problem, optimum: Optimum) -> np.ndarray:

@@ -3,8 +3,8 @@
 Random accelerations average out along a record. A force that is always the same in the same state, of which a
 model knows nothing, does not: it moves what is identified the same way in every record of the mechanism. Nor
 does an error of the readings that is the same in every pose, such as a picture leaves whose pixels are not
-square. How strong both are the residuals tell, in all directions but those that the parameters have taken up;
-these are taken to be as strong.
+square. The residuals determine how strong both are, in all directions but those that the parameters have
+taken up; in these they are taken to be as strong.
 """
 
 from __future__ import annotations
@@ -82,10 +82,8 @@ def repeating(found: Refined) -> np.ndarray:
     count, white, use = len(trial.x), data.white, data.measured
     residual = np.nan_to_num(problem.differences(trial))
     # the whitened residuals in deviations of what changes from row to row
-    rows = noise_of_rows(
-        np.where(use, residual, np.nan) * unit, np.where(use, found.problem.data.std, np.nan) * unit
-    )
-    level = np.where(use, rows / unit * np.einsum("fii->fi", white), 1.0).ravel()
+    rows = noise_of_rows(np.where(use, residual, np.nan), np.where(use, found.problem.data.std, np.nan))
+    level = np.where(use, rows * np.einsum("fii->fi", white), 1.0).ravel()
     seen = np.where(use, np.einsum("fij,fj->fi", white, residual), 0.0).ravel() / level
     dofs = data.position.shape[1]
 
@@ -175,7 +173,9 @@ def _strengths(normal: np.ndarray, right: np.ndarray, causes: int, total: float)
     """
     count = len(right) // causes
     own = [slice(i * count, (i + 1) * count) for i in range(causes)]
-    whole = np.sqrt(total / np.array([max(np.trace(normal[one, one]), 1e-300) for one in own]))
+    traces = np.array([np.trace(normal[one, one]) for one in own])
+    # what moves nothing has no strength
+    whole = np.sqrt(total / np.where(traces > 0.0, traces, np.inf))
     likeliest, square, value = BEGUN * whole, np.zeros(causes), -np.inf
     for _ in range(SWEEPS):
         before = likeliest.copy()

@@ -9,7 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from monodyn.estimation.fit import Combination, Estimate
-from monodyn.mechanism import Mechanism
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.verdict.intervals import determined, errs_by_factor, widened
 
 _Known = TypeVar("_Known", Estimate, Combination)
 
@@ -49,7 +50,7 @@ def with_share(
     parameters: Sequence[Estimate],
     found: Sequence[Combination],
     share: Share,
-    mechanism: Mechanism,
+    problem: Problem,
     quantile: float,
 ) -> tuple[tuple[Estimate, ...], tuple[Combination, ...]]:
     """Let the intervals contain something more.
@@ -60,27 +61,35 @@ def with_share(
         parameters: The estimates without it.
         found: The combinations without it.
         share: What is added.
-        mechanism: Gives the bounds.
+        problem: Gives the bounds, and what was searched as a logarithm.
         quantile: Half width of an interval in standard deviations.
 
     Returns:
         The estimates and the combinations, in their order.
     """
-    limits = {p.name: (p.lower, p.upper) for p in mechanism.parameters}
+    rows = {p.name: p for p in problem.mechanism.parameters}
 
-    def widened(one: _Known, more: float) -> _Known:
+    def wider(one: Estimate) -> Estimate:
+        more, p = share.parameters.get(one.name, 0.0), rows[one.name]
         if more == 0.0:
             return one
-        lowest, highest = limits.get(one.name, (-np.inf, np.inf))
-        low, high = one.value - one.lower, one.upper - one.value
+        std = float(np.hypot(one.std, more))
+        by_factor = errs_by_factor(problem.unknowns, replace(p, value=one.value))
+        lower, upper = widened(one.value, one.lower, one.upper, quantile * more, by_factor=by_factor)
         return replace(
             one,
-            std=float(np.hypot(one.std, more)),
-            lower=max(one.value - float(np.hypot(low, quantile * more)), min(lowest, one.lower)),
-            upper=min(one.value + float(np.hypot(high, quantile * more)), max(highest, one.upper)),
+            std=std,
+            lower=max(lower, min(p.lower, one.lower)),
+            upper=min(upper, max(p.upper, one.upper)),
+            identifiable=one.identifiable and determined(one.value, std, by_factor=by_factor),
         )
 
-    return (
-        tuple(widened(one, share.parameters.get(one.name, 0.0)) for one in parameters),
-        tuple(widened(one, share.combinations.get(one.name, 0.0)) for one in found),
-    )
+    def looser(one: Combination) -> Combination:
+        more = share.combinations.get(one.name, 0.0)
+        if more == 0.0:
+            return one
+        # of all combinations the intervals are of the value, which may be negative
+        lower, upper = widened(one.value, one.lower, one.upper, quantile * more, by_factor=False)
+        return replace(one, std=float(np.hypot(one.std, more)), lower=lower, upper=upper)
+
+    return tuple(map(wider, parameters)), tuple(map(looser, found))

@@ -83,7 +83,7 @@ def summarize(
     by_gravity = gravity_share(found)
     for more in (by_gravity,) if lost else (by_gravity, repeating_share(found)):
         parameters, ratios = with_share(
-            fit.parameters, fit.combinations, more, problem.mechanism, _quantile(found.freedom)
+            fit.parameters, fit.combinations, more, found.problem, _quantile(found.freedom)
         )
         fit = replace(fit, parameters=parameters, combinations=ratios)
     fit = replace(

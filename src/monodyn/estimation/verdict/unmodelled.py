@@ -20,8 +20,10 @@ from monodyn.mechanism.simulate import transitions
 from monodyn.mechanism.torques import LAG
 
 LARGER, SLOWER = 2.0, 1.5
-"""Residuals over the stated noise, and root of what their autocorrelation costs, above which the model lacks
-something."""
+"""Residuals over the part of them that changes from row to row, and root of what their autocorrelation costs,
+above which the model lacks something."""
+LEAST_NOISE = 1e-3
+"""Least noise over the stated one: a record may state too much, but rows that rest are not exact."""
 DENSITIES = 10.0 ** np.arange(-6.0, 3.01, 0.25)
 """Densities that are tried, over the variance of the residuals by the time between stamps to the third."""
 SWEEPS = 2
@@ -45,14 +47,17 @@ def unmodelled(problem: Problem, trial: Trial, noise: NoiseFactors) -> Unmodelle
         Maximum likelihood of a linear stochastic system by the innovations of its Kalman filter: Åström and
         Källström, Identification of ship steering dynamics, 1976.
     """
-    if not np.any((noise.size > LARGER) & (noise.correlation > SLOWER)):
+    if not np.any(noise.correlation > SLOWER):
         return None
     data = problem.data
-    clock, carried = carried_along(problem, trial)
     unit = data.by_row(np.where(data.slide, problem.size(trial.x), 1.0))
     residual = problem.differences(trial) * unit
     # what is no motion at all changes from row to row
     white = noise_of_rows(residual, np.where(data.measured, data.std, np.nan) * unit)
+    larger = np.sqrt(np.nanmean((residual / white) ** 2, axis=0)) > LARGER
+    if not np.any(larger & (noise.correlation > SLOWER)):
+        return None
+    clock, carried = carried_along(problem, trial)
     steps = np.diff(clock, prepend=clock[0])
     begins = np.zeros(len(clock), dtype=np.bool_)
     begins[trial.pieces.first[:-1]] = True
@@ -94,10 +99,10 @@ def noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
 
     Args:
         residual: Residuals, NaN where not measured, (row, dof).
-        stated: The stated noise, (row, dof).
+        stated: The stated noise, whose size may be wrong, (row, dof).
 
     Returns:
-        The deviation, as large as stated at least, and NaN where not measured.
+        The deviation, in proportion to what is stated, and NaN where not measured.
     """
     white = stated.copy()
     for dof in range(residual.shape[1]):
@@ -105,7 +110,7 @@ def noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
         second = np.diff(residual[:, dof] / stated[:, dof], n=2)
         second = second[np.isfinite(second)]
         if len(second):
-            white[:, dof] *= max(1.0, float(np.sqrt(np.median(second**2) / 0.4549 / 6.0)))
+            white[:, dof] *= max(LEAST_NOISE, float(np.sqrt(np.median(second**2) / 0.4549 / 6.0)))
     return white
 
 
