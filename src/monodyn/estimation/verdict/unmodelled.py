@@ -24,6 +24,9 @@ LARGER, SLOWER = 2.0, 1.5
 above which the model lacks something."""
 LEAST_NOISE = 1e-3
 """Least noise over the stated one: a record may state too much, but rows that rest are not exact."""
+STRIDES = (1, 2)
+"""Rows from one to the next by which noise is told from what changes slowly: a filter may have smoothed that
+of neighbours."""
 DENSITIES = 10.0 ** np.arange(-6.0, 3.01, 0.25)
 """Densities that are tried, over the variance of the residuals by the time between stamps to the third."""
 SWEEPS = 2
@@ -106,11 +109,16 @@ def noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
     """
     white = stated.copy()
     for dof in range(residual.shape[1]):
+        relative = residual[:, dof] / stated[:, dof]
         # second differences of what changes slowly vanish, those of noise have six times its variance
-        second = np.diff(residual[:, dof] / stated[:, dof], n=2)
-        second = second[np.isfinite(second)]
-        if len(second):
-            white[:, dof] *= max(LEAST_NOISE, float(np.sqrt(np.median(second**2) / 0.4549 / 6.0)))
+        parts = [
+            relative[2 * stride :] - 2.0 * relative[stride:-stride] + relative[: -2 * stride]
+            for stride in STRIDES
+        ]
+        known = [part[np.isfinite(part)] for part in parts]
+        sizes = [np.sqrt(np.median(part**2) / 0.4549 / 6.0) for part in known if len(part)]
+        if sizes:
+            white[:, dof] *= max(LEAST_NOISE, *map(float, sizes))
     return white
 
 
