@@ -140,14 +140,11 @@ def save(figures: Sequence[Figure], path: Path) -> None:
 
 
 def figures_of(script: str, *words: str) -> list[Figure]:
-    """Run another benchmark, and return what it measured; its progress goes to the standard error.
+    """Return what another benchmark measures; its progress goes to the standard error.
 
     Args:
         script: Its file beside this one.
         words: Its arguments.
-
-    Raises:
-        CalledProcessError: It failed.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "figures.json"

@@ -86,7 +86,7 @@ def main() -> int:
 
 
 def intervals(fit: Fit, swing: Swing) -> list[bool]:
-    """Say of each combination that has a true value whether its interval contains it.
+    """Return of each combination that has a true value whether its interval contains it.
 
     Args:
         fit: The fit.
@@ -100,7 +100,7 @@ def intervals(fit: Fit, swing: Swing) -> list[bool]:
 
 
 def swung(kind: str, rng: np.random.Generator) -> Swing:
-    """Draw a double pendulum and what the model has not, let it go, and measure it.
+    """Return what is measured of a drawn double pendulum that has more than the model.
 
     Args:
         kind: What the model lacks.
@@ -126,31 +126,51 @@ def swung(kind: str, rng: np.random.Generator) -> Swing:
 
 
 def dry(rng: np.random.Generator) -> tuple[Push, Reading]:
-    """Return dry friction at both joints."""
+    """Return dry friction at both joints.
+
+    Args:
+        rng: Where it is drawn from.
+    """
     size = 0.25 * _sizes(rng)
     return lambda q, v: -size * np.tanh(v / 0.05), _as_it_is
 
 
 def drag(rng: np.random.Generator) -> tuple[Push, Reading]:
-    """Return quadratic drag at both joints."""
+    """Return quadratic drag at both joints.
+
+    Args:
+        rng: Where it is drawn from.
+    """
     size = 0.06 * _sizes(rng)
     return lambda q, v: -size * np.abs(v) * v, _as_it_is
 
 
 def cogging(rng: np.random.Generator) -> tuple[Push, Reading]:
-    """Return a pull towards three places of a turn, as a motor's magnets have it."""
+    """Return a pull towards three places of a turn, as a motor's magnets have it.
+
+    Args:
+        rng: Where it is drawn from.
+    """
     size, phase = 0.6 * _sizes(rng), rng.uniform(0.0, 2.0 * np.pi, 2)
     return lambda q, v: size * np.sin(3.0 * q + phase), _as_it_is
 
 
 def cable(rng: np.random.Generator) -> tuple[Push, Reading]:
-    """Return a cable at each joint that pulls it to one side."""
+    """Return a cable at each joint that pulls it to one side.
+
+    Args:
+        rng: Where it is drawn from.
+    """
     size, rest = 0.8 * _sizes(rng), rng.uniform(0.0, 0.6, 2)
     return lambda q, v: -size * (q - rest), _as_it_is
 
 
 def stretched(rng: np.random.Generator) -> tuple[Push, Reading]:
-    """Return angles of a picture whose pixels are up to 5 % wider or less wide than high."""
+    """Return angles of a picture whose pixels are up to 5 % wider or less wide than high.
+
+    Args:
+        rng: Where it is drawn from.
+    """
     stretch = rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.05)
 
     def read(position: np.ndarray) -> np.ndarray:
@@ -162,7 +182,11 @@ def stretched(rng: np.random.Generator) -> tuple[Push, Reading]:
 
 
 def eccentric(rng: np.random.Generator) -> tuple[Push, Reading]:
-    """Return angles of scales that do not turn about their middle."""
+    """Return angles of scales that do not turn about their middle.
+
+    Args:
+        rng: Where it is drawn from.
+    """
     size, phase = rng.uniform(0.002, 0.02, 2), rng.uniform(0.0, 2.0 * np.pi, 2)
     return _nothing, lambda position: position + size * np.sin(position + phase)
 
