@@ -9,7 +9,8 @@ import pytest
 
 import monodyn
 from monodyn import kept
-from monodyn.estimation.fit import Doubt
+from monodyn.errors import VideoError
+from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.kept import kept_doubts
 from monodyn.mechanism import load
@@ -48,7 +49,70 @@ def test_an_end_of_another_kind_is_a_doubt() -> None:
     for doubt in doubts:
         assert doubt.reason.startswith("Identified without the last 0.6 s of the record: The ")
     # many records say it once
-    assert len(kept_doubts(fit, [record, record], mechanism, SETTINGS)) == 2
+    many = monodyn.identify([swung(90), swung(90)], mechanism, SETTINGS)
+    assert len(kept_doubts(many, [record, record], mechanism, SETTINGS)) == 2
+
+
+def test_of_each_kind_the_gravest_is_kept() -> None:
+    """One record goes on for a while but farther off than its band, another one goes another way at once."""
+    records, mechanism = [swung(90, kick=1.2), swung(90, kick=4.0)], load("single")
+    fit = monodyn.identify([swung(90), swung(90)], mechanism, SETTINGS)
+    apart = [kept_doubts(fit, [record, swung(90)], mechanism, SETTINGS) for record in records]
+    assert [doubt.grade for doubt in apart[0]] == ["approximate", "approximate"]
+    assert " The prediction holds for " in apart[0][0].reason
+    assert " standard deviations from their prediction " in apart[0][1].reason
+    assert [doubt.grade for doubt in apart[1]] == ["refused", "approximate"]
+    both = kept_doubts(fit, records, mechanism, SETTINGS)
+    assert [doubt.grade for doubt in both] == ["refused", "approximate"]
+    assert " The motion does not go on as identified: " in both[0].reason
+
+
+def test_a_fit_that_rests_on_the_end_of_its_record_is_doubted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pendulum that hangs at rest until it is pushed at last."""
+    record, mechanism = swung(90), load("single")
+    fit, rest = monodyn.identify(record, mechanism, SETTINGS), int(0.8 * 90)
+    position = record.position.copy()
+    position[:rest] = -0.5 * np.pi + NOISE * np.random.default_rng(0).standard_normal((rest, 1))
+    still = replace(record, position=position)
+    assert kept_doubts(fit, [still], mechanism, SETTINGS) == [
+        Doubt(
+            "approximate",
+            "Without the last 20% of what was measured, kept back to judge the fit by, the mechanism cannot "
+            "be identified: Nothing moves in the record: no joint leaves its noise; give frames with motion.",
+        )
+    ]
+
+    def unusable(*args: object, **kwargs: object) -> Fit:
+        raise VideoError("record 0: no.")
+
+    monkeypatch.setattr(kept, "identify", unusable)
+    assert kept_doubts(fit, [record], mechanism, SETTINGS) == [
+        Doubt(
+            "approximate",
+            "Without the last 20% of what was measured, kept back to judge the fit by, the mechanism cannot "
+            "be identified: record 0: no.",
+        )
+    ]
+    # where the rows that would be kept back are too few nothing is tried
+    unseen = replace(record, seen=np.arange(90) >= 45)
+    assert kept_doubts(fit, [unseen], mechanism, SETTINGS) == []
+
+
+def test_where_enough_is_left_after_the_fitted_rows_nothing_is_kept_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    record, mechanism, given = swung(90), load("single"), []
+    fits = [monodyn.identify(record.part(0, stop), mechanism, SETTINGS) for stop in (81, 80)]
+
+    def noted(records, mechanism, settings, progress=None):
+        given.append([len(one) for one in records])
+        return monodyn.identify(records, mechanism, settings)
+
+    monkeypatch.setattr(kept, "identify", noted)
+    # nine rows say nothing, ten do; and of what was not fitted nothing is fitted now
+    for fit in fits:
+        assert kept_doubts(fit, [record], mechanism, SETTINGS) == []
+    assert given == [[65]]
 
 
 def test_a_short_record_keeps_nothing_back(monkeypatch: pytest.MonkeyPatch) -> None:

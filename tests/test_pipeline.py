@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,8 @@ from monodyn import job, pipeline
 from monodyn.checks import FILMING
 from monodyn.doubtful import doubtful_sight
 from monodyn.errors import FitError, SettingsError, VideoError
-from monodyn.estimation.fit import Doubt
-from monodyn.estimation.record.tables import write_poses
+from monodyn.estimation.fit import Doubt, Fit
+from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.mechanism import load
 from monodyn.pipeline import Job, identify_tables, run, track_clip
 from monodyn.results.log import RunLog
@@ -110,6 +111,19 @@ def test_without_a_folder_nothing_is_written(table: Path) -> None:
     outcome = identify_tables([table, table], "single")
     assert (outcome.folder, len(outcome.traces), outcome.document["ok"]) == (None, 2, True)
     assert [trace.name for trace in outcome.traces] == ["swing.csv", "swing.csv"]
+
+
+def test_positions_that_the_dynamics_exclude_are_named_of_every_record(table: Path, tmp_path: Path) -> None:
+    record = read_poses(table, load("single"))
+    position = record.position.copy()
+    position[[20, 21]] += 0.5
+    other = tmp_path / "other.csv"
+    write_poses(replace(record, position=position), other)
+    notes = identify_tables([table, other], "single", tmp_path / "fit").document["advice"]
+    assert [note for note in notes if "exclude" in note] == [
+        "The identified dynamics exclude the position of joint1 in frame 20 and 21 of other.csv: the "
+        "measurement was wrong there."
+    ]
 
 
 def test_notes_of_a_clip_and_of_its_masks_are_said_once(
@@ -240,6 +254,29 @@ def test_the_fit_begins_where_the_mechanism_moves_freely(
         "or --time-range A:B [s] where it moves freely.",
     ):
         run(clip, "single", tmp_path / "run", RunSettings(fit_frames=(0, 4)), force=True)
+
+
+def test_a_clip_that_is_fitted_in_whole_keeps_frames_back(
+    monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
+) -> None:
+    fit = identified()
+    clip = seen(
+        monkeypatch, make_clip, fit=made_fit(time=(fit.time[0][:12],), residual=(fit.residual[0][:12],))
+    )
+    given = []
+
+    def judged(fit: Fit, records: list[Poses], *args: object) -> list[Doubt]:
+        given.append([len(record) for record in records])
+        return [Doubt("approximate", "It does not go on.")]
+
+    monkeypatch.setattr(pipeline, "kept_doubts", judged)
+    outcome = run(clip, "single", tmp_path / "run", RunSettings(fit_frames=(0, None)))
+    assert outcome.document["status"] == "Approximate. It does not go on."
+    assert given == [[12]]
+    # what is refused for what was seen is not judged again
+    monkeypatch.setattr(pipeline, "doubtful_sight", lambda *args, **kwargs: "No.")
+    assert not run(clip, "single", tmp_path / "run", force=True).document["ok"]
+    assert len(given) == 1
 
 
 def test_free_torques_leave_the_distance_of_the_camera_open(

@@ -34,6 +34,7 @@ def joints(count: int) -> tuple[str, ...]:
     return tuple(f"joint{k + 1}" for k in range(count))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "start"), [("double", [-0.9, 0.6]), ("cartpole", [0.0, -0.4])])
 def test_two_columns_are_a_double_pendulum_or_a_cart_as_the_motion_has_it(
     model: str, start: list[float], tmp_path: Path
@@ -57,6 +58,30 @@ def test_a_single_joint_is_the_simpler_mechanism(tmp_path: Path) -> None:
     assert rows[0]["said"] == f"fit trusted, residuals of {said[1]} times the noise, {said[2]} unknowns."
     # the noise is white and as stated
     assert 0.8 < float(said[1]) < 1.2
+
+
+def test_a_joint_that_was_hardly_measured_is_a_doubt(tmp_path: Path) -> None:
+    mechanism, times = load("double"), np.arange(120) / 60.0
+    poses = record(mechanism, times, motion(mechanism, times, [-0.9, 0.6], [0.0, 0.0]), noise=1e-3)
+    for every, grade in ((20, "approximate"), (12, "trusted")):
+        shown = np.column_stack([np.ones(120, dtype=bool), np.arange(120) % every == 0])
+        table = tmp_path / f"{every}.csv"
+        write_poses(replace(poses, joint_seen=shown, seen=shown.all(axis=1)), table)
+        document = identify_tables([table], "double").document
+        assert document["grade"] == grade
+        hardly = [one for one in document["doubts"] if one["reason"].startswith("joint2 could be measured")]
+        assert hardly == (
+            []
+            if grade == "trusted"
+            else [
+                {
+                    "grade": "approximate",
+                    "reason": "joint2 could be measured in at most 6 of the 120 rows in which another joint "
+                    "was: so few do not show that the mechanism moves there as it was identified. Measure it "
+                    "in more rows, or take a mechanism without it.",
+                }
+            ]
+        )
 
 
 def test_the_columns_limit_what_is_tried(tmp_path: Path) -> None:

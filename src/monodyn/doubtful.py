@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LEAST_SEEN = 0.25
 """Share of the frames to fit that have to be tracked."""
 LEAST_JOINT = 0.05
-"""Share of these in which each joint has to be measured: what is hidden now and then is not missing."""
+"""Share of these up to which a joint was hardly measured: what is hidden now and then is not missing."""
 MOST_MISMATCH = 0.5
 """Mismatch of outline and mask, as a share of the mask's area, above which no fit is trusted: as much as the
 published method allows. Where only a part of the frames was tracked, only that part of it."""
@@ -130,7 +130,7 @@ def _mismatched(sight: Sight, lost: int, count: int) -> str:
 
 
 def unfound_links(part: Poses, seen: int) -> str | None:
-    """Name the joints that were hardly ever measured while others were.
+    """Name the joints of a clip that were hardly ever measured while others were.
 
     Args:
         part: The poses that are fitted.
@@ -139,15 +139,49 @@ def unfound_links(part: Poses, seen: int) -> str | None:
     Returns:
         A sentence for the user; None where every joint was measured often enough.
     """
-    counts = part.measured.sum(axis=0)
-    few = [joint for joint, n in zip(part.joints, counts, strict=True) if n < LEAST_JOINT * seen]
+    few = hardly_measured([part])
     if not few:
         return None
     return (
-        f"{listed(few)} could be measured in at most {int(counts.min())} of the {seen} frames in which "
+        f"{listed(list(few))} could be measured in at most {max(few.values())} of the {seen} frames in which "
         "another joint was: what it moves does not lie on anything that stands out from the background. The "
         "clip may show a mechanism without such a link; diagnosis.png shows where it was looked for."
     )
+
+
+def unmeasured_joints(records: Sequence[Poses]) -> str | None:
+    """Name the joints of which tables hold hardly a position while they do of others.
+
+    Args:
+        records: The tables.
+
+    Returns:
+        A sentence for the user; None where every joint was measured often enough.
+    """
+    few = hardly_measured(records)
+    if not few:
+        return None
+    rows = sum(int(np.sum(record.measured.any(axis=1))) for record in records)
+    return (
+        f"{listed(list(few))} could be measured in at most {max(few.values())} of the {rows} rows in which "
+        "another joint was: so few do not show that the mechanism moves there as it was identified. Measure "
+        "it in more rows, or take a mechanism without it."
+    )
+
+
+def hardly_measured(records: Sequence[Poses]) -> dict[str, int]:
+    """Count in how many rows the joints were measured that hardly ever were while others were.
+
+    Args:
+        records: Records of the same joints.
+
+    Returns:
+        Number of rows by joint; none where every joint was measured often enough.
+    """
+    rows = sum(int(np.sum(record.measured.any(axis=1))) for record in records)
+    counts = np.sum([record.measured.sum(axis=0) for record in records], axis=0).tolist()
+    joints = zip(records[0].joints, counts, strict=True)
+    return {joint: count for joint, count in joints if rows and count <= LEAST_JOINT * rows}
 
 
 def _doubtful_points(scene: PointScene, part: Poses) -> str | None:

@@ -1,6 +1,7 @@
 """Frames kept back: what a fit to the beginnings of its records alone predicts of their ends.
 
-Where a whole record is fitted nothing is left to judge the fit by, but how well the same mechanism goes on.
+Where hardly a row is left after the fitted ones nothing judges the fit, but how well the same mechanism,
+identified without the last of them, goes on.
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.errors import MonodynError
-from monodyn.estimation.fit import Doubt, Fit
+from monodyn.estimation.fit import GRADES, Doubt, Fit
 from monodyn.mechanism import Mechanism
-from monodyn.results.heldout import heldout_doubts
+from monodyn.results.heldout import Judged, judged
 from monodyn.results.predict import predict
-from monodyn.results.trace import trace_of
+from monodyn.results.trace import fitted_rows, trace_of
 from monodyn.settings import IdentifySettings
 from monodyn.stages import identify
 from monodyn.types import Poses, Progress
@@ -23,7 +24,7 @@ from monodyn.types import Poses, Progress
 KEPT = 0.2
 """Share of the measured rows of each record that is kept back."""
 FEWEST = 10
-"""Rows that are kept back of a record, at least: fewer say nothing."""
+"""Measured rows by which a fit is judged, at least: fewer say nothing."""
 
 
 def kept_doubts(
@@ -37,30 +38,61 @@ def kept_doubts(
 
     Args:
         fit: The fit.
-        records: The records, each fitted in whole.
+        records: The whole records; those of which enough is left after the fitted rows keep nothing back.
         mechanism: The mechanism as it was before.
         settings: How it was identified.
         progress: Called as the identification goes.
     """
-    stops = [_stop(record) for record in records]
-    if not fit.ok or all(stop is None for stop in stops):
+    if not (fit.ok and fit.starts):
+        return []
+    fitted, stops = [], []
+    for k, record in enumerate(records):
+        first, after = fitted_rows(fit, record, k)
+        fitted.append(record.part(first, after))
+        stops.append(None if _rows(record.part(after, len(record))) >= FEWEST else _stop(fitted[-1]))
+    if all(stop is None for stop in stops):
         return []
     parts = [
-        record if stop is None else record.part(0, stop) for record, stop in zip(records, stops, strict=True)
+        record if stop is None else record.part(0, stop) for record, stop in zip(fitted, stops, strict=True)
     ]
     try:
         # the prediction rests on the covariance, wherever the intervals come from
         quick = replace(settings, starts=1, uncertainty="linear")
         shorter = identify(parts, *_as_chosen(fit, mechanism, quick), progress=progress)
-    except MonodynError:
-        return []
-    doubts: list[Doubt] = []
-    for k, (record, stop) in enumerate(zip(records, stops, strict=True)):
-        if stop is not None and shorter.starts:
-            trace = trace_of(shorter, record, predict(shorter, times=record.time[stop:], record=k), record=k)
-            doubts += heldout_doubts(shorter, trace, kept=True)
-    # one of a kind is enough: many records would say the same many times
-    return list({doubt.grade: doubt for doubt in reversed(doubts)}.values())
+    except MonodynError as error:
+        return [_unidentified(str(error))]
+    if not shorter.starts:
+        return [_unidentified(shorter.status)]
+    found = [
+        _judged(shorter, record, stop, k)
+        for k, (record, stop) in enumerate(zip(fitted, stops, strict=True))
+        if stop is not None
+    ]
+    # of each kind the gravest is enough: many records would say the same many times
+    gravest = [max(kind, key=_gravity) for kind in zip(*found, strict=True)]
+    return [doubt for doubt in gravest if doubt is not None]
+
+
+def _judged(shorter: Fit, record: Poses, stop: int, k: int) -> Judged:
+    """Return what the rows of a record from ``stop`` on say against a fit to those before."""
+    future = predict(shorter, times=record.time[stop:], record=k)
+    found = judged(shorter, trace_of(shorter, record, future, record=k))
+    without = f"Identified without the last {record.time[-1] - record.time[stop - 1]:.2g} s of the record: "
+    return Judged(*(doubt and replace(doubt, reason=f"{without}{doubt.reason}") for doubt in found))
+
+
+def _gravity(doubt: Doubt | None) -> int:
+    """Return how grave a doubt is, the gravest last."""
+    return 0 if doubt is None else GRADES.index(doubt.grade)
+
+
+def _unidentified(reason: str) -> Doubt:
+    """Return the doubt about a fit that rests on the end of its records."""
+    return Doubt(
+        "approximate",
+        f"Without the last {KEPT:.0%} of what was measured, kept back to judge the fit by, the mechanism "
+        f"cannot be identified: {reason}",
+    )
 
 
 def _as_chosen(
@@ -86,3 +118,8 @@ def _stop(record: Poses) -> int | None:
     rows = np.flatnonzero(record.measured.any(axis=1))
     count = round(KEPT * len(rows))
     return int(rows[-count]) if count >= FEWEST else None
+
+
+def _rows(record: Poses) -> int:
+    """Return the number of measured rows of a record."""
+    return int(np.sum(record.measured.any(axis=1)))

@@ -33,6 +33,7 @@ from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
 from monodyn.inputs import clip_torques, input_files, opened, torque_files, with_torques
 from monodyn.job import Job, Outcome, shown_if_refused
+from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
@@ -110,25 +111,7 @@ def run(
         first, stop = np.searchsorted(poses.frame, frames).tolist()
         check_tracked(poses.part(first, stop), video, log.notes)
         with log.stage("identify"):
-            poses, unsure = with_right_turns(
-                poses, (first, stop), scene.mechanism, settings.identify, progress
-            )
-            part = poses.part(first, stop)
-            bodies = chosen_bodies(mechanism, settings.identify.bodies)
-            why = doubtful_sight(sight, part, uniform=bodies == "uniform")
-            # no number of starts finds the mechanism in poses that are not its own
-            quick = replace(settings.identify, starts=1, uncertainty="linear")
-            fit = identify(part, scene.mechanism, quick if why else settings.identify, progress=progress)
-            why = why or (None if fit.ok else likely_sight(sight))
-            uniform = not any(p.kind == "inertia" and p.free for p in fit.mechanism.parameters)
-            log.notes += mass_notes(mechanism, "uniform" if uniform else "free")
-        log.notes += unsure
-        if why:
-            # a motion may be followed in the wrong place: then no advice on the model helps
-            fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
-        elif fit.ok:
-            unsaid = [sight.unsettled, sight.scene and unshown_parts(mechanism, sight.scene.mechanism)]
-            fit = fit.doubted([Doubt("approximate", said) for said in unsaid if said])
+            fit, poses = _identified(job, sight, scene, poses, (first, stop), mechanism)
         with log.stage("predict"):
             traces = predicted(fit, poses, times, video.path.name)
             if fit.ok:
@@ -143,6 +126,37 @@ def run(
         with log.stage("results"):
             document = write_results(folder, findings, progress=progress)
     return job.outcome(document, filmed.tracked, findings)
+
+
+def _identified(
+    job: Job,
+    sight: Sight,
+    scene: Scene | PointScene,
+    poses: Poses,
+    rows: tuple[int, int],
+    mechanism: Mechanism,
+) -> tuple[Fit, Poses]:
+    """Identify from some rows of a tracked clip; return the fit with what speaks against it but for the rows
+    after these, and the poses with the turns that the dynamics make out."""
+    settings, log, progress = job.settings.identify, job.log, job.progress
+    poses, unsure = with_right_turns(poses, rows, scene.mechanism, settings, progress)
+    part = poses.part(*rows)
+    bodies = chosen_bodies(mechanism, settings.bodies)
+    why = doubtful_sight(sight, part, uniform=bodies == "uniform")
+    # no number of starts finds the mechanism in poses that are not its own
+    quick = replace(settings, starts=1, uncertainty="linear")
+    fit = identify(part, scene.mechanism, quick if why else settings, progress=progress)
+    why = why or (None if fit.ok else likely_sight(sight))
+    uniform = not any(p.kind == "inertia" and p.free for p in fit.mechanism.parameters)
+    log.notes += [*mass_notes(mechanism, "uniform" if uniform else "free"), *unsure]
+    if why:
+        # a motion may be followed in the wrong place: then no advice on the model helps
+        return replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)]), poses
+    if not fit.ok:
+        return fit, poses
+    unsaid = [sight.unsettled, sight.scene and unshown_parts(mechanism, sight.scene.mechanism)]
+    kept = kept_doubts(fit, [poses], scene.mechanism, settings, progress)
+    return fit.doubted([*(Doubt("approximate", said) for said in unsaid if said), *kept]), poses
 
 
 def track_clip(

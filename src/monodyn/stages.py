@@ -353,7 +353,7 @@ def identify(
         progress: Called as ``progress("identify", done, total)`` with the stages done.
 
     Returns:
-        The identified mechanism with intervals; ``ok`` is False when it is not to be trusted.
+        The identified mechanism with intervals; its ``grade``, and ``ok``, rest on the fitted frames alone.
 
     Raises:
         VideoError: There is no record, or one that cannot be used.

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.checks import chosen_mechanism
+from monodyn.doubtful import unmeasured_joints
 from monodyn.errors import MechanismError, MonodynError, SettingsError
-from monodyn.estimation.fit import GRADES, Fit, Grade
+from monodyn.estimation.fit import GRADES, Doubt, Fit, Grade
 from monodyn.estimation.record.tables import column_names, read_poses
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.bundled import LONGEST_CHAIN
@@ -148,8 +149,9 @@ def best_fit(
 def _fitted(one: Tabled, settings: RunSettings, progress: Progress | None) -> Tabled:
     """Identify one mechanism."""
     fit = identify(one.records, one.mechanism, settings.identify, progress=progress)
+    hardly = unmeasured_joints(one.records)
     doubts = kept_doubts(fit, one.records, one.mechanism, settings.identify, progress)
-    return replace(one, fit=fit.doubted(doubts))
+    return replace(one, fit=fit.doubted([*([Doubt("approximate", hardly)] if hardly else []), *doubts]))
 
 
 def _grade(one: Tabled) -> Grade | None:

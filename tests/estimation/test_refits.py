@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from monodyn.mechanism import load
 from monodyn.mechanism.simulate import rollout
 from monodyn.optimize import SearchSettings
 from monodyn.settings import RunSettings
-from monodyn.types import Poses
+from monodyn.types import Poses, Progress
 
 TRUTH = {"link1.length": 0.21, "link2.length": 0.17}
 
@@ -32,21 +33,22 @@ def record(seed: int = 0, count: int = 60, noise: float = 2e-3) -> Poses:
     return Poses(("joint1", "joint2"), np.arange(count), time, q, covariance, np.ones(count, dtype=bool))
 
 
-def fitted(uncertainty: str, poses: Poses) -> monodyn.Fit:
+def fitted(uncertainty: str, poses: Poses, progress: Progress | None = None) -> monodyn.Fit:
     settings = IdentifySettings(uncertainty=uncertainty)  # pyright: ignore[reportArgumentType]
     # with every size given the cost is next to a parabola
     mechanism = load("double")
     given = {p.name: p.value for p in assumed_sizes(mechanism)}
-    return monodyn.identify(poses, mechanism.with_choices(fix=given), settings)
+    return monodyn.identify(poses, mechanism.with_choices(fix=given), settings, progress=progress)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("uncertainty", ["profile", "bootstrap"])
 def test_where_the_cost_is_a_parabola_intervals_are_those_of_the_covariance(uncertainty: str) -> None:
-    poses = record()
-    usual, fit = fitted("linear", poses), fitted(uncertainty, poses)
+    poses, steps = record(), []
+    usual = fitted("linear", poses)
+    fit = fitted(uncertainty, poses, lambda step, *_: steps.append(step))
     assert fit.grade == usual.grade == "trusted"
-    assert fit.parameters != usual.parameters
+    assert "refit" in steps
     for name in TRUTH:
         one, other = usual.parameter(name), fit.parameter(name)
         assert other.value == one.value
@@ -70,6 +72,26 @@ def test_records_that_cannot_be_fitted_leave_the_intervals_of_the_covariance(
         "intervals are those of the covariance, and may be too short; a longer record would help."
     )
     assert fit.parameters == usual.parameters
+
+
+def test_what_the_drawn_records_leave_open_is_not_determined(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refits, "RECORDS", 6)
+    sides = cycle([-2.0, 2.0])
+
+    def settled(self, problem, x, held):
+        """End a factor of e^2 away with the first length."""
+        at = self.optimum.x.copy()
+        at[problem.unknowns.names.index("link1.length")] += next(sides)
+        trial = self.optimum.trial
+        return replace(self.optimum, trial=trial.at(at, trial.states), converged=True)
+
+    monkeypatch.setattr(refits._Refits, "settled", settled)
+    fit = fitted("bootstrap", record())
+    assert not fit.parameter("link1.length").identifiable
+    assert fit.status == (
+        "The motion does not determine link1.length: the error is as large as the value. A longer record or "
+        "a livelier motion would help, or a measured length, given with --fix."
+    )
 
 
 def test_a_prior_is_drawn_about_what_is_true() -> None:

@@ -11,12 +11,15 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.verdict import summary
+from monodyn.estimation.verdict.shares import Share
 from monodyn.estimation.verdict.trust import identified, verdict
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from swings import motion, record
 
 
+@pytest.mark.slow
 def test_motion_of_something_else_is_not_trusted(poses, double):
     rng = np.random.default_rng(1)
     fit = identify(
@@ -44,6 +47,7 @@ def bent():
     return record(single, times, swing, noise=1e-3)
 
 
+@pytest.mark.slow
 def test_a_loud_and_large_residual_is_not_trusted(bent):
     """Beyond 20 times the noise and 1.5 % of the range; the first half alone is fine, and is said to be."""
     fit = identify(bent, load("single"))
@@ -71,6 +75,7 @@ def test_a_loud_and_large_residual_is_not_trusted(bent):
     assert said in identify(bent, load("single"), IdentifySettings(bodies="uniform")).advice
 
 
+@pytest.mark.slow
 def test_a_misfit_may_be_a_tilt(bent):
     """Angles of an encoder count from a zero, those of pictures from a vertical, that may be another."""
     told = (
@@ -85,8 +90,10 @@ def test_a_misfit_may_be_a_tilt(bent):
     assert told not in identify(bent.part(0, 60), load("single")).advice
 
 
-def test_a_residual_as_large_as_the_noise_is_fine_however_large(bent):
+def test_a_residual_as_large_as_the_noise_is_fine_however_large(bent, monkeypatch):
     """The same record that admits to be inexact."""
+    # what lies over the motion may be a force that repeats with the state, which leaves the length open
+    monkeypatch.setattr(summary, "repeating_share", lambda _: Share({}, {}))
     fit = identify(replace(bent, covariance=bent.covariance * 50.0**2), load("single"))
     assert fit.ok
     assert fit.rms["joint1"] > 0.015 * np.ptp(bent.position)

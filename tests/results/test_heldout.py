@@ -81,6 +81,47 @@ def test_a_motion_that_goes_another_way_at_once_is_refused() -> None:
     ]
 
 
+def test_a_prediction_that_is_no_number_misses() -> None:
+    fit, trace = replace(identified(), rms={"joint1": 1.0}), traced(np.zeros(len(TIMES)))
+
+    def lost(begin: int) -> Trace:
+        """Let the prediction have no numbers from some frame after the fitted ones on."""
+        assert trace.future is not None
+        position, std = trace.future.position.copy(), trace.future.std.copy()
+        position[begin:], std[begin:] = np.nan, np.inf
+        return replace(trace, future=replace(trace.future, position=position, std=std))
+
+    found = held_out(fit, lost(7))
+    assert found is not None
+    assert found.holds == pytest.approx(8 / 30.0)
+    assert np.isfinite(found.bands).all()
+    assert heldout_doubts(fit, lost(7)) == [
+        Doubt(
+            "approximate",
+            "The prediction holds for 0.27 s after the fitted frames; then the identified motion of joint1 "
+            "grows beyond all numbers.",
+        )
+    ]
+    # not one row of it is a number
+    (doubt,) = heldout_doubts(fit, lost(0))
+    assert doubt == Doubt(
+        "refused",
+        "The motion does not go on as identified: after 0.033 s the identified motion of joint1 grows beyond "
+        "all numbers.",
+    )
+    assert lost(0).heldout() == {"joint1": np.inf}
+
+
+def test_soon_is_in_the_time_of_the_own_record() -> None:
+    """A record of 20 frames is fitted beside one that is ten times as long."""
+    fit = replace(identified(), rms={"joint1": 10.0})
+    long = np.arange(200) / 30.0
+    both = replace(fit, time=(long, fit.time[0]), residual=(np.zeros((200, 1)), fit.residual[0]))
+    # a quarter of the own record is 0.16 s: what goes astray later leaves a prediction that holds for a while
+    trace = traced(after(0.6 * swing(), 6))
+    assert [doubt.grade for doubt in heldout_doubts(both, trace)] == ["approximate"]
+
+
 def test_frames_outside_of_their_band_are_said() -> None:
     fit = identified()
     found = held_out(fit, traced(after(0.05 * swing())))
@@ -122,6 +163,10 @@ def test_a_pose_is_excluded_where_the_motion_goes_on_beside_it() -> None:
     assert excluded_note(found, trace.poses) == [
         "The identified dynamics exclude the position of joint1 in frame 4, 22 and 23: the tracking was "
         "wrong there; <joint>_excluded marks it in poses.csv."
+    ]
+    assert excluded_note(found, trace.poses, "b.csv", marked=False) == [
+        "The identified dynamics exclude the position of joint1 in frame 4, 22 and 23 of b.csv: the "
+        "measurement was wrong there."
     ]
     inside = np.full(len(TIMES), 5.0 * fit.rms["joint1"])
     assert not excluded(fit, traced(inside)).any()

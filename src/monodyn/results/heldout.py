@@ -19,8 +19,6 @@ USELESS = 0.5
 """Share of the range that a prediction misses at once where it is none."""
 AT_ONCE = 0.25
 """Share of the fitted time within which it does."""
-
-
 EXCLUDED = 8.0
 """Standard deviations beyond which a pose is none of the identified motion, where that goes on beside it."""
 
@@ -30,8 +28,9 @@ class HeldOut(NamedTuple):
 
     Attributes:
         bands: Rms error over the rms of its standard deviation by joint, which has prediction and
-            measurement, (dof,); NaN where none was measured.
-        share: Largest error as a share of the range of motion so far, (frame,).
+            measurement, (dof,); NaN where none was measured and predicted.
+        share: Largest error as a share of the range of motion so far, (frame,); infinite from where on there
+            is no prediction of what was measured.
         time: Seconds after the last fitted frame, (frame,).
         joint: The joint that leaves the tolerance first, or is off most.
     """
@@ -48,6 +47,18 @@ class HeldOut(NamedTuple):
         return float(self.time[int(np.argmax(off))]) if off.any() else np.inf
 
 
+class Judged(NamedTuple):
+    """What frames that a fit did not see say against it, each None where they do not.
+
+    Attributes:
+        motion: The motion does not go on as predicted.
+        band: It is farther off than the band of the prediction has it.
+    """
+
+    motion: Doubt | None
+    band: Doubt | None
+
+
 def held_out(fit: Fit, trace: Trace) -> HeldOut | None:
     """Compare the frames after the fitted ones with their prediction.
 
@@ -59,65 +70,92 @@ def held_out(fit: Fit, trace: Trace) -> HeldOut | None:
         What was found; None where no frame is left.
     """
     time, error, std = trace.ahead
-    use = np.isfinite(error)
-    if not use.any():
+    measured = ~np.isnan(error)
+    if not measured.any():
         return None
-    fitted = trace.poses.part(*trace.rows)
+    # what grew beyond all numbers is no prediction: it misses
+    use = np.isfinite(error)
     rms = np.array([fit.rms[name] for name in trace.poses.joints])
     expected = np.where(use, std**2 + rms**2, np.nan)
     squares = np.where(use, error**2, np.nan)
     counted = use.any(axis=0)
     bands = np.full(len(rms), np.nan)
     bands[counted] = np.sqrt(np.nansum(squares[:, counted], axis=0) / np.nansum(expected[:, counted], axis=0))
-    position = np.where(fitted.measured, fitted.position, np.nan)
-    known = fitted.measured.any(axis=0)
-    ranges = np.full(len(rms), np.inf)
-    ranges[known] = np.nanmax(position[:, known], axis=0) - np.nanmin(position[:, known], axis=0)
-    hinge = np.array([joint.kind == "hinge" for joint in fit.mechanism.joints])
-    ranges = np.maximum(np.where(hinge, np.minimum(ranges, 2.0 * np.pi), ranges), 1e-9)
-    shares = np.where(use, np.abs(error) / ranges, 0.0)
+    shares = np.where(use, np.abs(np.where(use, error, 0.0)) / _ranges(fit, trace), 0.0)
+    shares[measured & ~use] = np.inf
     so_far = np.maximum.accumulate(shares.max(axis=1))
     far = shares > WITHIN
     row = int(np.argmax(far.any(axis=1))) if far.any() else int(np.argmax(shares.max(axis=1)))
-    return HeldOut(bands, so_far, time - float(fitted.time[-1]), int(np.argmax(shares[row])))
+    last = float(trace.poses.time[trace.rows[1] - 1])
+    return HeldOut(bands, so_far, time - last, int(np.argmax(shares[row])))
 
 
-def heldout_doubts(fit: Fit, trace: Trace, *, kept: bool = False) -> list[Doubt]:
+def _ranges(fit: Fit, trace: Trace) -> np.ndarray:
+    """Return the range of each joint in the fitted rows [rad or m], of a hinge at most a turn, (dof,);
+    infinite where it was not measured."""
+    fitted = trace.poses.part(*trace.rows)
+    position, known = np.where(fitted.measured, fitted.position, np.nan), fitted.measured.any(axis=0)
+    ranges = np.full(len(trace.poses.joints), np.inf)
+    ranges[known] = np.nanmax(position[:, known], axis=0) - np.nanmin(position[:, known], axis=0)
+    hinge = np.array([joint.kind == "hinge" for joint in fit.mechanism.joints])
+    return np.maximum(np.where(hinge, np.minimum(ranges, 2.0 * np.pi), ranges), 1e-9)
+
+
+def heldout_doubts(fit: Fit, trace: Trace) -> list[Doubt]:
     """Return what the frames after the fitted ones say against a fit.
 
     Args:
         fit: The fit.
         trace: A record of it with its prediction.
-        kept: True where they were kept back of what is fitted.
+    """
+    return [doubt for doubt in judged(fit, trace) if doubt is not None]
+
+
+def judged(fit: Fit, trace: Trace) -> Judged:
+    """Return what the frames after the fitted ones say against a fit, by kind.
+
+    Args:
+        fit: The fit.
+        trace: A record of it with its prediction.
     """
     found = held_out(fit, trace)
-    if found is None:
-        return []
-    doubts, joints = [], trace.poses.joints
-    if np.isfinite(found.holds):
-        name = joints[found.joint]
-        rms = amount(fit.mechanism, name, trace.heldout()[name] or 0.0)
+    return Judged(None, None) if found is None else Judged(_astray(fit, trace, found), _narrow(trace, found))
+
+
+def _astray(fit: Fit, trace: Trace, found: HeldOut) -> Doubt | None:
+    """Doubt a fit whose prediction leaves its tolerance."""
+    if not np.isfinite(found.holds):
+        return None
+    name, first = trace.poses.joints[found.joint], float(trace.poses.time[trace.rows[0]])
+    fitted = float(trace.poses.time[trace.rows[1] - 1]) - first
+    rms = trace.heldout()[name]
+    if rms is None or not np.isfinite(rms):
+        off = f"the identified motion of {name} grows beyond all numbers."
+    else:
         off = (
-            f"{name} is off by more than {WITHIN:.0%} of its range, {rms} rms over the "
-            f"{found.time[-1]:.2g} s that were held out."
+            f"{name} is off by more than {WITHIN:.0%} of its range, {amount(fit.mechanism, name, rms)} rms "
+            f"over the {found.time[-1]:.2g} s that were held out."
         )
-        soon = found.time <= AT_ONCE * (fit.time[0][-1] - fit.time[0][0])
-        if soon.any() and found.share[soon][-1] > USELESS:
-            said = f"The motion does not go on as identified: after {found.holds:.2g} s {off}"
-            doubts.append(Doubt("refused", said))
-        else:
-            said = f"The prediction holds for {found.holds:.2g} s after the fitted frames; then {off}"
-            doubts.append(Doubt("approximate", said))
+    soon = found.time <= AT_ONCE * fitted
+    if soon.any() and found.share[soon][-1] > USELESS:
+        return Doubt("refused", f"The motion does not go on as identified: after {found.holds:.2g} s {off}")
+    return Doubt(
+        "approximate", f"The prediction holds for {found.holds:.2g} s after the fitted frames; then {off}"
+    )
+
+
+def _narrow(trace: Trace, found: HeldOut) -> Doubt | None:
+    """Doubt a fit whose prediction is farther off than its band."""
+    joints = trace.poses.joints
     outside = [joint for joint, bands in zip(joints, found.bands, strict=True) if bands > MOST_BANDS]
-    if outside:
-        said = (
-            f"The frames that were held out lie {np.nanmax(found.bands):.2g} standard deviations from their "
-            f"prediction ({listed(outside)}): its band is too narrow, and so may be the intervals of the "
-            "parameters."
-        )
-        doubts.append(Doubt("approximate", said))
-    without = f"Identified without the last {found.time[-1]:.2g} s of the record: " if kept else ""
-    return [Doubt(doubt.grade, f"{without}{doubt.reason}") for doubt in doubts]
+    if not outside:
+        return None
+    return Doubt(
+        "approximate",
+        f"The frames that were held out lie {np.nanmax(found.bands):.2g} standard deviations from their "
+        f"prediction ({listed(outside)}): its band is too narrow, and so may be the intervals of the "
+        "parameters.",
+    )
 
 
 def excluded(fit: Fit, trace: Trace) -> np.ndarray:
@@ -155,18 +193,26 @@ def excluded(fit: Fit, trace: Trace) -> np.ndarray:
     return found
 
 
-def excluded_note(found: np.ndarray, poses: Poses) -> list[str]:
+def excluded_note(found: np.ndarray, poses: Poses, name: str = "", *, marked: bool = True) -> list[str]:
     """Return a note on the poses that the identified dynamics exclude; none where there are none.
 
     Args:
         found: True for those, bool (frame, dof).
         poses: The record.
+        name: What the record is called, where there are several.
+        marked: Whether ``poses.csv`` marks them; else the record is a table of the user's.
     """
     rows = [str(number) for number in poses.frame[found.any(axis=1)]]
     if not rows:
         return []
     joints = [poses.joints[dof] for dof in range(found.shape[1]) if found[:, dof].any()]
+    where = f" of {name}" if name else ""
+    wrong = (
+        "the tracking was wrong there; <joint>_excluded marks it in poses.csv."
+        if marked
+        else "the measurement was wrong there."
+    )
     return [
-        f"The identified dynamics exclude the position of {listed(joints)} in frame {listed(rows)}: the "
-        "tracking was wrong there; <joint>_excluded marks it in poses.csv."
+        f"The identified dynamics exclude the position of {listed(joints)} in frame {listed(rows)}{where}: "
+        f"{wrong}"
     ]

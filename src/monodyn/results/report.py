@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism.write import NOT_IN_URDF
@@ -93,12 +96,12 @@ def write_results(
         The content of ``fit.json``.
     """
     fit, traces, record = findings.fit, findings.traces, findings.record
-    wrong = excluded(fit, traces[0]) if record is not None and traces else None
-    said = [] if record is None or wrong is None else excluded_note(wrong, record)
+    wrong = [excluded(fit, trace) for trace in traces]
     # before the documents are made, because fit.json and the page both carry the notes
-    findings = replace(findings, notes=[*findings.notes, *said, *lost_in_urdf(fit.mechanism)])
+    said = [*_excluded_notes(findings, wrong), *lost_in_urdf(fit.mechanism)]
+    findings = replace(findings, notes=[*findings.notes, *said])
     if record is not None:
-        folder.write("poses.csv", lambda path: write_poses(record, path, wrong))
+        folder.write("poses.csv", lambda path: write_poses(record, path, wrong[0] if wrong else None))
     filmed = findings.filmed
     if filmed is not None and filmed.camera_path is not None:
         folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))
@@ -118,6 +121,15 @@ def write_results(
         shown = _write_diagnosis(folder, findings)
     folder.write_text("report.html", page_text(findings, pictures, shown))
     return document
+
+
+def _excluded_notes(findings: Findings, wrong: Sequence[np.ndarray]) -> list[str]:
+    """Return the notes on the poses that are excluded of each record, bool (frame, dof) each."""
+    several, said = len(findings.traces) > 1, []
+    for trace, found in zip(findings.traces, wrong, strict=True):
+        name = trace.name if several else ""
+        said += excluded_note(found, trace.poses, name, marked=findings.record is not None)
+    return said
 
 
 def _write_diagnosis(folder: RunFolder, findings: Findings) -> bytes | None:

@@ -50,7 +50,8 @@ class Trace:
         """Return the rms of the prediction against the measured rows after the fitted ones, by joint.
 
         Returns:
-            Errors [rad or m]; a joint without measured rows there has None.
+            Errors [rad or m], infinite where the prediction is no number; a joint without measured rows there
+            has None.
         """
         return rms_of(self.poses.joints, self.ahead[1])
 
@@ -59,8 +60,8 @@ class Trace:
         """The measured rows after the fitted ones against their prediction.
 
         Time stamps [s], (frame,); measured less predicted position [rad or m], (frame, dof), NaN where not
-        measured, of a hinge modulo a turn after a gap in which it may have made one; and the standard
-        deviation of the prediction, (frame, dof).
+        measured, infinite where what was measured has no finite prediction, of a hinge modulo a turn after a
+        gap in which it may have made one; and the standard deviation of the prediction, (frame, dof).
         """
         after = self.poses.part(self.rows[1], len(self.poses))
         if self.future is None or not len(self.future.time) or not len(after):
@@ -69,7 +70,8 @@ class Trace:
         row = np.minimum(np.searchsorted(self.future.time, after.time - 1e-9), len(self.future.time) - 1)
         both = np.abs(self.future.time[row] - after.time) < 1e-9
         time, row, measured = after.time[both], row[both], after.measured[both]
-        error = np.where(measured, after.position[both] - self.future.position[row], np.nan)
+        error = after.position[both] - self.future.position[row]
+        error = np.where(measured, np.where(np.isfinite(error), error, np.inf), np.nan)
         before = self.poses.part(self.rows[0], self.rows[1])
         for dof in self.turning:
             seen = before.time[before.measured[:, dof]]
@@ -106,7 +108,7 @@ def rms_of(joints: Sequence[str], error: np.ndarray) -> dict[str, float | None]:
     """
     found: dict[str, float | None] = {}
     for dof, joint in enumerate(joints):
-        column = error[:, dof][np.isfinite(error[:, dof])]
+        column = error[:, dof][~np.isnan(error[:, dof])]
         found[joint] = float(np.sqrt(np.mean(column**2))) if len(column) else None
     return found
 
@@ -125,21 +127,11 @@ def trace_of(
 
     Returns:
         The trace, slides in metres of the identified scale.
-
-    Raises:
-        VideoError: the record is not the one that was fitted.
     """
     from monodyn.results.fill import fill
     from monodyn.results.torques import torques
 
-    # the fitted rows are found by time, because a record may go on before and after them
-    fitted = fit.time[record]
-    first = int(np.searchsorted(poses.time, fitted[0] - 1e-9))
-    stop = first + len(fitted)
-    if stop > len(poses) or not np.allclose(poses.time[first:stop], fitted, rtol=0.0, atol=1e-9):
-        raise VideoError(
-            "poses: expected the record that was fitted, got other time stamps; pass the same record."
-        )
+    first, stop = fitted_rows(fit, poses, record)
     record_poses = metric(poses, fit.mechanism, fit.scale)
     numbers = None
     if future is not None:
@@ -152,6 +144,27 @@ def trace_of(
         if joint.kind == "hinge" and not np.isfinite([joint.lower, joint.upper]).all()
     )
     return Trace(name, record_poses, states, (first, stop), future, numbers, acting, turning)
+
+
+def fitted_rows(fit: Fit, poses: Poses, record: int = 0) -> tuple[int, int]:
+    """Return the first fitted row of a record and the one after the last.
+
+    Args:
+        fit: The fit.
+        poses: The whole record, which may go on before and after them.
+        record: Number of the record within the fit.
+
+    Raises:
+        VideoError: the record is not the one that was fitted.
+    """
+    fitted = fit.time[record]
+    first = int(np.searchsorted(poses.time, fitted[0] - 1e-9))
+    stop = first + len(fitted)
+    if stop > len(poses) or not np.allclose(poses.time[first:stop], fitted, rtol=0.0, atol=1e-9):
+        raise VideoError(
+            "poses: expected the record that was fitted, got other time stamps; pass the same record."
+        )
+    return first, stop
 
 
 def fitted_poses(fit: Fit, video: Video | None = None) -> Poses:
