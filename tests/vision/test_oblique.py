@@ -11,6 +11,7 @@ from monodyn.mechanism import load
 from monodyn.types import Camera, Poses
 from monodyn.vision.drawing.camera import CAMERA_STD, around_origin, from_origin
 from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.locating import oblique
 from monodyn.vision.locating.advice import twin_advice
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
 from monodyn.vision.locating.doubt import doubt_of
@@ -147,6 +148,21 @@ def test_a_camera_far_away_looks_the_same_from_either_side() -> None:
         "well as yaw 20.1 deg and pitch 0.0 deg, which were taken. Give the true ones with --fix camera.yaw "
         "camera.pitch where the side counts."
     ]
+
+
+def test_of_two_sides_that_look_alike_the_more_usual_camera_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A telephoto on the wrong side whose edges are nearer by what is systematic in them; where they are much
+    nearer it is taken."""
+    masks, bundle = squarely(0.1)
+    right = replace(looking(masks, bundle, OPEN, (), SEARCH).bundle, rms_px=np.full(12, 0.2))
+    far = from_origin(replace(around_origin(right.camera), focal=1600.0, depth=3.8, yaw=-0.2))
+    for nearer, taken in ((1.005, right.camera.yaw), (2.0, far.yaw)):
+        wrong = replace(right, camera=far, rms_px=right.rms_px / nearer)
+        monkeypatch.setattr(oblique, "_refined", lambda *given: right)
+        best, twin = from_other_sides(masks, bundle, wrong, SEARCH)
+        assert best.camera.yaw == taken
+        # what the pictures do not exclude is named
+        assert (twin is not None) == (nearer < 1.1)
 
 
 def test_turns_that_bring_no_edge_nearer_are_not_believed() -> None:

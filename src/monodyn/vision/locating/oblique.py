@@ -45,6 +45,8 @@ from which its turns are estimated. A part of the noise of edges is the same in 
 square ones came up to 3.2. Of those turned by 4 deg or more one stayed below, at 3.9, and is held."""
 OTHER_ENDING = 6.0
 """Standard deviations, by turns or by edges, from which two endings of the search are not the same."""
+AS_USUAL = 1.0
+"""Squared standard deviations from the usual camera by which two are as usual."""
 ASIDE = 0.3
 """Turn of the cameras from which it is looked for again once it is known to be turned [rad]."""
 FOLLOWED, WORTH = 1.0, 3.0
@@ -184,8 +186,8 @@ def from_other_sides(
         search: How the edges are looked for.
 
     Returns:
-        The one that leaves clearly less, or ``found``; this, too, where the camera's place is given. And a
-        camera that is turned otherwise and leaves no more, None without one.
+        The one that is clearly likelier, or ``found``; this, too, where the camera's place is given. And a
+        camera that is turned otherwise and is as likely, None without one.
     """
     endings = [found]
     wide = search._replace(reaches=np.array(TRIED))
@@ -196,12 +198,14 @@ def from_other_sides(
                 camera = from_origin(with_values(square, {name: turn}))
                 tried = _refined(masks, replace(bundle, camera=camera), found.variables, wide)
                 endings.append(_refined(masks, tried, found.variables, search, SETTLE))
-    best = found
-    for other in endings[1:]:
-        best = other if _fall(other, best) > OTHER_ENDING**2 else best
+    gains = [_gain(ending, bundle, bundle) for ending in endings]
+    # of those that nothing clearly tells apart the first whose camera is about as usual as that of any
+    near = [one for one, gain in zip(endings, gains, strict=True) if gain > max(gains) - OTHER_ENDING**2]
+    unusual = [_unusual(ending, bundle) for ending in near]
+    best = near[int(np.argmax(np.array(unusual) < min(unusual) + AS_USUAL))]
     turns = [name for name in CAMERA_TURNS if name in found.variables.names]
     for other in endings:
-        if _fall(best, other) < OTHER_ENDING**2 and turned_by(best, other, turns) > OTHER_ENDING:
+        if _gain(best, other, bundle) < OTHER_ENDING**2 and turned_by(best, other, turns) > OTHER_ENDING:
             return best, other.camera
     return best, None
 
@@ -236,8 +240,28 @@ def _believed(found: Bundle, before: Bundle, names: Sequence[str]) -> bool:
     stay farther from the outline than the noise by which the turns would seem to be known.
     """
     within = float(np.sqrt(np.mean(found.rms_px**2))) <= NOISE_PX
-    clear = min(turned_by(found, before, names), float(np.sqrt(max(_fall(found, before), 0.0))))
+    nearer = float(np.sqrt(max(_gain(found, before, before), 0.0)))
+    clear = min(turned_by(found, before, names), nearer)
     return within and clear > CLEAR
+
+
+def _gain(found: Bundle, before: Bundle, held: Bundle) -> float:
+    """Return by how much a refinement is likelier than another, as a fall of squared deviations: what its
+    edges come nearer, less what its camera is farther from what is usual, ``held``.
+
+    Before a telephoto lens both sides look alike, so that a few edges may prefer one that hardly anybody has.
+    """
+    return _fall(found, before) - _unusual(found, held) + _unusual(before, held)
+
+
+def _unusual(found: Bundle, held: Bundle) -> float:
+    """Return how far a camera is from the usual one, in squared standard deviations."""
+    off = 0.0
+    for name in set(CAMERA_STD) & set(found.variables.names):
+        value, usual = value_of(found.camera, name), value_of(held.camera, name)
+        away = value - usual if name in CAMERA_TURNS else np.log(value / usual)
+        off += float(away / CAMERA_STD[name]) ** 2
+    return off
 
 
 def _fall(found: Bundle, before: Bundle) -> float:
