@@ -222,21 +222,3 @@ def test_a_tilt_that_is_large_or_hardly_known():
         "camera.roll=0 holds the camera level."
     ]
     assert "hardly determines camera.roll" in told(np.radians(20.0), np.radians(2.0))[0]
-
-
-def test_other_parameters_with_the_same_motion(double):
-    found = estimates(double, {"link1.length": 0.001, "link2.length": 0.002})
-    rows = {p.name: p.value for p in found}
-    assert advice.twins(found, []) == []
-    other = {"link1.length": 2.0 * rows["link1.length"], "link2.length": 1.1 * rows["link2.length"]}
-    assert advice.twins(found, [other]) == [
-        f"Other values move as close to the record: link1.length {other['link1.length']:.3g} in place of "
-        f"{rows['link1.length']:.3g} m and link2.length {other['link2.length']:.3g} in place of "
-        f"{rows['link2.length']:.3g} m. Nothing in the record prefers either; a measured value, given with "
-        "--fix, does."
-    ]
-    assert advice.twins(found, [{}]) == [
-        "The same mechanism from other positions and rates moves as close to the record; more frames in the "
-        "same time may tell the two apart."
-    ]
-    assert advice.twins(found, [{"link1.length": 1.001 * rows["link1.length"]}]) == advice.twins(found, [{}])

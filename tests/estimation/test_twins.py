@@ -1,9 +1,13 @@
 """Other parameters with the same motion: Kater's pendulum, and fits that have none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from fits import estimates
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.verdict.twins import apart, told
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from swings import motion, record
@@ -56,3 +60,22 @@ def test_bounds_leave_one_of_two():
 
 def test_a_double_pendulum_has_none(fit):
     assert fit.alternatives == ()
+
+
+def test_what_is_said_of_other_values(double):
+    found = [
+        replace(p, lower=p.value - 2.0 * p.std, upper=p.value + 2.0 * p.std)
+        for p in estimates(double, {"link1.length": 0.001, "link2.length": 0.002})
+    ]
+    rows = {p.name: p.value for p in found}
+    assert told([], found) == []
+    other = {"link1.length": 2.0 * rows["link1.length"], "link2.length": 1.1 * rows["link2.length"]}
+    assert [p.name for p in apart(other, found)] == ["link1.length", "link2.length"]
+    assert told([other], found) == [
+        f"Other values move as close to the record: link1.length {other['link1.length']:.3g} in place of "
+        f"{rows['link1.length']:.3g} m and link2.length {other['link2.length']:.3g} in place of "
+        f"{rows['link2.length']:.3g} m. Nothing in the record prefers either; a measured value, given with "
+        "--fix, does."
+    ]
+    # within what the intervals leave open nothing is another mechanism
+    assert apart({"link1.length": rows["link1.length"] + 0.001}, found) == []

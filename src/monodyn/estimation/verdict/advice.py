@@ -15,8 +15,6 @@ from monodyn.estimation.wording import amount, listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.upright import ROLL, ROLL_STD
 
-APART = 2.0
-"""Standard deviations from which on a parameter of another optimum is another one."""
 NOTED = 3.0
 """Residuals above this many times the stated noise are worth a sentence."""
 HARDLY = 0.5
@@ -338,36 +336,6 @@ def starts_tried(tried: int) -> list[str]:
         Sentences; none for a search from one start.
     """
     return [f"{tried} starts were tried; the best of them is reported."] if tried > 1 else []
-
-
-def twins(parameters: Sequence[Estimate], alternatives: Sequence[Mapping[str, float]]) -> list[str]:
-    """List other parameters with which the motion is as close to the record.
-
-    Args:
-        parameters: The estimates.
-        alternatives: The others' values by name.
-
-    Returns:
-        Sentences; none without others.
-    """
-    rows = {p.name: p for p in parameters}
-    said = []
-    for values in alternatives:
-        found = [rows[name] for name in values if name in rows and rows[name].free]
-        found = [p for p in found if not abs(values[p.name] - p.value) < APART * p.std]
-        away = sorted(found, key=lambda p: -abs(values[p.name] - p.value) / max(abs(p.value), 1e-300))
-        told = [f"{p.name} {values[p.name]:.3g} in place of {p.value:.3g} {p.unit}".rstrip() for p in away]
-        if not told:
-            said.append(
-                "The same mechanism from other positions and rates moves as close to the record; more frames "
-                "in the same time may tell the two apart."
-            )
-            continue
-        said.append(
-            f"Other values move as close to the record: {listed(told, 3)}. Nothing in the record prefers "
-            "either; a measured value, given with --fix, does."
-        )
-    return said
 
 
 def zero_frictions(mechanism: Mechanism, unknowns: Unknowns) -> list[str]:

@@ -24,7 +24,7 @@ from monodyn.estimation.verdict.refits import refitted
 from monodyn.estimation.verdict.repeating import repeating_share
 from monodyn.estimation.verdict.shares import with_share
 from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
-from monodyn.estimation.verdict.twins import twins_of
+from monodyn.estimation.verdict.twins import told, twins_of
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.estimation.verdict.unmodelled import unmodelled
 from monodyn.estimation.wording import listed
@@ -86,20 +86,18 @@ def summarize(
             fit.parameters, fit.combinations, more, found.problem, _quantile(found.freedom)
         )
         fit = replace(fit, parameters=parameters, combinations=ratios)
+    ended = [problem.unknowns.named(x) for x in optimum.twins]
     fit = replace(
         fit,
         status=identified(found.problem, fit.rms),
         stamp_error=found.noise.stamps,
         unmodelled=unmodelled(found.problem, found.optimum.trial, found.noise),
         tried_torques=solution.compared,
-        alternatives=(
-            *(problem.unknowns.named(x) for x in optimum.twins),
-            *(() if lost else twins_of(found, fit.parameters, settings)),
-        ),
+        alternatives=() if lost else twins_of(found, ended, fit.parameters, settings),
     )
     unsupported = [Doubt("approximate", solution.doubt)] if solution.doubt else []
     few = [hardly] if hardly else []
-    others = [Doubt("approximate", reason) for reason in advice.twins(fit.parameters, fit.alternatives)]
+    others = [Doubt("approximate", reason) for reason in told(fit.alternatives, fit.parameters)]
     against = [missed] if missed is not None and lost else _doubts(found, fit, settings, missed)
     fit = fit.doubted([*unsupported, *few, *against, *others])
     said = _advice(found, fit, records, settings)

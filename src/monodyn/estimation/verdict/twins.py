@@ -18,6 +18,7 @@ from monodyn.estimation.shooting.shoot import fit_pieces
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS
 from monodyn.estimation.verdict.refine import Refined, route_of
 from monodyn.estimation.verdict.surrogate import Surrogate, surrogate_of
+from monodyn.estimation.wording import listed
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.optimize import SearchSettings, minimize
 
@@ -36,32 +37,40 @@ WIDER = 2.0
 
 
 def twins_of(
-    found: Refined, estimates: Sequence[Estimate], settings: IdentifySettings
+    found: Refined,
+    ended: Sequence[Mapping[str, float]],
+    estimates: Sequence[Estimate],
+    settings: IdentifySettings,
 ) -> tuple[Mapping[str, float], ...]:
     """Find other optima that the data cannot tell from the one that was found.
 
     Args:
         found: The optimum, and what is known there.
+        ended: Where other starts of the search ended, as close to the record.
         estimates: Its parameters with their intervals.
         settings: How exactly the fits that prove them are searched.
 
     Returns:
-        The unknowns of each by name; none where the motion depends on more than the regrouped inertias.
+        The unknowns of each by name.
     """
     problem, optimum = found.weighted, found.optimum
     unknowns = problem.unknowns
     hidden = unknowns.of_kind(*HIDDEN) if len(unknowns) else np.zeros(0, dtype=bool)
-    surrogate = surrogate_of(problem, optimum.trial, optimum.at_bound) if hidden.any() else None
-    if surrogate is None:
-        return ()
     tried: list[Mapping[str, float]] = []
     twins: list[Mapping[str, float]] = []
+    for values in ended:
+        if apart(values, estimates) and not any(_same(values, other) for other in twins):
+            twins.append(values)
+    # none where the motion depends on more than the regrouped inertias
+    surrogate = surrogate_of(problem, optimum.trial, optimum.at_bound) if hidden.any() else None
+    if surrogate is None:
+        return tuple(twins)
     route, here = route_of(found.problem, optimum, settings), None
     for values in _minima(surrogate, hidden):
         x = unknowns.coordinates(values)
         named = unknowns.named(x)
         within = np.all(x >= unknowns.lower) and np.all(x <= unknowns.upper)
-        if not within or not _apart(named, estimates) or any(_same(named, other) for other in tried):
+        if not within or not apart(named, estimates) or any(_same(named, other) for other in tried):
             continue
         tried.append(named)
         # the closed forms are those of the optimum's motion: that of the twin itself decides
@@ -70,9 +79,46 @@ def twins_of(
         here = here or fit_pieces(problem, optimum.trial, route, LOOKED, robust=False)
         near = proven.complete and proven.cost < here.cost + 0.5 * ALIKE
         named = unknowns.named(proven.x)
-        if near and _apart(named, estimates) and not any(_same(named, other) for other in twins):
+        if near and apart(named, estimates) and not any(_same(named, other) for other in twins):
             twins.append(named)
     return tuple(twins)
+
+
+def apart(values: Mapping[str, float], estimates: Sequence[Estimate]) -> list[Estimate]:
+    """Return the parameters that are other than what their intervals leave open.
+
+    Args:
+        values: Other values by name.
+        estimates: The parameters with their intervals.
+    """
+    found = []
+    for p in estimates:
+        if p.free and p.name in values and np.isfinite(p.std):
+            low, high = p.value - WIDER * (p.value - p.lower), p.value + WIDER * (p.upper - p.value)
+            if not low <= values[p.name] <= high:
+                found.append(p)
+    return found
+
+
+def told(twins: Sequence[Mapping[str, float]], estimates: Sequence[Estimate]) -> list[str]:
+    """Return a sentence on each of other sets of parameters that move as close to the record.
+
+    Args:
+        twins: The others' values by name, each apart from the estimates.
+        estimates: The parameters with their intervals.
+    """
+    said = []
+    for values in twins:
+        far = sorted(
+            apart(values, estimates),
+            key=lambda p: -abs(values[p.name] - p.value) / max(abs(p.value), 1e-300),
+        )
+        words = [f"{p.name} {values[p.name]:.3g} in place of {p.value:.3g} {p.unit}".rstrip() for p in far]
+        said.append(
+            f"Other values move as close to the record: {listed(words, 3)}. Nothing in the record prefers "
+            "either; a measured value, given with --fix, does."
+        )
+    return said
 
 
 def _minima(surrogate: Surrogate, hidden: np.ndarray) -> Iterator[np.ndarray]:
@@ -95,17 +141,6 @@ def _minima(surrogate: Surrogate, hidden: np.ndarray) -> Iterator[np.ndarray]:
         cost = _cost(rows(end)[0])
         if cost < least + 0.5 * ALIKE:
             yield sizes.unknowns(end[None])[0]
-
-
-def _apart(values: Mapping[str, float], estimates: Sequence[Estimate]) -> bool:
-    """Return whether values lie outside of what the intervals leave open."""
-    for p in estimates:
-        if not p.free or p.name not in values or not np.isfinite(p.std):
-            continue
-        low, high = p.value - p.lower, p.upper - p.value
-        if not p.value - WIDER * low <= values[p.name] <= p.value + WIDER * high:
-            return True
-    return False
 
 
 def _same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
