@@ -20,7 +20,7 @@ $(READY): pyproject.toml
 demo: $(READY)  ## the main job on the bundled clip
 	$(BIN)/monodyn run examples/double.mp4 --model examples/double.xml --out $(DEMO) --force
 
-test: $(READY)  ## all tests but the slow ones
+test: $(READY)  ## all tests but the slow ones: under two minutes on two cores, once compiled
 	$(PYTEST) -m "not slow"
 
 check: $(READY)  ## exactly what CI runs: format, lint, types, all tests; MONODYN_DATA names a folder with recordings

@@ -1,4 +1,4 @@
-"""Fixtures of the whole suite: tiny clips made on the fly, and the main job run once."""
+"""Fixtures of the whole suite: tiny clips made on the fly."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import av
 import numpy as np
 import pytest
 
-from support import EXAMPLES, ClipMaker, Done, command, square
+from support import ClipMaker, square
 
 CODECS = {
     ".mp4": ("libx264", "yuv420p", {"crf": "10", "bf": "2"}),
@@ -66,11 +66,3 @@ def make_clip(tmp_path: Path) -> ClipMaker:
         return path
 
     return make
-
-
-@pytest.fixture(scope="session")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> Done:
-    """Run the main job once on the demo clip, with its result as JSON."""
-    out = tmp_path_factory.mktemp("demo") / "run"
-    clip, model = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
-    return command("run", clip, "--model", model, "--out", out, "--fit-frames", "0:150", "--json", folder=out)

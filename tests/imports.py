@@ -6,7 +6,7 @@ import ast
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 
@@ -57,13 +57,20 @@ class Tree:
         modules = self.modules
         package = (self.package, *path.relative_to(self.folder).with_suffix("").parts)
         found = []
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in _importing(path):
             for name in _named(node, [part for part in package if part]):
                 within = self.package and name.split(".")[0] == self.package
                 if within or name in modules or name.rpartition(".")[0] in modules:
                     reached = name if name in modules else name.rpartition(".")[0] or name
                     found.append((node.lineno, reached))  # type: ignore[attr-defined]
         return found
+
+
+@cache
+def _importing(path: Path) -> list[ast.AST]:
+    """Parse a module, once, and return what may import something in it."""
+    kinds = ast.Import | ast.ImportFrom | ast.Call
+    return [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, kinds)]
 
 
 def _named(node: ast.AST, here: list[str]) -> list[str]:
@@ -75,7 +82,7 @@ def _named(node: ast.AST, here: list[str]) -> list[str]:
         origin = ".".join([*package, *([node.module] if node.module else [])])
         return [f"{origin}.{alias.name}".strip(".") for alias in node.names]
     if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
-        called = ast.unparse(node.func).rpartition(".")[2]
+        called = getattr(node.func, "attr", getattr(node.func, "id", ""))
         name = node.args[0].value
         if called in ("import_module", "__import__") and isinstance(name, str):
             dots = len(name) - len(name.lstrip("."))

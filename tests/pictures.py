@@ -24,12 +24,7 @@ WHOLE = Window(0, H, 0, W)
 
 def drawn_mask(mechanism: Mechanism, camera: Camera, q: np.ndarray, blur: float = 0.8) -> np.ndarray:
     """Draw a soft mask sixteen times finer than the pixels, then average and blur it: (1, height, width)."""
-    fine = 16
-    big = np.zeros((camera.height * fine, camera.width * fine), np.uint8)
-    for _, polygon in outline(mechanism, camera, q):
-        corners = np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)
-        cv2.fillPoly(big, [corners], FULL, cv2.LINE_8, 4)
-    mask = cv2.resize(big, (camera.width, camera.height), interpolation=cv2.INTER_AREA).astype(np.float32)
+    mask = _averaged(mechanism, camera, q, 0, camera.height).astype(np.float32)
     return np.round(cv2.GaussianBlur(mask, (0, 0), blur)).astype(np.uint8)[None]
 
 
@@ -47,7 +42,7 @@ def exposed_mask(
     """Draw a mask while the joints move by ``sweep`` in the exposure of a row and by ``skew`` from the first
     row to the last; ``q`` is the middle of it all, and ``bend`` and ``lean`` are how much farther than by a
     steady motion they are at the beginnings and ends: (1, height, width)."""
-    fine, height = 16, camera.height
+    height = camera.height
     total = np.zeros((height, camera.width))
     rows = np.arange(height) / (height - 1) - 0.5
     for time in (np.arange(count) + 0.5) / count - 0.5:
@@ -57,13 +52,33 @@ def exposed_mask(
             row = rows[band].mean()
             pose = q + time * (np.asarray(sweep) + 4.0 * time * np.asarray(bend))
             pose = pose + row * (np.asarray(skew) + 4.0 * row * np.asarray(lean))
-            big = np.zeros((height * fine, camera.width * fine), np.uint8)
-            for _, polygon in outline(mechanism, camera, pose):
-                corners = np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)
-                cv2.fillPoly(big, [corners], FULL, cv2.LINE_8, 4)
-            part = big[band[0] * fine : (band[-1] + 1) * fine]
-            total[band] += cv2.resize(part, (camera.width, len(band)), interpolation=cv2.INTER_AREA)
+            total[band] += _averaged(mechanism, camera, pose, band[0], band[-1] + 1)
     return np.round(cv2.GaussianBlur(total / count, (0, 0), 0.8)).astype(np.uint8)[None]
+
+
+def _averaged(mechanism: Mechanism, camera: Camera, q: np.ndarray, first: int, stop: int) -> np.ndarray:
+    """Draw an outline sixteen times finer than the pixels and average it, in some rows: (row, width)."""
+    fine, shown = 16, np.zeros((stop - first, camera.width), np.uint8)
+    outlines = [
+        np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)
+        for _, polygon in outline(mechanism, camera, q)
+    ]
+    if not outlines:
+        return shown
+    # only the box that the outlines reach is drawn: all of the picture would take ten times as long
+    reached = np.concatenate(outlines) // (16 * fine)
+    left, top = np.maximum(reached.min(axis=0) - 1, 0)
+    right, bottom = np.minimum(reached.max(axis=0) + 2, (camera.width, camera.height))
+    upper, lower = max(top, first), min(bottom, stop)
+    if left >= right or upper >= lower:
+        return shown
+    big = np.zeros(((bottom - top) * fine, (right - left) * fine), np.uint8)
+    for corners in outlines:
+        cv2.fillPoly(big, [corners - 16 * fine * np.array([left, top], np.int32)], FULL, cv2.LINE_8, 4)
+    part = big[(upper - top) * fine : (lower - top) * fine]
+    size = (int(right - left), int(lower - upper))
+    shown[upper - first : lower - first, left:right] = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+    return shown
 
 
 def trusted(mechanism: Mechanism, camera: Camera = CAMERA) -> View:

@@ -26,6 +26,11 @@ def refuses(error: type[Exception], message: str) -> Iterator[None]:
     assert str(found.value) == message
 
 
+def slow(*values: object) -> pytest.ParameterSet:
+    """Mark one case of a parametrized test as slow: ``make check`` runs it, ``make test`` does not."""
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
 def square(index: int, width: int, height: int, size: int = 10) -> np.ndarray:
     """Draw frame ``index``: a white square on dark grey whose left edge is at column 2 + index."""
     picture = np.full((height, width), 60, np.uint8)

@@ -60,6 +60,7 @@ def test_a_single_joint_is_the_simpler_mechanism(tmp_path: Path) -> None:
     assert 0.8 < float(said[1]) < 1.2
 
 
+@pytest.mark.slow
 def test_a_joint_that_was_hardly_measured_is_a_doubt(tmp_path: Path) -> None:
     mechanism, times = load("double"), np.arange(120) / 60.0
     poses = record(mechanism, times, motion(mechanism, times, [-0.9, 0.6], [0.0, 0.0]), noise=1e-3)

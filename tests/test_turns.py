@@ -10,6 +10,7 @@ from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.turns import Gap, doubtful_gaps, with_right_turns
 from monodyn.types import Poses
+from support import slow
 
 FREE = np.array([True, True])
 
@@ -30,7 +31,7 @@ def spun(hidden, turns, count=120, rate=14.0):
     return Poses(names, np.arange(count), time, position, covariance, whole, joint_seen=joint_seen), truth
 
 
-@pytest.mark.parametrize("turns", [-2, -1, 0, 1])
+@pytest.mark.parametrize("turns", [slow(-2), -1, slow(0), slow(1)])
 def test_the_dynamics_find_the_turns(turns):
     poses, truth = spun(slice(50, 63), turns)
     assert doubtful_gaps(poses, FREE) == [Gap(1, 49, 63)]
@@ -45,6 +46,7 @@ def test_a_short_gap_leaves_no_doubt():
     assert with_right_turns(poses, (0, 120), load("double"), IdentifySettings())[0] is poses
 
 
+@pytest.mark.slow
 def test_a_short_gap_with_a_turn_too_much_does():
     poses, truth = spun(slice(50, 52), 1)
     assert doubtful_gaps(poses, FREE) == [Gap(1, 49, 52)]

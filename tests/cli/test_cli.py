@@ -18,6 +18,16 @@ from support import EXAMPLES, ClipMaker, Done, command
 CLIP, MODEL = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
 
 
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Done:
+    """Run the main job once on the demo clip, with its result as JSON.
+
+    Every process that has a test with this fixture runs it: all of them are in this file.
+    """
+    out = tmp_path_factory.mktemp("demo") / "run"
+    return command("run", CLIP, "--model", MODEL, "--out", out, "--fit-frames", "0:150", "--json", folder=out)
+
+
 def table(path: Path) -> dict[str, np.ndarray]:
     rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
     return {name: np.array([float(row[i]) for row in rows[1:]]) for i, name in enumerate(rows[0])}
@@ -95,6 +105,13 @@ def test_identified_model_moves_like_the_prediction(demo: Done) -> None:
     assert mujoco.MjModel.from_xml_path(str(demo.folder / "model.urdf")).nq == 2
 
 
+def test_the_report_shows_pictures_and_camera(demo: Done) -> None:
+    text = (demo.folder / "report.html").read_text(encoding="utf-8")
+    assert text.count("data:image/jpeg;base64,") == 3
+    assert "Camera" in text
+    assert "210 of 210" in text
+
+
 def test_json_is_the_result_and_nothing_else(demo: Done) -> None:
     result = json.loads(demo.out)
     fit = json.loads((demo.folder / "fit.json").read_text())
@@ -131,6 +148,7 @@ def test_a_run_is_not_overwritten_without_force(demo: Done) -> None:
     assert (demo.folder / "run.json").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_identify_takes_the_poses_of_a_run(demo: Done, tmp_path: Path) -> None:
     poses, out = first_rows(demo, tmp_path, 60), tmp_path / "fit"
     done = command("identify", poses, "--model", MODEL, "--out", out, "--quiet")
@@ -146,6 +164,7 @@ def test_identify_takes_the_poses_of_a_run(demo: Done, tmp_path: Path) -> None:
     assert "N m s/rad" in printed.out
 
 
+@pytest.mark.slow
 def test_bounds_hold_and_are_recorded(demo: Done, tmp_path: Path) -> None:
     poses = first_rows(demo, tmp_path, 60)
     words = ("identify", poses, "--model", MODEL, "--out", tmp_path / "fit", "--quiet")
@@ -433,6 +452,7 @@ def test_a_period_may_be_bounded_anywhere(tmp_path: Path) -> None:
     assert "Traceback" not in done.err
 
 
+@pytest.mark.slow
 def test_known_torques_make_masses_absolute(tmp_path: Path) -> None:
     time = np.arange(60) / 30.0
     torque = 0.03 * np.sin(6.0 * time) + 0.02 * np.sin(11.0 * time)

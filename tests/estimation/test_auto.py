@@ -115,6 +115,7 @@ def test_bodies_whose_mass_is_not_where_their_outline_is_are_free() -> None:
     assert held.grade != "trusted"
 
 
+@pytest.mark.slow
 def test_a_periodic_torque_is_taken_for_what_it_explains_of_other_rows(driven, tmp_path) -> None:
     fit = identify(driven[0], started(DOUBLE, tmp_path, 0.5, **THICKNESS), AUTO)
     assert fit.ok, fit.status
@@ -162,6 +163,7 @@ def test_a_torque_without_a_period_is_taken_where_sizes_are_given(tmp_path) -> N
     assert fit.torque != "free"
 
 
+@pytest.mark.slow
 def test_a_drag_that_only_led_to_the_dry_friction_is_none(tmp_path) -> None:
     """Friction without any dry friction is far off; a drag leads nearer, from where the dry one is found."""
     dry = DOUBLE.replace('damping="0.001"', f'damping="0.001" frictionloss="0.004" {STIFF}')
@@ -181,6 +183,7 @@ def test_a_drag_that_only_led_to_the_dry_friction_is_none(tmp_path) -> None:
         assert not any(p.free for p in mechanism.parameters if p.kind in ("drag", "air"))
 
 
+@pytest.mark.slow
 def test_the_air_on_a_carried_link_is_told_from_a_drag_of_its_joint(tmp_path) -> None:
     """Moved with the drag of the air on both links, strong enough that no friction leads near it."""
     start = started(DOUBLE, tmp_path, 0.5, **MASSIVE)
@@ -195,6 +198,7 @@ def test_the_air_on_a_carried_link_is_told_from_a_drag_of_its_joint(tmp_path) ->
     assert fit.parameter("link1.length").value == pytest.approx(0.23, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_drag_of_bodies_out_of_the_files_proportion_keeps_them_uniform() -> None:
     """Sizes that no table shows are not quite the file's: that is no reason for free bodies."""
     fit = identify(*damaged("quadratic drag", 101), AUTO)
@@ -202,6 +206,7 @@ def test_a_drag_of_bodies_out_of_the_files_proportion_keeps_them_uniform() -> No
     assert "inertia" not in {p.name.split(".")[1] for p in fit.parameters if p.free}
 
 
+@pytest.mark.slow
 def test_a_drag_that_leaves_more_than_another_clock_is_none() -> None:
     """The stamps run slow against given lengths: a drag lowers what is left over, and is not the reason."""
     fit = identify(*damaged("a clock slow by 20 %", 108), AUTO)

@@ -19,6 +19,7 @@ from monodyn.estimation.torque import drags
 from monodyn.estimation.verdict import causes
 from monodyn.mechanism import load
 from monodyn.stages import identify
+from support import slow
 from swings import white
 
 NOISE = 1e-3
@@ -65,8 +66,8 @@ def test_a_right_model_has_no_cause():
     ("push", "begins"),
     [
         (drag, "With quadratic drag at its joints the motion comes "),
-        (tilt, "With gravity 11 deg from straight down where the angles are measured the motion comes "),
-        (base, "On a base that swings to the right and back, over 60 mm at 1.3 Hz, the motion comes "),
+        slow(tilt, "With gravity 11 deg from straight down where the angles are measured the motion comes "),
+        slow(base, "On a base that swings to the right and back, over 60 mm at 1.3 Hz, the motion comes "),
     ],
 )
 def test_what_is_lacking_is_named(push, begins):

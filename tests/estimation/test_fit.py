@@ -25,6 +25,7 @@ def test_names_follow_from_parameters_and_starts(fit, poses, double):
     assert refused.names == refused.shared == ()
 
 
+@pytest.mark.slow
 def test_parts_of_the_covariance(double, poses):
     fit = identify([poses, poses.part(5, 60)], double)
     count = len(fit.shared)

@@ -64,6 +64,7 @@ def test_a_periodic_torque_predicts(series, tmp_path):
     assert np.degrees(np.abs(future.position - longer.position[150:])).max() < 1.0
 
 
+@pytest.mark.slow
 def test_harmonics_are_counted(tmp_path, monkeypatch):
     fitted, shortened = [], fourier._shortened
 
@@ -108,6 +109,7 @@ def test_a_force_at_a_slide(tmp_path):
     assert fit.parameter("slider.torque.sin1").unit == "N"
 
 
+@pytest.mark.slow
 def test_without_a_mass_torques_are_ratios(driven, tmp_path):
     fit = identify(driven[0], started(DOUBLE, tmp_path, 0.5), IdentifySettings(torque="fourier", terms=1))
     assert fit.ok, fit.status
@@ -136,6 +138,7 @@ def test_no_period_is_said_with_what_to_do(passive, tmp_path):
     assert fit.status == NO_PERIOD
 
 
+@pytest.mark.slow
 def test_a_period_longer_than_the_record_is_not_guessed(tmp_path):
     """Half a period of the torque looks like a shorter one to a model that may choose its sizes."""
     for first in (0, 30, 60):
@@ -145,6 +148,7 @@ def test_a_period_longer_than_the_record_is_not_guessed(tmp_path):
         assert fit.status == NO_PERIOD
 
 
+@pytest.mark.slow
 def test_what_the_model_lacks_is_no_periodic_torque(passive, tmp_path):
     """A passive record with a small fault that follows the motion: angles read 0.2 % too large."""
     record = replace(passive[0], position=1.002 * passive[0].position)
@@ -153,6 +157,7 @@ def test_what_the_model_lacks_is_no_periodic_torque(passive, tmp_path):
     assert fit.status == NO_PERIOD
 
 
+@pytest.mark.slow
 def test_a_given_thickness_without_use_is_said(driven, tmp_path):
     inertial = DOUBLE.replace(GEOM, GEOM.replace('density="2700"', 'mass="0.1"'))
     start = started(inertial, tmp_path, 1.0, **THICKNESS)

@@ -7,6 +7,8 @@ from driven import DOUBLE, GEOM, STIFF, THICKNESS, simulated, started
 from monodyn.results.predict import predict
 from monodyn.stages import identify
 
+pytestmark = pytest.mark.slow
+
 STOPPING = f"""<mujoco><option gravity="0 0 -9.81" integrator="RK4"/><worldbody>
 <body name="link1"><joint name="joint1" type="hinge" axis="0 -1 0" frictionloss="0.08" damping="0.0003"
   {STIFF}/>

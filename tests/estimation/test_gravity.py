@@ -10,6 +10,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.verdict.gravity import GRAVITY_STD
 from monodyn.stages import identify
 from monodyn.types import TorqueLog
+from support import slow
 from swings import TIMES, motion, record
 
 GIVEN = 9.81
@@ -18,6 +19,7 @@ CASES = (
     "ratios", "given thickness", "given mass", "free bodies", "slide in a picture", "known torque",
     "known torque, given thickness",
 )  # fmt: skip
+QUICK = "given thickness", "slide in a picture"
 VISCOUS = IdentifySettings(torque="friction")
 
 
@@ -71,7 +73,7 @@ def fits(case, *gravities):
     ]
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [name if name in QUICK else slow(name) for name in CASES])
 def test_what_another_gravity_changes_is_in_the_interval(cases, name):
     """Whatever is known follows from gravity as fits with more of it show; the motion cannot tell it."""
     more = 1.0 + GRAVITY_STD
@@ -95,6 +97,7 @@ def test_what_another_gravity_changes_is_in_the_interval(cases, name):
     np.testing.assert_allclose(taken.covariance, given.covariance, rtol=1e-3, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_length_that_something_else_tells_hardly_follows(cases, cart):
     record, start = cases["ratios"]
     known = start.with_choices(fix={"link1.length": 0.23})
@@ -107,6 +110,7 @@ def test_a_length_that_something_else_tells_hardly_follows(cases, cart):
     assert metric[1] < picture[1]
 
 
+@pytest.mark.slow
 def test_an_exact_record_knows_gravity_no_better(double):
     """With next to no noise gravity is nearly all that lengths do not know, but for rounding."""
     exact = record(double, TIMES, motion(double, TIMES, [0.3, 0.5], [0.0, 1.0]), noise=1e-7)

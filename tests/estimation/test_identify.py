@@ -8,6 +8,7 @@ import pytest
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from monodyn.types import Poses
+from support import slow
 from swings import NOISE, TIMES, motion, record, scaled, sigmas
 
 
@@ -92,6 +93,7 @@ def test_gravity_and_lengths_together_are_open(poses, double):
     assert fit.parameter("gravity").value == pytest.approx(9.81, rel=0.01)  # kept near the start
 
 
+@pytest.mark.slow
 def test_frictionless_joint_ends_on_its_bound(double, truth):
     still = truth.with_values({"joint1.damping": 0.0, "joint2.damping": 0.0})
     fit = identify(record(truth, TIMES, motion(still, TIMES, [0.3, 0.5], [0.0, 1.0]), seed=2), double)
@@ -122,7 +124,7 @@ def test_two_joints_in_the_other_order(poses, double, fit):
     assert identify(swapped, double).parameters == fit.parameters
 
 
-@pytest.mark.parametrize("stamped", [1.0, 3.0])
+@pytest.mark.parametrize("stamped", [slow(1.0), 3.0])
 @pytest.mark.parametrize("model", ["single", "double"])
 def test_time_scale_and_lengths_together_are_open(model, stamped):
     """Stamped three times slower, lengths come out nine times as long, and nothing says that they are."""
@@ -162,6 +164,7 @@ def test_one_length_fixes_the_time_scale(poses, double, truth):
     assert not any("k^2" in line or "one by one" in line for line in fit.advice)
 
 
+@pytest.mark.slow
 def test_a_rate_that_contradicts_gravity_and_a_length_is_named():
     single = load("single")
     times = np.arange(60) / 120.0

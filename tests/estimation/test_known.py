@@ -88,6 +88,7 @@ def test_the_prediction_goes_on_under_the_known_torque(found, pushed) -> None:
     assert np.isinf(predict(found, times=np.array([4.5])).std).all()
 
 
+@pytest.mark.slow
 def test_a_torque_that_does_not_show_is_left_out(tmp_path) -> None:
     record, _ = simulated(DOUBLE, (0.6, -0.4), 45, lambda time: np.array([1e-4 * push(time), 0.0]))
     record = replace(record, torques=log_of(lambda time: 1e-4 * push(time)))

@@ -46,6 +46,7 @@ def test_a_few_records_lead_to_the_optimum_of_all(double, truth, asked):
         assert values[name] == pytest.approx(others[name], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_records_that_are_not_as_the_few_are_searched_with_them(double, truth, asked):
     model, calls = asked
     records = swings(truth)

@@ -21,6 +21,7 @@ from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.torque.periods import PeriodSearch
 from monodyn.mechanism import load
 from monodyn.types import Poses
+from support import slow
 from swings import white
 
 
@@ -29,8 +30,8 @@ def guessed(record, mechanism, terms=0):
     return search, search.guesses(terms)
 
 
-@pytest.mark.parametrize("period", [0.6, 1.1, 2.3])
-@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("period", [slow(0.6), 1.1, 2.3])
+@pytest.mark.parametrize("factor", [0.5, slow(2.0)])
 def test_the_period_is_guessed_at_any_scale(period, factor, tmp_path):
     """Within a percent from accelerations alone; peaks are smoothed away, so sizes come out less exactly."""
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -20,6 +21,7 @@ def test_gross_errors_and_gaps(poses, double, truth):
     assert np.isnan(fit.residual[0][[7, 40, 50], [0, 0, 1]]).all()
 
 
+@pytest.mark.slow
 def test_a_tail_that_does_not_follow_is_no_gross_error():
     """A pendulum held fast from frame 76 on; what is left out must be short and isolated."""
     single, times = load("single"), np.arange(100) / 30.0

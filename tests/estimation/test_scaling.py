@@ -15,10 +15,11 @@ from monodyn.estimation.shooting.scaling import (
 )
 from monodyn.mechanism import Measured, load
 from monodyn.stages import identify
+from support import slow
 from swings import SIZES, TIMES, motion, record, scaled, sigmas
 
 
-@pytest.mark.parametrize("model", ["single", "cartpole"])
+@pytest.mark.parametrize("model", ["single", slow("cartpole")])
 def test_an_open_time_scale_stays_at_the_start(model):
     """With dry friction, whose smooth sign does not scale, and with slides in the scale of the picture."""
     start, times = load(model).with_values({"time_scale": 0.5}), np.arange(150) / 30.0

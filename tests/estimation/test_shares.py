@@ -69,6 +69,7 @@ def test_a_combination_is_widened_about_its_value(problem):
     assert with_share((), (one,), Share({}, {}), problem, QUANTILE)[1] == (one,)
 
 
+@pytest.mark.slow
 def test_a_length_that_a_repeating_force_leaves_open_is_refused(poses, double, monkeypatch):
     value = identify(poses, double, VISCOUS).check().parameter("link1.length").value
     share = Share({"link1.length": 3.0 * value}, {})

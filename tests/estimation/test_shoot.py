@@ -13,10 +13,11 @@ from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Route, fit_pieces
 from monodyn.optimize import SearchSettings
 from monodyn.stages import identify
+from support import slow
 from swings import TIMES, motion, record
 
 
-@pytest.mark.parametrize("bound", [1e-3, 1e-6])
+@pytest.mark.parametrize("bound", [1e-3, slow(1e-6)])
 def test_the_integration_keeps_its_bound(poses, double, bound):
     fit = identify(poses, double, IdentifySettings(error_bound=bound))
     start = fit.starts[0]

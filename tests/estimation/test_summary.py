@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from models import GEOM, HINGE, body_with, mjcf, read
 from monodyn.estimation.record.samples import Pieces, prepare
@@ -120,6 +121,7 @@ def test_a_length_of_a_body_that_slides_on_one_that_turns_may_not(tmp_path):
     assert _undetermined(SimpleNamespace(parameters=hardly), mechanism) == list(lengths)  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.slow
 def test_a_length_of_a_body_that_never_turns_may_be_unknown():
     from monodyn.stages import identify
 

@@ -11,6 +11,7 @@ from monodyn.stages import identify
 from swings import motion, record, sigmas
 
 
+@pytest.mark.slow
 def test_correlated_noise_is_judged_by_joint(truth, double):
     """Joints that err together, two and three times as much as stated: that is what comes out."""
     stated, share = np.array([0.001, 0.003]), np.array([[1.0, -0.98], [-0.98, 1.0]])
@@ -30,6 +31,7 @@ def test_correlated_noise_is_judged_by_joint(truth, double):
     assert sigmas(fit.parameter("link1.length"), truth.values["link1.length"]) < 4.0
 
 
+@pytest.mark.slow
 def test_what_moves_all_positions_moves_the_optimum(truth, double):
     """Against the optimum of a record that is shifted, and of one that states what it was shifted by."""
     times = np.arange(60) / 30.0

@@ -52,6 +52,7 @@ def seen(mechanism, information):
     return mechanism.with_measured(Measured(sizes, np.array(information))).with_choices(fix=given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1.0, 1e5, 1e12])
 def test_negative_information_of_sizes_is_left_out_and_said(poses, double, fit, size):
     """Eigenvalues 3 and -1: what is below zero would reward sizes for running away."""
@@ -68,6 +69,7 @@ def test_negative_information_of_sizes_is_left_out_and_said(poses, double, fit, 
     )  # the search stops within 1e-9 of the cost
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_information_that_is_no_number_is_a_status(poses, double, value):
     found = identify(poses, seen(double, [[1e4, -1e4], [-1e4, value]]))

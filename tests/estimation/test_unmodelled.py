@@ -34,6 +34,7 @@ def pushed(seed: int, times: np.ndarray = TIMES) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_random_accelerations_are_found_and_carried_on():
     single, bands, found = load("single"), [], []
     for seed in range(6):

@@ -16,6 +16,7 @@ from monodyn.results.fill import fill
 from monodyn.results.trace import trace_of
 from monodyn.stages import identify
 from monodyn.types import Poses
+from support import slow
 from swings import double_truth, record, sigmas
 
 TIMES = np.arange(80) / 30.0
@@ -45,7 +46,7 @@ def identified(poses: Poses, **choice: bool) -> Fit:
     return identify(poses, with_roll(load("double"), 0.0, free=True, **choice))
 
 
-@pytest.mark.parametrize("degrees", [-8.0, -1.0, 0.0, 3.0, 20.0])
+@pytest.mark.parametrize("degrees", [-8.0, slow(-1.0), 0.0, slow(3.0), slow(20.0)])
 def test_the_roll_is_found_and_positions_are_against_gravity(degrees: float, tmp_path: Path) -> None:
     truth, roll = double_truth(), np.radians(degrees)
     poses, upright = filmed(truth, roll, tmp_path)
@@ -63,6 +64,7 @@ def test_the_roll_is_found_and_positions_are_against_gravity(degrees: float, tmp
     assert any(tilted in line for line in fit.advice) == (degrees > 12.0)
 
 
+@pytest.mark.slow
 def test_a_level_camera_is_not_trusted(tmp_path: Path) -> None:
     truth = double_truth()
     poses, _ = filmed(truth, np.radians(7.0), tmp_path)
@@ -81,6 +83,7 @@ def test_a_record_against_gravity_has_no_roll(tmp_path: Path) -> None:
     assert ROLL not in [p.name for p in fit.parameters]
 
 
+@pytest.mark.slow
 def test_one_roll_of_several_records_is_said(tmp_path: Path) -> None:
     one, other = (filmed(double_truth(), np.radians(degrees), tmp_path)[0] for degrees in (2.0, -2.0))
     said = "One camera.roll was taken for all 2 records"
@@ -100,6 +103,7 @@ def test_what_a_picture_was_taken_with_is_taken_into_account(tmp_path: Path) -> 
     assert other.parameter(ROLL).value == pytest.approx(one.parameter(ROLL).value, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_short_record_knows_no_more_than_is_assumed(tmp_path: Path) -> None:
     poses, _ = filmed(double_truth(), np.radians(1.0), tmp_path)
     fit = identified(poses.part(0, 7))

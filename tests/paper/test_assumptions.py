@@ -62,6 +62,7 @@ def test_a_film_as_the_paper_assumes_it(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_camera_that_moves(tmp_path: Path) -> None:
     """By a twentieth of a pixel a frame, so that the links stay on themselves to two pixels."""
 
@@ -88,6 +89,7 @@ def test_something_else_moves(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_something_in_front(tmp_path: Path) -> None:
     """A board before the lower part of the second link's way."""
 
@@ -101,6 +103,7 @@ def test_something_in_front(tmp_path: Path) -> None:
     assert " of the frames; more than 10% of it are hidden in " in found[IN_VIEW].numbers
 
 
+@pytest.mark.slow
 def test_a_link_that_is_lost_behind_something(tmp_path: Path) -> None:
     """Frames without a pose count where a part of the silhouette is missing, not where all of it is seen."""
 
@@ -117,6 +120,7 @@ def test_a_link_that_is_lost_behind_something(tmp_path: Path) -> None:
     assert not not_held(judged(tmp_path / "clear", lost=lost))
 
 
+@pytest.mark.slow
 def test_bodies_of_another_shape(tmp_path: Path) -> None:
     """The model's links are a third as wide as those in the film."""
     scene, poses = film(tmp_path)
@@ -126,6 +130,7 @@ def test_bodies_of_another_shape(tmp_path: Path) -> None:
     assert not_held(found) == [AS_GIVEN]
 
 
+@pytest.mark.slow
 def test_a_plane_at_a_slant(tmp_path: Path) -> None:
     """A plane turned by 18 degrees about the upright is seen 0.95 times as wide."""
     scene, poses = film(tmp_path, stretch=0.95)

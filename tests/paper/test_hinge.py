@@ -17,6 +17,7 @@ from monodyn.paper.subproblems import mismatch
 from monodyn.paper.view import CAMERA_HELD, ModelView, model_view, silhouette_image
 from monodyn.types import FULL, Camera, Frame
 from monodyn.vision.drawing.outline import covered_pixels
+from support import slow
 
 POSES = np.array([[-0.8, 0.7], [-2.2, -0.4], [0.1, 0.9], [-1.5, 1.6], [-2.8, -1.0]])
 
@@ -48,7 +49,7 @@ def displaced(mechanism: Mechanism, shift: float, free: bool) -> ModelView:
 SIZES = ("length", "width", "tail", "tip")
 
 
-@pytest.mark.parametrize("shift", [0.05, -0.01])
+@pytest.mark.parametrize("shift", [0.05, slow(-0.01)])
 def test_the_hinge_is_moved_to_its_place(shift: float) -> None:
     """Its picture is the same before and after; the ratios of the sizes come out to a pixel."""
     mechanism = monodyn.load("double")

@@ -15,6 +15,7 @@ from monodyn.results.fill import fill
 from monodyn.results.predict import predict
 from monodyn.results.report import report
 from monodyn.results.torques import torques
+from support import slow
 from swings import TIMES, double_truth, motion, record
 from waves import PAPER, SMALL, fourier_truth
 
@@ -44,6 +45,7 @@ def test_six_unknowns_of_case_one():
     assert np.sqrt(np.mean((ahead.position - position[40:]) ** 2)) < np.radians(3.0)
 
 
+@pytest.mark.slow
 def test_case_two_with_a_period_that_is_known():
     """With thicknesses and period known, and friction in addition, the torque is within 8 %."""
     times = np.arange(150) / 30.0
@@ -60,6 +62,7 @@ def test_case_two_with_a_period_that_is_known():
     assert (error < 0.08).all()
 
 
+@pytest.mark.slow
 def test_case_three_on_a_chaotic_second():
     """Thirty frames are followed within the noise; bodies keep near the file's, nothing has an interval."""
     truth, shown = double_truth(), []
@@ -77,6 +80,7 @@ def test_case_three_on_a_chaotic_second():
     assert [step[1] // 50 for step in shown] == list(range(1, fit.evaluations // 50 + 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_case_three_on_two_thirds_of_a_second(seed):
     truth = double_truth()
@@ -89,6 +93,7 @@ def test_case_three_on_two_thirds_of_a_second(seed):
         assert 1.0 / 6.0 < fit.mechanism.values[f"{body}.length"] / truth.values[f"{body}.length"] < 6.0
 
 
+@pytest.mark.slow
 def test_given_starts_are_left_as_they_are():
     """The search begins at the file's own values: one start, and how it goes depends on them."""
     truth = double_truth()
@@ -112,6 +117,7 @@ def test_case_three_with_friction():
     assert len(fit.names) - 4 == 2 * 12 + 6
 
 
+@pytest.mark.slow
 def test_gains_without_effect_and_ringing():
     truth = load("single").with_values({"link1.length": 0.26})
     poses = record(truth, TIMES, motion(truth, TIMES, [0.8], [0.0]))
@@ -174,6 +180,7 @@ def test_case_three_follows_the_noise():
     assert any("underdetermined" in line for line in fit.advice)
 
 
+@pytest.mark.slow
 def test_filtered_states_make_it_worse():
     """The filter lags, which the paper saw too; rates through the same filter on both sides do not suffer."""
     truth = double_truth()
@@ -231,7 +238,7 @@ def test_a_series_stands_for_friction():
     assert max(fit.rms.values()) < np.radians(1.5)
 
 
-@pytest.mark.parametrize("seed", [0, 2, 3])
+@pytest.mark.parametrize("seed", [0, slow(2), slow(3)])
 def test_gaps_and_joints_out_of_order(seed):
     """Gaps put the start off; from there parts that grow lead to the minimum, whatever the noise."""
     truth = double_truth()
@@ -251,6 +258,7 @@ def test_gaps_and_joints_out_of_order(seed):
     assert np.isfinite(fit.residual[0][20, 0])
 
 
+@pytest.mark.slow
 def test_two_records_share_the_parameters():
     truth = double_truth()
     records = [
@@ -263,6 +271,7 @@ def test_two_records_share_the_parameters():
     assert fit.parameter("link2.length").value == pytest.approx(truth.values["link2.length"], rel=0.01)
 
 
+@pytest.mark.slow
 def test_slides_in_the_start_scale():
     """A cart seen by a camera: its slide is in the scale of the file until gravity has told the lengths.
 

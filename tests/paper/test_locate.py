@@ -90,6 +90,7 @@ def test_the_example_clip_by_the_published_method() -> None:
     assert counts_up(told)
 
 
+@pytest.mark.slow
 def test_a_search_out_of_silhouettes_gives_the_best_so_far(small: Masks) -> None:
     """The starts may draw half of what is left; a part that passes the limit ends: one finalist at least."""
     video, told = small.video, []
@@ -108,6 +109,7 @@ def test_a_search_out_of_silhouettes_gives_the_best_so_far(small: Masks) -> None
     assert counts_up(told)
 
 
+@pytest.mark.slow
 def test_the_framework_is_that_of_the_settings(small: Masks, default: Scene, monkeypatch: Any) -> None:
     """Starts in the reduced picture and finalists in the whole one go by it, as the pose alone does."""
     called: list[str] = []
@@ -157,6 +159,7 @@ def test_a_mechanism_that_does_not_fit_its_silhouette_is_said(small: Masks, defa
     )
 
 
+@pytest.mark.slow
 def test_another_mechanism_is_refused(small: Masks) -> None:
     """One link cannot be two: more than half of the silhouette stays uncovered, or is not there."""
     both = {"method": "paper"}
@@ -218,6 +221,7 @@ def test_the_camera_can_be_found_behind_the_default_pose(small: Masks, default: 
     np.testing.assert_array_equal(found.position, default.position)
 
 
+@pytest.mark.slow
 def test_the_pose_can_be_found_before_the_default_camera(small: Masks, default: Scene) -> None:
     found = monodyn.locate(small, monodyn.load(MODEL), LocateSettings(method="paper"))
     assert found.camera == default.camera

@@ -48,6 +48,7 @@ def test_one_period_of_a_swing_and_less():
         assert (found.periods < 1.0) == (share < 1.0)
 
 
+@pytest.mark.slow
 def test_a_decaying_double_pendulum():
     """The common period hardly depends on how much of the swing is seen."""
     times = np.arange(160) / 30.0

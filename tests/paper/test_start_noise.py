@@ -40,6 +40,7 @@ def _std_by_solving_again(problem, best, simulated):
     return np.sqrt(variance * np.sum(np.square(ways), axis=0) + off**2)
 
 
+@pytest.mark.slow
 def test_minimum_and_intervals_against_scipy():
     """Least squares of scipy on its own rollouts: the same minimum, and the same intervals."""
     truth = load("single").with_values({"link1.length": 0.26, "joint1.damping": 2e-3})
@@ -72,6 +73,7 @@ def test_minimum_and_intervals_against_scipy():
         assert found.std == pytest.approx(std[i], rel=0.02)
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_truth():
     """95 % intervals of 20 draws, for parameters, start state and prediction, by their std alone."""
     truth, start = double_truth(), np.array([0.9, 0.6, 0.0, 0.0])

@@ -11,9 +11,10 @@ from chains import POSE, chain, silhouette_of, view_of
 from monodyn.paper import starts
 from monodyn.paper.sequential import interleaved
 from monodyn.paper.starts import evolved_starts, grid_starts, pose_by_beam
+from support import slow
 
 
-@pytest.mark.parametrize("search", [grid_starts, evolved_starts])
+@pytest.mark.parametrize("search", [grid_starts, slow(evolved_starts)])
 def test_starts_lead_to_the_pose(tmp_path: Path, search: object) -> None:
     """From no pose at all; a chain may be read from either end, so one of the starts comes out right."""
     mechanism = chain(tmp_path, lengths=(0.1, 0.1), widths=(0.02, 0.02))
@@ -25,7 +26,7 @@ def test_starts_lead_to_the_pose(tmp_path: Path, search: object) -> None:
     assert min(errors) < np.radians(0.3)
 
 
-@pytest.mark.parametrize("links", [2, 4, 6])
+@pytest.mark.parametrize("links", [2, 4, slow(6)])
 def test_the_grid_keeps_to_its_number_of_poses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: int
 ) -> None:

@@ -10,12 +10,12 @@ from monodyn.estimation.record.samples import prepare
 from monodyn.mechanism import load
 from monodyn.paper.identify import identify_published
 from monodyn.paper.torque_model import torque_model
-from support import refuses
+from support import refuses, slow
 from swings import TIMES, double_truth, motion, record
 from waves import PAPER, SMALL, fourier_truth
 
 
-@pytest.mark.parametrize(("series", "count"), [("with-friction", 36), ("alone", 34)])
+@pytest.mark.parametrize(("series", "count"), [slow("with-friction", 36), ("alone", 34)])
 def test_unknowns_of_case_two(series, count):
     """Seven harmonics: 4 sizes, 2 (2 7 + 1) coefficients and, in the paper's count of 36, 2 dampings."""
     times = np.arange(60) / 30.0
@@ -67,6 +67,7 @@ def test_a_joint_seen_three_times_and_too_many_torques():
     )
 
 
+@pytest.mark.slow
 def test_a_period_that_is_bounded():
     _, poses = fourier_truth(np.arange(150) / 30.0)
     start = load("double").with_torque("fourier", terms=1, period=2.0)
@@ -109,6 +110,7 @@ def test_less_than_a_period_is_fitted_all_the_same():
     assert " The frames hold 0." in fit.status
 
 
+@pytest.mark.slow
 def test_a_given_period_is_taken():
     _, poses = fourier_truth(TIMES)
     start = load("double").with_torque("fourier", terms=1, period=1.0)

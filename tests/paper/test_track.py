@@ -24,6 +24,7 @@ from monodyn.paper.track import (
 )
 from monodyn.paper.view import CAMERA_HELD, model_view, silhouette_image
 from monodyn.types import FULL
+from support import slow
 
 
 def test_move_limits() -> None:
@@ -83,7 +84,7 @@ def lasting_gap(tmp_path: Path, glimpse: bool) -> list[tuple[np.ndarray, FrameOu
     return out
 
 
-@pytest.mark.parametrize("glimpse", [False, True])
+@pytest.mark.parametrize("glimpse", [slow(False), True])
 def test_a_gap_invents_no_turn(tmp_path: Path, glimpse: bool) -> None:
     """After 14 frames the angles are those of the turn that the motion was on."""
     followed = lasting_gap(tmp_path, glimpse)
@@ -94,6 +95,7 @@ def test_a_gap_invents_no_turn(tmp_path: Path, glimpse: bool) -> None:
         np.testing.assert_allclose(found.position, truth, atol=np.radians(1.5))
 
 
+@pytest.mark.slow
 def test_one_frame_alone_after_a_gap_is_forgotten(tmp_path: Path) -> None:
     """The next frame is not seen: what was known before the glimpse holds again, two frames later."""
     followed = lasting_gap(tmp_path, True)
@@ -107,7 +109,7 @@ def test_one_frame_alone_after_a_gap_is_forgotten(tmp_path: Path) -> None:
     assert (before.lost, glimpse.lost, after.lost) == (9, 0, 11)
 
 
-@pytest.mark.parametrize("adaptive", [True, False])
+@pytest.mark.parametrize("adaptive", [True, slow(False)])
 def test_a_motion_is_followed_through_a_gap(tmp_path: Path, adaptive: bool) -> None:
     """Eq. (5) on a swing of up to 0.3 rad a frame; for two frames something else hides the second link."""
     at = view_of(chain(tmp_path), free=CAMERA_HELD)

@@ -9,6 +9,7 @@ from monodyn.mechanism.simulate import rollout
 from monodyn.results.predict import predict
 from monodyn.stages import identify
 from monodyn.types import Poses
+from support import slow
 from swings import record
 
 NOISE = np.radians(0.1)
@@ -57,7 +58,7 @@ def clip(name, seed):
     return truth, start, poses, q
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [name if name in ("single", "bob") else slow(name) for name in CASES])
 def test_forty_frames(name):
     """Five noise seeds: every length within 0.7 % and, over the seeds, errors as large as stated."""
     scores, future_scores = [], []
@@ -79,7 +80,7 @@ def test_forty_frames(name):
     assert np.sqrt(np.mean(np.square(future_scores))) < 2.2
 
 
-@pytest.mark.parametrize("name", ["single", "double"])
+@pytest.mark.parametrize("name", ["single", slow("double")])
 def test_whole_clip_gives_the_damping(name):
     """Ten seconds fix damping over inertia to a percent; 3 % is three of its standard deviations and more."""
     values, q0, v0 = CASES[name]

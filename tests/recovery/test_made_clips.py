@@ -52,6 +52,7 @@ def test_the_same_case_gives_the_same_picture_and_the_edges_lie_where_the_camera
     assert np.sum(share[row]) == pytest.approx(end - (column - 0.5), abs=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["single_capsule", "double_two_colours", "cart_off_centre"])
 def test_poses_of_a_made_clip(name: str, tmp_path: Path) -> None:
     clip = cached(small(name), tmp_path)

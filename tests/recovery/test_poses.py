@@ -21,6 +21,8 @@ from monodyn.vision.settings import LocateSettings, SegmentSettings, TrackSettin
 from monodyn.vision.track import Follower, _have_own_planes
 from support import EXAMPLES, ClipMaker, refuses
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def truth() -> dict:

@@ -15,6 +15,7 @@ from monodyn.reproduce.cases import parameter_errors, run_case, slides_scaled
 from monodyn.reproduce.plans import FitPlan, start_scale, started
 from monodyn.reproduce.truth import Truth, identifiable
 from monodyn.reproduce.vision import Seen
+from support import slow
 from swings import SIZES, motion, white
 
 
@@ -76,7 +77,7 @@ def test_slides_are_in_the_scale_of_the_start_values() -> None:
     assert start_scale(0, 7) == 1.0
 
 
-@pytest.mark.parametrize("start", [1, 2])
+@pytest.mark.parametrize("start", [1, slow(2)])
 def test_a_drawn_start_of_a_slide_is_the_same_problem(start: int) -> None:
     cart = load("cartpole")
     true = cart.with_values({p.name: 1.5 * p.value for p in cart.parameters if p.kind in SIZES})

@@ -6,6 +6,8 @@ import os
 import signal
 from pathlib import Path
 
+import pytest
+
 from experiments import repetition
 from monodyn.errors import SettingsError
 from monodyn.mechanism import load
@@ -18,6 +20,7 @@ def squared(number: int, progress: object = None) -> int:
     return number * number
 
 
+@pytest.mark.slow
 def test_results_come_in_their_order_from_one_process_or_two() -> None:
     steps: list[tuple[int, int | None]] = []
 
@@ -34,6 +37,7 @@ def ended(number: int, progress: object = None) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_a_worker_that_the_system_ends_is_reported_in_one_line() -> None:
     with refuses(
         SettingsError,

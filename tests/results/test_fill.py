@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from fits import made_fit
 from monodyn.errors import SettingsError
@@ -15,6 +16,7 @@ ALL = np.arange(120) / 30.0
 NOISE = 0.002
 
 
+@pytest.mark.slow
 def test_the_error_is_as_large_as_stated(truth):
     """Mean square of error over std, before, within and after the fitted frames: one, up to chance.
 

@@ -10,7 +10,6 @@ from monodyn.results.findings import Findings
 from monodyn.results.page import flat, page_text
 from monodyn.results.predict import predict
 from monodyn.results.trace import trace_of
-from support import Done
 
 
 def test_page_says_status_and_advice_first_and_escapes() -> None:
@@ -37,13 +36,6 @@ def test_page_of_a_fit_that_failed() -> None:
     text = page_text(Findings(fit, [], "x"))
     assert 'class="status refused"' in text
     assert "Plotly" not in text
-
-
-def test_report_of_the_demo_shows_pictures_and_camera(demo: Done) -> None:
-    text = (demo.folder / "report.html").read_text(encoding="utf-8")
-    assert text.count("data:image/jpeg;base64,") == 3
-    assert "Camera" in text
-    assert "210 of 210" in text
 
 
 def test_settings_are_listed_with_dotted_names() -> None:

@@ -50,6 +50,7 @@ def test_dots_have_their_names_in_every_frame(balls) -> None:
     assert np.sqrt(np.mean(off**2)) < np.deg2rad(0.15)
 
 
+@pytest.mark.slow
 def test_dots_that_hide_and_things_that_are_none(balls) -> None:
     file, _, px = balls
     path = np.stack([200.0 + 6.0 * np.arange(COUNT), 500.0 + 40.0 * np.sin(np.arange(COUNT) / 5.0)], axis=1)
@@ -67,6 +68,7 @@ def test_dots_that_hide_and_things_that_are_none(balls) -> None:
     assert note.endswith("% of the spots that move are none of the dots.")
 
 
+@pytest.mark.slow
 def test_what_cannot_be_told_apart_is_refused(balls, tmp_path: Path) -> None:
     _, _, px = balls
     file = load("double")

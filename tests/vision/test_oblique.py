@@ -18,6 +18,7 @@ from monodyn.vision.locating.doubt import doubt_of
 from monodyn.vision.locating.oblique import Looking, from_other_sides, looking, open_turns, with_camera
 from monodyn.vision.locating.search import SceneGuess
 from pictures import drawn_mask, trusted
+from support import slow
 
 NAMES = ["link1.length", "link1.width", "link2.length", "link2.width", "camera.x", "camera.y", "camera.depth"]
 OPEN = ["camera.pitch", "camera.yaw", "camera.focal"]
@@ -79,7 +80,7 @@ def test_a_camera_turned_by_little_is_found() -> None:
     assert camera.yaw == pytest.approx(0.008, abs=0.001)
 
 
-@pytest.mark.parametrize("yaw", [-0.35, 0.15])
+@pytest.mark.parametrize("yaw", [slow(-0.35), 0.15])
 def test_an_oblique_camera_is_found(yaw: float) -> None:
     looks = found(yaw)
     std = looks.camera_std(looks.bundle, scale_free=True)
@@ -114,6 +115,7 @@ def test_focal_length_and_turns_settle_together() -> None:
     assert settled.camera.yaw == pytest.approx(-0.12, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_camera_on_the_other_side_is_found() -> None:
     """As if the first steps had led to the wrong side; what is right is kept as it is."""
     masks, bundle = squarely(0.35)

@@ -296,6 +296,7 @@ def test_sentences_about_what_was_found() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_what_moves_all_poses_together_is_stated(double) -> None:
     file, truth, q = double
     px, means, stated = seen(truth, q, NAMES), [], []

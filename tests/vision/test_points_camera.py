@@ -18,6 +18,7 @@ from monodyn.vision.points.found import (
 )
 from monodyn.vision.points.poses import solved
 from monodyn.vision.settings import LocateSettings
+from support import slow
 from tracked import CAMERA, apart, seen, spoiled, stretched, tracks
 
 NAMES = ("joint1", "joint2", "link2")
@@ -36,7 +37,7 @@ def test_an_angle_of_the_camera_is_found_where_it_is_freed(double) -> None:
     assert scene.camera.yaw == pytest.approx(-0.3, abs=4.0 * scene.camera_std["camera.yaw"] + 1e-3)
 
 
-@pytest.mark.parametrize("yaw", [-0.35, 0.17])
+@pytest.mark.parametrize("yaw", [slow(-0.35), 0.17])
 def test_an_oblique_camera_is_found(double, yaw: float) -> None:
     file, truth, q = double
     camera = from_origin(replace(CAMERA, yaw=yaw))
@@ -52,6 +53,7 @@ def test_an_oblique_camera_is_found(double, yaw: float) -> None:
     assert np.nanstd(off, axis=0).max() < 1.2
 
 
+@pytest.mark.slow
 def test_what_is_not_known_of_turns_is_in_what_moves_all_poses(double) -> None:
     file, truth, q = double
     camera = from_origin(replace(CAMERA, yaw=np.radians(3.0)))
@@ -79,6 +81,7 @@ def test_before_a_square_camera_turns_are_held(double) -> None:
     assert "camera.focal" not in told.camera_std
 
 
+@pytest.mark.slow
 def test_a_camera_that_moves_is_taken_out(double) -> None:
     file, truth, q = double
     way = np.arange(120) / 30.0
@@ -146,6 +149,7 @@ def test_dots_before_a_moving_camera_are_as_sure_as_its_registration(double) -> 
     assert motion_notes(None, table) == []
 
 
+@pytest.mark.slow
 def test_an_exchanged_pivot_is_no_motion_of_the_camera(double) -> None:
     file, truth, q = double
     px = seen(truth, q, NAMES)

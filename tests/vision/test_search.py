@@ -23,7 +23,7 @@ from monodyn.vision.locating.search import (
 )
 from monodyn.vision.locating.thin import lacking
 from pictures import drawn_frames
-from support import refuses
+from support import refuses, slow
 
 SMALL = Camera(160, 120, 150.0, x=0.05, y=-0.1, depth=0.9)
 
@@ -81,7 +81,7 @@ def test_key_frames_are_ordered_by_what_they_add() -> None:
     assert [frame.index for frame in frames.only(order[:2]).frames] == order[:2]
 
 
-@pytest.mark.parametrize(("thicker", "score"), [(0, 0.5), (1, 0.41), (2, 0.35)])
+@pytest.mark.parametrize(("thicker", "score"), [(0, 0.5), slow(1, 0.41), slow(2, 0.35)])
 def test_rods_thinner_than_the_steps_of_the_search_are_found(thicker: int, score: float) -> None:
     """Rods of little more than a pixel, half covered at most: as they are, the score sees nothing of them.
     Their levels are evened, and for the thinnest rods everything is made thicker."""

@@ -11,6 +11,7 @@ from monodyn.vision.foreground.background import Background, Samples, Window, ba
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.palette import choose_palette
 from monodyn.vision.foreground.shadow import find_shadow, in_shadow
+from support import slow
 
 H, W, LINK, RATIO = 240, 320, 60.0, 0.6
 
@@ -108,7 +109,7 @@ def test_what_moves_elsewhere_hides_no_shadow() -> None:
     assert find_shadow(made, within(background, background.window, others), 14.0) is not None
 
 
-@pytest.mark.parametrize("exposure", [1, 3, 4])
+@pytest.mark.parametrize("exposure", [slow(1), slow(3), 4])
 def test_what_blurs_as_it_moves_casts_no_shadow(exposure: int) -> None:
     """A link that moves while the shutter is open lets the wall through, as a shadow does."""
     parts = [swinging(shadow=False, checker=0.0, grain=4.0, late=exposure * k / 8) for k in range(8)]
