@@ -14,6 +14,8 @@ from dataclasses import asdict, dataclass, fields, replace
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python-headless")
 """Libraries whose versions are written down with the figures."""
 BOUND_COLUMN = 4
@@ -170,5 +172,6 @@ def _number(value: float) -> str:
 
 
 def _finite(value: object) -> object:
-    """Return a value as JSON can hold it: None for NaN and infinity."""
+    """Return a value as JSON can hold it: None for NaN and infinity, numpy's numbers as Python's."""
+    value = value.item() if isinstance(value, np.generic) else value
     return None if isinstance(value, float) and not math.isfinite(value) else value
