@@ -9,7 +9,7 @@ taken up; in these they are taken to be as strong.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -70,41 +70,18 @@ def repeating(found: Refined) -> np.ndarray:
         Kennedy and O'Hagan, Bayesian calibration of computer models, 2001 (discrepancy); Rahimi and Recht,
         Random features for large-scale kernel machines, 2007 (waves that stand for a smooth function).
     """
+    residuals = _residuals(found)
     problem, trial = found.weighted, found.optimum.trial
-    data = problem.data
-    unit = np.broadcast_to(data.by_row(np.where(data.slide, problem.size(trial.x), 1.0)), data.position.shape)
     clock, carried = carried_along(problem, trial)
-    state = _standard(problem, trial, unit)
-    _, jacobian = problem.rows(trial)
-    # what moves all positions of a record is no noise that the unknowns follow
-    unshifted = problem.with_data(replace(data, shifts=None))
-    followed = knowledge_at(unshifted, trial.x, jacobian, trial.pieces).covariance
-    count, white, use = len(trial.x), data.white, data.measured
-    residual = np.nan_to_num(problem.differences(trial))
-    # the whitened residuals in deviations of what changes from row to row
-    rows = noise_of_rows(np.where(use, residual, np.nan), np.where(use, found.problem.data.std, np.nan))
-    level = np.where(use, rows * np.einsum("fii->fi", white), 1.0).ravel()
-    seen = np.where(use, np.einsum("fij,fj->fi", white, residual), 0.0).ravel() / level
-    dofs = data.position.shape[1]
-
-    def shown(moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how the shared unknowns follow waves, and what of the waves the residuals still show."""
-        pushed = np.einsum("fij,fjk->fik", white, moved / unit[..., None])
-        pushed[~use] = 0.0
-        stacked = np.concatenate((jacobian, pushed), axis=2)
-        # start states take up what they can, then the shared unknowns do
-        order = [*range(count), *range(jacobian.shape[2], stacked.shape[2]), *range(count, jacobian.shape[2])]
-        free = without_states(stacked[..., order], count + pushed.shape[2], trial.pieces)
-        shared, forced = free[:, :count], free[:, count:]
-        follows = -followed @ (shared.T @ forced)
-        return follows, (forced + shared @ follows) / level[:, None]
-
-    forces = [shown(_pushed(clock, carried, trial, _waves(state / length, dofs))) for length in LENGTHS]
+    state, dofs = _standard(problem, trial, residuals.unit), problem.data.position.shape[1]
+    forces = [
+        residuals.shown(_pushed(clock, carried, trial, _waves(state / length, dofs))) for length in LENGTHS
+    ]
     # what a reading is wrong by depends on the pose alone
-    errors = [shown(_misread(_waves(state[:, :-dofs] / length, dofs))) for length in LENGTHS]
+    errors = [residuals.shown(_misread(_waves(state[:, :-dofs] / length, dofs))) for length in LENGTHS]
     more, likelihood = [], []
     for (by_force, pushed), (by_error, misread) in product(forces, errors):
-        left = np.concatenate((pushed, misread), axis=1)
+        left, seen = np.concatenate((pushed, misread), axis=1), residuals.seen
         strengths, value = _strengths(left.T @ left, left.T @ seen, 2 * dofs, float(seen @ seen))
         off = np.concatenate((by_force, by_error), axis=1) * strengths
         more.append(off @ off.T)
@@ -112,6 +89,59 @@ def repeating(found: Refined) -> np.ndarray:
     # no pair of lengths is certain: each counts as it is likely
     weight = np.exp(np.array(likelihood) - np.max(likelihood))
     return np.einsum("k,kij->ij", weight / np.sum(weight), np.stack(more))
+
+
+@dataclass(frozen=True, eq=False)
+class _Residuals:
+    """What a fit leaves over, in deviations of the noise that changes from row to row.
+
+    Attributes:
+        problem: The problem, weighted with the noise as found.
+        trial: Its optimum.
+        unit: Metres per unit of the record, 1 for hinges, (row, dof).
+        jacobian: Of the whitened residuals, (row, dof, column), the shared unknowns first.
+        followed: Covariance of the shared unknowns, by which they follow residuals, (param, param).
+        level: That noise of the whitened residuals, (row * dof,).
+        seen: The residuals, (row * dof,).
+    """
+
+    problem: Problem
+    trial: Trial
+    unit: np.ndarray
+    jacobian: np.ndarray
+    followed: np.ndarray
+    level: np.ndarray
+    seen: np.ndarray
+
+    def shown(self, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how the shared unknowns follow waves that move positions [rad or m], (row, dof, wave), and
+        what of the waves the residuals still show: (param, wave) and (row * dof, wave)."""
+        data, count, columns = self.problem.data, len(self.trial.x), self.jacobian.shape[2]
+        pushed = np.einsum("fij,fjk->fik", data.white, moved / self.unit[..., None])
+        pushed[~data.measured] = 0.0
+        stacked = np.concatenate((self.jacobian, pushed), axis=2)
+        # start states take up what they can, then the shared unknowns do
+        order = [*range(count), *range(columns, stacked.shape[2]), *range(count, columns)]
+        free = without_states(stacked[..., order], count + pushed.shape[2], self.trial.pieces)
+        shared, forced = free[:, :count], free[:, count:]
+        follows = -self.followed @ (shared.T @ forced)
+        return follows, (forced + shared @ follows) / self.level[:, None]
+
+
+def _residuals(found: Refined) -> _Residuals:
+    """Return what a fit leaves over."""
+    problem, trial = found.weighted, found.optimum.trial
+    data, use = problem.data, problem.data.measured
+    unit = np.broadcast_to(data.by_row(np.where(data.slide, problem.size(trial.x), 1.0)), data.position.shape)
+    _, jacobian = problem.rows(trial)
+    # what moves all positions of a record is no noise that the unknowns follow
+    unshifted = problem.with_data(replace(data, shifts=None))
+    followed = knowledge_at(unshifted, trial.x, jacobian, trial.pieces).covariance
+    residual = np.nan_to_num(problem.differences(trial))
+    rows = noise_of_rows(np.where(use, residual, np.nan), np.where(use, found.problem.data.std, np.nan))
+    level = np.where(use, rows * np.einsum("fii->fi", data.white), 1.0).ravel()
+    seen = np.where(use, np.einsum("fij,fj->fi", data.white, residual), 0.0).ravel() / level
+    return _Residuals(problem, trial, unit, jacobian, followed, level, seen)
 
 
 def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:
