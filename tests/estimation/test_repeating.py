@@ -137,7 +137,7 @@ def test_strengths_are_those_of_the_density_of_all_rows():
     moved = rng.normal(size=(60, 8)).cumsum(axis=0)
     seen = moved @ (0.4 * rng.normal(size=8)) + rng.normal(size=60)
     normal, right = moved.T @ moved, moved.T @ seen
-    strengths, value = _strengths(normal, right, 2, float(seen @ seen))
+    strengths, value = _strengths(normal, right, np.full(2, np.inf), float(seen @ seen))
 
     def density(first: float, second: float) -> float:
         weight = np.repeat([first, second], 4) ** 2
@@ -162,6 +162,6 @@ def test_strengths_without_bound_do_not_break_it():
     """Residuals of ten thousands of deviations, and waves that are all alike."""
     moved = np.ones((50, 6))
     seen = np.full(50, 1e9)
-    strengths, value = _strengths(moved.T @ moved, moved.T @ seen, 2, float(seen @ seen))
+    strengths, value = _strengths(moved.T @ moved, moved.T @ seen, np.full(2, np.inf), float(seen @ seen))
     assert np.all(np.isfinite(strengths))
     assert np.isfinite(value)

@@ -79,10 +79,11 @@ def repeating(found: Refined) -> np.ndarray:
     ]
     # what a reading is wrong by depends on the pose alone
     errors = [residuals.shown(_misread(_waves(state[:, :-dofs] / length, dofs))) for length in LENGTHS]
+    most = _moving(problem, trial, clock, residuals.unit)
     more, likelihood = [], []
     for (by_force, pushed), (by_error, misread) in product(forces, errors):
         left, seen = np.concatenate((pushed, misread), axis=1), residuals.seen
-        strengths, value = _strengths(left.T @ left, left.T @ seen, 2 * dofs, float(seen @ seen))
+        strengths, value = _strengths(left.T @ left, left.T @ seen, most, float(seen @ seen))
         off = np.concatenate((by_force, by_error), axis=1) * strengths
         more.append(off @ off.T)
         likelihood.append(value)
@@ -156,6 +157,17 @@ def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
+def _moving(problem: Problem, trial: Trial, clock: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """Return how large the accelerations of the joints are, rms, and then how far these move, (cause,): what
+    is unknown of a motion is no larger than the motion itself."""
+    position, rate = problem.simulated(trial) * unit, problem.rates(trial) * unit
+    gained = [
+        np.diff(rate[first:stop], axis=0) / np.diff(clock[first:stop])[:, None]
+        for first, stop, _ in trial.runs
+    ]
+    return np.concatenate((np.sqrt(np.mean(np.concatenate(gained) ** 2, axis=0)), np.std(position, axis=0)))
+
+
 def _misread(waves: list[np.ndarray]) -> np.ndarray:
     """Return errors of readings that are waves [rad or m], (row, dof, wave), joint after joint."""
     dofs, (rows, count) = len(waves), waves[0].shape
@@ -193,24 +205,28 @@ def _waves(state: np.ndarray, dofs: int) -> list[np.ndarray]:
     return found
 
 
-def _strengths(normal: np.ndarray, right: np.ndarray, causes: int, total: float) -> tuple[np.ndarray, float]:
+def _strengths(
+    normal: np.ndarray, right: np.ndarray, most: np.ndarray, total: float
+) -> tuple[np.ndarray, float]:
     """Return the strength of each wave, (wave,), one for the waves of a cause, and the logarithm of the
     largest likelihood but for a constant.
 
     A strength is the root of its mean square where the other causes are as strong as is likeliest, each power
-    of ten being as likely beforehand. ``normal`` (wave, wave) and ``right`` (wave,) are of the residuals in
-    deviations of their noise, ``total`` is the sum of their squares.
+    of ten up to ``most`` (cause,) being as likely beforehand. ``normal`` (wave, wave) and ``right`` (wave,)
+    are of the residuals in deviations of their noise, ``total`` is the sum of their squares.
     """
+    causes = len(most)
     count = len(right) // causes
     own = [slice(i * count, (i + 1) * count) for i in range(causes)]
     traces = np.array([np.trace(normal[one, one]) for one in own])
     # what moves nothing has no strength
     whole = np.sqrt(total / np.where(traces > 0.0, traces, np.inf))
-    likeliest, square, value = BEGUN * whole, np.zeros(causes), -np.inf
+    likeliest, square, value = np.minimum(BEGUN * whole, most), np.zeros(causes), -np.inf
     for _ in range(SWEEPS):
         before = likeliest.copy()
         for cause, one in enumerate(own):
             tried = whole[cause] * STRENGTHS
+            tried = tried[tried <= most[cause]]
             likelihood = _along(normal, right, one, np.repeat(likeliest, count), tried)
             likeliest[cause], value = tried[np.argmax(likelihood)], float(np.max(likelihood))
             weight = np.exp(likelihood - value)
