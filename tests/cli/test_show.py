@@ -47,7 +47,7 @@ def test_a_fit_is_shown_as_tables_status_and_advice(capsys: pytest.CaptureFixtur
         ["joint1.damping", "/", "link1.J", "0.1235", "0.0012"],
         ["joint", "fit", "rms", "prediction", "rms", "unit"],
         ["joint1", "0.0573", "0.0573", "deg"],
-        ["Identified", "from", "20", "frames."],
+        ["Trusted.", "Identified", "from", "20", "frames."],
         ["-", "Measure", "<b>one</b>", "mass", "&", "be", "done."],
         ["-", "Light", "it", "better."],
         ["report:", "run/report.html"],

@@ -16,7 +16,7 @@ def test_page_says_status_and_advice_first_and_escapes() -> None:
     fit = made_fit()
     trace = trace_of(fit, record(fit), predict(fit, until=1.2), name="<i>clip</i>")
     text = page_text(Findings(fit, [trace], "<script>alert(1)</script>", notes=("A & B",)))
-    assert text.index("Identified from 20 frames.") < text.index("Parameters")
+    assert text.index("<strong>Trusted. Identified from 20 frames.") < text.index("Parameters")
     assert "Measure &lt;b&gt;one&lt;/b&gt; mass &amp; be done." in text
     assert "<script>alert(1)" not in text
     assert "A &amp; B" in text
@@ -35,6 +35,7 @@ def test_page_of_a_fit_that_failed() -> None:
     fit = made_fit(starts=()).doubted([Doubt("refused", "Too few frames.")])
     text = page_text(Findings(fit, [], "x"))
     assert 'class="status refused"' in text
+    assert "<strong>Refused. Too few frames." in text
     assert "Plotly" not in text
 
 

@@ -179,7 +179,9 @@ def _print_fit(outcome: Outcome) -> None:
     if document["combinations"]:
         console.print(_combinations(document["combinations"]))
     console.print(_errors(outcome))
-    console.print(document["status"], style=STYLES[document["grade"]], markup=False)
+    # the status of an approximate fit says so itself
+    grade = "" if document["grade"] == "approximate" else f"{document['grade'].capitalize()}. "
+    console.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
     for sentence in document["advice"]:
         console.print(f"- {sentence}", markup=False)
     if outcome.folder is not None:
