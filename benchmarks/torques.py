@@ -30,7 +30,7 @@ MASS_TARGET = 2.0
 """Error of a mass, at most [%]."""
 SOFT, FIRM = 0.02, 1e-3
 """Times in which the dry friction of MuJoCo brings a joint to rest [s]: the first unless a file says so, with
-which joints that are held creep at some degrees a second, as no bearing does."""
+which dry friction turns about half of that ahead of the rate, as no bearing's does."""
 LOGGED = (58, 271)
 """Frames of its film that the log of the torque covers, less the last quarter."""
 WINDOW = 1.5

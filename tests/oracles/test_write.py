@@ -140,6 +140,16 @@ def test_friction_loss_is_written(tmp_path: Path) -> None:
         assert model.dof_frictionloss.tolist() == [0.02, 0.01]
 
 
+def test_friction_loss_moves_the_same(tmp_path: Path) -> None:
+    """With what MuJoCo takes unless a file says otherwise the motions part by 13 mrad."""
+    (tmp_path / "given.xml").write_text(FRICTION)
+    mechanism = load(tmp_path / "given.xml")
+    write_mjcf(mechanism, tmp_path / "model.xml")
+    q0, v0 = _start(mechanism)
+    _, theirs = _mujoco_motion(tmp_path / "model.xml", q0, v0)
+    assert np.allclose(_ours(mechanism, q0, v0), theirs, rtol=0, atol=3e-3)
+
+
 def test_urdf_says_what_it_cannot_hold(tmp_path: Path) -> None:
     (tmp_path / "given.xml").write_text(ZOO["chain"])
     write_urdf(load(tmp_path / "given.xml"), tmp_path / "model.urdf")

@@ -45,6 +45,10 @@ FAR = 1000.0
 NOT_IN_URDF = ("stiffness", "armature", "drag", "air")
 """Kinds of parameters of a joint that URDF has no place for."""
 
+FIRM = {"solreffriction": "0.002 1", "solimpfriction": "0.999 0.9999 0.001"}
+"""What makes MuJoCo's friction loss turn where the rate does: by default it does so 10 ms ahead, and lets a
+joint that it holds creep at degrees a second. The first is twice its step [s], the least that it takes."""
+
 MASSLESS = 1e-12
 """Mass [kg] and inertia [kg m^2] of a URDF link between two joints of one body; zero would be refused."""
 
@@ -65,9 +69,8 @@ class _Look:
 def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as an MJCF file.
 
-    The motion in MuJoCo is that of ``simulate`` except where friction loss holds a joint: MuJoCo keeps it
-    still, ``simulate`` lets it creep; and except for the drag of the air on links, which MJCF has no place
-    for: it stands in custom numerics, that MuJoCo does not look at, and a comment says so. Torques over time
+    The motion in MuJoCo is that of ``simulate`` except where friction loss holds a joint: there each creeps in
+    its own way, neither visibly; and except for the drag of the air on links, which MJCF has no place for: it stands in custom numerics, that MuJoCo does not look at, and a comment says so. Torques over time
     are not in the file: each joint of a driven mechanism has a motor, whose control is the torque [N m or N].
 
     Args:
@@ -82,6 +85,8 @@ def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     )
     default = ET.SubElement(root, "default")
     ET.SubElement(default, "geom", contype="0", conaffinity="0")
+    if np.any(mechanism.tree.links[:, FRICTION]):
+        ET.SubElement(default, "joint", **FIRM)
     asset = ET.Element("asset")
     world = ET.Element("worldbody")
     places = {-1: world}

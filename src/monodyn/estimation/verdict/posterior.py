@@ -17,7 +17,7 @@ from monodyn.estimation.verdict.surrogate import Surrogate, surrogate_of
 from monodyn.mechanism.plan import OWNED_COLUMNS
 from monodyn.optimize import Draws, randomized
 
-DRAWS, SEED = 300, 0
+DRAWS, SEED = 1500, 0
 """Draws, and the seed of their noise."""
 LEAST_EFFECTIVE = 20.0
 """Draws of equal weight that they have to be worth."""
