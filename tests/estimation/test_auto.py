@@ -23,6 +23,7 @@ from monodyn.types import Poses
 from swings import TIMES, motion, record, scaled, white
 
 AUTO = IdentifySettings(torque="auto")
+SINGLE = DOUBLE[: DOUBLE.index('<body name="link2"')] + "</body></worldbody></mujoco>"
 
 
 def damaged(name: str, seed: int) -> tuple[Poses, Mechanism]:
@@ -196,6 +197,37 @@ def test_the_air_on_a_carried_link_is_told_from_a_drag_of_its_joint(tmp_path) ->
         assert fit.parameter(name).value == pytest.approx(true, abs=4.0 * fit.parameter(name).std)
         assert fit.parameter(name).std < 0.1 * true
     assert fit.parameter("link1.length").value == pytest.approx(0.23, rel=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", ["joint1", "joint2"])
+def test_a_spring_is_told_from_free_bodies(joint: str, tmp_path) -> None:
+    """MuJoCo's springs, slack off the middle of the motion: bodies whose mass lies anywhere take them up."""
+    at = DOUBLE.index(f'name="{joint}" type="hinge"')
+    model = DOUBLE[:at] + 'stiffness="0.05" springref="-60" ' + DOUBLE[at:]
+    poses, _ = simulated(model, [-0.5, 0.4], 150)
+    start = started(DOUBLE, tmp_path, 0.8)
+    fit = identify(poses, start, AUTO)
+    assert fit.grade == "trusted"
+    assert fit.tried_torques[0].kind == f"friction with a spring at {joint}"
+    assert fit.acting[-1] == "spring"
+    for name, true in (("link1.length", 0.23), (f"{joint}.rest", np.radians(-60.0))):
+        found = fit.parameter(name)
+        assert found.value == pytest.approx(true, abs=4.0 * found.std)
+        assert found.std < 0.02
+
+
+def test_a_spring_that_small_swings_do_not_tell_from_weight_is_named(tmp_path) -> None:
+    start = started(SINGLE, tmp_path, 1.0)
+    said = {}
+    for reach in (0.2, 1.2):
+        poses, _ = simulated(SINGLE, [reach - np.pi / 2], 120)
+        said[reach] = [s for s in identify(poses, start, AUTO).advice if "a spring at joint1" in s]
+    assert [len(sentences) for sentences in said.values()] == [1, 0]
+    assert said[0.2][0] == (
+        "In a motion as small as this a spring at joint1 would act as weight does: link1.length holds only where "
+        "there is none. A livelier motion tells them apart; --free joint1.stiffness joint1.rest estimates both."
+    )
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.starts import matched
 from monodyn.estimation.shooting.swinging import swing_of
-from monodyn.estimation.torque import drags
+from monodyn.estimation.torque import laws
 from monodyn.estimation.verdict import causes
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -102,7 +102,7 @@ def test_nothing_usual(monkeypatch):
 
 
 def test_sentences():
-    assert causes.dragged(drags.QUADRATIC, ["joint1.drag", "joint2.drag"], 6.13) == (
+    assert causes.dragged(laws.QUADRATIC, ["joint1.drag", "joint2.drag"], 6.13) == (
         "With quadratic drag at its joints the motion comes 6.1 times as close to the record: --free "
         "joint1.drag joint2.drag estimates it."
     )

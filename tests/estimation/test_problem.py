@@ -18,7 +18,10 @@ from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.upright import ROLL, with_roll
 from swings import TIMES, motion, record
 
-TYPICAL = {"damping": 0.01, "friction": 2e-3, "stiffness": 0.05, "armature": 1e-4, "drag": 1e-4, "air": 1e-4}
+TYPICAL = {
+    "damping": 0.01, "friction": 2e-3, "stiffness": 0.05, "rest": 0.1,
+    "armature": 1e-4, "drag": 1e-4, "air": 1e-4,
+}  # fmt: skip
 """A value of each joint parameter that shows in a swing [SI units of the kind]."""
 
 
@@ -30,7 +33,8 @@ def test_the_derivative_by_the_time_scale_is_exact(model, kind):
     Each joint law has its own power of time, so that each is tried alone.
     """
     start = load(model).with_values({"time_scale": 0.7}).with_choices(free=["time_scale"])
-    alone = {p.name: TYPICAL[kind] * (p.kind == kind) for p in start.parameters if p.kind in JOINT}
+    acting = (kind, "stiffness") if kind == "rest" else (kind,)
+    alone = {p.name: TYPICAL[p.kind] * (p.kind in acting) for p in start.parameters if p.kind in JOINT}
     resisted = start.with_values(alone)
     swing = motion(resisted, TIMES, [0.1, 0.5], [0.2, 1.0])
     data = prepare([record(resisted, TIMES, swing, metric=False)], resisted)

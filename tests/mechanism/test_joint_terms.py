@@ -13,21 +13,21 @@ from monodyn.mechanism.simulate import accelerations, rollout, rollout_derivativ
 from monodyn.mechanism.tree import ARMATURE, COLUMNS, DAMPING, PASSIVE, REST
 from monodyn.mechanism.write import NOT_IN_URDF
 
-VALUE = 0.0123
+VALUE, SPRING = 0.0123, 0.2
 STATE = np.array([[0.3, -0.4]]), np.array([[1.7, -2.1]])
 """A slide and a hinge off their rest, moving up and down: no term is zero, rates have both signs."""
 
 
 def cartpole(kind: str = "", value: float = VALUE) -> Mechanism:
-    """Return a cart and a pendulum whose joints have one term alone."""
-    mechanism = load("cartpole")
-    values = {f"{j.name}.{k}": value if k == kind else 0.0 for j in mechanism.joints for k in JOINT}
-    return mechanism.with_values(values)
+    """Return a cart and a pendulum whose joints have one term alone; a rest has a spring to it."""
+    mechanism, other = load("cartpole"), {"stiffness": SPRING} if kind == "rest" else {}
+    terms = dict.fromkeys(JOINT, 0.0) | other | ({kind: value} if kind else {})
+    return mechanism.with_values({f"{j.name}.{k}": v for j in mechanism.joints for k, v in terms.items()})
 
 
 def test_every_column_of_a_joint_is_a_parameter() -> None:
-    assert sorted([*JOINT_COLUMNS, REST]) == list(range(DAMPING, COLUMNS))
-    assert set(PASSIVE) == {*JOINT_COLUMNS} - {ARMATURE}
+    assert sorted(JOINT_COLUMNS) == list(range(DAMPING, COLUMNS))
+    assert set(PASSIVE) == {*JOINT_COLUMNS} - {ARMATURE, REST}
 
 
 @pytest.mark.parametrize("kind", JOINT)
@@ -39,7 +39,7 @@ def test_a_term_stands_in_its_column_and_has_dimensions(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", JOINT)
 def test_a_term_acts_on_the_motion_of_both_joints(kind: str) -> None:
-    bare, none = cartpole(), np.zeros((1, 2))
+    bare, none = cartpole(kind, 0.0), np.zeros((1, 2))
     for i in range(2):
         tree = bare.with_values({f"{bare.joints[i].name}.{kind}": VALUE}).tree
         change = accelerations(tree, *STATE, none) - accelerations(bare.tree, *STATE, none)
@@ -81,7 +81,9 @@ def test_a_term_is_written_and_read(kind: str, tmp_path: Path) -> None:
     write_mjcf(mechanism, tmp_path / "m.xml")
     assert load(tmp_path / "m.xml").tree.links[:, column].tolist() == [VALUE, VALUE]
     write_urdf(mechanism, tmp_path / "m.urdf")
-    if kind in NOT_IN_URDF:
+    if kind == "rest":
+        assert f"about {VALUE:g} rad" in (tmp_path / "m.urdf").read_text()
+    elif kind in NOT_IN_URDF:
         assert f"not in URDF: {kind} {VALUE:g} " in (tmp_path / "m.urdf").read_text()
     else:
         assert load(tmp_path / "m.urdf").tree.links[:, column].tolist() == [VALUE, VALUE]
@@ -94,8 +96,8 @@ def test_what_a_file_has_of_a_term_begins_the_fit(kind: str, tmp_path: Path) -> 
     for joint in mechanism.joints:
         parameter = mechanism.parameter(f"{joint.name}.{kind}")
         assert (parameter.value, parameter.kind, parameter.owner) == (VALUE, kind, joint.name)
-        assert parameter.lower == 0.0
-        assert parameter.free == (kind != "armature")
+        assert parameter.lower == (-np.inf if kind == "rest" else 0.0)
+        assert parameter.free == (kind not in ("armature", "rest"))
 
 
 def test_the_zoo_has_no_drag_unless_it_says_so(tmp_path: Path) -> None:

@@ -230,7 +230,7 @@ def test_measured_is_carried() -> None:
 SINGLE_NAMES = (
     "'link1.length', 'link1.tail', 'link1.width', 'link1.thickness', 'link1.density', "
     "'link1.mass', 'link1.com_x', "
-    "'link1.com_y', 'link1.inertia', 'joint1.damping', 'joint1.friction', 'joint1.stiffness', "
+    "'link1.com_y', 'link1.inertia', 'joint1.damping', 'joint1.friction', 'joint1.stiffness', 'joint1.rest', "
     "'joint1.armature', 'joint1.drag', 'joint1.air', "
     "'gravity', 'time_scale', 'camera.roll'"
 )

@@ -21,7 +21,7 @@ Grade = Literal["trusted", "approximate", "refused"]
 """How far a fit can be relied on: in full; for what its status says holds; not at all."""
 GRADES: tuple[Grade, ...] = ("trusted", "approximate", "refused")
 """All of them, the best first."""
-PAYS = frozenset({"friction", "drag", "air"})
+PAYS = frozenset({"friction", "drag", "air", "stiffness"})
 """Kinds that are freed only where that explains more than chance would."""
 SHOWN = 3.0
 """Standard deviations above zero from which on a friction shows."""
@@ -255,8 +255,8 @@ class Fit:
     @cached_property
     def acting(self) -> tuple[str, ...]:
         """What acts at the joints, as far as it shows: ``"viscous friction"``, ``"dry friction"``,
-        ``"quadratic drag"``, ``"air drag"``, and one of ``"periodic torque"``, ``"free torque"``,
-        ``"known torque"``.
+        ``"quadratic drag"``, ``"air drag"``, ``"spring"``, and one of ``"periodic torque"``,
+        ``"free torque"``, ``"known torque"``.
 
         A friction shows where it, or its ratio to a mass, is three standard deviations above zero.
         """
@@ -276,6 +276,7 @@ class Fit:
             "friction": "dry friction",
             "drag": "quadratic drag",
             "air": "air drag",
+            "stiffness": "spring",
         }
         over_time = {"fourier": "periodic torque", "free": "free torque", "known": "known torque"}
         also = (over_time[self.torque],) if self.torque in over_time else ()

@@ -39,7 +39,7 @@ def mounted(mechanism: Mechanism, rate: float) -> tuple[Mechanism, str]:
     base = Link(
         joint=Joint(name, name, "slide", -np.inf, np.inf, 1), parent=-1, carries=True, anchor=np.zeros(2),
         angle=0.0, axis=np.array([1.0, 0.0]), offset=0.0, geoms=(),
-        givens=(Given(name, mass, np.zeros(2), mass),), rest=0.0,
+        givens=(Given(name, mass, np.zeros(2), mass),),
         terms={kind: mass * rate**2 if kind == "stiffness" else 0.0 for kind in JOINT},
     )  # fmt: skip
     links = [base, *(replace(link, parent=link.parent + 1) for link in mechanism.plan.links)]

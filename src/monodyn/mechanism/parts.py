@@ -142,7 +142,6 @@ class Link:
         offset: Distance of the body from its parent body toward the camera [m].
         geoms: Its geoms.
         givens: Inertials stated for its body or for bodies welded to it.
-        rest: Position at which the spring is slack [rad or m].
         terms: Start values of the joint's own parameters by kind (``plan.JOINT``): damping, friction, ...
         sites: Marked points of its body.
     """
@@ -156,7 +155,6 @@ class Link:
     offset: float
     geoms: tuple[Geom, ...]
     givens: tuple[Given, ...]
-    rest: float
     terms: Mapping[str, float]
     sites: tuple[Site, ...] = ()
 

@@ -73,6 +73,7 @@ JOINT = {
     "damping": JointTerm(DAMPING, "N m s/rad", "N s/m"),
     "friction": JointTerm(FRICTION, "N m", "N"),
     "stiffness": JointTerm(STIFFNESS, "N m/rad", "N/m"),
+    "rest": JointTerm(REST, "rad", "m"),
     "armature": JointTerm(ARMATURE, "kg m^2", "kg"),
     "drag": JointTerm(DRAG, "N m s^2/rad^2", "N s^2/m^2"),
     "air": JointTerm(AIR, "N m s^2/rad^2", "N s^2/m^2"),
@@ -310,15 +311,17 @@ def _enter_inertia(link: Link, table: Table, reach: float) -> None:
 
 
 def _enter_joint(link: Link, table: Table) -> list[str]:
-    """Enter the parameters of a joint: what the file has is free, and damping always is; armature never."""
-    name, limits, names = link.joint.name, (0.0, math.inf), []
+    """Enter the parameters of a joint: what the file has is free, and damping always is; armature never, nor
+    where a spring is slack."""
+    name, names = link.joint.name, []
     for kind, term in JOINT.items():
         start = link.terms[kind]
-        free = kind == "damping" or (start > 0 and kind != "armature")
+        free = kind == "damping" or (start > 0 and kind not in ("armature", "rest"))
+        limits, sign = ((-math.inf, math.inf), ANY) if kind == "rest" else ((0.0, math.inf), NOT_NEGATIVE)
         if kind == "damping":
             start = start or START_DAMPING
         unit = term.at_hinge if link.joint.kind == "hinge" else term.at_slide
-        entry = Entry(f"{name}.{kind}", kind, name, start, unit, free, limits, NOT_NEGATIVE)
+        entry = Entry(f"{name}.{kind}", kind, name, start, unit, free, limits, sign)
         names.append(table.add(entry))
     return names
 
@@ -347,7 +350,7 @@ def _stack(
     points = [form for _, solid in drawn for point in solid.points for form in point]
     template = np.zeros((len(links), COLUMNS))
     for i, link in enumerate(links):
-        template[i, [ANGLE, AXIS_X, AXIS_Y, REST]] = link.angle, *link.axis, link.rest
+        template[i, [ANGLE, AXIS_X, AXIS_Y]] = link.angle, *link.axis
     return Plan(
         links=tuple(links),
         table=table,

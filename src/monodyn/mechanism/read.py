@@ -205,12 +205,12 @@ class _File:
             offset=frame.height - below,
             geoms=self._geoms(body, frame) if carries else (),
             givens=self._givens(body, frame) if carries else (),
-            rest=float(model.qpos_spring[j]),
             terms={
                 # MuJoCo compiles what an option flag switches off too; switched off it does not act
                 "damping": float(model.dof_damping[j]) if damper else 0.0,
                 "friction": float(model.dof_frictionloss[j]) if friction else 0.0,
                 "stiffness": float(model.jnt_stiffness[j]) if spring else 0.0,
+                "rest": float(model.qpos_spring[j]),
                 "armature": float(model.dof_armature[j]),
                 "drag": float(model.dof_dampingpoly[j, 0]) if damper else 0.0,
                 "air": float(stated_air(model, self.joint_names[j])[0]),

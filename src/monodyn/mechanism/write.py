@@ -69,9 +69,11 @@ class _Look:
 def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     """Write the mechanism as an MJCF file.
 
-    The motion in MuJoCo is that of ``simulate`` except where friction loss holds a joint: there each creeps in
-    its own way, neither visibly; and except for the drag of the air on links, which MJCF has no place for: it stands in custom numerics, that MuJoCo does not look at, and a comment says so. Torques over time
-    are not in the file: each joint of a driven mechanism has a motor, whose control is the torque [N m or N].
+    The motion in MuJoCo is that of ``simulate`` except where friction loss holds a joint: there each creeps
+    in its own way, neither visibly; and except for the drag of the air on links, which MJCF has no place for:
+    it stands in custom numerics, that MuJoCo does not look at, and a comment says so. Torques over
+    time are not in the file: each joint of a driven mechanism has a motor, whose control is the torque [N m
+    or N].
 
     Args:
         mechanism: The mechanism.
@@ -86,7 +88,7 @@ def write_mjcf(mechanism: Mechanism, path: str | Path) -> None:
     default = ET.SubElement(root, "default")
     ET.SubElement(default, "geom", contype="0", conaffinity="0")
     if np.any(mechanism.tree.links[:, FRICTION]):
-        ET.SubElement(default, "joint", **FIRM)
+        ET.SubElement(default, "joint", FIRM)
     asset = ET.Element("asset")
     world = ET.Element("worldbody")
     places = {-1: world}

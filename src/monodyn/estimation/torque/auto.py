@@ -1,7 +1,8 @@
 """Which kind of torque acts, by the evidence: from the simplest on, until nothing is lacking.
 
 The rule: friction stays as long as what it leaves over is no slower or smaller than the noise; quadratic
-drag, and bodies whose mass may lie anywhere, are taken where Schwarz's criterion prefers them; a torque over
+drag, and bodies whose mass may lie anywhere, are taken where Schwarz's criterion prefers them; a spring where
+it besides leaves nothing over, or half as much as all else; a torque over
 time only where, in rows that it was found without, it halves the error of the best of these, at the
 beginnings and at the ends of the records. What does not explain the motion has to leave less than tilted
 gravity, another clock or a base that swings, and such a torque half of it. Where no kind explains the motion,
@@ -22,7 +23,6 @@ from monodyn.estimation.shooting.search import difference_size
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.shooting.starts import match, matched
 from monodyn.estimation.torque.bodies import fit_free_bodies
-from monodyn.estimation.torque.drags import drag_laws
 from monodyn.estimation.torque.evidence import at_noise, likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import fit_free_torques, residual_rms
@@ -33,6 +33,7 @@ from monodyn.estimation.torque.friction import (
     settled,
     with_dry_friction,
 )
+from monodyn.estimation.torque.laws import drag_laws, sprung
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.torque.withheld import withheld_errors
 from monodyn.estimation.wording import listed
@@ -176,7 +177,27 @@ def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> 
         names = [name for name in names if name in held]
         one = _by_law(mechanism, before, optimum, (law, names), task, route) if names else None
         found += [one] if one is not None else []
-    return found
+    if any(_explained(one.solution) for one in found):
+        return found
+    left = min(_size(one.solution) for one in (before, *found))
+    return [*found, *_sprung(mechanism, before, optimum, left, task, route)]
+
+
+def _sprung(
+    mechanism: Mechanism, before: _Tried, optimum: Optimum, left: float, task: Task, route: Route
+) -> list[_Tried]:
+    """Try a spring at one joint after the other; those that leave nothing over, or half of ``left``."""
+    problem, data = before.solution.problem, task.data
+    metres = data.by_row(np.where(data.slide, problem.size(optimum.x), 1.0))
+    middle = np.mean(problem.simulated(optimum.trial) * metres, axis=0)
+    mechanism, springs = sprung(mechanism, middle)
+    laws = [(f"a spring at {joint}", names) for joint, names in springs.items()]
+    found = [_by_law(mechanism, before, optimum, law, task, route) for law in laws]
+    return [
+        one
+        for one in found
+        if one is not None and (_explained(one.solution) or HALVED * _size(one.solution) < left)
+    ]
 
 
 def _by_law(
@@ -187,7 +208,7 @@ def _by_law(
     task: Task,
     route: Route,
 ) -> _Tried | None:
-    """Try the drags of one law, by its name; None where they explain no more."""
+    """Try one law, by its name and its parameters; None where it explains no more."""
     problem, (what, names) = before.solution.problem, law
     # without the dry friction that was found: it may have stood for the drag
     larger = problem.of(mechanism.with_torque("friction").with_choices(free=names))

@@ -26,7 +26,7 @@ from monodyn.estimation.shooting.search import difference_size
 from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, multiple_shooting
 from monodyn.estimation.shooting.starts import match, matched
 from monodyn.estimation.shooting.swinging import Swing, swing_of
-from monodyn.estimation.torque.drags import AIR, QUADRATIC, drag_laws
+from monodyn.estimation.torque.laws import AIR, QUADRATIC, drag_laws
 from monodyn.estimation.verdict.stretches import other_rate
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism

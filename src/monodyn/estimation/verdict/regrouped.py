@@ -21,6 +21,7 @@ from monodyn.mechanism.tree import (
     MASS,
     PASSIVE,
     REST,
+    STIFFNESS,
     Tree,
 )
 
@@ -117,7 +118,9 @@ def features(trees: Trees, *, absolute: bool) -> tuple[np.ndarray, np.ndarray]:
     found = []
     for i, parent in enumerate(trees.parent.tolist()):
         hinged = i in about.inertia
-        found += [(about.inertia[i] if hinged else carried[i]) / unit, links[i, REST]]
+        found += [(about.inertia[i] if hinged else carried[i]) / unit]
+        # where a spring is slack counts as much as the spring does
+        found += [links[i, STIFFNESS] * links[i, REST] / unit]
         found += [links[i, column] / unit for column in (*PASSIVE, ARMATURE)]
         if not hinged:
             continue

@@ -23,6 +23,7 @@ from monodyn.estimation.verdict.refine import Refined, refine
 from monodyn.estimation.verdict.refits import refitted
 from monodyn.estimation.verdict.repeating import repeating_share
 from monodyn.estimation.verdict.shares import with_share
+from monodyn.estimation.verdict.springs import like_weight
 from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
 from monodyn.estimation.verdict.twins import told, twins_of
 from monodyn.estimation.verdict.uncertainty import Knowledge
@@ -328,6 +329,7 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
         near = [ratio.size.name for ratio in ratios]
         sentences += undetermined.open_parameters(mechanism, fit.parameters, without_effect, near)
         sentences += undetermined.nothing_seen(fit.parameters)
+        sentences += like_weight(found)
         sentences += assumed.proportions(_hardly_known(ratios, found.known.covariance))
         sentences += assumed.thicknesses(
             _hardly_known(thickness_ratios(mechanism, unknowns), found.known.covariance)

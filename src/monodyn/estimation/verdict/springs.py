@@ -1,0 +1,60 @@
+"""An optimum in, springs that would act as weight does out: the lengths hold only where there are none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monodyn.estimation.torque.laws import sprung
+from monodyn.estimation.verdict.refine import Refined
+from monodyn.estimation.verdict.uncertainty import without_states
+from monodyn.estimation.wording import listed
+from monodyn.mechanism import Mechanism
+
+CONFUSED = 5.0
+"""How many times as unsure as it is a length becomes by an unknown spring, where a word is due."""
+
+
+def like_weight(found: Refined) -> list[str]:
+    """Name springs that the motion does not tell from weight, and the lengths that depend on it.
+
+    Where a joint turns by small angles alone weight pulls as a spring does. Each is taken for a further
+    unknown that the others follow; what its stiffness leaves of the residuals says how well it is known.
+
+    Args:
+        found: The optimum, and what is known there.
+
+    Returns:
+        Sentences; none where the motion tells them apart.
+    """
+    problem, optimum = found.weighted, found.optimum
+    lengths = np.flatnonzero(problem.unknowns.of_kind("length") & problem.unknowns.log)
+    mechanism, laws = sprung(problem.mechanism, np.mean(problem.simulated(optimum.trial), axis=0))
+    springs = {joint: names[0] for joint, names in _at_hinges(mechanism, laws).items()}
+    if not springs or not len(lengths) or problem.mechanism.torque == "free":
+        return []
+    larger = problem.of(mechanism.with_choices(free=list(springs.values())))
+    x = larger.unknowns.carried(optimum.x, problem.unknowns)
+    _, jacobian = larger.rows(optimum.trial.at(x, optimum.trial.states))
+    rows = without_states(jacobian, len(larger.unknowns), optimum.trial.pieces)
+    rest = rows[:, larger.unknowns.index(problem.unknowns.names)]
+    said = []
+    for joint, name in springs.items():
+        own = rows[:, larger.unknowns.names.index(name)]
+        follows = -found.known.covariance @ (rest.T @ own)
+        left = np.sum((own + rest @ follows) ** 2) + follows @ problem.prior.information @ follows
+        with np.errstate(divide="ignore", invalid="ignore"):
+            more = np.abs(follows[lengths]) / np.sqrt(max(float(left), 0.0))
+        confused = lengths[more > CONFUSED * found.known.std[lengths]]
+        if len(confused):
+            names = listed([problem.unknowns.names[i] for i in confused])
+            said.append(
+                f"In a motion as small as this a spring at {joint} would act as weight does: {names} "
+                f"{'holds' if len(confused) == 1 else 'hold'} only where there is none. A livelier motion "
+                f"tells them apart; --free {' '.join(laws[joint])} estimates both."
+            )
+    return said
+
+
+def _at_hinges(mechanism: Mechanism, laws: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Return the springs at hinges by joint."""
+    return {j.name: laws[j.name] for j in mechanism.joints if j.kind == "hinge" and j.name in laws}
