@@ -132,6 +132,15 @@ def _pull(body: Any, data: Any) -> None:
     data.qfrc_applied[0] = 0.05 * np.sin(7.0 * data.time)
 
 
+def _spring(body: Any, data: Any) -> None:
+    # slack where the mechanism hangs; a seventh of what its weight does there
+    data.qfrc_applied[0] = -0.05 * (data.qpos[0] + 0.5 * np.pi)
+
+
+def _magnet(body: Any, data: Any) -> None:
+    data.qfrc_applied[0] = 0.03 * np.sin(2.0 * (data.qpos[0] + 1.2))
+
+
 def _with(change: Callable[[Record, np.random.Generator], Record]) -> Callable[[np.random.Generator], Record]:
     """Return a damage that changes a right record."""
     return lambda rng: replace(change(drawn(rng), rng), ahead=None)
@@ -201,6 +210,9 @@ DAMAGES: dict[str, Callable[[np.random.Generator], Record]] = {
     "a base that swings": lambda rng: drawn(rng, base=(0.02, 9.0)),
     "triple as double": lambda rng: _first_as(drawn(rng, "triple"), "double", ("joint1", "joint2")),
     "double as single": lambda rng: _first_as(drawn(rng, "double"), "single", ("joint1",)),
+    "a spring at the first joint": lambda rng: drawn(rng, forces=_spring),
+    "a spring at the hinge": lambda rng: drawn(rng, "single", forces=_spring),
+    "a magnet at the hinge": lambda rng: drawn(rng, "single", forces=_magnet),
     "three frames a second": lambda rng: drawn(rng, rate=3.0, seconds=20.0),
 }
 """What may be wrong with a record, by what it is."""

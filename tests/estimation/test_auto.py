@@ -225,8 +225,9 @@ def test_a_spring_that_small_swings_do_not_tell_from_weight_is_named(tmp_path) -
         said[reach] = [s for s in identify(poses, start, AUTO).advice if "a spring at joint1" in s]
     assert [len(sentences) for sentences in said.values()] == [1, 0]
     assert said[0.2][0] == (
-        "In a motion as small as this a spring at joint1 would act as weight does: link1.length holds only where "
-        "there is none. A livelier motion tells them apart; --free joint1.stiffness joint1.rest estimates both."
+        "In a motion as small as this a spring at joint1 would act as weight does: link1.length holds only "
+        "where there is none. A livelier motion tells them apart; --free joint1.stiffness joint1.rest "
+        "estimates both."
     )
 
 
