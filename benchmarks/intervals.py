@@ -93,6 +93,9 @@ def main() -> int:
         figures += [Figure(group, "records without a fit", lost, ""), *shares(group, held)]
         for name, holds in held.items():
             together[name] += holds
+    few = sorted(f"{name} ({len(holds)})" for name, holds in together.items() if len(holds) < ENOUGH)
+    if few:
+        say(f"together: fewer than {ENOUGH} of {', '.join(few)}")
     figures += shares(
         "together", {n: holds for n, holds in together.items() if len(holds) >= ENOUGH}, each=True
     )

@@ -109,10 +109,8 @@ def _as_chosen(
             settings, torque="fourier", terms=(fit.mechanism.drive.table.shape[1] - 1) // 2
         )
     kinds = {p.name: p.kind for p in fit.mechanism.parameters}
-    laws = [p for p in fit.parameters if p.free and kinds[p.name] in ("drag", "air", "stiffness", "rest")]
-    slack = {p.name: p.value for p in laws if kinds[p.name] == "rest"}
-    freed = mechanism.with_values(slack).with_choices(free=[p.name for p in laws])
-    return freed, replace(settings, torque=fit.torque)
+    drags = [p.name for p in fit.parameters if p.free and kinds[p.name] in ("drag", "air")]
+    return mechanism.with_choices(free=drags), replace(settings, torque=fit.torque)
 
 
 def _stop(record: Poses) -> int | None:

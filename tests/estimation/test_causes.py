@@ -76,9 +76,16 @@ def test_what_is_lacking_is_named(push, begins):
     assert fit.advice[0].startswith(begins)
 
 
-def test_the_swing_that_accelerations_call_for():
-    record = swung(base)
-    mechanism = load("single").with_torque("friction")
+@pytest.mark.parametrize("stiffness", [0.0, 0.05])
+def test_the_swing_that_accelerations_call_for(stiffness):
+    def moved(model, data):
+        base(model, data)
+        data.qfrc_applied[0] = -stiffness * (data.qpos[0] + 1.0)
+
+    record = swung(moved)
+    spring = {"joint1.stiffness": stiffness, "joint1.rest": -1.0}
+    mechanism = load("single").with_values(spring).with_torque("friction")
+    mechanism = mechanism.with_choices(free=["joint1.stiffness"] if stiffness else [])
     problem = posed(mechanism, prepare((record,), mechanism))
     motion = smooth_motion(problem, (smooth(ordered(record, mechanism)),))
     swing = swing_of(problem, matched(problem, motion), motion)

@@ -82,7 +82,9 @@ def test_a_term_is_written_and_read(kind: str, tmp_path: Path) -> None:
     assert load(tmp_path / "m.xml").tree.links[:, column].tolist() == [VALUE, VALUE]
     write_urdf(mechanism, tmp_path / "m.urdf")
     if kind == "rest":
-        assert f"about {VALUE:g} rad" in (tmp_path / "m.urdf").read_text()
+        text = (tmp_path / "m.urdf").read_text()
+        assert f"about {VALUE:g} rad" in text
+        assert f"about {VALUE:g} m" in text
     elif kind in NOT_IN_URDF:
         assert f"not in URDF: {kind} {VALUE:g} " in (tmp_path / "m.urdf").read_text()
     else:
@@ -96,7 +98,9 @@ def test_what_a_file_has_of_a_term_begins_the_fit(kind: str, tmp_path: Path) -> 
     for joint in mechanism.joints:
         parameter = mechanism.parameter(f"{joint.name}.{kind}")
         assert (parameter.value, parameter.kind, parameter.owner) == (VALUE, kind, joint.name)
-        assert parameter.lower == (-np.inf if kind == "rest" else 0.0)
+        # a hinge's spring is slack within two turns
+        within = 4.0 * np.pi if joint.kind == "hinge" else np.inf
+        assert parameter.lower == (-within if kind == "rest" else 0.0)
         assert parameter.free == (kind not in ("armature", "rest"))
 
 
@@ -104,3 +108,8 @@ def test_the_zoo_has_no_drag_unless_it_says_so(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text(ZOO["chain"])
     for parameter in load(tmp_path / "m.xml").parameters:
         assert parameter.kind != "drag" or (parameter.value, parameter.free) == (0.0, False)
+
+
+def test_where_a_spring_would_be_slack_is_written_without_one(tmp_path: Path) -> None:
+    write_mjcf(cartpole().with_values({"joint1.rest": 0.4}), tmp_path / "m.xml")
+    assert load(tmp_path / "m.xml").values["joint1.rest"] == 0.4

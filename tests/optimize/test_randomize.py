@@ -124,6 +124,22 @@ def test_directions_without_residuals_stay_at_the_peak_and_lost_draws_count_noth
 
 
 @pytest.mark.filterwarnings("error")
+def test_an_unknown_that_acts_by_rounding_alone_stays_and_spoils_no_draw() -> None:
+    def with_another(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        rows, slopes = squared(points[:, :1])
+        rounding = np.full((len(points), 2, 1), 1e-14)
+        return rows + 1e-14 * points[:, 1:], np.concatenate((slopes, rounding), axis=2)
+
+    noise = np.random.default_rng(0).normal(size=(200, 2))
+    alone, both = (
+        randomized(squared, np.array([1.2]), noise),
+        randomized(with_another, np.array([1.2, 3.0]), noise),
+    )
+    np.testing.assert_allclose(both.weights, alone.weights, rtol=1e-9)
+    np.testing.assert_allclose(both.points[:, 0], alone.points[:, 0], rtol=1e-9)
+    assert (both.points[:, 1] == 3.0).all()
+
+
 def test_slopes_whose_squares_are_no_numbers_lead_nowhere() -> None:
     """Beyond 1.2 the residual is as steep as a step: such draws count for nothing, and nobody is warned."""
 

@@ -21,7 +21,7 @@ Grade = Literal["trusted", "approximate", "refused"]
 """How far a fit can be relied on: in full; for what its status says holds; not at all."""
 GRADES: tuple[Grade, ...] = ("trusted", "approximate", "refused")
 """All of them, the best first."""
-PAYS = frozenset({"friction", "drag", "air", "stiffness"})
+PAYS = frozenset({"friction", "drag", "air"})
 """Kinds that are freed only where that explains more than chance would."""
 SHOWN = 3.0
 """Standard deviations above zero from which on a friction shows."""

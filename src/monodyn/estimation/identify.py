@@ -22,6 +22,7 @@ from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
 from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.known import fit_known
+from monodyn.estimation.torque.laws import slackened
 from monodyn.estimation.torque.many import fit_many
 from monodyn.estimation.torque.task import Task
 from monodyn.estimation.verdict.causes import explained_otherwise, lacking
@@ -61,6 +62,7 @@ def identify_jointly(
     Returns:
         The identified mechanism with intervals.
     """
+    mechanism = slackened(mechanism, records)
     fit = _identified(records, mechanism, settings, progress)
     usual = settings.torque in ("auto", "friction") and fit.torque == "friction"
     # with one start nobody wants to know more than how near it leads

@@ -80,6 +80,8 @@ JOINT = {
 }
 """The parameters of every joint by kind, in the order in which they are entered."""
 JOINT_COLUMNS = [term.column for term in JOINT.values()]
+FARTHEST_REST = 4.0 * math.pi
+"""Position of a hinge up to which its spring may be slack [rad]: from farther off it is a constant torque."""
 START_DAMPING = 1e-3
 """Damping at which a joint starts that has none in the file [N m s/rad or N s/m]."""
 
@@ -317,13 +319,18 @@ def _enter_joint(link: Link, table: Table) -> list[str]:
     for kind, term in JOINT.items():
         start = link.terms[kind]
         free = kind == "damping" or (start > 0 and kind not in ("armature", "rest"))
-        limits, sign = ((-math.inf, math.inf), ANY) if kind == "rest" else ((0.0, math.inf), NOT_NEGATIVE)
+        limits, sign = (_rests(link), ANY) if kind == "rest" else ((0.0, math.inf), NOT_NEGATIVE)
         if kind == "damping":
             start = start or START_DAMPING
         unit = term.at_hinge if link.joint.kind == "hinge" else term.at_slide
         entry = Entry(f"{name}.{kind}", kind, name, start, unit, free, limits, sign)
         names.append(table.add(entry))
     return names
+
+
+def _rests(link: Link) -> tuple[float, float]:
+    """Return the bounds of where a spring is slack [rad or m]."""
+    return (-FARTHEST_REST, FARTHEST_REST) if link.joint.kind == "hinge" else (-math.inf, math.inf)
 
 
 def _stack(

@@ -27,8 +27,9 @@ BRAKES = {"friction": 0, "damping": 1, "drag": 2, "air": 2}
 
 CREEP = (0.004, 0.002)
 """Friction loss is ``friction * tanh(rate / creep)``, by kind of joint [rad/s, m/s]: full (to 1e-12) beyond
-14 times that, smooth at zero. MuJoCo's friction loss is a constraint that holds a joint still; here the joint
-creeps instead: less than what a camera or an encoder shows, also of a cart that a pendulum pulls at."""
+14 times that, smooth at zero. A joint that it holds creeps, as it does in its own way in MuJoCo, whose
+friction loss is a constraint: less than what a camera or an encoder shows, also of a cart that a pendulum
+pulls at."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -168,7 +168,7 @@ def _mjcf_body(mechanism: Mechanism, group: list[int], parent: ET.Element) -> ET
                 element.set(name, _numbers(row[DAMPING], row[DRAG]))
             elif row[column]:
                 element.set(name, _numbers(row[column]))
-        if row[STIFFNESS]:
+        if row[REST]:
             element.set("springref", _numbers(row[REST]))
         if joint.lower > -math.inf or joint.upper < math.inf:
             element.set("range", _numbers(joint.lower, joint.upper))
@@ -373,7 +373,7 @@ def _urdf_joint(mechanism: Mechanism, i: int, names: dict[int, str], root: ET.El
 def _lost(kind: str, joint: Joint, row: np.ndarray) -> str:
     """Return what URDF cannot hold of a joint as text."""
     term, hinge = JOINT[kind], joint.kind == "hinge"
-    about = f" about {row[REST]:g} rad" if kind == "stiffness" and hinge else ""
+    about = f" about {row[REST]:g} {'rad' if hinge else 'm'}" if kind == "stiffness" and row[REST] else ""
     return f"{kind} {row[term.column]:g} {term.at_hinge if hinge else term.at_slide}{about}"
 
 

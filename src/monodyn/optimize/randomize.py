@@ -16,6 +16,8 @@ ROUNDS = 30
 """Steps from the linear solution to a draw at most; three to five are usual."""
 NEAR = 0.03
 """A draw is found where it is this near to its target, in standard deviations."""
+ROUNDING = 1e-12
+"""Share of the largest derivative up to which one is rounding; unknowns may be in any unit."""
 SEEN = 1e-6
 """Directions along which the residuals change less than this share of the most are left as they are."""
 DAMPING, MOST_DAMPING = 1e-3, 1e6
@@ -77,7 +79,8 @@ def randomized(
     """
     _, jacobian = rows(best[None])
     scale = np.linalg.norm(jacobian[0], axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
+    # what the residuals do not depend on but for rounding is not seen
+    scale = np.where(scale > ROUNDING * np.max(scale, initial=0.0), scale, np.inf)
     left, singular, right = np.linalg.svd(jacobian[0] / scale, full_matrices=False)
     seen = singular > SEEN * singular[:1]
     onto = left[:, seen]

@@ -7,6 +7,7 @@ swing is one linear least squares, in which the other unknowns may move as well.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from monodyn.estimation.shooting.accelerations import SmoothMotion, mismatch_rows
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.mechanism.simulate import accelerations
+from monodyn.mechanism.tree import STIFFNESS
 
 SAMPLES = 4.0
 """Stamps in the shortest period that is tried."""
@@ -96,10 +98,11 @@ def _pushed(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np.ndarray
         return None
     still, quarter = np.zeros_like(motion.position), 0.5 * np.pi
     position = motion.position + motion.by_roll * instance.roll
-    # positions turned counter-clockwise have gravity act to the left; without rates, springs alone are left
-    # in addition, and cancel with gravity to the right
+    # positions turned counter-clockwise have gravity act to the left; without rates and springs it acts alone
+    links = instance.tree.links.copy()
+    links[:, STIFFNESS] = 0.0
     sides = [
-        accelerations(instance.tree, position + motion.by_roll * turn, still, still)
+        accelerations(replace(instance.tree, links=links), position + motion.by_roll * turn, still, still)
         for turn in (quarter, -quarter)
     ]
     return (sides[0] - sides[1]) * instance.stretch**2 / (2.0 * gravity)

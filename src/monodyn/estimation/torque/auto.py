@@ -1,8 +1,7 @@
 """Which kind of torque acts, by the evidence: from the simplest on, until nothing is lacking.
 
 The rule: friction stays as long as what it leaves over is no slower or smaller than the noise; quadratic
-drag, and bodies whose mass may lie anywhere, are taken where Schwarz's criterion prefers them; a spring where
-it besides leaves nothing over, or half as much as all else; a torque over
+drag, and bodies whose mass may lie anywhere, are taken where Schwarz's criterion prefers them; a torque over
 time only where, in rows that it was found without, it halves the error of the best of these, at the
 beginnings and at the ends of the records. What does not explain the motion has to leave less than tilted
 gravity, another clock or a base that swings, and such a torque half of it. Where no kind explains the motion,
@@ -11,6 +10,7 @@ it is searched from further starts.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -33,7 +33,7 @@ from monodyn.estimation.torque.friction import (
     settled,
     with_dry_friction,
 )
-from monodyn.estimation.torque.laws import drag_laws, sprung
+from monodyn.estimation.torque.laws import drag_laws, middles, sprung
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.torque.withheld import withheld_errors
 from monodyn.estimation.wording import listed
@@ -127,6 +127,9 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     best = _likeliest(tried)
     if _explained(best.solution):
         return _told(best, tried) if len(tried) > 1 else best.solution
+    named = _sprung(mechanism, tried[0], _size(best.solution), task, route)
+    if named:
+        return replace(_told(best, tried) if len(tried) > 1 else best.solution, doubt=named)
     place, passive = tried.index(best), best.solution
     best = tried[place] = replace(best, errors=_withheld(best, task, route))
     # rows that are missed by less than that much cannot be halved: their noise is left
@@ -177,27 +180,53 @@ def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> 
         names = [name for name in names if name in held]
         one = _by_law(mechanism, before, optimum, (law, names), task, route) if names else None
         found += [one] if one is not None else []
-    if any(_explained(one.solution) for one in found):
-        return found
-    left = min(_size(one.solution) for one in (before, *found))
-    return [*found, *_sprung(mechanism, before, optimum, left, task, route)]
+    return found
 
 
-def _sprung(
-    mechanism: Mechanism, before: _Tried, optimum: Optimum, left: float, task: Task, route: Route
-) -> list[_Tried]:
-    """Try a spring at one joint after the other; those that leave nothing over, or half of ``left``."""
-    problem, data = before.solution.problem, task.data
-    metres = data.by_row(np.where(data.slide, problem.size(optimum.x), 1.0))
-    middle = np.mean(problem.simulated(optimum.trial) * metres, axis=0)
-    mechanism, springs = sprung(mechanism, middle)
-    laws = [(f"a spring at {joint}", names) for joint, names in springs.items()]
-    found = [_by_law(mechanism, before, optimum, law, task, route) for law in laws]
-    return [
-        one
-        for one in found
-        if one is not None and (_explained(one.solution) or HALVED * _size(one.solution) < left)
+def _sprung(mechanism: Mechanism, before: _Tried, left: float, task: Task, route: Route) -> str:
+    """Return what a spring at one of the joints would make of the motion, a sentence; empty where each leaves
+    something over, and more than half of what is ``left`` without.
+
+    None is taken: readings that are wrong by a factor, as of a picture whose pixels are not square, look like
+    one, and then lengths are nearer without.
+    """
+    problem, optimum = before.solution.problem, before.solution.optimum
+    if optimum is None or not optimum.complete:
+        return ""
+    mechanism, springs = sprung(mechanism, middles(task.records))
+    plain, found = mechanism.with_torque("friction"), []
+    for joint, names in springs.items():
+        larger = problem.of(plain.with_choices(free=names))
+        # where the motion has little to do with the record a fit takes long
+        if far_off(problem, optimum) and HALVED * _left_of_accelerations(problem, larger, task) >= 1.0:
+            continue
+        one = _by_law(mechanism, before, optimum, (f"a spring at {joint}", names), task, route)
+        size = np.inf if one is None else _size(one.solution)
+        if one is not None and (_explained(one.solution) or HALVED * size < left):
+            found.append((size, names, one.solution))
+    if not found:
+        return ""
+    size, names, solution = min(found, key=lambda one: one[0])
+    return _spring_named(names, left / size, before.solution, solution)
+
+
+def _spring_named(
+    names: Sequence[str], times: float, without: TorqueSolution, with_it: TorqueSolution
+) -> str:
+    """Name a spring by its parameters, with the lengths as they are without it and with it."""
+    before, after = (
+        one.problem.unknowns.named(one.optimum.x) for one in (without, with_it) if one.optimum is not None
+    )
+    lengths = [
+        f"{p.name} is {after[p.name]:.3g} m and not {before[p.name]:.3g} m"
+        for p in without.problem.mechanism.parameters
+        if p.kind == "length" and p.name in before and p.name in after
     ]
+    other = f", and {listed(lengths)}" if lengths else ""
+    return (
+        f"With a spring at {names[0].partition('.')[0]} the motion comes {times:.2g} times as close to the "
+        f"record{other}: if there is one, --free {' '.join(names)}."
+    )
 
 
 def _by_law(
@@ -214,7 +243,7 @@ def _by_law(
     larger = problem.of(mechanism.with_torque("friction").with_choices(free=names))
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     found = fit_pieces(larger, optimum.trial.at(x, optimum.trial.states), route, route.fine)
-    if far_off(larger, found) and _called_for(problem, larger, task):
+    if far_off(larger, found) and HALVED * _left_of_accelerations(problem, larger, task) < 1.0:
         # a motion that the drag has damped may be so far from every other one that no step leads there
         search = replace(task, settings=replace(task.settings, starts=1)).search(larger)
         other, _ = search.from_starts(give_up=True)
@@ -234,14 +263,15 @@ def _by_law(
     return _Tried(f"friction with {kind}", replace(before.solution, problem=larger, optimum=found))
 
 
-def _called_for(problem: Problem, larger: Problem, task: Task) -> bool:
-    """Return whether further unknowns halve what is left over of the accelerations, of any motion."""
+def _left_of_accelerations(problem: Problem, larger: Problem, task: Task) -> float:
+    """Return the share of the accelerations' mismatch that further unknowns leave, of any motion."""
     motion, more = (task.search(one).motion for one in (problem, larger))
     if not len(motion.time):
-        return False
+        return np.inf
     x = matched(problem, motion)
     after = match(larger, more, larger.unknowns.carried(x, problem.unknowns))
-    return HALVED * mismatch_cost(larger, after, more) < mismatch_cost(problem, x, motion)
+    before = mismatch_cost(problem, x, motion)
+    return mismatch_cost(larger, after, more) / before if before > 0.0 else np.inf
 
 
 def _undragged(

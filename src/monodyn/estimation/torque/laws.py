@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from monodyn.mechanism import Mechanism
+from monodyn.types import Poses
 
 QUADRATIC, AIR = "quadratic drag", "air drag"
-"""The two laws; on links that hang from the wall they are one."""
+"""The two laws of drag; on links that hang from the wall they are one."""
 
 
 def drag_laws(mechanism: Mechanism) -> dict[str, list[str]]:
@@ -51,3 +54,41 @@ def sprung(mechanism: Mechanism, position: np.ndarray) -> tuple[Mechanism, dict[
             laws[joint.name].append(rest)
             rests[rest] = slack
     return mechanism.with_values(rests), laws
+
+
+def slackened(mechanism: Mechanism, records: Sequence[Poses]) -> Mechanism:
+    """Return a mechanism whose freed springs begin to be slack in the middle of the motion, and anywhere.
+
+    A search that begins without stiffness has no reason to move where a spring is slack, and from elsewhere
+    the stiffness may have to become negative first.
+
+    Args:
+        mechanism: The mechanism with the user's choices.
+        records: The records.
+
+    Returns:
+        A copy; as it is where a file or the user says where a spring is slack, or how stiff it is.
+    """
+    values, at = mechanism.values, {}
+    for i, joint in enumerate(mechanism.joints):
+        stiffness, rest = f"{joint.name}.stiffness", f"{joint.name}.rest"
+        freed = mechanism.parameter(stiffness).free and values[stiffness] == 0.0
+        held = rest in mechanism.chosen and not mechanism.parameter(rest).free
+        if freed and not held and values[rest] == 0.0:
+            at[rest] = i
+    if not at:
+        return mechanism
+    middle = middles(records)
+    slack = {rest: float(middle[i]) for rest, i in at.items()}
+    return mechanism.with_values(slack).with_choices(free=list(slack))
+
+
+def middles(records: Sequence[Poses]) -> np.ndarray:
+    """Return the mean of the measured positions of each joint [rad or m], zero without any, (dof,).
+
+    Args:
+        records: The records.
+    """
+    position = np.concatenate([np.where(one.measured, one.position, 0.0) for one in records])
+    count = np.concatenate([one.measured for one in records]).sum(axis=0)
+    return position.sum(axis=0) / np.maximum(count, 1)

@@ -15,7 +15,7 @@ from monodyn.estimation.verdict.posterior import Posterior
 from monodyn.estimation.verdict.regrouped import Regrouped, Trees, carried_mass, regroup
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, DAMPING, HINGE, Tree
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, DAMPING, HINGE, STIFFNESS, Tree
 
 MOVED = 1e-3
 """An open direction of length one moves a parameter when its relative change along it is above this."""
@@ -40,8 +40,9 @@ def combinations(
         drawn: Draws of the posterior, from which intervals are taken where there are any.
 
     Returns:
-        Products of powers of parameters, dampings over the inertia they act on, and for bodies with free
-        inertia the regrouped inertial parameters, in ratios or, under known torques, themselves.
+        Products of powers of parameters, dampings and stiffnesses over the inertia they act on, and for
+        bodies with free inertia the regrouped inertial parameters, in ratios or, under known torques,
+        themselves.
     """
     found = [*_powers(problem, x, known, drawn), *_regrouped(problem, x, known, drawn)]
     return tuple(one.combination(quantile, drawn) for one in found)
@@ -188,12 +189,12 @@ def inertial_ratios(mechanism: Mechanism, tree: Tree | Trees, *, full: bool) -> 
     With M_j the mass of everything that hangs on joint j and a_j its place on the body:
     ``<body>.J`` = I + m c.c + sum_j M_j a_j.a_j about the body's own hinge, ``<body>.mx`` = m c_x + sum_j M_j
     a_jx and ``.my`` likewise, ``<body>.M`` = M of a slide. All is divided by J of the last hinged body,
-    dampings by J (or M) of the body at the joint.
+    dampings and stiffnesses by J (or M) of the body at the joint.
 
     Args:
         mechanism: Gives the names.
         tree: The joint tree, complex for a derivative; or many.
-        full: All ratios; otherwise only dampings over inertias.
+        full: All ratios; otherwise only dampings and stiffnesses over inertias.
 
     Returns:
         Values by name [SI], () or (draw,).
@@ -209,9 +210,10 @@ def inertial_ratios(mechanism: Mechanism, tree: Tree | Trees, *, full: bool) -> 
             over, label = about.inertia[i], "J"
         else:
             over, label = (0.0 if tree.kind[i] == HINGE else carried[i]), "M"
-        damping = tree.links[i, DAMPING]
-        if np.all(over != 0) and np.any(damping != 0):
-            ratios[f"{joint.name}.damping / {joint.body}.{label}"] = damping / over
+        for kind, column in (("damping", DAMPING), ("stiffness", STIFFNESS)):
+            term = tree.links[i, column]
+            if np.all(over != 0) and np.any(term != 0):
+                ratios[f"{joint.name}.{kind} / {joint.body}.{label}"] = term / over
     if full and about.inertia:
         ratios |= _over_the_last(mechanism, tree, about, carried)
     return {name: np.asarray(value) for name, value in ratios.items()}

@@ -19,7 +19,7 @@ from monodyn.optimize import Draws, randomized
 
 DRAWS, SEED = 1500, 0
 """Draws, and the seed of their noise."""
-LEAST_EFFECTIVE = 20.0
+LEAST_EFFECTIVE = 100.0
 """Draws of equal weight that they have to be worth."""
 SIDES = (0.025, 0.975)
 """Shares of the draws below the ends of an interval."""

@@ -50,7 +50,7 @@ def like_weight(found: Refined) -> list[str]:
             said.append(
                 f"In a motion as small as this a spring at {joint} would act as weight does: {names} "
                 f"{'holds' if len(confused) == 1 else 'hold'} only where there is none. A livelier motion "
-                f"tells them apart; --free {' '.join(laws[joint])} estimates both."
+                f"tells them apart, with --free {' '.join(laws[joint])}."
             )
     return said
 
