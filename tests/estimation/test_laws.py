@@ -38,6 +38,16 @@ def test_springs_are_tried_where_nobody_gave_one() -> None:
     assert (mechanism.values["joint1.rest"], mechanism.values["joint2.rest"]) == (0.0, 0.2)
 
 
+def test_a_joint_that_has_turned_far_begins_at_the_bound() -> None:
+    turned = replace(POSES, position=POSES.position + 20.0)
+    began = slackened(
+        DOUBLE.with_choices(free=["joint1.stiffness"], bounds={"joint1.rest": (-1.0, 2.0)}), [turned]
+    )
+    assert began.values["joint1.rest"] == 2.0
+    mechanism, _ = sprung(DOUBLE, middles([turned]))
+    assert mechanism.values["joint1.rest"] == 4.0 * np.pi
+
+
 def test_the_middle_is_that_of_what_was_measured() -> None:
     seen = np.arange(len(TIMES)) % 3 > 0
     part = replace(POSES, seen=seen)

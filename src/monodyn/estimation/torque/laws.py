@@ -52,7 +52,7 @@ def sprung(mechanism: Mechanism, position: np.ndarray) -> tuple[Mechanism, dict[
         laws[joint.name] = [stiffness]
         if rest not in mechanism.chosen:
             laws[joint.name].append(rest)
-            rests[rest] = slack
+            rests[rest] = _within(mechanism, rest, slack)
     return mechanism.with_values(rests), laws
 
 
@@ -79,8 +79,14 @@ def slackened(mechanism: Mechanism, records: Sequence[Poses]) -> Mechanism:
     if not at:
         return mechanism
     middle = middles(records)
-    slack = {rest: float(middle[i]) for rest, i in at.items()}
+    slack = {rest: _within(mechanism, rest, float(middle[i])) for rest, i in at.items()}
     return mechanism.with_values(slack).with_choices(free=list(slack))
+
+
+def _within(mechanism: Mechanism, name: str, value: float) -> float:
+    """Return the value within the bounds of a parameter: a hinge may have turned farther than its spring."""
+    row = mechanism.row(name)
+    return float(np.clip(value, mechanism.lower[row], mechanism.upper[row]))
 
 
 def middles(records: Sequence[Poses]) -> np.ndarray:
