@@ -17,6 +17,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from monodyn.choices import Tolerance as Tolerance
     from monodyn.errors import FitError as FitError
     from monodyn.errors import MechanismError as MechanismError
     from monodyn.errors import MonodynError as MonodynError
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from monodyn.mechanism import write_urdf as write_urdf
     from monodyn.pipeline import run as run
     from monodyn.results.fill import fill as fill
+    from monodyn.results.horizon import horizon as horizon
     from monodyn.results.predict import predict as predict
     from monodyn.results.report import report as report
     from monodyn.settings import RunSettings as RunSettings
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "errors": ("FitError", "MechanismError", "MonodynError", "SettingsError", "VideoError"),
+    "choices": ("Tolerance",),
     "types": ("Camera", "Frame", "Mask", "Poses"),
     "mechanism": ("Mechanism", "load", "write_mjcf", "write_urdf"),
     "vision.clip.video": ("Video", "read"),
@@ -70,6 +73,7 @@ _HOMES = {
     "stages": ("identify", "locate", "segment", "track"),
     "results.predict": ("predict",),
     "results.fill": ("fill",),
+    "results.horizon": ("horizon",),
     "results.report": ("report",),
     "settings": ("RunSettings",),
     "pipeline": ("run",),

@@ -1,15 +1,36 @@
-"""Words that a setting can be: checked in one way, wherever the setting lives."""
+"""Words that a setting can be, and small values that rooms share: checked in one way, wherever they live."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 from monodyn.errors import SettingsError
 
 Method = Literal["fast", "paper"]
 """What the method of a stage can be called; ``stages`` has the functions."""
 METHOD_NAMES: tuple[str, ...] = get_args(Method)
+
+
+class Tolerance(NamedTuple):
+    """How far off a prediction may be.
+
+    Attributes:
+        angle: Of a hinge [rad].
+        length: Of a slide [m].
+    """
+
+    angle: float = math.radians(5.0)
+    length: float = 0.02
+
+    def of(self, joint: str) -> float:
+        """Return the tolerance of a joint [rad or m].
+
+        Args:
+            joint: Its kind, ``hinge`` or ``slide``.
+        """
+        return self.angle if joint == "hinge" else self.length
 
 
 def check_choice(name: str, value: str | None, choices: Collection[str | None]) -> None:

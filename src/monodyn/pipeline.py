@@ -122,6 +122,7 @@ def run(
         findings = Findings(
             fit, traces, sight.name, _about(video, mechanism), log.notes,
             record=filmed.tracked, filmed=filmed, fit_frames=frames, log=log,
+            tolerance=settings.tolerance,
         )  # fmt: skip
         with log.stage("results"):
             document = write_results(folder, findings, progress=progress)
@@ -257,7 +258,7 @@ def identify_tables(
         if fit.starts:
             traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]
         about = f"Joint positions with the model {mechanism.name}."
-        findings = Findings(fit, traces, ", ".join(names), about, log=log)
+        findings = Findings(fit, traces, ", ".join(names), about, log=log, tolerance=settings.tolerance)
         document = fit_document(findings) if folder is None else write_results(folder, findings)
     return job.outcome(document, records[0], findings)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_args
 
-from monodyn.choices import METHOD_NAMES, Method, check_choice
+from monodyn.choices import METHOD_NAMES, Method, Tolerance, check_choice
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings, Uncertainty, check_known
 from monodyn.vision.settings import (
@@ -88,6 +88,8 @@ class RunSettings:
         time_range: Begin and end [s] of the frames in which the mechanism moves freely, e.g. 1.3:6; found
             when left out.
         until: End of the prediction [s]; the end of the clip when left out.
+        tolerance: How far off a prediction may be, of a hinge and of a slide, e.g. 5deg,2cm; how long it
+            stays within is said.
         fix: Parameters that are known, e.g. gravity=9.81, or camera.roll=0 of a clip.
         free: Parameters to estimate that are not by default, e.g. gravity, or camera.focal of a clip.
         bounds: Lower and upper bounds of parameters, e.g. link1.length=0.1:0.3.
@@ -125,6 +127,7 @@ class RunSettings:
     roi: tuple[int, int, int, int] | None = None
     time_range: tuple[float, float | None] | None = None
     until: float | None = field(default=None, metadata={"metavar": "S"})
+    tolerance: Tolerance = field(default_factory=Tolerance)
     fix: Mapping[str, float] = field(default_factory=dict)
     free: Sequence[str] = ()
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)

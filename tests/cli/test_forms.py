@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from monodyn.choices import Tolerance
 from monodyn.cli.forms import (
     frame_range,
     intervals,
@@ -12,6 +13,7 @@ from monodyn.cli.forms import (
     rectangle,
     sides,
     time_range,
+    tolerance,
     values,
     words,
 )
@@ -51,6 +53,17 @@ def test_a_name_comes_once() -> None:
     said = "bounds: expected each name once, got 'a' twice; keep one of them."
     with refuses(SettingsError, said):
         intervals("bounds", (("a=1:2",), ("a=1:2",)))
+
+
+def test_tolerances_are_an_angle_a_length_or_both() -> None:
+    assert tolerance("tolerance", "5deg, 2cm") == (pytest.approx(0.0872664626), 0.02)
+    assert tolerance("tolerance", "3mm") == Tolerance(length=pytest.approx(3e-3))
+    assert tolerance("tolerance", ".1rad") == Tolerance(angle=0.1)
+    assert tolerance("tolerance", None) == Tolerance()
+    for text in ("5", "5deg,3deg", "0deg", "-1deg", "5 %", ""):
+        said = f"tolerance: expected an angle, a length or both, above 0, got '{text}'; e.g. 5deg,2cm."
+        with refuses(SettingsError, said):
+            tolerance("tolerance", text)
 
 
 def test_time_range() -> None:

@@ -37,6 +37,10 @@ def words(text: str) -> list[list[str]]:
     return [line for line in lines if line]
 
 
+LEFT = "Predictions leave 5 deg with the first frame after the fitted ones."
+"""What is said of the prediction of a fit without intervals."""
+
+
 def test_a_fit_is_shown_as_tables_status_and_advice(capsys: pytest.CaptureFixture[str]) -> None:
     assert show(outcome(), as_json=False, quiet=False) == 0
     assert words(capsys.readouterr().out) == [
@@ -48,6 +52,20 @@ def test_a_fit_is_shown_as_tables_status_and_advice(capsys: pytest.CaptureFixtur
         ["joint", "fit", "rms", "prediction", "rms", "unit"],
         ["joint1", "0.0573", "0.0573", "deg"],
         ["Trusted.", "Identified", "from", "20", "frames."],
+        [
+            "Predictions",
+            "leave",
+            "5",
+            "deg",
+            "with",
+            "the",
+            "first",
+            "frame",
+            "after",
+            "the",
+            "fitted",
+            "ones.",
+        ],
         ["-", "Measure", "<b>one</b>", "mass", "&", "be", "done."],
         ["-", "Light", "it", "better."],
         ["report:", "run/report.html"],

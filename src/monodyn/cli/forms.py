@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Any
 
 from tyro import conf
 
+from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 
 Words = conf.UseAppendAction[tuple[tuple[str, ...], ...]]
@@ -130,6 +132,32 @@ def numbers(option: str, text: str | None) -> tuple[float, ...] | None:
         ) from None
 
 
+UNITS = {"deg": math.pi / 180.0, "rad": 1.0}, {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+"""What is an angle and what is a length, by unit."""
+
+
+def tolerance(option: str, text: str | None) -> Tolerance:
+    """Return the tolerances that ``5deg``, ``2cm`` or both with a comma between them give.
+
+    Args:
+        option: Name of the option, for the message.
+        text: What the user wrote, or None.
+
+    Raises:
+        SettingsError: it is not an angle, a length or both.
+    """
+    found: dict[str, float] = {}
+    for word in (text or "").split(",") if text is not None else ():
+        match = re.fullmatch(r"(\d+\.?\d*|\.\d+)(deg|rad|mm|cm|m)", word.strip())
+        name, units = ("angle", UNITS[0]) if match and match[2] in UNITS[0] else ("length", UNITS[1])
+        if not match or name in found or not float(match[1]) > 0.0:
+            raise SettingsError(
+                f"{option}: expected an angle, a length or both, above 0, got '{text}'; e.g. 5deg,2cm."
+            )
+        found[name] = float(match[1]) * units[match[2]]
+    return Tolerance(**found)
+
+
 def words(option: str, given: Sequence[Sequence[str]]) -> dict[str, str]:
     """Return the words by name that ``NAME=WORD`` words give.
 
@@ -229,6 +257,7 @@ FORMS: dict[Any, Notation] = {
     tuple[int, int, int, int] | None: Notation(str | None, None, "X,Y,W,H", rectangle),
     tuple[float, ...] | None: Notation(str | None, None, "K1,K2,P1,P2[,K3]", numbers),
     tuple[int, int] | None: Notation(str | None, None, "W,H", sides),
+    Tolerance: Notation(str | None, None, "ANGLE,LENGTH", tolerance),
     Mapping[str, str]: Notation(Words, (), "NAME=TARGET ...", words),
     Mapping[str, float]: Notation(Words, (), "NAME=VALUE ...", values),
     Sequence[str]: Notation(Words, (), "NAME ...", names),

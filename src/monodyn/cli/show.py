@@ -182,6 +182,8 @@ def _print_fit(outcome: Outcome) -> None:
     # the status of an approximate fit says so itself
     grade = "" if document["grade"] == "approximate" else f"{document['grade'].capitalize()}. "
     console.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
+    for row in document["horizon"][:1]:
+        console.print(row["said"], markup=False)
     for sentence in document["advice"]:
         console.print(f"- {sentence}", markup=False)
     if outcome.folder is not None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monodyn.choices import Tolerance
 from monodyn.results.filmed import Filmed
+from monodyn.results.horizon import Horizon, horizon_of, horizon_said
 from monodyn.results.log import Compared, RunLog
 from monodyn.results.trace import Trace
 from monodyn.types import Poses
@@ -31,6 +34,7 @@ class Findings:
         filmed: Clip and camera; None for encoder records.
         fit_frames: First fitted frame and the one after the last; None takes them from the first record.
         log: Settings, versions and seconds of the run, or None.
+        tolerance: How far off a prediction may be.
     """
 
     fit: Fit
@@ -42,6 +46,15 @@ class Findings:
     filmed: Filmed | None = None
     fit_frames: tuple[int, int] | None = None
     log: RunLog | None = None
+    tolerance: Tolerance = field(default_factory=Tolerance)
+
+    @cached_property
+    def horizons(self) -> list[Horizon]:
+        """How long the prediction of each record holds; none where there is nothing to rely on."""
+        if not self.fit.ok:
+            return []
+        pairs = enumerate(self.traces)
+        return [horizon_of(self.fit, trace, self.tolerance, record=number) for number, trace in pairs]
 
     @property
     def advice(self) -> list[str]:
@@ -88,12 +101,26 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "initial_state": starts[0] if len(starts) == 1 else starts,
         "rms": dict(fit.rms),
         "heldout_rms": findings.traces[0].heldout() if findings.traces else dict.fromkeys(joints),
+        "horizon": [_horizon_row(findings, found) for found in findings.horizons],
         "scale": fit.scale,
         "mass_scale": fit.mass_scale,
         "stamp_error": fit.stamp_error,
         "camera": None if filmed is None else _camera_document(filmed),
         "fit_frames": findings.frames,
         "comparison": [asdict(one) for one in findings.comparison],
+    }
+
+
+def _horizon_row(findings: Findings, found: Horizon) -> dict[str, Any]:
+    """Return how long the prediction of a record holds, as ``fit.json`` lists it; null seconds are more than
+    were looked at."""
+    fit, tolerance = findings.fit, findings.tolerance
+    return {
+        "seconds": found.seconds,
+        "joint": found.joint or None,
+        "shown": found.shown,
+        "tolerance": {joint.name: tolerance.of(joint.kind) for joint in fit.mechanism.joints},
+        "said": horizon_said(fit, found, tolerance),
     }
 
 

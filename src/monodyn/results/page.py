@@ -15,6 +15,7 @@ import numpy as np
 from monodyn.mechanism.tree import BRAKES
 from monodyn.results.curves import camera_curves, motion_curves, torque_curves
 from monodyn.results.findings import Findings, frames_of, listed_rows
+from monodyn.results.horizon import FARTHEST, Horizon, allowed
 from monodyn.results.numbers import number, short, shown_in
 
 if TYPE_CHECKING:
@@ -151,9 +152,17 @@ def _facts(findings: Findings) -> list[dict[str, str]]:
         heldout = traces[0].heldout()
         if any(value is not None for value in heldout.values()):
             facts.append({"value": _errors(joints, heldout), "label": "prediction error, rms by joint"})
+        if findings.horizons:
+            within = allowed(fit.mechanism, findings.tolerance)
+            facts.append({"value": _lasts(findings.horizons[0]), "label": f"prediction within {within}"})
     if findings.log is not None:
         facts.append({"value": f"{sum(findings.log.seconds.values()):.1f} s", "label": "computing time"})
     return facts
+
+
+def _lasts(found: Horizon) -> str:
+    """Write how long a prediction holds."""
+    return f"{found.seconds:.2g} s" if math.isfinite(found.seconds) else f"over {FARTHEST:g} s"
 
 
 def _errors(joints: Sequence[Joint], values: Mapping[str, float | None]) -> str:

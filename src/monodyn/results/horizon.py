@@ -1,0 +1,134 @@
+"""How long a prediction can be relied on: an identified mechanism and a tolerance in, a time out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from monodyn.choices import Tolerance
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.wording import amount, listed
+from monodyn.mechanism import Mechanism
+from monodyn.results.curves import BAND
+from monodyn.results.fill import fill
+from monodyn.results.trace import Trace
+
+FARTHEST = 60.0
+"""How long after the fitted frames is looked at most [s]."""
+
+
+class Horizon(NamedTuple):
+    """How long a prediction stays within a tolerance.
+
+    Attributes:
+        seconds: From the last fitted frame on [s]; infinite where it does as far as is looked.
+        joint: The joint that leaves it first; empty where none does.
+        shown: True where it was measured to leave it, before its band does.
+    """
+
+    seconds: float
+    joint: str
+    shown: bool = False
+
+
+def horizon(fit: Fit, tolerance: Tolerance | None = None, *, record: int = 0) -> Horizon:
+    """Return how long the 95 % band of a prediction stays within a tolerance.
+
+    The band has what is not known of the parameters and of the start state, carried along the motion, so that
+    it grows as fast as motions nearby part, and what the model lacks.
+
+    Args:
+        fit: The identified mechanism.
+        tolerance: How far off it may be; 5 deg and 2 cm when left out.
+        record: Which record is carried on.
+
+    Returns:
+        The time, zero where nothing is known of what acts after the fitted frames.
+
+    Raises:
+        SettingsError: nothing was identified, or there is no such record.
+    """
+    most = _by_joint(fit, tolerance or Tolerance())
+    stamps = fit.time[record] if record < len(fit.time) else np.zeros(1)
+    end, step = float(stamps[-1]), float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.05
+    length = float(stamps[-1] - stamps[0])
+    # of a chaotic motion the band grows beyond all numbers: it is followed no farther than it has to be
+    while True:
+        length = min(max(2.0 * length, 1.0), FARTHEST)
+        ahead = step * np.arange(1, max(round(length / step), 1) + 1)
+        off = ~(BAND * fill(fit, end + ahead, record=record).std <= most)
+        if off.any():
+            return _first(fit, ahead, off)
+        if length == FARTHEST:
+            return Horizon(np.inf, "")
+
+
+def horizon_of(fit: Fit, trace: Trace, tolerance: Tolerance, *, record: int = 0) -> Horizon:
+    """Return how long a prediction stays within a tolerance, as frames that the fit did not see confirm it.
+
+    Args:
+        fit: The identified mechanism.
+        trace: The record with its prediction.
+        tolerance: How far off it may be.
+        record: Its number within the fit.
+
+    Returns:
+        The earlier of both times.
+    """
+    found, (time, error, _) = horizon(fit, tolerance, record=record), trace.ahead
+    # what is measured has noise of its own
+    noise = np.array([fit.rms[name] for name in trace.poses.joints])
+    off = np.abs(np.where(np.isnan(error), 0.0, error)) > _by_joint(fit, tolerance) + BAND * noise
+    if not off.any():
+        return found
+    seen = _first(fit, time - float(fit.time[record][-1]), off)
+    return seen._replace(shown=True) if seen.seconds < found.seconds else found
+
+
+def _by_joint(fit: Fit, tolerance: Tolerance) -> np.ndarray:
+    return np.array([tolerance.of(joint.kind) for joint in fit.mechanism.joints])
+
+
+def _first(fit: Fit, ahead: np.ndarray, off: np.ndarray) -> Horizon:
+    """Return the last time before a joint is off, (frame, dof)."""
+    row = int(np.argmax(off.any(axis=1)))
+    joint = fit.mechanism.joints[int(np.argmax(off[row]))].name
+    return Horizon(float(ahead[row - 1]) if row else 0.0, joint)
+
+
+def horizon_said(fit: Fit, found: Horizon, tolerance: Tolerance) -> str:
+    """Write how long a prediction holds.
+
+    Args:
+        fit: The identified mechanism.
+        found: How long it does.
+        tolerance: How far off it may be.
+
+    Returns:
+        A sentence.
+    """
+    within = allowed(fit.mechanism, tolerance)
+    if np.isinf(found.seconds):
+        return f"Predictions stay within {within} over all of the {FARTHEST:g} s that were looked at."
+    if found.seconds == 0.0:
+        return f"Predictions leave {within} with the first frame after the fitted ones."
+    how = "as was measured" if found.shown else "by their 95 % band"
+    return (
+        f"Predictions stay within {within} for {found.seconds:.2g} s after the fitted frames ({how}; "
+        f"{found.joint} is the first to leave)."
+    )
+
+
+def allowed(mechanism: Mechanism, tolerance: Tolerance) -> str:
+    """Write how far off a prediction may be, by the kinds of joints that there are.
+
+    Args:
+        mechanism: Gives the joints.
+        tolerance: How far off it may be.
+
+    Returns:
+        The list as part of a sentence.
+    """
+    most = {j.kind: amount(mechanism, j.name, tolerance.of(j.kind)) for j in mechanism.joints}
+    return listed(list(most.values()))

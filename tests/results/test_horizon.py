@@ -1,0 +1,69 @@
+"""How long a prediction can be relied on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monodyn.choices import Tolerance
+from monodyn.errors import SettingsError
+from monodyn.results.fill import fill
+from monodyn.results.horizon import FARTHEST, Horizon, allowed, horizon, horizon_of, horizon_said
+from monodyn.results.predict import predict
+from monodyn.results.trace import trace_of
+from support import refuses
+from swings import record
+
+ALL = np.arange(120) / 30.0
+
+
+def test_it_ends_where_the_band_of_a_joint_leaves_the_tolerance(fit):
+    ahead = np.arange(1, 600) / 30.0
+    band = 1.96 * fill(fit, fit.time[0][-1] + ahead).std
+    for dof, row in ((0, 20), (1, 45)):
+        # the other joint may leave first
+        angle = float(band[:row].max()) * (1.0 + 1e-9)
+        off = band > angle
+        found = horizon(fit, Tolerance(angle))
+        first = int(np.argmax(off.any(axis=1)))
+        assert found.seconds == pytest.approx(ahead[first - 1])
+        assert found.joint == f"joint{1 + int(np.argmax(off[first]))}"
+        assert found.seconds >= ahead[row - 1]
+        assert dof in (0, 1)
+
+
+def test_a_wide_tolerance_is_kept_and_none_is_left_at_once(fit):
+    assert horizon(fit, Tolerance(100.0)) == Horizon(np.inf, "")
+    found = horizon(fit, Tolerance(1e-12))
+    assert (found.seconds, found.joint) == (0.0, "joint1")
+    with refuses(SettingsError, "fill: expected a record from 0 to 0, got 1."):
+        horizon(fit, record=1)
+
+
+def test_what_was_measured_shortens_it(fit, truth):
+    mechanism, q, _ = truth
+    poses = replace(record(mechanism, ALL, q), frame=np.arange(120))
+    tolerance = Tolerance(np.radians(5.0))
+    future = predict(fit, times=ALL[80:])
+    right = horizon_of(fit, trace_of(fit, poses, future), tolerance)
+    assert right == horizon(fit, tolerance)
+    moved = poses.position.copy()
+    moved[95:, 1] += 0.3
+    wrong = horizon_of(fit, trace_of(fit, replace(poses, position=moved), future), tolerance)
+    assert wrong == Horizon(pytest.approx(ALL[94] - ALL[79]), "joint2", shown=True)
+
+
+def test_it_is_said_in_words(fit):
+    tolerance = Tolerance()
+    assert allowed(fit.mechanism, tolerance) == "5 deg"
+    assert horizon_said(fit, Horizon(np.inf, ""), tolerance) == (
+        f"Predictions stay within 5 deg over all of the {FARTHEST:g} s that were looked at."
+    )
+    assert horizon_said(fit, Horizon(0.0, "joint1"), tolerance) == (
+        "Predictions leave 5 deg with the first frame after the fitted ones."
+    )
+    for shown, how in ((False, "by their 95 % band"), (True, "as was measured")):
+        assert horizon_said(fit, Horizon(1.234, "joint2", shown), tolerance) == (
+            f"Predictions stay within 5 deg for 1.2 s after the fitted frames ({how}; joint2 is the first to "
+            "leave)."
+        )
