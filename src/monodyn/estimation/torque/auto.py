@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -127,9 +128,7 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     best = _likeliest(tried)
     if _explained(best.solution):
         return _told(best, tried) if len(tried) > 1 else best.solution
-    named = _sprung(mechanism, tried[0], _size(best.solution), task, route)
-    if named:
-        return replace(_told(best, tried) if len(tried) > 1 else best.solution, doubt=named)
+    spring = cache(partial(_sprung, mechanism, tried[0], _size(best.solution), task, route))
     place, passive = tried.index(best), best.solution
     best = tried[place] = replace(best, errors=_withheld(best, task, route))
     # rows that are missed by less than that much cannot be halved: their noise is left
@@ -139,10 +138,17 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
             if found is not None:
                 tried.append(found)
                 # one unknown that explains nearly as much is the likelier reason than some thirty
-                left = left_otherwise(passive) if _halves(best, found) else 0.0
+                left = min(left_otherwise(passive), spring().size) if _halves(best, found) else 0.0
                 if HALVED * _size(found.solution) < left:
                     return _told(found, tried)
-    return _told(best, tried) if len(tried) > 1 else best.solution
+    return replace(_told(best, tried) if len(tried) > 1 else best.solution, doubt=spring().said)
+
+
+class _Spring(NamedTuple):
+    """A spring that would explain a motion: size of what it leaves over, infinite for none; a sentence."""
+
+    size: float = np.inf
+    said: str = ""
 
 
 def _explained(solution: TorqueSolution) -> bool:
@@ -183,16 +189,16 @@ def _dragged(mechanism: Mechanism, before: _Tried, task: Task, route: Route) -> 
     return found
 
 
-def _sprung(mechanism: Mechanism, before: _Tried, left: float, task: Task, route: Route) -> str:
-    """Return what a spring at one of the joints would make of the motion, a sentence; empty where each leaves
-    something over, and more than half of what is ``left`` without.
+def _sprung(mechanism: Mechanism, before: _Tried, left: float, task: Task, route: Route) -> _Spring:
+    """Return what a spring at one of the joints would make of the motion; nothing where each leaves something
+    over, and more than half of what is ``left`` without.
 
     None is taken: readings that are wrong by a factor, as of a picture whose pixels are not square, look like
     one, and then lengths are nearer without.
     """
     problem, optimum = before.solution.problem, before.solution.optimum
     if optimum is None or not optimum.complete:
-        return ""
+        return _Spring()
     mechanism, springs = sprung(mechanism, middles(task.records))
     plain, found = mechanism.with_torque("friction"), []
     for joint, names in springs.items():
@@ -205,9 +211,9 @@ def _sprung(mechanism: Mechanism, before: _Tried, left: float, task: Task, route
         if one is not None and (_explained(one.solution) or HALVED * size < left):
             found.append((size, names, one.solution))
     if not found:
-        return ""
+        return _Spring()
     size, names, solution = min(found, key=lambda one: one[0])
-    return _spring_named(names, left / size, before.solution, solution)
+    return _Spring(size, _spring_named(names, left / size, before.solution, solution))
 
 
 def _spring_named(
