@@ -197,7 +197,7 @@ def _sprung(mechanism: Mechanism, before: _Tried, left: float, task: Task, route
     one, and then lengths are nearer without.
     """
     problem, optimum = before.solution.problem, before.solution.optimum
-    # several records take long, and are judged by one another
+    # the fits of all of several records would take too long: there no spring is named
     if optimum is None or not optimum.complete or len(task.records) > 1:
         return _Spring()
     mechanism, springs = sprung(mechanism, middles(task.records))
