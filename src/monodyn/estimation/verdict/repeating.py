@@ -81,9 +81,13 @@ def repeating(found: Refined) -> np.ndarray:
     errors = [residuals.shown(_misread(_waves(state[:, :-dofs] / length, dofs))) for length in LENGTHS]
     most = _moving(problem, trial, clock, residuals.unit)
     more, likelihood = [], []
-    for (by_force, pushed), (by_error, misread) in product(forces, errors):
-        left, seen = np.concatenate((pushed, misread), axis=1), residuals.seen
-        strengths, value = _strengths(left.T @ left, left.T @ seen, most, float(seen @ seen))
+    seen = residuals.seen
+    alike = [[left.T @ left for _, left in one] for one in (forces, errors)]
+    for (i, (by_force, pushed)), (j, (by_error, misread)) in product(enumerate(forces), enumerate(errors)):
+        both = pushed.T @ misread
+        normal = np.block([[alike[0][i], both], [both.T, alike[1][j]]])
+        right = np.concatenate((pushed.T @ seen, misread.T @ seen))
+        strengths, value = _strengths(normal, right, most, float(seen @ seen))
         off = np.concatenate((by_force, by_error), axis=1) * strengths
         more.append(off @ off.T)
         likelihood.append(value)

@@ -12,6 +12,8 @@ from monodyn.mechanism import Mechanism
 
 CONFUSED = 5.0
 """How many times as unsure as it is a length becomes by an unknown spring, where a word is due."""
+SMALL = 2.0
+"""Range of an angle up to which it is asked [rad]: from the middle to its ends a sine bends by a sixth."""
 
 
 def like_weight(found: Refined) -> list[str]:
@@ -28,8 +30,13 @@ def like_weight(found: Refined) -> list[str]:
     """
     problem, optimum = found.weighted, found.optimum
     lengths = np.flatnonzero(problem.unknowns.of_kind("length") & problem.unknowns.log)
-    mechanism, laws = sprung(problem.mechanism, np.mean(problem.simulated(optimum.trial), axis=0))
-    springs = {joint: names[0] for joint, names in _at_hinges(mechanism, laws).items()}
+    position = problem.simulated(optimum.trial)
+    mechanism, laws = sprung(problem.mechanism, np.mean(position, axis=0))
+    springs = {
+        joint.name: laws[joint.name][0]
+        for joint, angle in zip(mechanism.joints, position.T, strict=True)
+        if joint.kind == "hinge" and joint.name in laws and np.ptp(angle) < SMALL
+    }
     if not springs or not len(lengths) or problem.mechanism.torque == "free":
         return []
     larger = problem.of(mechanism.with_choices(free=list(springs.values())))
@@ -54,7 +61,3 @@ def like_weight(found: Refined) -> list[str]:
             )
     return said
 
-
-def _at_hinges(mechanism: Mechanism, laws: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return the springs at hinges by joint."""
-    return {j.name: laws[j.name] for j in mechanism.joints if j.kind == "hinge" and j.name in laws}
