@@ -7,6 +7,7 @@ errors out altogether, and weighs the joints with the noise that their residuals
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -32,6 +33,8 @@ from monodyn.estimation.shooting.shoot import (
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.trust import LOST_NOISE, LOST_SHARE
 from monodyn.estimation.verdict.uncertainty import Knowledge, NoiseFactors, knowledge_at, noise_factors
+from monodyn.mechanism.simulate import transitions
+from monodyn.mechanism.torques import LAG
 from monodyn.optimize import SearchSettings
 
 MOST_REJECTED = 0.1
@@ -73,6 +76,19 @@ class Refined:
     def fitted(self) -> int:
         """Number of unknowns that take a degree of freedom from the motion."""
         return _fitted(self.problem, self.optimum)
+
+    @cached_property
+    def carried_along(self) -> tuple[np.ndarray, np.ndarray]:
+        """The clock of the motion [s], (row,), and the derivative of the state at each row by that at the row
+        before, (row, state, state); the identity where a record begins."""
+        problem, trial = self.problem, self.optimum.trial
+        mechanism, stretch = problem.mechanism_at(trial.x), problem.stretch(trial.x)
+        clock, lag, parts = problem.data.times * stretch, mechanism.values.get(LAG, 0.0), []
+        for first, stop, state in trial.runs:
+            drive = problem.driven(mechanism.drive, lag, stretch, first, stop)
+            fine = trial.substeps
+            parts.append(transitions(mechanism.tree, clock[first:stop], state, substeps=fine, drive=drive))
+        return clock, np.concatenate(parts)
 
     @property
     def freedom(self) -> float:

@@ -21,7 +21,7 @@ from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.shares import Share, added
 from monodyn.estimation.verdict.uncertainty import knowledge_at, without_states
-from monodyn.estimation.verdict.unmodelled import carried_along, noise_of_rows
+from monodyn.estimation.verdict.unmodelled import noise_of_rows
 
 WAVES, MOST_WAVES = 48, 192
 """Waves over the state that make up the unknown force at a joint, and the error of its readings; and those of
@@ -72,11 +72,10 @@ def repeating(found: Refined) -> np.ndarray:
     """
     residuals = _residuals(found)
     problem, trial = found.weighted, found.optimum.trial
-    clock, carried = carried_along(problem, trial)
+    clock, carried = found.carried_along
     state, dofs = _standard(problem, trial, residuals.unit), problem.data.position.shape[1]
-    forces = [
-        residuals.shown(_pushed(clock, carried, trial, _waves(state / length, dofs))) for length in LENGTHS
-    ]
+    waves = [_waves(state / length, dofs) for length in LENGTHS]
+    forces = [residuals.shown(moved) for moved in _pushed(clock, carried, trial, waves)]
     # what a reading is wrong by depends on the pose alone
     errors = [residuals.shown(_misread(_waves(state[:, :-dofs] / length, dofs))) for length in LENGTHS]
     most = _moving(problem, trial, clock, residuals.unit)
@@ -181,21 +180,24 @@ def _misread(waves: list[np.ndarray]) -> np.ndarray:
     return moved
 
 
-def _pushed(clock: np.ndarray, carried: np.ndarray, trial: Trial, waves: list[np.ndarray]) -> np.ndarray:
+def _pushed(
+    clock: np.ndarray, carried: np.ndarray, trial: Trial, waves: list[list[np.ndarray]]
+) -> list[np.ndarray]:
     """Return how far accelerations of each joint that are waves over the state move the positions [rad or m
-    by rad/s^2 or m/s^2], (row, dof, wave); those of a joint stand together."""
-    dofs, count = len(waves), waves[0].shape[1]
-    moved = np.zeros((len(clock), 2 * dofs, dofs * count))
+    by rad/s^2 or m/s^2], (row, dof, wave), for each set of waves; those of a joint stand together."""
+    dofs, count = len(waves[0]), waves[0][0].shape[1]
+    # (row, dof, set, wave): all sets are carried along at once
+    acting = np.stack([np.stack(one, axis=1) for one in waves], axis=2)
+    moved = np.zeros((len(clock), 2 * dofs, len(waves), dofs, count))
     for first, stop, _ in trial.runs:
         for row in range(first + 1, stop):
-            h = clock[row] - clock[row - 1]
-            moved[row] = carried[row] @ moved[row - 1]
-            for dof, wave in enumerate(waves):
-                own = slice(dof * count, (dof + 1) * count)
-                acting = 0.5 * (wave[row - 1] + wave[row])
-                moved[row, dof, own] += 0.5 * h**2 * acting
-                moved[row, dofs + dof, own] += h * acting
-    return moved[:, :dofs]
+            h, before, now = clock[row] - clock[row - 1], moved[row - 1], moved[row]
+            np.matmul(carried[row], before.reshape(2 * dofs, -1), out=now.reshape(2 * dofs, -1))
+            mean = 0.5 * (acting[row - 1] + acting[row])
+            for dof in range(dofs):
+                now[dof, :, dof] += 0.5 * h**2 * mean[dof]
+                now[dofs + dof, :, dof] += h * mean[dof]
+    return [moved[:, :dofs, one].reshape(len(clock), dofs, -1) for one in range(len(waves))]
 
 
 def _waves(state: np.ndarray, dofs: int) -> list[np.ndarray]:

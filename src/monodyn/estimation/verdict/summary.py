@@ -92,7 +92,7 @@ def summarize(
         fit,
         status=identified(found.problem, fit.rms),
         stamp_error=found.noise.stamps,
-        unmodelled=unmodelled(found.problem, found.optimum.trial, found.noise),
+        unmodelled=unmodelled(found),
         tried_torques=solution.compared,
         alternatives=() if lost else twins_of(found, ended, fit.parameters, settings),
     )

@@ -13,11 +13,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.estimation.fit import Unmodelled
-from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.verdict.uncertainty import NoiseFactors
-from monodyn.mechanism.simulate import transitions
-from monodyn.mechanism.torques import LAG
+from monodyn.estimation.verdict.refine import Refined
 
 LARGER, SLOWER = 2.0, 1.5
 """Residuals over the part of them that changes from row to row, and root of what their autocorrelation costs,
@@ -35,13 +31,11 @@ UNKNOWN = 1e4
 """Variance of the state at the beginning of a record, over that of the residuals."""
 
 
-def unmodelled(problem: Problem, trial: Trial, noise: NoiseFactors) -> Unmodelled | None:
+def unmodelled(found: Refined) -> Unmodelled | None:
     """Find the random accelerations that explain the residuals of a fit.
 
     Args:
-        problem: The problem without gross errors, with the noise as stated.
-        trial: Its optimum, one piece a record.
-        noise: How the residuals compare with the stated noise.
+        found: The optimum, one piece a record, and how its residuals compare with the stated noise.
 
     Returns:
         The accelerations of highest likelihood; None where the noise explains the residuals.
@@ -50,6 +44,7 @@ def unmodelled(problem: Problem, trial: Trial, noise: NoiseFactors) -> Unmodelle
         Maximum likelihood of a linear stochastic system by the innovations of its Kalman filter: Åström and
         Källström, Identification of ship steering dynamics, 1976.
     """
+    problem, trial, noise = found.problem, found.optimum.trial, found.noise
     if not np.any(noise.correlation > SLOWER):
         return None
     data = problem.data
@@ -60,7 +55,7 @@ def unmodelled(problem: Problem, trial: Trial, noise: NoiseFactors) -> Unmodelle
     larger = np.sqrt(np.nanmean((residual / white) ** 2, axis=0)) > LARGER
     if not np.any(larger & (noise.correlation > SLOWER)):
         return None
-    clock, carried = carried_along(problem, trial)
+    clock, carried = found.carried_along
     steps = np.diff(clock, prepend=clock[0])
     begins = np.zeros(len(clock), dtype=np.bool_)
     begins[trial.pieces.first[:-1]] = True
@@ -78,23 +73,6 @@ def unmodelled(problem: Problem, trial: Trial, noise: NoiseFactors) -> Unmodelle
             density = tried[int(np.argmax([likelihood(row) for row in tried]))]
     _, off = _filtered(residual, white**2, carried, steps, begins, density, UNKNOWN * spread / pace**2)
     return Unmodelled(density, off) if density.any() else None
-
-
-def carried_along(problem: Problem, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
-    """Return the clock of the motion [s], (row,), and the derivative of the state at each row by that at the
-    row before, (row, state, state); the identity where a record begins.
-
-    Args:
-        problem: The problem.
-        trial: A point of it, one piece a record.
-    """
-    mechanism, stretch = problem.mechanism_at(trial.x), problem.stretch(trial.x)
-    clock, lag, parts = problem.data.times * stretch, mechanism.values.get(LAG, 0.0), []
-    for first, stop, state in trial.runs:
-        drive = problem.driven(mechanism.drive, lag, stretch, first, stop)
-        fine = trial.substeps
-        parts.append(transitions(mechanism.tree, clock[first:stop], state, substeps=fine, drive=drive))
-    return clock, np.concatenate(parts)
 
 
 def noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
