@@ -8,7 +8,6 @@ from monodyn.estimation.torque.laws import sprung
 from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.uncertainty import without_states
 from monodyn.estimation.wording import listed
-from monodyn.mechanism import Mechanism
 
 CONFUSED = 5.0
 """How many times as unsure as it is a length becomes by an unknown spring, where a word is due."""
