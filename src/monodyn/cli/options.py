@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_type_hints
 from tyro import conf
 
 from monodyn.cli.forms import FORMS
+from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
 from monodyn.settings import SHARED, RunSettings, settings_classes
@@ -258,6 +259,9 @@ COMMANDS: dict[str, Command] = {
         IdentifyOptions,
         "monodyn identify run/poses.csv --model run/model.xml --out fit",
         without=_OF_CLIP,
+    ),
+    "predict": Command(
+        PredictOptions, "monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead"
     ),
     "models": Command(ModelsOptions, "monodyn models"),
     "reproduce": Command(ReproduceOptions, "monodyn reproduce --out experiment"),
