@@ -166,23 +166,23 @@ def test_frames_of_the_fit() -> None:
 
 
 def test_a_prediction_goes_on_in_steps_of_the_clip(video: Video) -> None:
-    assert np.array_equal(prediction_times(video, 9, None), video.times[9:])
-    times = prediction_times(video, 9, 0.5)
+    assert np.array_equal(prediction_times(video.times, 9, None), video.times[9:])
+    times = prediction_times(video.times, 9, 0.5)
     assert np.allclose(times, np.arange(9, 16) / 30.0)
     assert frame_numbers(times, video.times, np.arange(12)).tolist() == list(range(9, 16))
-    assert np.allclose(prediction_times(video, 9, 0.32), [0.3])
+    assert np.allclose(prediction_times(video.times, 9, 0.32), [0.3])
 
 
 def test_ends_of_a_prediction_that_are_refused(video: Video) -> None:
     said = "until: expected a time after the last fitted frame at 0.267 s, got 0.2 s."
     with refuses(SettingsError, said):
-        prediction_times(video, 9, 0.2)
+        prediction_times(video.times, 9, 0.2)
     said = (
-        "until: expected at most 64.0333 s (the end of the clip, ten times its length and a minute, and no "
+        "until: expected at most 64.0333 s (the end of the record, ten times its length and a minute, and no "
         "more than 1000000 rows), got 1e+300 s."
     )
     with refuses(SettingsError, said):
-        prediction_times(video, 9, 1e300)
+        prediction_times(video.times, 9, 1e300)
 
 
 def test_a_clip_without_the_mechanism_says_so(video: Video) -> None:

@@ -12,6 +12,7 @@ import pytest
 from monodyn.errors import MechanismError, SettingsError
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
+from monodyn.mechanism.simulate import simulate
 from monodyn.pipeline import identify_tables
 from monodyn.settings import RunSettings
 from monodyn.tabled import tabled
@@ -104,3 +105,31 @@ def test_columns_of_other_names_need_a_model(tmp_path: Path) -> None:
         "with --model.",
     ):
         tabled([table], RunSettings())
+
+
+@pytest.mark.slow
+def test_every_table_is_fitted_in_a_window_and_predicted_after_it(tmp_path):
+    """Against the motion itself: what is predicted of each record has not been fitted."""
+    mechanism, times = load("double"), np.arange(90) / 60.0
+    tables = []
+    for k, start in enumerate(([-1.2, 0.4], [0.3, -0.5])):
+        q = simulate(mechanism, times, np.array(start), np.zeros(2)).position
+        noisy = q + 1e-3 * np.random.default_rng(k).standard_normal(q.shape)
+        rows = np.column_stack([times, noisy])
+        tables.append(tmp_path / f"{k}.csv")
+        text = "time,joint1,joint2\n" + "".join(",".join(map(repr, row)) + "\n" for row in rows.tolist())
+        tables[-1].write_text(text)
+    settings = RunSettings(fit_frames=(10, 60), until=1.6)
+    done = identify_tables(tables, "double", tmp_path / "out", settings)
+    assert [trace.rows for trace in done.traces] == [(10, 60), (10, 60)]
+    for trace in done.traces:
+        assert trace.future.time[0] == pytest.approx(1.0)
+        assert trace.future.time[-1] == pytest.approx(1.6)
+        assert max(trace.heldout().values()) < 0.02
+    assert len(done.document["heldout_rms"]) == len(done.document["horizon"]) == 2
+    with refuses(
+        SettingsError,
+        "fit-frames: expected a range with at least two of the frames of '0.csv', 0 to 89, got 89:200; give "
+        "another.",
+    ):
+        identify_tables(tables, "double", settings=RunSettings(fit_frames=(89, 200)))

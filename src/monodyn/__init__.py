@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from monodyn.results.fill import fill as fill
     from monodyn.results.horizon import horizon as horizon
     from monodyn.results.opened import open_run as open_run
+    from monodyn.results.opened import remembered as remembered
     from monodyn.results.predict import predict as predict
     from monodyn.results.report import report as report
     from monodyn.results.restart import restart as restart
@@ -73,7 +74,7 @@ _HOMES = {
     "estimation.record.tables": ("read_poses", "write_poses"),
     "estimation.settings": ("IdentifySettings",),
     "stages": ("identify", "locate", "segment", "track"),
-    "results.opened": ("open_run",),
+    "results.opened": ("open_run", "remembered"),
     "results.predict": ("predict",),
     "results.fill": ("fill",),
     "results.horizon": ("horizon",),

@@ -18,6 +18,7 @@ from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.mechanism.dots import check_dots, dots_of, shows_dots
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL, by_roll
+from monodyn.results.opened import remembered
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
 from monodyn.stages import check_camera
@@ -87,7 +88,7 @@ def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool =
     """Return a mechanism with the user's choices; those of the camera are only checked, for ``locate``.
 
     Args:
-        model: Mechanism file or bundled name.
+        model: Mechanism file, bundled name, or the folder of a run that goes on with its mechanism.
         settings: The user's choices.
         camera: False refuses parameters of the camera, where there is none.
 
@@ -117,7 +118,7 @@ def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool =
             f"parameter 'camera.focal': --locate.focal gives it, {settings.locate.focal:g} px; leave one of "
             "them out."
         )
-    mechanism = load(model)
+    mechanism = remembered(model) if Path(model).is_dir() else load(model)
     check_camera(mechanism, settings.camera.method or "fast", fix, free)
     if ROLL in free and settings.identify.method == "paper":
         raise SettingsError(
@@ -204,6 +205,30 @@ def fitted_range(wanted: tuple[int, int | None] | None, count: int) -> tuple[int
     return first, stop
 
 
+def fitted_part(record: Poses, wanted: tuple[int, int | None] | None, name: str) -> tuple[int, int]:
+    """Return the first row of a table to fit and the one after the last.
+
+    Args:
+        record: The table.
+        wanted: The user's range of frame numbers; None for all.
+        name: What the table is called.
+
+    Raises:
+        SettingsError: the table has fewer than two frames of the range.
+    """
+    if wanted is None:
+        return 0, len(record)
+    frames = record.frame
+    ends = wanted[0], int(frames[-1]) + 1 if wanted[1] is None else wanted[1]
+    first, stop = np.searchsorted(frames, ends).tolist()
+    if stop < first + 2:
+        raise SettingsError(
+            f"fit-frames: expected a range with at least two of the frames of '{name}', {frames[0]} to "
+            f"{frames[-1]}, got {ends[0]}:{ends[1]}; give another."
+        )
+    return first, stop
+
+
 def free_range(
     wanted: tuple[int, int | None] | None, frames: tuple[int, int], span: FreeSpan
 ) -> tuple[int, int]:
@@ -228,13 +253,14 @@ def free_range(
     return first, stop
 
 
-def prediction_times(video: Video, stop: int, until: float | None) -> np.ndarray:
+def prediction_times(stamps: np.ndarray, stop: int, until: float | None) -> np.ndarray:
     """Return the time stamps of the prediction.
 
     Args:
-        video: The clip; its time stamps are continued by their median step beyond the end.
-        stop: First frame that is predicted.
-        until: End of the prediction [s]; None for the end of the clip.
+        stamps: Time stamps of the clip, or of a table [s], (frame,); they are continued by their median step
+            beyond the end.
+        stop: First of them that is predicted.
+        until: End of the prediction [s]; None for their end.
 
     Returns:
         Time stamps [s], (frame,).
@@ -242,21 +268,21 @@ def prediction_times(video: Video, stop: int, until: float | None) -> np.ndarray
     Raises:
         SettingsError: the end does not come after the last fitted frame, or is too far away.
     """
-    times = video.times[stop:]
+    times = stamps[stop:]
     if until is None:
         return times
-    last, end = float(video.times[stop - 1]), float(video.times[-1])
+    last, end = float(stamps[stop - 1]), float(stamps[-1])
     if not (math.isfinite(until) and until > last):
         raise SettingsError(
             f"until: expected a time after the last fitted frame at {last:.3f} s, got {until:g} s."
         )
-    step = float(np.median(np.diff(video.times)))
+    step = float(np.median(np.diff(stamps)))
     # a typing error in the time must not fill the disk
-    most = min(end + 10.0 * (end - float(video.times[0])) + 60.0, end + MOST_ROWS * step)
+    most = min(end + 10.0 * (end - float(stamps[0])) + 60.0, end + MOST_ROWS * step)
     if until > most:
         raise SettingsError(
-            f"until: expected at most {most:.6g} s (the end of the clip, ten times its length and a minute, "
-            f"and no more than {MOST_ROWS} rows), got {until:g} s."
+            f"until: expected at most {most:.6g} s (the end of the record, ten times its length and a "
+            f"minute, and no more than {MOST_ROWS} rows), got {until:g} s."
         )
     # the millionth of a step keeps a time stamp that rounding puts just behind the end
     more = int(np.floor((until - end) / step + 1e-6)) if until > end else 0

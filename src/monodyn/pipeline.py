@@ -17,6 +17,7 @@ from monodyn.checks import (
     camera_choices,
     check_tracked,
     chosen_mechanism,
+    fitted_part,
     fitted_range,
     free_range,
     how_to_film,
@@ -92,7 +93,7 @@ def run(
     models = candidates(settings) if str(model) == AUTO else {}
     video, given, mechanism = opened(clip, next(iter(models), model), settings)
     wanted = fitted_range(settings.fit_frames, video.count)
-    prediction_times(video, wanted[1], settings.until)
+    prediction_times(video.times, wanted[1], settings.until)
     torques = clip_torques(settings, mechanism, video.times, wanted)
     inputs = input_files(clip, model, settings)
     log = RunLog("run", inputs, settings)
@@ -106,7 +107,7 @@ def run(
         frames = free_range(settings.fit_frames, wanted, span)
         sight.fit_frames = frames
         # the motion may have shown that the stamps are not the times
-        times = prediction_times(video.timed(poses.frame, poses.time), frames[1], settings.until)
+        times = prediction_times(video.timed(poses.frame, poses.time).times, frames[1], settings.until)
         # the fit must not see the frames that it will be compared with
         first, stop = np.searchsorted(poses.frame, frames).tolist()
         check_tracked(poses.part(first, stop), video, log.notes)
@@ -241,6 +242,11 @@ def identify_tables(
     if all(wrong):
         raise VideoError(f"{', '.join(names[:3])}: {wrong[0]}")
     tried = [replace(one, records=with_torques(one.records, one.mechanism, settings)) for one in tried]
+    rows = [fitted_part(record, settings.fit_frames, name)
+            for record, name in zip(tried[0].records, names, strict=True)]  # fmt: skip
+    times = [prediction_times(record.time, stop, settings.until)
+             for record, (_, stop) in zip(tried[0].records, rows, strict=True)]  # fmt: skip
+    tried = [replace(one, rows=rows) for one in tried]
     measured = {f"poses {i + 1}": table for i, table in enumerate(tables)}
     inputs = {"model": model, **measured, **torque_files(settings)}
     log = RunLog("identify", inputs, settings)
@@ -253,10 +259,12 @@ def identify_tables(
         if str(model) == AUTO:
             log.chose(comparison)
             log.notes += nearest(fit, comparison)
-        records, mechanism = best.records, best.mechanism
-        traces = []
+        records, mechanism, traces = best.records, best.mechanism, []
         if fit.starts:
-            traces = [trace_of(fit, record, name=names[i], record=i) for i, record in enumerate(records)]
+            for i, record in enumerate(records):
+                traces += predicted(fit, record, times[i], names[i], record=i)
+        if fit.ok:
+            fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
         about = f"Joint positions with the model {mechanism.name}."
         findings = Findings(fit, traces, ", ".join(names), about, log=log, tolerance=settings.tolerance)
         document = fit_document(findings) if folder is None else write_results(folder, findings)
@@ -368,20 +376,21 @@ def _clip_notes(video: Video, masks: Video | None) -> list[str]:
     return list(dict.fromkeys([*video.notes, *(() if masks is None else masks.notes)]))
 
 
-def predicted(fit: Fit, poses: Poses, times: np.ndarray, name: str) -> list[Trace]:
-    """Put the clip next to its motion by the fit, and that motion on beyond the fitted frames.
+def predicted(fit: Fit, poses: Poses, times: np.ndarray, name: str, *, record: int = 0) -> list[Trace]:
+    """Put a record next to its motion by the fit, and that motion on beyond the fitted frames.
 
     Args:
         fit: The fit.
-        poses: The tracked clip.
+        poses: The tracked clip, or a table.
         times: Time stamps to predict [s], (frame,).
-        name: Name of the clip.
+        name: Name of the record.
+        record: Its number within the fit.
 
     Returns:
         One trace, or none where the fit has no motion.
     """
-    future = predict(fit, times=times) if fit.starts and len(times) else None
-    return [trace_of(fit, poses, future, name=name)] if fit.starts else []
+    future = predict(fit, times=times, record=record) if fit.starts and len(times) else None
+    return [trace_of(fit, poses, future, name=name, record=record)] if fit.starts else []
 
 
 def _about(video: Video, mechanism: Mechanism) -> str:

@@ -82,12 +82,13 @@ class RunSettings:
     """What a run does.
 
     Attributes:
-        fit_frames: Frames to fit, A to B-1; all but the last quarter when left out.
+        fit_frames: Frames to fit, A to B-1, of a clip or of every table; when left out all of a table, and
+            all but the last quarter of a clip.
         roi: Part of the picture that shows the mechanism, e.g. 120,0,480,360: column and row of its upper
             left corner, width and height [px]; found when left out.
         time_range: Begin and end [s] of the frames in which the mechanism moves freely, e.g. 1.3:6; found
             when left out.
-        until: End of the prediction [s]; the end of the clip when left out.
+        until: End of the prediction [s]; the end of the clip, or of the table, when left out.
         tolerance: How far off a prediction may be, of a hinge and of a slide, e.g. 5deg,2cm; how long it
             stays within is said.
         fix: Parameters that are known, e.g. gravity=9.81, or camera.roll=0 of a clip.

@@ -42,6 +42,7 @@ class Tabled:
         model: Its name.
         mechanism: The mechanism with the user's choices.
         records: The records, their joints named as its own.
+        rows: First row to fit of each record and the one after the last; all where there are none.
         fit: The fit, or None where there is none.
         refusal: Why there is none.
     """
@@ -49,8 +50,16 @@ class Tabled:
     model: str
     mechanism: Mechanism
     records: Sequence[Poses]
+    rows: Sequence[tuple[int, int]] = ()
     fit: Fit | None = None
     refusal: str = ""
+
+    @property
+    def fitted(self) -> list[Poses]:
+        """What is fitted of the records."""
+        if not self.rows:
+            return list(self.records)
+        return [record.part(*rows) for record, rows in zip(self.records, self.rows, strict=True)]
 
     @property
     def noises(self) -> float:
@@ -72,7 +81,7 @@ class Tabled:
         if self.fit is None or not self.fit.residual:
             return np.zeros(0)
         found = []
-        for record, residual in zip(self.records, self.fit.residual, strict=True):
+        for record, residual in zip(self.fitted, self.fit.residual, strict=True):
             variance = np.diagonal(record.covariance, axis1=1, axis2=2)
             found.append((residual**2 / variance)[np.isfinite(residual) & (variance > 0.0)])
         return np.concatenate(found)
@@ -148,8 +157,8 @@ def best_fit(
 
 def _fitted(one: Tabled, settings: RunSettings, progress: Progress | None) -> Tabled:
     """Identify one mechanism."""
-    fit = identify(one.records, one.mechanism, settings.identify, progress=progress)
-    hardly = unmeasured_joints(one.records)
+    fit = identify(one.fitted, one.mechanism, settings.identify, progress=progress)
+    hardly = unmeasured_joints(one.fitted)
     doubts = kept_doubts(fit, one.records, one.mechanism, settings.identify, progress)
     return replace(one, fit=fit.doubted([*([Doubt("approximate", hardly)] if hardly else []), *doubts]))
 

@@ -275,7 +275,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["bogus"], "expected a command, got 'bogus'; commands: run, track, identify, models, reproduce."),
+        (["bogus"], "expected a command, got 'bogus'; commands: run, track, identify, predict, models, reproduce."),
         (["identify", "--model", "double"],
          "identify: expected at least one table of joint positions, got none; name a poses.csv."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--bogus"],
@@ -325,8 +325,8 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
         (["run", CLIP, "--model", MODEL, "--out", "o", "--bounds", "camera.depth=1:2"],
          "bounds of 'camera.depth': expected a parameter of the mechanism; give the camera's with fix."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--until", "1e300"],
-         "until: expected at most 136.633 s (the end of the clip, ten times its length and a minute, and no "
-         "more than 1000000 rows), got 1e+300 s."),
+         "until: expected at most 136.633 s (the end of the record, ten times its length and a minute, and "
+         "no more than 1000000 rows), got 1e+300 s."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--rate", "1e-300"],
          "rate: expected 0.001 to 1e+06 Hz, got 1e-300; give the true frames a second."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--background", "a" * 300],

@@ -81,7 +81,7 @@ def test_commands_take_the_settings_that_they_use() -> None:
     assert set(STAGES) - track == {"identify"}
     assert set(STAGES) - identify == {"segment", "camera", "locate", "track"}
     assert not track & {"fit_frames", "until", "bounds"}
-    assert not identify & {"fit_frames", "until", "background", "rate"}
+    assert not identify & {"roi", "time_range", "background", "rate"}
 
 
 def test_words_become_settings() -> None:

@@ -59,7 +59,7 @@ def test_it_is_said_in_words(fit):
         f"Predictions stay within 5 deg over all of the {FARTHEST:g} s that were looked at."
     )
     assert horizon_said(fit, Horizon(0.0, "joint1"), tolerance) == (
-        "Predictions leave 5 deg with the first frame after the fitted ones."
+        "Predictions leave 5 deg right after the fitted frames."
     )
     for shown, how in ((False, "by their 95 % band"), (True, "as was measured")):
         assert horizon_said(fit, Horizon(1.234, "joint2", shown), tolerance) == (

@@ -11,8 +11,11 @@ import monodyn
 from fits import identified
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.mechanism import Measured
 from monodyn.mechanism.simulate import simulate
+from monodyn.pipeline import identify_tables
 from monodyn.results import opened as opened_module
+from monodyn.settings import RunSettings
 from monodyn.types import Poses
 from support import refuses
 
@@ -75,6 +78,57 @@ def test_what_is_no_run_is_refused_in_one_line(tmp_path):
         "--out.",
     ):
         monodyn.open_run(tmp_path)
+
+
+def identified_from(model, folder, table, **settings):
+    return identify_tables([table], model, folder, RunSettings(**settings), force=True)
+
+
+@pytest.mark.slow
+def test_a_run_as_the_model_of_another_brings_along_what_its_picture_knew(tmp_path):
+    """What the motion showed is a start and no more: intervals do not shrink when a record is read again."""
+    mechanism = monodyn.load("single")
+    names = ("link1.length", "link1.width")
+    seen = Measured(names, np.array([[400.0, -400.0], [-400.0, 400.0]]))
+    poses, _ = pushed("single")
+    fit = monodyn.identify(poses, mechanism.with_measured(seen))
+    folder, table = tmp_path / "run", tmp_path / "poses.csv"
+    monodyn.write_poses(poses, table)
+    identified_from("single", folder, table, fix={"gravity": 9.8})
+    document = json.loads((folder / "fit.json").read_text())
+    assert document["measured"] is None
+    document["measured"] = {"names": names, "information": seen.information.tolist()}
+    (folder / "fit.json").write_text(json.dumps(document))
+    again = monodyn.remembered(folder)
+    assert again.measured.names == names
+    assert again.values["gravity"] == 9.8
+    assert not again.parameter("gravity").free
+    length = {row["name"]: row["value"] for row in document["parameters"]}["link1.length"]
+    assert again.values["link1.length"] == length
+    second = identified_from(folder, tmp_path / "second", table).fit
+    # gravity is given, whose error the first one had in addition
+    assert second.parameter("link1.length").std == pytest.approx(fit.parameter("link1.length").std, rel=0.1)
+    assert not second.parameter("gravity").free
+    # and on from there, back to the same file
+    third = identified_from(tmp_path / "second", tmp_path / "third", table).fit
+    assert third.parameter("link1.length").value == pytest.approx(length, rel=1e-2)
+
+
+def test_the_mechanism_file_of_a_run_has_to_be_there(tmp_path):
+    model, table, folder = tmp_path / "own.xml", tmp_path / "poses.csv", tmp_path / "run"
+    monodyn.write_mjcf(monodyn.load("single"), model)
+    monodyn.write_poses(pushed("single")[0], table)
+    identified_from(model, folder, table, identify=IdentifySettings(torque="friction"))
+    assert monodyn.remembered(folder).name == "single"
+    model.rename(folder / "own.xml")
+    assert monodyn.remembered(folder).name == "single"
+    (folder / "own.xml").write_text("<mujoco/>")
+    with refuses(
+        SettingsError,
+        f"model '{folder}': expected the mechanism file of that run, '{model}', as it was then, got none; "
+        "put it there, or into the folder.",
+    ):
+        monodyn.remembered(folder)
 
 
 def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):

@@ -28,7 +28,7 @@ commands:
 examples:
   monodyn run clip.mp4 --model double.xml --out run
   monodyn run clip.mp4 --model chain:3 --out run --fit-frames 0:120 --fix gravity=9.81
-  monodyn identify run/poses.csv --model run/model.xml --out fit
+  monodyn identify run/poses.csv --model run --out fit
   monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead --film
 
 monodyn COMMAND --help lists the options of a command. Exit codes: 0 done; 1 the fit is not to be trusted;

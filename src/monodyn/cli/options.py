@@ -40,8 +40,8 @@ class CommonOptions:
     """What every command that takes settings has in common.
 
     Attributes:
-        model: Mechanism file (MJCF, URDF) or bundled name (see monodyn models); auto tries the bundled ones
-            and takes the one that the evidence prefers.
+        model: Mechanism file (MJCF, URDF), bundled name (see monodyn models), or folder of a run that goes on
+            with its mechanism; auto tries the bundled ones and takes the one that the evidence prefers.
         force: Replace a run that is already in DIR.
         quiet: No progress, no table.
         json: The result as JSON on the standard output.
@@ -229,10 +229,8 @@ class Command(NamedTuple):
 
 
 _OF_CLIP = (
-    "fit_frames",
     "roi",
     "time_range",
-    "until",
     "background",
     "masks",
     "points",
@@ -257,7 +255,7 @@ COMMANDS: dict[str, Command] = {
     ),
     "identify": Command(
         IdentifyOptions,
-        "monodyn identify run/poses.csv --model run/model.xml --out fit",
+        "monodyn identify run/poses.csv --model run --out fit",
         without=_OF_CLIP,
     ),
     "predict": Command(

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 from tyro import conf
 
 from monodyn.cli.forms import Words, tolerance, values
@@ -99,6 +98,8 @@ def _apart(words: Sequence[Sequence[str]]) -> list[list[str]]:
 
 def _print(found: Predicted, tolerance: Tolerance, *, as_json: bool, quiet: bool) -> None:
     """Print the motion."""
+    import numpy as np
+
     from monodyn.cli.show import console, plain_table
     from monodyn.results.export import jsonable
     from monodyn.results.horizon import horizon_said

@@ -183,8 +183,11 @@ def _print_fit(outcome: Outcome) -> None:
     # the status of an approximate fit says so itself
     grade = "" if document["grade"] == "approximate" else f"{document['grade'].capitalize()}. "
     out.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
-    for row in document["horizon"][:1]:
-        out.print(row["said"], markup=False)
+    if document["horizon"]:
+        count = len(document["horizon"])
+        shortest = min(document["horizon"], key=lambda row: row["seconds"])
+        which = f"Of {count} records the shortest: " if count > 1 else ""
+        out.print(f"{which}{shortest['said']}", markup=False)
     for sentence in document["advice"]:
         out.print(f"- {sentence}", markup=False)
     if outcome.folder is not None:
@@ -245,8 +248,9 @@ def _errors(outcome: Outcome) -> Table:
     # a joint that was not predicted, or not measured, has no error
     for joint in fit.mechanism.joints if fit is not None else ():
         scale, unit = shown_in(joint)
-        ahead = document["heldout_rms"]
-        cells = [document["rms"].get(joint.name), ahead[0].get(joint.name) if ahead else None]
+        # of several records the worst
+        ahead = [rms[joint.name] for rms in document["heldout_rms"] if rms.get(joint.name) is not None]
+        cells = [document["rms"].get(joint.name), max(ahead, default=None)]
         texts = ["–" if cell is None or not math.isfinite(cell) else f"{cell * scale:.3g}" for cell in cells]
         table.add_row(joint.name, *texts, unit)
     return table

@@ -113,7 +113,7 @@ def horizon_said(fit: Fit, found: Horizon, tolerance: Tolerance, *, since: str =
     if np.isinf(found.seconds):
         return f"Predictions stay within {within} over all of the {FARTHEST:g} s that were looked at."
     if found.seconds == 0.0:
-        return f"Predictions leave {within} with the first frame after {since}."
+        return f"Predictions leave {within} right after {since}."
     how = "as was measured" if found.shown else "by their 95 % band"
     return (
         f"Predictions stay within {within} for {found.seconds:.2g} s after {since} ({how}; "

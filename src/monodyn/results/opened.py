@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -13,7 +14,8 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Combination, Doubt, Estimate, Fit, Start, TriedTorque, Unmodelled
-from monodyn.mechanism import Mechanism, load
+from monodyn.mechanism import Measured, Mechanism, load
+from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
 from monodyn.types import Camera
 
@@ -47,10 +49,73 @@ def open_run(folder: str | Path) -> Fit:
     try:
         return _fit(document, folder / "model.xml")
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise SettingsError(
-            f"'{folder / 'fit.json'}': expected the file as it was written, got one without what it should "
-            f"hold ({type(error).__name__}: {error}); run it again."
-        ) from None
+        raise _changed(folder / "fit.json", error) from None
+
+
+def _changed(file: Path, error: Exception) -> SettingsError:
+    """Return the complaint about a file that was changed."""
+    return SettingsError(
+        f"'{file}': expected the file as it was written, got one without what it should hold "
+        f"({type(error).__name__}: {error}); run it again."
+    )
+
+
+def remembered(folder: str | Path) -> Mechanism:
+    """Return the mechanism of a run as the start of another one: what its picture knows of it goes along.
+
+    It is the mechanism file of that run with the identified values, the user's choices, and what the pictures
+    know of sizes. What its motion has shown is the start alone: a record that is identified again is not
+    counted twice.
+
+    Args:
+        folder: The run folder.
+
+    Returns:
+        The mechanism.
+
+    Raises:
+        SettingsError: There is no such run, nothing was identified in it, or its mechanism file is gone.
+        MechanismError: From ``load``: the mechanism file is not what it was.
+    """
+    folder = Path(folder)
+    document = _document(folder)
+    log = _json(folder / "run.json")
+    try:
+        model, settings = log["inputs"]["model"], log["settings"]
+        source = _same(model, folder)
+        # a run that went on with the mechanism of another one leads back to that one's file
+        mechanism = remembered(source) if Path(source).is_dir() else load(source)
+        known = {row["name"]: float(row["value"]) for row in document["parameters"]}
+        given = {n: float(v) for n, v in settings["fix"].items() if n in mechanism.values}
+        mechanism = mechanism.with_choices(
+            fix=given,
+            free=[name for name in settings["free"] if name in mechanism.values],
+            bounds={name: (float(a), float(b)) for name, (a, b) in settings["bounds"].items()},
+        )
+        follows = {p.name for p in mechanism.parameters if p.follows}
+        here = {n: v for n, v in known.items() if n in mechanism.values and n not in follows and n != ROLL}
+        mechanism = mechanism.with_values(here)
+        seen = document["measured"]
+        if seen is not None:
+            mechanism = mechanism.with_measured(Measured(tuple(seen["names"]), np.array(seen["information"])))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _changed(folder / "run.json", error) from None
+    return mechanism
+
+
+def _same(model: Mapping[str, Any], folder: Path) -> str | Path:
+    """Return the name of a run's mechanism file, which still has to be the one that was read."""
+    name = str(model["name"])
+    digest = model.get("sha256")
+    if digest is None:
+        return name
+    for file in (Path(name), folder / Path(name).name):
+        if file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() == digest:
+            return file
+    raise SettingsError(
+        f"model '{folder}': expected the mechanism file of that run, '{name}', as it was then, got none; put "
+        "it there, or into the folder."
+    )
 
 
 def filmed_by(folder: str | Path) -> tuple[Camera, dict[str, float]]:
@@ -76,12 +141,26 @@ def filmed_by(folder: str | Path) -> tuple[Camera, dict[str, float]]:
 
 
 def _document(folder: Path) -> dict[str, Any]:
-    """Return the content of ``fit.json``."""
-    file = folder / "fit.json"
-    if not file.is_file():
-        what = "no such folder" if not folder.is_dir() else "a folder without fit.json"
+    """Return the content of ``fit.json`` of a run that has identified something."""
+    document = _json(folder / "fit.json")
+    if document.get("schema") != SCHEMA:
         raise SettingsError(
-            f"'{folder}': expected the folder of a run, got {what}; name the one given as --out."
+            f"'{folder / 'fit.json'}': expected a file of schema {SCHEMA}, got "
+            f"{document.get('schema') or 'none'}; run it again with this version."
+        )
+    if not document["initial_state"]:
+        raise SettingsError(
+            f"'{folder}': expected an identified mechanism, got a run without one: {document['status']}"
+        )
+    return document
+
+
+def _json(file: Path) -> dict[str, Any]:
+    """Return the content of a JSON file of a run."""
+    if not file.is_file():
+        what = f"a folder without {file.name}" if file.parent.is_dir() else "no such folder"
+        raise SettingsError(
+            f"'{file.parent}': expected the folder of a run, got {what}; name the one given as --out."
         )
     if file.stat().st_size > LARGEST:
         raise SettingsError(
@@ -91,17 +170,7 @@ def _document(folder: Path) -> dict[str, Any]:
         document = json.loads(file.read_text(encoding="utf-8"))
     except ValueError as error:
         raise SettingsError(f"'{file}': expected JSON, got other text ({error}); run it again.") from None
-    schema = document.get("schema") if isinstance(document, dict) else None
-    if schema != SCHEMA:
-        raise SettingsError(
-            f"'{file}': expected a file of schema {SCHEMA}, got {'none' if schema is None else schema}; "
-            "run it again with this version."
-        )
-    if not document["initial_state"]:
-        raise SettingsError(
-            f"'{folder}': expected an identified mechanism, got a run without one: {document['status']}"
-        )
-    return document
+    return document if isinstance(document, dict) else {}
 
 
 def _fit(document: Mapping[str, Any], model: Path) -> Fit:
