@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from monodyn.results.opened import open_run as open_run
     from monodyn.results.predict import predict as predict
     from monodyn.results.report import report as report
+    from monodyn.results.smoother import smooth as smooth
     from monodyn.settings import RunSettings as RunSettings
     from monodyn.stages import identify as identify
     from monodyn.stages import locate as locate
@@ -77,6 +78,7 @@ _HOMES = {
     "results.fill": ("fill",),
     "results.horizon": ("horizon",),
     "results.report": ("report",),
+    "results.smoother": ("smooth",),
     "settings": ("RunSettings",),
     "pipeline": ("run",),
 }

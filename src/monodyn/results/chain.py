@@ -198,7 +198,7 @@ def _followed(chain: Chain, seen: Seen) -> Pass | None:
     """Settle from the filtered states, or else from afar.
 
     Of a wild motion through a long gap the filter may be too far off. Then random accelerations that are much
-    stronger than those found draw the motion through what is measured, whatever the dynamics, and are weakened
+    stronger than those found draw the motion through what is measured, whatever the dynamics, and weaken
     step by step.
     """
     found = _iterated(chain, seen, None, 1.0)

@@ -15,6 +15,7 @@ import numpy as np
 from monodyn.mechanism.tree import BRAKES
 from monodyn.results.curves import camera_curves, motion_curves, torque_curves
 from monodyn.results.findings import Findings, frames_of, listed_rows
+from monodyn.results.gaps import how_filled
 from monodyn.results.horizon import FARTHEST, Horizon, allowed
 from monodyn.results.numbers import number, short, shown_in
 
@@ -144,6 +145,13 @@ def _facts(findings: Findings) -> list[dict[str, str]]:
         total = sum(len(trace.poses) for trace in traces)
         what = "samples measured" if findings.filmed is None else "frames tracked"
         facts.append({"value": f"{seen} of {total}", "label": what})
+        known = how_filled(traces, findings.motions)
+        if known.frames and fit.ok:
+            band = dict(zip(traces[0].poses.joints, known.band.tolist(), strict=True))
+            joints = [joint for joint in fit.mechanism.joints if math.isfinite(band[joint.name])]
+            facts.append(
+                {"value": f"{known.frames}", "label": f"frames filled, within {_errors(joints, band)} (95 %)"}
+            )
     if len(traces) == 1:
         first, stop = frames_of(traces[0])
         facts.append({"value": f"{first} to {stop - 1}", "label": "frames used for the fit"})

@@ -80,36 +80,6 @@ def smooth(fit: Fit, poses: Poses, times: np.ndarray | None = None, *, record: i
     return _framed(fit, known, record)
 
 
-def filled(fit: Fit, poses: Poses, times: np.ndarray | None = None, *, record: int = 0) -> States:
-    """Return the motion that stands for a record in the run folder.
-
-    It is that of ``smooth`` where the model lacks something. Else it is the roll-out, which any simulator
-    follows, but for one case: frames outside of the fitted ones in which something was hidden, and that the
-    roll-out gives less exactly than they would have been measured.
-
-    Args:
-        fit: The identified mechanism.
-        poses: The whole record.
-        times: Time stamps [s], (frame,), increasing; those of the record when left out.
-        record: Which record of the fit it is.
-
-    Returns:
-        The motion; its standard deviations have the error of a frame's time stamp in addition.
-    """
-    if not fit.ok:
-        # of another mechanism than the filmed one: no gap is filled by it
-        return fill(fit, poses.time if times is None else times, record=record)
-    if fit.unmodelled is None:
-        first, stop = fitted_rows(fit, poses, record)
-        hidden = ~poses.measured
-        hidden[first:stop] = False
-        noise = np.array([fit.rms[name] for name in poses.joints])
-        rough = fill(fit, poses.time, record=record).std > noise
-        if not np.any(rough & hidden):
-            poses = poses.part(first, stop)
-    return smooth(fit, poses, times, record=record)
-
-
 def _seen(fit: Fit, poses: Poses, record: int) -> Seen:
     """Collect what is measured that the fit has not used, and where the model lacks something all of it."""
     first, stop = fitted_rows(fit, poses, record)
