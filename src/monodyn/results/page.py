@@ -42,7 +42,8 @@ def page_text(
 
     fit, traces = findings.fit, findings.traces
     several = len(traces) > 1
-    plots = [plot for trace in traces for plot in motion_curves(fit, trace, several=several)]
+    pairs = zip(traces, findings.motions, strict=True)
+    plots = [plot for pair in pairs for plot in motion_curves(fit, *pair, several=several)]
     filmed = findings.filmed
     camera = [] if filmed is None else camera_curves(filmed.video.times, filmed.camera_path)
     listed = listed_rows(fit)
@@ -61,6 +62,7 @@ def page_text(
         torques=[plot for trace in traces for plot in torque_curves(fit, trace, several=several)],
         camera=camera,
         # free torques contain the friction that the mechanism has no parameters for
+        any_filled=any(plot["filled"]["time"] for plot in plots),
         motion_band=any(np.isfinite(t.states.std).any() for t in traces),
         torque_band=any(t.torques is not None and np.isfinite(t.torques.std).any() for t in traces),
         with_friction=not any(row.value for row in fit.mechanism.parameters if row.kind in BRAKES),

@@ -179,12 +179,12 @@ def _joined(rolled: States, chain: Chain, seen: Seen, found: Pass, lost: np.ndar
     rows, dofs = chain.wanted, seen.position.shape[1]
     variance = np.maximum(np.diagonal(found.covariance[rows], axis1=1, axis2=2), 0.0)
     # frames that lie farther from what the filter expects than it believes make it know less
-    inside = np.zeros(len(rows), dtype=int)
-    inside[np.isin(chain.measured[rows], np.flatnonzero(seen.fitted))] = 1
+    time, fitted = chain.stamps[rows], seen.time[seen.fitted][[0, -1]]
+    inside = ((time >= fitted[0] - SAME) & (time <= fitted[1] + SAME)).astype(int)
     variance = variance * np.maximum(found.ratio, 1.0)[inside, np.newaxis]
     # what moves all measured positions together moves the motion with them
     for dof in range(dofs):
-        variance[:, dof] += np.interp(chain.stamps[rows], seen.time, seen.shared[:, dof])
+        variance[:, dof] += np.interp(time, seen.time, seen.shared[:, dof])
     states, std = (
         np.concatenate((rolled.position, rolled.velocity), axis=1),
         np.full((len(rolled.time), 2 * dofs), np.inf),
