@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from monodyn.results.predict import predict as predict
     from monodyn.results.report import report as report
     from monodyn.results.restart import restart as restart
+    from monodyn.results.smoother import smooth as smooth
     from monodyn.settings import RunSettings as RunSettings
     from monodyn.stages import identify as identify
     from monodyn.stages import locate as locate
@@ -80,6 +81,7 @@ _HOMES = {
     "results.horizon": ("horizon",),
     "results.report": ("report",),
     "results.restart": ("restart",),
+    "results.smoother": ("smooth",),
     "settings": ("RunSettings",),
     "pipeline": ("run",),
 }

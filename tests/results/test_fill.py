@@ -18,19 +18,24 @@ NOISE = 0.002
 
 @pytest.mark.slow
 def test_the_error_is_as_large_as_stated(truth):
-    """Mean square of error over std, before, within and after the fitted frames: one, up to chance.
+    """Mean square of error over std of positions and of rates, before, within and after the fitted frames:
+    one, up to chance.
 
     The errors of one record follow from a few unknowns and move together. Each joint counts as one
     independent error a third, so that six records have twelve: the quantiles of chi-square / 12 at one and at
     999 in a thousand are 0.185 and 2.74.
     """
-    mechanism, q, _ = truth
+    mechanism, q, v = truth
     squares = []
     for seed in range(6):
         poses = replace(record(mechanism, ALL[40:80], q[40:80], seed=seed), frame=np.arange(40, 80))
         states = fill(identify(poses, mechanism).check(), ALL)
-        squares.append(np.mean(((states.position - q) / states.std).reshape(3, -1) ** 2, axis=1))
-    mean = np.mean(squares, axis=0)
+        for found, right, std in (
+            (states.position, q, states.std),
+            (states.velocity, v, states.velocity_std),
+        ):
+            squares.append(np.mean(((found - right) / std).reshape(3, -1) ** 2, axis=1))
+    mean = np.mean(np.reshape(squares, (6, 2, 3)), axis=0)
     assert np.all((mean > 0.185) & (mean < 2.74)), mean
 
 

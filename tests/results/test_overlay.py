@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from monodyn.errors import MonodynError
 from monodyn.mechanism import load
 from monodyn.results import overlay
 from monodyn.results.overlay import (
+    FILLED,
     FITTED,
     PREDICTED,
     TINT,
@@ -118,6 +120,30 @@ def test_tracked_outline_is_drawn_where_it_differs_or_alone() -> None:
     alone = DrawnMotion(scene.mechanism, scene.camera, np.full((4, 1), np.nan), (0, 4), poses)
     assert alone.drawing(at(0, 1.0)).caption == "1.00 s  tracked"
     assert alone.drawing(at(1, 1.0)).caption == "1.00 s  not seen"
+
+
+def test_bodies_that_were_hidden_are_drawn_filled() -> None:
+    """The second link where its joint alone was hidden, both where the first was; a prediction is on top."""
+    mechanism, camera = load("double"), Camera(width=128, height=96, focal=100.0, depth=0.8)
+    seen = np.array([[1, 1], [1, 0], [0, 1], [1, 0]], dtype=bool)
+    position = np.tile([-1.0, 0.5], (4, 1))
+    poses = Poses(
+        ("joint1", "joint2"), np.arange(4), np.arange(4.0), np.where(seen, position, np.nan),
+        np.zeros((4, 2, 2)), seen.all(axis=1), joint_seen=seen,
+    )  # fmt: skip
+    through = position + np.array([[0.0, 0.0], [0.0, 0.1], [0.1, 0.0], [0.0, 0.1]])
+    scene = DrawnMotion(mechanism, camera, position, (0, 3), poses, filled=through)
+    drawn = [scene.drawing(at(i, 1.0)) for i in range(4)]
+    whole, two = [FITTED, FITTED], [FILLED, FILLED]
+    assert [[ink for _, ink in one.outlines] for one in drawn] == [
+        whole, [*whole, FILLED], [*whole, *two], [FILLED, PREDICTED, PREDICTED],
+    ]  # fmt: skip
+    second = dict(outline(mechanism, camera, through[1]))["link2"]
+    np.testing.assert_array_equal(drawn[1].outlines[2][0], second)
+    captions = [one.caption.split("  ")[1] for one in drawn]
+    assert captions == ["fitted", "fitted, filled", "fitted, filled", "predicted, filled"]
+    unknown = replace(scene, filled=np.full_like(through, np.nan))
+    assert [ink for _, ink in unknown.drawing(at(1)).outlines] == whole
 
 
 def test_outline_stands_where_the_camera_sees_the_link() -> None:

@@ -12,18 +12,22 @@ from monodyn.results.trace import Trace
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
+    from monodyn.results.fill import States
     from monodyn.vision.clip.steady import CameraPath
 
 BAND = 1.96
 """Standard deviations from the middle of a 95 % band to its edge."""
 
 
-def motion_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, Any]]:
-    """Return the data of one figure per joint: measured, fitted and predicted positions.
+def motion_curves(
+    fit: Fit, trace: Trace, motion: States | None = None, *, several: bool
+) -> list[dict[str, Any]]:
+    """Return the data of one figure per joint: measured, fitted, predicted and filled positions.
 
     Args:
         fit: The fit.
         trace: A record and its motion.
+        motion: The motion with its gaps filled; None fills none.
         several: True puts the record's name into the titles.
     """
     poses, states = trace.poses, trace.states
@@ -34,7 +38,7 @@ def motion_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
         # null leaves a gap in the curve
         observed = np.where(poses.measured[:, dof], poses.position[:, dof], np.nan) * scale
         error = states.position[:, dof] * scale - observed
-        motion = (states.time, states.position[:, dof] * scale, states.std[:, dof] * scale)
+        curve = (states.time, states.position[:, dof] * scale, states.std[:, dof] * scale)
         plots.append(
             {
                 "title": f"{trace.name}: {joint.name}" if several else joint.name,
@@ -43,8 +47,9 @@ def motion_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
                 "observed": _list(observed),
                 "window": [float(poses.time[first]), float(poses.time[stop - 1])],
                 # after the fitted frames the curve is the prediction, which has not used them
-                "fitted": _band(*(values[:stop] for values in (*motion, poses.time, error))),
+                "fitted": _band(*(values[:stop] for values in (*curve, poses.time, error))),
                 "predicted": _predicted(trace, dof, scale, (poses.time[stop:], error[stop:])),
+                "filled": None if motion is None else _filled(trace, motion, dof, scale),
             }
         )
     return plots
@@ -121,6 +126,13 @@ def _predicted(
     if future is None or not len(future.time):
         return None
     return _band(future.time, future.position[:, dof] * scale, future.std[:, dof] * scale, *late)
+
+
+def _filled(trace: Trace, motion: States, dof: int, scale: float) -> dict[str, Any]:
+    """Return the positions that were hidden, with half the width of their 95 % band."""
+    rows = np.flatnonzero(~trace.poses.measured[:, dof] & np.isfinite(motion.std[:, dof]))
+    value, half = motion.position[rows, dof] * scale, BAND * motion.std[rows, dof] * scale
+    return {"time": _list(motion.time[rows]), "value": _list(value), "half": _list(half)}
 
 
 def _band(

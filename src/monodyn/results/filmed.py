@@ -134,20 +134,31 @@ def write_film(
         The first, middle and last frame as JPEG files, each with a caption.
     """
     from monodyn.results.fill import fill
+    from monodyn.results.gaps import filled
 
     # the whole clip is drawn, its repeats too, each picture with the motion of its own time
     video = filmed.video.as_filmed.timed(filmed.tracked.frame, filmed.tracked.time)
     # NaN is not drawn
     position = np.full((video.count, len(fit.mechanism.joints)), np.nan)
+    through = position
     if fit.starts and fit.ok:
         position = fill(fit, video.times).position
-    motion = DrawnMotion(
-        filmed.mechanism, filmed.camera, position, (frames[0], frames[1]), filmed.tracked, filmed.sight
+        motion = filled(fit, filmed.tracked, video.times)
+        # where nothing is known there is nothing to draw
+        through = np.where(np.isfinite(motion.std), motion.position, np.nan)
+    drawn = DrawnMotion(
+        filmed.mechanism,
+        filmed.camera,
+        position,
+        (frames[0], frames[1]),
+        filmed.tracked,
+        filmed.sight,
+        through,
     )
     pictures: list[tuple[bytes, str]] = []
     folder.write(
         "overlay.mp4",
-        lambda path: pictures.extend(write_overlay(path, video, motion.drawing, progress=progress)),
+        lambda path: pictures.extend(write_overlay(path, video, drawn.drawing, progress=progress)),
     )
     return pictures
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from monodyn.choices import Tolerance
 from monodyn.results.filmed import Filmed
+from monodyn.results.gaps import filled
 from monodyn.results.horizon import Horizon, horizon_of, horizon_said
 from monodyn.results.log import Compared, RunLog
 from monodyn.results.trace import Trace
@@ -19,6 +20,7 @@ from monodyn.types import Poses
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Estimate, Fit, Start
+    from monodyn.results.fill import States
 
 SCHEMA = 2
 """Version of the form of ``fit.json``: one more whenever a reader of the old form would misread the new."""
@@ -59,6 +61,11 @@ class Findings:
             return []
         pairs = enumerate(self.traces)
         return [horizon_of(self.fit, trace, self.tolerance, record=number) for number, trace in pairs]
+
+    @cached_property
+    def motions(self) -> list[States]:
+        """The motion that stands for each record, its gaps filled."""
+        return [filled(self.fit, trace.poses, record=number) for number, trace in enumerate(self.traces)]
 
     @property
     def advice(self) -> list[str]:

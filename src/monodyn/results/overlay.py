@@ -6,7 +6,7 @@ encoder takes, so no picture is ever converted to RGB and back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -48,6 +48,7 @@ class Ink:
 
 FITTED = Ink(luma=173, blue=42, red=26, width=2.0)
 PREDICTED = Ink(luma=131, blue=165, red=212, width=2.0)
+FILLED = Ink(luma=168, blue=54, red=186, width=2.0)
 TRACKED = Ink(luma=225, blue=128, red=128, width=1.0)
 LOCATED = Ink(luma=210, blue=16, red=146, width=1.0)
 TINT = Ink(luma=150, blue=190, red=70, width=0.0)
@@ -85,6 +86,8 @@ class DrawnMotion:
         fit_frames: First frame of the fit and the one after its last.
         tracked: Measured joint positions in metres of the identified scale, drawn thin where they differ.
         sight: What was seen of the clip, which knows how a camera moves; None for one that stands still.
+        filled: Joint positions at every frame with its gaps filled [rad or m], (frame, dof), drawn in another
+            colour where something was hidden: the bodies that it moves; None fills nothing.
     """
 
     mechanism: Mechanism
@@ -93,6 +96,7 @@ class DrawnMotion:
     fit_frames: tuple[int, int]
     tracked: Poses | None = None
     sight: Sight | None = None
+    filled: np.ndarray | None = None
 
     def drawing(self, frame: Frame) -> Drawing:
         """Return what to draw over a frame.
@@ -108,8 +112,28 @@ class DrawnMotion:
         tracked = self._tracked(index)
         if tracked and (not model or _apart(model, tracked)):
             inks += [(polygon, TRACKED) for polygon in tracked]
-        inks += [(polygon, PREDICTED if index >= stop else FITTED) for polygon in model]
-        return Drawing(inks, f"{frame.time:.2f} s  {kind if model else 'tracked' if tracked else 'not seen'}")
+        predicted, filled = index >= stop, [(polygon, FILLED) for polygon in self._filled(index)]
+        drawn = [(polygon, PREDICTED if predicted else FITTED) for polygon in model]
+        # a prediction has not used what is filled after it: where both agree the prediction is on top
+        inks += [*filled, *drawn] if predicted else [*drawn, *filled]
+        kind = kind if model else "tracked" if tracked else "not seen"
+        return Drawing(inks, f"{frame.time:.2f} s  {kind}{', filled' if filled else ''}")
+
+    def _filled(self, index: int) -> list[np.ndarray]:
+        """Return the outlines of the bodies that what was hidden moves."""
+        if self.filled is None or self.tracked is None:
+            return []
+        row = int(np.searchsorted(self.tracked.frame, index))
+        if row >= len(self.tracked) or self.tracked.frame[row] != index or self.tracked.measured[row].all():
+            return []
+        moved, hidden = [], ~self.tracked.measured[row]
+        for dof, parent in enumerate(self.mechanism.tree.parent.tolist()):
+            # parents come first
+            hidden[dof] |= parent >= 0 and hidden[parent]
+            moved += [self.mechanism.joints[dof].body] if hidden[dof] else []
+        # what cannot be seen is drawn as a whole
+        bodies = moved if self.mechanism.plan.drawn else None
+        return self._outlines(index, self.filled[index], bodies)
 
     def _tracked(self, index: int) -> list[np.ndarray]:
         row = pose_row(self.tracked, index)
@@ -117,8 +141,10 @@ class DrawnMotion:
             [] if self.tracked is None or row is None else self._outlines(index, self.tracked.position[row])
         )
 
-    def _outlines(self, index: int, position: np.ndarray) -> list[np.ndarray]:
-        outlines = outlines_of(self.mechanism, self.camera, position)
+    def _outlines(
+        self, index: int, position: np.ndarray, bodies: Collection[str] | None = None
+    ) -> list[np.ndarray]:
+        outlines = outlines_of(self.mechanism, self.camera, position, bodies)
         return outlines if self.sight is None else self.sight.as_filmed(index, outlines)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from monodyn.mechanism.tree import BRAKES
 from monodyn.results.curves import camera_curves, motion_curves, torque_curves
 from monodyn.results.findings import Findings, frames_of, listed_rows
+from monodyn.results.gaps import how_filled
 from monodyn.results.horizon import FARTHEST, Horizon, allowed
 from monodyn.results.numbers import number, short, shown_in
 
@@ -41,7 +42,8 @@ def page_text(
 
     fit, traces = findings.fit, findings.traces
     several = len(traces) > 1
-    plots = [plot for trace in traces for plot in motion_curves(fit, trace, several=several)]
+    pairs = zip(traces, findings.motions, strict=True)
+    plots = [plot for pair in pairs for plot in motion_curves(fit, *pair, several=several)]
     filmed = findings.filmed
     camera = [] if filmed is None else camera_curves(filmed.video.times, filmed.camera_path)
     listed = listed_rows(fit)
@@ -60,6 +62,7 @@ def page_text(
         torques=[plot for trace in traces for plot in torque_curves(fit, trace, several=several)],
         camera=camera,
         # free torques contain the friction that the mechanism has no parameters for
+        any_filled=any(plot["filled"]["time"] for plot in plots),
         motion_band=any(np.isfinite(t.states.std).any() for t in traces),
         torque_band=any(t.torques is not None and np.isfinite(t.torques.std).any() for t in traces),
         with_friction=not any(row.value for row in fit.mechanism.parameters if row.kind in BRAKES),
@@ -144,6 +147,13 @@ def _facts(findings: Findings) -> list[dict[str, str]]:
         total = sum(len(trace.poses) for trace in traces)
         what = "samples measured" if findings.filmed is None else "frames tracked"
         facts.append({"value": f"{seen} of {total}", "label": what})
+        known = how_filled(traces, findings.motions)
+        if known.frames and fit.ok:
+            band = dict(zip(traces[0].poses.joints, known.band.tolist(), strict=True))
+            joints = [joint for joint in fit.mechanism.joints if math.isfinite(band[joint.name])]
+            facts.append(
+                {"value": f"{known.frames}", "label": f"frames filled, within {_errors(joints, band)} (95 %)"}
+            )
     if len(traces) == 1:
         first, stop = frames_of(traces[0])
         facts.append({"value": f"{first} to {stop - 1}", "label": "frames used for the fit"})

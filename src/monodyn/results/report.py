@@ -22,6 +22,7 @@ from monodyn.results.export import (
 from monodyn.results.filmed import filmed_of, write_film
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
+from monodyn.results.gaps import unfollowed
 from monodyn.results.heldout import excluded, excluded_note
 from monodyn.results.page import page_text
 from monodyn.results.trace import fitted_poses, trace_of
@@ -98,7 +99,8 @@ def write_results(
     fit, traces, record = findings.fit, findings.traces, findings.record
     wrong = [excluded(fit, trace) for trace in traces]
     # before the documents are made, because fit.json and the page both carry the notes
-    said = [*_excluded_notes(findings, wrong), *lost_in_urdf(fit.mechanism)]
+    motions = findings.motions
+    said = [*_excluded_notes(findings, wrong), *unfollowed(traces, motions), *lost_in_urdf(fit.mechanism)]
     findings = replace(findings, notes=[*findings.notes, *said])
     if record is not None:
         folder.write("poses.csv", lambda path: write_poses(record, path, wrong[0] if wrong else None))
@@ -109,7 +111,8 @@ def write_results(
     folder.write_text("fit.json", json_text(document))
     write_models(folder, fit.mechanism)
     joints = [joint.name for joint in fit.mechanism.joints]
-    folder.write_text("states.csv", states_table(joints, traces))
+    moved = [replace(trace, states=motion) for trace, motion in zip(traces, motions, strict=True)]
+    folder.write_text("states.csv", states_table(joints, moved))
     folder.write_text("prediction.csv", prediction_table(joints, traces[0] if traces else None))
     if traces and traces[0].torques is not None:
         folder.write_text("torques.csv", torque_table(joints, traces[0]))

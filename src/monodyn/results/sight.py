@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -307,13 +307,16 @@ def _between(poses: Poses, frame: int) -> np.ndarray:
     )
 
 
-def outlines_of(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> list[np.ndarray]:
+def outlines_of(
+    mechanism: Mechanism, camera: Camera, position: np.ndarray, bodies: Collection[str] | None = None
+) -> list[np.ndarray]:
     """Return the outlines of a pose near the picture [px], each (point, 2); none where it is not known.
 
     Args:
         mechanism: The mechanism.
         camera: The camera.
         position: Joint positions, (dof,); NaN where not known.
+        bodies: Those that are drawn; None for all of them, and for what cannot be seen.
     """
     if not np.all(np.isfinite(position)):
         return []
@@ -321,7 +324,8 @@ def outlines_of(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> l
     from monodyn.vision.points.sticks import sticks
 
     drawn = outline(mechanism, camera, position) if mechanism.plan.drawn else []
-    every = [*(polygon for _, polygon in drawn), *sticks(mechanism, camera, np.asarray(position))]
+    every = [polygon for body, polygon in drawn if bodies is None or body in bodies]
+    every += sticks(mechanism, camera, np.asarray(position)) if bodies is None else []
     # what is drawn beyond all whole numbers is in no picture
     return [polygon for polygon in every if np.abs(polygon).max() < FARTHEST_PX]
 
