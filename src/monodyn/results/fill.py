@@ -25,17 +25,19 @@ class States:
         position: Joint positions [rad or m], (frame, dof).
         velocity: Joint rates [rad/s or m/s], (frame, dof).
         std: Standard deviation of the positions from that of the fit [rad or m], (frame, dof).
+        velocity_std: Standard deviation of the rates [rad/s or m/s], (frame, dof).
     """
 
     time: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
     std: np.ndarray
+    velocity_std: np.ndarray
 
     def __post_init__(self) -> None:
         frames, dofs = np.shape(self.position)
         object.__setattr__(self, "time", frozen("States.time", self.time, (frames,)))
-        for name in ("position", "velocity", "std"):
+        for name in ("position", "velocity", "std", "velocity_std"):
             object.__setattr__(self, name, frozen(f"States.{name}", getattr(self, name), (frames, dofs)))
 
 
@@ -43,7 +45,7 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
-    covariance; after the fitted frames also what the model lacks. It is infinite before and after free or
+    covariance, for positions and rates alike; after the fitted frames also what the model lacks. It is infinite before and after free or
     known torques, where nothing is known of them, and throughout where the fit has no intervals.
 
     Args:
@@ -68,18 +70,18 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     before = np.flatnonzero(times < start.time)[::-1]
     after = np.flatnonzero(times >= start.time)
     dofs = len(start.position)
-    position, velocity, std = (np.zeros((len(times), dofs)) for _ in range(3))
+    found = np.zeros((4, len(times), dofs))
     for rows in (before, after):
         if len(rows):
-            position[rows], velocity[rows], std[rows] = _one_way(fit, start, record, times[rows], usual)
-    return States(times, position, velocity, std)
+            found[:, rows] = _one_way(fit, start, record, times[rows], usual)
+    return States(times, *found)
 
 
 def _one_way(
     fit: Fit, start: Start, record: int, times: np.ndarray, usual: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Simulate away from the start: positions, rates and standard deviations at ``times``."""
-    from monodyn.mechanism.simulate import least_substeps, rollout, rollout_derivatives
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Simulate away from the start: positions, rates and the standard deviations of both at ``times``."""
+    from monodyn.mechanism.simulate import accelerations, least_substeps, rollout, rollout_derivatives
 
     mechanism = fit.mechanism
     tree, stretch = mechanism.tree, mechanism.values["time_scale"]
@@ -93,19 +95,22 @@ def _one_way(
         return rollout(tree, clock, *state, substeps=substeps, drive=drive)[0]
 
     substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_FILL_SUBSTEPS, least)
-    q, v, dq, _ = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
-    # q is a function of the stretched clock, so its slope in the stretch is the rate times the time since
+    q, v, dq, dv = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
+    # both are functions of the stretched clock, so that their slope in the stretch is their own rate times
+    # the time since
     if "time_scale" in fit.shared:
-        dq[:, :, fit.shared.index("time_scale")] += v * ((stamps - start.time)[:, None])
+        column, since = fit.shared.index("time_scale"), (stamps - start.time)[:, None]
+        dq[:, :, column] += v * since
+        dv[:, :, column] += accelerations(tree, q, v, drive.at(clock)) * since
     covariance = fit.motion_covariance(record)
-    by_unknowns = dq[rows]
+    by_unknowns = np.concatenate((dq, dv), axis=1)[rows]
     variance = np.einsum("fip,pr,fir->fi", by_unknowns, covariance, by_unknowns, optimize=True)
     variance += _astray(fit, record, stamps, (q, v), drive, substeps)[rows]
     # a fit that is not determined has no covariance
     unknown = np.isnan(variance).any(axis=1) | fit.unpushed(stamps[rows], record)
     # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
-    return q[rows], v[rows], std
+    return q[rows], v[rows], *np.split(std, 2, axis=1)
 
 
 def _astray(
@@ -117,9 +122,9 @@ def _astray(
     substeps: int,
 ) -> np.ndarray:
     """Return by how much the motion goes astray of the identified one after the fitted frames, for what the
-    model lacks: variances of the positions, (frame, dof)."""
+    model lacks: variances of the positions, then of the rates, (frame, 2 dof)."""
     dofs = motion[0].shape[1]
-    added = np.zeros((len(stamps), dofs))
+    added = np.zeros((len(stamps), 2 * dofs))
     last = fit.time[record][-1]
     after = np.flatnonzero(stamps > last + 1e-9)
     if fit.unmodelled is None or not len(after) or not stamps[-1] > stamps[0]:
@@ -137,7 +142,7 @@ def _astray(
         covariance[:dofs, dofs:] += np.diag(density) * h**2 / 2.0
         covariance[dofs:, :dofs] += np.diag(density) * h**2 / 2.0
         covariance[dofs:, dofs:] += np.diag(density) * h
-        added[i] = np.diag(covariance)[:dofs]
+        added[i] = np.diag(covariance)
     return added
 
 
