@@ -9,7 +9,7 @@ from zoo import FRICTION, ZOO
 
 from monodyn.mechanism import BUNDLED, Mechanism, load, write_mjcf, write_urdf
 from monodyn.mechanism.simulate import rollout
-from monodyn.mechanism.write import NOT_IN_URDF
+from monodyn.mechanism.urdf import NOT_IN_URDF
 
 SEED = 20120802
 NAMES = [*ZOO, *(f"bundled {name}" for name in BUNDLED if name != "chain:N"), "bundled chain:10"]
@@ -97,6 +97,26 @@ def test_reads_back_as_the_same_mechanism(name: str, write, tmp_path: Path) -> N
     ]
     if write is write_mjcf:
         assert [(j.lower, j.upper) for j in again.joints] == [(j.lower, j.upper) for j in mechanism.joints]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_was_read_is_written_the_same_again(name: str, tmp_path: Path) -> None:
+    write_mjcf(_mechanism(name, tmp_path), tmp_path / "once.xml")
+    write_mjcf(load(tmp_path / "once.xml"), tmp_path / "twice.xml")
+    assert (tmp_path / "twice.xml").read_bytes() == (tmp_path / "once.xml").read_bytes()
+
+
+def test_a_turned_mechanism_of_odd_sizes_is_written_the_same_again(tmp_path: Path) -> None:
+    """Numbers with all of their digits, which every reader rounds."""
+    rng = np.random.default_rng(SEED)
+    for name in ("bundled double", "cart_branches", "chain"):
+        mechanism = _mechanism(name, tmp_path)
+        for k in range(10):
+            odd = {p.name: p.value * rng.uniform(0.5, 2.0) for p in mechanism.parameters if p.free}
+            path, again = tmp_path / f"{k}.xml", tmp_path / f"{k}again.xml"
+            write_mjcf(mechanism.with_values(odd), path)
+            write_mjcf(load(path), again)
+            assert again.read_bytes() == path.read_bytes()
 
 
 def _comparable(mechanism: Mechanism) -> np.ndarray:

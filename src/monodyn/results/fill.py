@@ -45,8 +45,9 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
-    covariance, for positions and rates alike; after the fitted frames also what the model lacks. It is infinite before and after free or
-    known torques, where nothing is known of them, and throughout where the fit has no intervals.
+    covariance, for positions and rates alike; after the fitted frames also what the model lacks. It is
+    infinite before and after free or known torques, where nothing is known of them, and throughout where the
+    fit has no intervals.
 
     Args:
         fit: The identified mechanism.
@@ -110,7 +111,8 @@ def _one_way(
     unknown = np.isnan(variance).any(axis=1) | fit.unpushed(stamps[rows], record)
     # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
-    return q[rows], v[rows], *np.split(std, 2, axis=1)
+    dofs = q.shape[1]
+    return q[rows], v[rows], std[:, :dofs], std[:, dofs:]
 
 
 def _astray(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monodyn.estimation.record.tables import write_poses
-from monodyn.mechanism.write import NOT_IN_URDF
+from monodyn.mechanism.urdf import NOT_IN_URDF
 from monodyn.results.diagnosis import jpeg, write_diagnosis
 from monodyn.results.export import (
     camera_table,
