@@ -14,6 +14,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -176,7 +177,7 @@ def significant(value: float) -> float:
     return float(f"{value:.{DIGITS + 1}g}")
 
 
-def remark(text: str) -> ET.Element:
+def remark(text: str) -> Any:
     """Return a comment, in lines that are not too long.
 
     Args:

@@ -48,7 +48,7 @@ FAR = 1000.0
 NOT_IN_URDF = ("stiffness", "armature", "drag", "air")
 """Kinds of parameters of a joint that URDF has no place for."""
 
-MASSLESS = 1e-12
+MASSLESS = 1e-14
 """Mass [kg] and inertia [kg m^2] of a URDF link between two joints of one body; zero would be refused."""
 
 BULLET = (
@@ -92,7 +92,17 @@ def write_urdf(mechanism: Mechanism, path: str | Path, *, remarks: Sequence[str]
         _link(mechanism, i, names[i], root, digits)
     for i in range(len(mechanism.joints)):
         _joint(mechanism, i, names, root, digits)
+    _without_contact(names, root)
     save(root, path, [*remarks, BULLET, PINOCCHIO])
+
+
+def _without_contact(names: dict[int, str], root: ET.Element) -> None:
+    """Tell Drake that the links do not touch one another; other readers leave this out."""
+    root.set("xmlns:drake", "http://drake.mit.edu")
+    group = ET.SubElement(root, "drake:collision_filter_group", name="links")
+    for i in range(len(names) - 1):
+        ET.SubElement(group, "drake:member", link=names[i])
+    ET.SubElement(group, "drake:ignored_collision_filter_group", name="links")
 
 
 def _link_names(mechanism: Mechanism) -> dict[int, str]:
