@@ -234,15 +234,17 @@ def series_of(run: Path) -> Callable[[float], np.ndarray]:
 
 
 def lines_of(run: Path) -> Callable[[float], np.ndarray]:
-    """Return the controls by the rows of ``torques.csv``, linear in between and nothing where they are empty.
+    """Return the controls by the rows of ``torques.csv``, linear in between and none where they are empty.
 
     Args:
         run: The run folder.
     """
     acting = columns(run / "torques.csv")
     joints = [name for name in acting if name not in ("frame", "time") and not name.endswith("_std")]
-    time, torque = acting["time"], np.nan_to_num(np.array([acting[name] for name in joints]))
-    return lambda now: np.array([np.interp(now, time, row) for row in torque])
+    torque = np.array([acting[name] for name in joints])
+    known = np.isfinite(torque).all(axis=0)
+    time, torque = acting["time"][known], torque[:, known]
+    return lambda now: np.array([np.interp(now, time, row, left=0.0, right=0.0) for row in torque])
 
 
 def bullet_motion(
