@@ -242,9 +242,7 @@ def lines_of(run: Path) -> Callable[[float], np.ndarray]:
     acting = columns(run / "torques.csv")
     joints = [name for name in acting if name not in ("frame", "time") and not name.endswith("_std")]
     torque = np.array([acting[name] for name in joints])
-    known = np.isfinite(torque).all(axis=0)
-    time, torque = acting["time"][known], torque[:, known]
-    return lambda now: np.array([np.interp(now, time, row, left=0.0, right=0.0) for row in torque])
+    return lambda now: np.array([np.nan_to_num(np.interp(now, acting["time"], row)) for row in torque])
 
 
 def bullet_motion(
@@ -255,7 +253,7 @@ def bullet_motion(
     Args:
         run: The run folder.
         mechanism: The mechanism.
-        states: The table.
+        states: Its columns, each (row,).
         of_file: True takes the inertia from the file; False is PyBullet's default.
 
     Returns:

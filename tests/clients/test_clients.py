@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -109,6 +111,24 @@ def test_mujoco_follows_the_tables_from_the_keyframe(runs: dict[str, Path], tabl
     assert handed_over.followed(driven, table, by=handed_over.lines_of(driven)) < LINEAR
     # without what drives it the motion is another one
     assert handed_over.followed(driven, table) > 1.0
+
+
+@pytest.mark.slow
+def test_the_lines_of_the_readme_drive_the_model(runs: dict[str, Path]) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (lines,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "mjcb" in block)
+    names: dict[str, Any] = {}
+    exec(lines.replace('"run/', f'"{runs["driven"]}/'), names)
+    states = handed_over.columns(runs["driven"] / "states.csv")
+    model, data = names["model"], names["data"]
+    model.opt.timestep = 1.0 / 30.0 / 100.0
+    try:
+        for row in range(len(states["time"])):
+            off = data.qpos - [states["joint1"][row], states["joint2"][row]]
+            assert np.degrees(np.abs(off)).max() < LINEAR
+            mujoco.mj_step(model, data, 100)
+    finally:
+        mujoco.set_mjcb_control(None)
 
 
 def test_a_program_that_is_not_installed_is_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -35,7 +35,7 @@ def _driven(fit, mechanism, kind, values):
 
 
 def _under_lines(course, fit, times):
-    """Return the motion by MuJoCo under what is linear between the rows that are not empty, nothing outside."""
+    """Return the motion by MuJoCo under what is linear between the rows that are not empty, none outside."""
     model = mujoco.MjModel.from_xml_string(_model(fit.mechanism))
     model.opt.timestep = 1.0 / 30.0 / 100.0
     data, start = mujoco.MjData(model), fit.starts[0]
