@@ -226,7 +226,9 @@ def test_a_fit_that_found_nothing_writes_headers_and_a_film_of_what_was_tracked(
     assert outcome.document["fit_frames"] == [2, 8]
     assert outcome.document["camera"]["std"] == {"camera.depth": 0.1 * refused.scale, "camera.roll": 0.2}
     assert (outcome.folder, list(outcome.traces)) == (tmp_path / "run", [])
-    assert (tmp_path / "run" / "states.csv").read_text() == "frame,time,joint1,joint1_vel,joint1_std\n"
+    assert (
+        tmp_path / "run" / "states.csv"
+    ).read_text() == "frame,time,joint1,joint1_vel,joint1_std,joint1_vel_std\n"
     assert read(tmp_path / "run" / "overlay.mp4").count == 12
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "12 frames of 64 × 48 px over 0.37 s, with the model single." in page

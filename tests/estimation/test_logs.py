@@ -30,6 +30,18 @@ def test_columns_are_named_as_the_joints_or_with_a_suffix(tmp_path: Path) -> Non
     assert np.array_equal(log.torque, [[0.5], [0.0]])
 
 
+def test_the_torques_of_a_run_folder_are_read(tmp_path: Path) -> None:
+    rows = (
+        "frame,time,joint1,joint2,joint1_std,joint2_std",
+        "0,0.0,0.5,0,0.1,",
+        ",0.05,0.25,0,0.1,",
+        "1,0.1,0,0,,",
+    )
+    log = read_torques(written(tmp_path, *rows), JOINTS)
+    assert log.joints == JOINTS
+    assert log.torque.tolist() == [[0.5, 0.0], [0.25, 0.0], [0.0, 0.0]]
+
+
 KNOWN = "joints: 'joint1', 'joint2'."
 
 

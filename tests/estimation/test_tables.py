@@ -35,6 +35,19 @@ def test_round_trip(tmp_path):
     assert after.metric
 
 
+def test_what_is_missing_is_an_empty_cell(tmp_path):
+    gap = poses()
+    covariance = gap.covariance.copy()
+    covariance[3] = np.nan
+    write_poses(replace(gap, covariance=covariance), tmp_path / "poses.csv")
+    lines = (tmp_path / "poses.csv").read_text().splitlines()
+    assert lines[4] == f"10,{float(gap.time[3])!r},0,,,,,0,0"
+    # other tools write nan, which is read as well
+    (tmp_path / "other.csv").write_text("\n".join(lines).replace(",,,,,", ",nan,nan,nan,nan,"))
+    found = [read_poses(tmp_path / name, ["a", "b"]) for name in ("poses.csv", "other.csv")]
+    np.testing.assert_array_equal(found[0].position, found[1].position)
+
+
 def test_a_hidden_joint_comes_back_as_one(tmp_path):
     whole = poses()
     joint_seen = np.isfinite(whole.position)

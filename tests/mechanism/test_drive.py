@@ -121,6 +121,34 @@ def test_the_torque_of_a_driven_mechanism_is_the_control_of_what_is_written(tmp_
     assert np.allclose(ours.position, theirs, rtol=0, atol=1e-7)
 
 
+def test_a_drive_stands_in_numbers_with_its_formula(tmp_path: Path) -> None:
+    mechanism, path = series_driven(load("double")), tmp_path / "m.xml"
+    write_mjcf(mechanism, path)
+    text = " ".join(path.read_text().split())
+    assert (
+        "Not applied by MuJoCo itself: the control [N m or N] of the motor of each joint at data.time t [s] "
+        "is a0 + a1 cos(2 pi t / T) + b1 sin(2 pi t / T) + a2 cos(4 pi t / T) + ..., with T in the numeric "
+        "torque.period and a0 a1 b1 a2 b2 ... in <joint>.torque." in text
+    )
+    model = mujoco.MjModel.from_xml_path(str(path))
+    turn = 2 * np.pi * 0.3 / model.numeric("torque.period").data[0]
+    waves = [1.0, np.cos(turn), np.sin(turn), np.cos(2 * turn), np.sin(2 * turn)]
+    said = [waves @ model.numeric(f"{joint.name}.torque").data for joint in mechanism.joints]
+    assert said == pytest.approx(mechanism.drive.at(np.array([0.3]))[0], rel=1e-12)
+    knots = load("double").with_torque("free", knots=KNOT_TIMES)
+    knots = knots.with_values({f"joint2.torque.{k}": 0.1 * k for k in range(4)})
+    write_mjcf(knots, path)
+    text = " ".join(path.read_text().split())
+    assert (
+        "Not applied by MuJoCo itself: the controls [N m or N] of the motors at the times in the numeric "
+        "torque.times [s of data.time] are those in <joint>.torque, linear in between and zero outside."
+        in text
+    )
+    model = mujoco.MjModel.from_xml_path(str(path))
+    assert model.numeric("torque.times").data.tolist() == KNOT_TIMES.tolist()
+    assert model.numeric("joint2.torque").data == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
 @pytest.mark.parametrize("model", ["fourier", "free"])
 def test_what_a_driven_mechanism_writes_can_be_read(model: str, tmp_path: Path) -> None:
     mechanism = load("cartpole").with_torque(model, terms=2, knots=KNOT_TIMES, period=1.0)

@@ -11,7 +11,7 @@ from monodyn.mechanism.dimensions import DIMENSIONS, SLIDE_DIMENSIONS
 from monodyn.mechanism.plan import JOINT, JOINT_COLUMNS
 from monodyn.mechanism.simulate import accelerations, rollout, rollout_derivatives
 from monodyn.mechanism.tree import ARMATURE, COLUMNS, DAMPING, PASSIVE, REST
-from monodyn.mechanism.write import NOT_IN_URDF
+from monodyn.mechanism.urdf import NOT_IN_URDF
 
 VALUE, SPRING = 0.0123, 0.2
 STATE = np.array([[0.3, -0.4]]), np.array([[1.7, -2.1]])

@@ -11,8 +11,9 @@ import pytest
 
 from monodyn.mechanism import Mechanism, load
 from monodyn.mechanism.assemble import following_slopes
+from monodyn.mechanism.mjcf import write_mjcf
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS
-from monodyn.mechanism.write import write_mjcf, write_urdf
+from monodyn.mechanism.urdf import write_urdf
 
 BAR = '<geom type="box" size="{0} .003 .01" pos="{0} 0 0"/>'
 """A box from the hinge along x, of this half length."""

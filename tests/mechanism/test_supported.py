@@ -68,14 +68,25 @@ def test_what_the_dynamics_do_not_know_is_refused(tmp_path: Path, text: str, mes
         read(tmp_path, text)
 
 
-@pytest.mark.parametrize("name", ["time", "frame", "seen"])
+@pytest.mark.parametrize("name", ["time", "frame", "seen", "record"])
 def test_a_joint_is_not_named_after_a_column(tmp_path: Path, name: str) -> None:
     with refuses(
         MechanismError,
-        f"m.xml: joint '{name}': expected a name other than time, frame, seen, which are columns of the "
-        "tables of positions; rename it.",
+        f"m.xml: joint '{name}': expected a name other than time, frame, seen, record, which are columns "
+        "of the tables of positions; rename it.",
     ):
         read(tmp_path, mjcf(body_with(f'<joint name="{name}" axis="0 1 0"/>')))
+
+
+@pytest.mark.parametrize("ending", ["_vel", "_std", "_vel_std", "_seen", "_excluded", "_torque"])
+def test_a_joint_is_not_named_after_a_column_of_another_one(tmp_path: Path, ending: str) -> None:
+    second = body_with(f'<joint name="q{ending}" axis="0 1 0"/>', name="b")
+    with refuses(
+        MechanismError,
+        f"m.xml: joint 'q{ending}': expected a name that is not that of a column of joint 'q' in the tables "
+        "(q_vel, q_std, q_vel_std, q_seen, q_excluded, q_torque); rename it.",
+    ):
+        read(tmp_path, mjcf(body_with('<joint name="q" axis="0 1 0"/>', second)))
 
 
 def test_an_equality_that_is_switched_off_is_refused_too(tmp_path: Path) -> None:

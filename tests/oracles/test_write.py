@@ -1,5 +1,6 @@
 """What is written simulates the same motion in MuJoCo, and reads back as the same mechanism."""
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import mujoco
@@ -9,7 +10,8 @@ from zoo import FRICTION, ZOO
 
 from monodyn.mechanism import BUNDLED, Mechanism, load, write_mjcf, write_urdf
 from monodyn.mechanism.simulate import rollout
-from monodyn.mechanism.write import NOT_IN_URDF
+from monodyn.mechanism.tree import INERTIA, MASS
+from monodyn.mechanism.urdf import NOT_IN_URDF
 
 SEED = 20120802
 NAMES = [*ZOO, *(f"bundled {name}" for name in BUNDLED if name != "chain:N"), "bundled chain:10"]
@@ -99,6 +101,26 @@ def test_reads_back_as_the_same_mechanism(name: str, write, tmp_path: Path) -> N
         assert [(j.lower, j.upper) for j in again.joints] == [(j.lower, j.upper) for j in mechanism.joints]
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_what_was_read_is_written_the_same_again(name: str, tmp_path: Path) -> None:
+    write_mjcf(_mechanism(name, tmp_path), tmp_path / "once.xml")
+    write_mjcf(load(tmp_path / "once.xml"), tmp_path / "twice.xml")
+    assert (tmp_path / "twice.xml").read_bytes() == (tmp_path / "once.xml").read_bytes()
+
+
+def test_a_turned_mechanism_of_odd_sizes_is_written_the_same_again(tmp_path: Path) -> None:
+    """Numbers with all of their digits, which every reader rounds."""
+    rng = np.random.default_rng(SEED)
+    for name in ("bundled double", "cart_branches", "chain"):
+        mechanism = _mechanism(name, tmp_path)
+        for k in range(10):
+            odd = {p.name: p.value * rng.uniform(0.5, 2.0) for p in mechanism.parameters if p.free}
+            path, again = tmp_path / f"{k}.xml", tmp_path / f"{k}again.xml"
+            write_mjcf(mechanism.with_values(odd), path)
+            write_mjcf(load(path), again)
+            assert again.read_bytes() == path.read_bytes()
+
+
 def _comparable(mechanism: Mechanism) -> np.ndarray:
     """Return the links without what does not count: slack springs, how joints share a body's anchor."""
     links = mechanism.tree.links.copy()
@@ -156,3 +178,66 @@ def test_urdf_says_what_it_cannot_hold(tmp_path: Path) -> None:
     text = (tmp_path / "model.urdf").read_text()
     spring, rotor = "stiffness 0.03 N m/rad about 0.349066 rad", "armature 0.0002 kg m^2"
     assert f"<!-- not in URDF: {spring} and {rotor} of the next joint -->" in text
+
+
+def _flat(path: Path) -> str:
+    """Return the text of a file with its lines joined."""
+    return " ".join(path.read_text(encoding="utf-8").split())
+
+
+def test_what_is_written_says_how_other_programs_have_to_take_it(tmp_path: Path) -> None:
+    mechanism = load("double").with_values({"joint2.air": 1e-4})
+    write_mjcf(mechanism, tmp_path / "m.xml", remarks=["First -- of all."])
+    write_urdf(mechanism, tmp_path / "m.urdf", remarks=["First -- of all."])
+    text, urdf = _flat(tmp_path / "m.xml"), _flat(tmp_path / "m.urdf")
+    assert text.startswith('<mujoco model="double"> <!-- First - - of all. -->')
+    assert (
+        "mjd_transitionFD (linearization by finite differences) does not take this integrator: set "
+        "model.opt.integrator to mujoco.mjtIntegrator.mjINT_IMPLICITFAST before it." in text
+    )
+    assert "Not simulated by MuJoCo: the drag of the air on links, -c |z| z." in text
+    assert "<!-- First - - of all. -->" in urdf
+    assert (
+        "PyBullet computes inertia from the collision geometry unless loadURDF is given "
+        "flags=URDF_USE_INERTIA_FROM_FILE: each body has one box here that has the identified inertia about "
+        "the hinge axis, for that purpose alone. PyBullet also damps every link, which changeDynamics(body, "
+        "link, linearDamping=0, angularDamping=0) stops, and holds every joint by a motor, of which "
+        "setJointMotorControl2(body, joint, VELOCITY_CONTROL, force=F) leaves the dry friction F of the "
+        "joint." in urdf
+    )
+    assert (
+        "pinocchio reads damping into model.damping, but aba and rnea leave it out: subtract model.damping * "
+        "v from the torques." in urdf
+    )
+
+
+def test_what_is_said_of_the_linearization_holds(tmp_path: Path) -> None:
+    write_mjcf(load("double"), tmp_path / "m.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "m.xml"))
+    data, slope = mujoco.MjData(model), np.zeros((4, 4))
+    with pytest.raises(mujoco.FatalError, match="RK4 integrator is not supported"):
+        mujoco.mjd_transitionFD(model, data, 1e-6, True, slope, None, None, None)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    mujoco.mjd_transitionFD(model, data, 1e-6, True, slope, None, None, None)
+    # the identity and a millisecond of rates
+    assert slope[:2] == pytest.approx(np.hstack((np.eye(2), 1e-3 * np.eye(2))), abs=2e-4)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_collision_box_has_the_inertia_about_the_hinge(name: str, tmp_path: Path) -> None:
+    mechanism = _mechanism(name, tmp_path)
+    write_urdf(mechanism, tmp_path / "m.urdf")
+    links = {link.get("name"): link for link in ET.parse(tmp_path / "m.urdf").getroot().iter("link")}
+    for joint, link, row in zip(mechanism.joints, mechanism.plan.links, mechanism.tree.links, strict=True):
+        if not link.carries:
+            continue
+        element = links[joint.body]
+        origins = [element.find(f"{what}/origin").attrib for what in ("inertial", "collision")]
+        assert origins[0] == origins[1]
+        x, _, z = map(float, element.find("collision/geometry/box").get("size").split())
+        assert row[MASS] * (x**2 + z**2) / 12 == pytest.approx(row[INERTIA], rel=1e-12)
+    boxes = {"bundled single", "bundled double", "single", "double"}
+    if name in boxes:
+        # a body that is a box in its axes is its own collision geometry
+        sizes = [element.find(f"{what}/geometry/box").get("size") for what in ("visual", "collision")]
+        assert np.fromstring(sizes[0], sep=" ") == pytest.approx(np.fromstring(sizes[1], sep=" "), rel=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from monodyn.results.export import (
     torque_table,
 )
 from monodyn.results.predict import predict
+from monodyn.results.torques import Torques
 from monodyn.results.trace import trace_of
 from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.clip.video import read
@@ -31,22 +33,41 @@ def test_tables_round_trip_and_count_frames() -> None:
     future = predict(fit, until=1.2)
     trace = trace_of(fit, record(fit), future)
     lines = states_table(["joint1"], [trace]).splitlines()
-    assert lines[0] == "frame,time,joint1,joint1_vel,joint1_std"
+    assert lines[0] == "frame,time,joint1,joint1_vel,joint1_std,joint1_vel_std"
     assert float(lines[4].split(",")[2]) == trace.states.position[3, 0]
-    lines = prediction_table(["joint1"], trace).splitlines()
+    assert float(lines[4].split(",")[5]) == trace.states.velocity_std[3, 0]
+    lines = prediction_table(["joint1"], [trace]).splitlines()
     assert lines[0] == "frame,time,joint1,joint1_std"
     assert [line.split(",")[0] for line in lines[1:4]] == ["20", "21", "22"]
     assert len(lines) == 1 + len(future.time)
-    several = states_table(["joint1"], [trace, trace]).splitlines()
-    assert several[0].endswith(",record")
-    assert several[-1].endswith(",1")
+    course = Torques(
+        np.array([0.0, 0.01, 1 / 30]), np.array([[0.1], [0.2], [np.nan]]), np.full((3, 1), np.inf)
+    )
+    twice = [trace, replace(trace, future=None)]
+    tables = states_table(["joint1"], twice), torque_table(["joint1"], twice, [course, course])
+    for table in (*tables, prediction_table(["joint1"], [twice[1], twice[0]])):
+        assert table.splitlines()[0].endswith(",record")
+        assert table.splitlines()[-1].endswith(",1")
+    # a row between two frames has no number, and nothing stands where nothing is known
+    assert tables[1].splitlines()[1:4] == ["0,0.0,0.1,,0", ",0.01,0.2,,0", f"1,{1 / 30!r},,,0"]
+
+
+def test_columns_are_quoted_and_read_back_by_any_reader() -> None:
+    fit = made_fit()
+    trace = trace_of(fit, record(fit), predict(fit, until=1.2))
+    name = 'left, "first"'
+    for text in (states_table([name], [trace]), prediction_table([name], [trace])):
+        rows = list(csv.DictReader(text.splitlines()))
+        assert name in rows[0]
+        assert f"{name}_std" in rows[0]
+        assert None not in rows[0]
 
 
 def test_tables_without_motion_hold_their_header_alone() -> None:
     fit = made_fit()
-    assert states_table(["a", "b"], []) == "frame,time,a,b,a_vel,b_vel,a_std,b_std\n"
-    assert prediction_table(["a"], None) == "frame,time,a,a_std\n"
-    assert torque_table(["joint1"], trace_of(fit, record(fit))) == "frame,time,joint1,joint1_std\n"
+    assert states_table(["a", "b"], []) == "frame,time,a,b,a_vel,b_vel,a_std,b_std,a_vel_std,b_vel_std\n"
+    assert prediction_table(["a"], []) == "frame,time,a,a_std\n"
+    assert prediction_table(["joint1"], [trace_of(fit, record(fit))]) == "frame,time,joint1,joint1_std\n"
 
 
 def test_the_way_of_the_camera_reads_back(make_clip: ClipMaker) -> None:
@@ -63,7 +84,7 @@ def test_the_way_of_the_camera_reads_back(make_clip: ClipMaker) -> None:
     assert [float(value) for value in rows[1]] == pytest.approx(
         [1, 1 / 30, 1, 2.5, -1.25, -0.02, 1.1, 0.05, 0, 0, 0, 0]
     )
-    assert rows[2][2:] == ["0", *["nan"] * 9]
+    assert rows[2][2:] == ["0", *[""] * 9]
     plots = camera_curves(moving.times, moving.camera_path)
     assert [(plot["title"], plot["unit"]) for plot in plots] == [
         ("still scene, to the right", "px"),

@@ -7,6 +7,7 @@ import pytest
 
 from fits import made_fit
 from monodyn.errors import SettingsError
+from monodyn.estimation.fit import Estimate
 from monodyn.results.fill import fill
 from monodyn.stages import identify
 from support import refuses
@@ -53,6 +54,34 @@ def test_std_within_the_fit_is_below_the_noise_and_grows_after_it(fit):
     assert np.all(states.std[45:75] < NOISE)
     assert np.all(states.std[100:].mean(axis=0) > states.std[45:75].mean(axis=0))
     assert np.isfinite(states.std).all()
+
+
+def test_the_std_of_the_rates_is_the_slope_of_the_motion_by_what_is_unknown(fit):
+    """By central differences, one unknown at a time; the clock's stretch is one of them."""
+    names = ("link1.length", "time_scale")
+    dofs = len(fit.mechanism.joints)
+    std = np.concatenate(([1e-3, 2e-3], [0.0, 0.0, 0.03, 0.0]))
+    rows = tuple(
+        Estimate(name, fit.mechanism.values[name], s, 0.0, np.inf, "", True, True, False)
+        for name, s in zip(names, std, strict=False)
+    )
+    made = replace(fit, parameters=rows, tied=(), covariance=np.diag(std**2), unmodelled=None)
+    stated, start, variance = fill(made, ALL), fit.starts[0], 0.0
+    for k in np.flatnonzero(std):
+        sides = []
+        for step in (1e-5, -1e-5):
+            if k < len(names):
+                values = {names[k]: fit.mechanism.values[names[k]] + step}
+                moved = replace(made, mechanism=fit.mechanism.with_values(values))
+            else:
+                rates = start.velocity + step * np.eye(2 * dofs)[k - len(names), dofs:]
+                moved = replace(made, starts=(replace(start, velocity=rates),))
+            sides.append(fill(moved, ALL))
+        slopes = [(getattr(sides[0], w) - getattr(sides[1], w)) / 2e-5 for w in ("position", "velocity")]
+        variance = variance + std[k] ** 2 * np.square(slopes)
+    # the integration's error over the step of the differences
+    np.testing.assert_allclose(stated.std, np.sqrt(variance[0]), rtol=2e-3, atol=1e-4)
+    np.testing.assert_allclose(stated.velocity_std, np.sqrt(variance[1]), rtol=2e-3, atol=1e-3)
 
 
 def test_bad_input_is_refused(fit):

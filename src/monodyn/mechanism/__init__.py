@@ -1,11 +1,12 @@
 """A mechanism file in; named parameters, a joint tree for the dynamics and shapes for the picture out."""
 
 from monodyn.mechanism.bundled import BUNDLED
+from monodyn.mechanism.mjcf import write_mjcf
 from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Joint, Parameter
 from monodyn.mechanism.read import load
 from monodyn.mechanism.tree import Measured, Shapes, Tree
-from monodyn.mechanism.write import write_mjcf, write_urdf
+from monodyn.mechanism.urdf import write_urdf
 
 __all__ = [
     "BUNDLED",

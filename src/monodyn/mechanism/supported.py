@@ -6,6 +6,7 @@ before it reads anything stands in ``files``.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,8 +17,10 @@ from monodyn.errors import MechanismError
 WILD = 1e9
 """Largest number [SI] that a mechanism file may hold."""
 
-RESERVED = ("time", "frame", "seen")
+RESERVED = ("time", "frame", "seen", "record")
 """Columns of the tables of positions that no joint may be named after."""
+ENDINGS = ("_vel", "_std", "_vel_std", "_seen", "_excluded", "_torque")
+"""What is put after the name of a joint for its other columns."""
 
 HINGE_TYPE, SLIDE_TYPE = 3, 2
 FREE_TYPE = 0
@@ -40,6 +43,12 @@ def refuse_unsupported(model: Any, where: str, joints: Sequence[str], bodies: Se
         raise MechanismError(f"{where}: expected at least one joint, got none; add a hinge or a slide.")
     for j, name in enumerate(joints):
         _refuse_joint(model, j, f"{where}: joint '{name}'", reserved=name in RESERVED)
+    for name, ending in itertools.product(joints, ENDINGS):
+        if f"{name}{ending}" in joints:
+            raise MechanismError(
+                f"{where}: joint '{name}{ending}': expected a name that is not that of a column of joint "
+                f"'{name}' in the tables ({', '.join(f'{name}{each}' for each in ENDINGS)}); rename it."
+            )
     for b in range(model.nbody):
         if model.body_gravcomp[b]:
             raise MechanismError(

@@ -1,11 +1,13 @@
 """Motion as tables, documents as JSON: ``states.csv``, ``prediction.csv``, ``torques.csv``, ``camera.csv``.
 
-Numbers are written with enough digits to read back the same number. JSON has no infinity: an interval that is
-unbounded, and a value that is unknown, is null.
+Numbers are written with enough digits to read back the same number. Neither has infinities: an interval that
+is unbounded, and a value that is unknown, is an empty cell or null.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 from collections.abc import Iterable, Sequence
@@ -14,14 +16,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monodyn.estimation.record.tables import cell_text
+from monodyn.results.torques import Torques
 from monodyn.results.trace import Trace
 
 if TYPE_CHECKING:
+    from monodyn.results.fill import States
     from monodyn.vision.clip.steady import CameraPath
+
+CAMERA = "frame,time,registered,x_px,y_px,turn,zoom,std_px,stretch,shear,lean_x,lean_y"
+"""Columns of ``camera.csv``."""
 
 
 def states_table(joints: Sequence[str], traces: Sequence[Trace]) -> str:
-    """Return ``states.csv``: ``frame,time,<joint>,...,<joint>_vel,...,<joint>_std,...``.
+    """Return ``states.csv``: ``frame,time,<joint>,...,<joint>_vel,...,<joint>_std,...,<joint>_vel_std,...``.
 
     Several records follow each other, with a last column ``record`` that counts them from 0.
 
@@ -29,29 +37,57 @@ def states_table(joints: Sequence[str], traces: Sequence[Trace]) -> str:
         joints: Joint names.
         traces: The records and their motion.
     """
-    several = len(traces) > 1
-    header = ["frame", "time", *joints, *(f"{j}_vel" for j in joints), *(f"{j}_std" for j in joints)]
-    text = ",".join([*header, "record"] if several else header) + "\n"
-    for number, trace in enumerate(traces):
-        states = trace.states
-        columns = [states.time, states.position, states.velocity, states.std]
-        text += rows_text(trace.poses.frame, columns, f",{number}" if several else "")
-    return text
+    return motion_table(joints, [(trace.poses.frame, trace.states) for trace in traces])
 
 
-def prediction_table(joints: Sequence[str], trace: Trace | None) -> str:
-    """Return ``prediction.csv``: ``frame,time,<joint>,...,<joint>_std,...``.
+def motion_table(joints: Sequence[str], motions: Sequence[tuple[Iterable[int], States]]) -> str:
+    """Return motions as ``states.csv`` has them.
 
     Args:
         joints: Joint names.
-        trace: The record and its prediction; None writes the header alone.
+        motions: Frame numbers and motion of each.
     """
-    header = ["frame", "time", *joints, *(f"{j}_std" for j in joints)]
-    text = ",".join(header) + "\n"
-    if trace is None or trace.future is None or trace.future_frame is None:
-        return text
-    future = trace.future
-    return text + rows_text(trace.future_frame, [future.time, future.position, future.std])
+    parts = [(frames, [s.time, s.position, s.velocity, s.std, s.velocity_std]) for frames, s in motions]
+    return _by_record(joints, ("", "_vel", "_std", "_vel_std"), parts, len(motions))
+
+
+def prediction_table(joints: Sequence[str], traces: Sequence[Trace]) -> str:
+    """Return ``prediction.csv``: ``frame,time,<joint>,...,<joint>_std,...``.
+
+    Several records follow each other, with a last column ``record`` that counts them from 0.
+
+    Args:
+        joints: Joint names.
+        traces: The records and their predictions; where there is none the header stands alone.
+    """
+    parts = []
+    for trace in traces:
+        future = trace.future
+        if future is None or trace.future_frame is None:
+            parts.append(((), [np.zeros((0, 1 + 2 * len(joints)))]))
+        else:
+            parts.append((trace.future_frame, [future.time, future.position, future.std]))
+    return _by_record(joints, ("", "_std"), parts, len(traces))
+
+
+def torque_table(joints: Sequence[str], traces: Sequence[Trace], courses: Sequence[Torques]) -> str:
+    """Return ``torques.csv``: ``frame,time,<joint>,...,<joint>_std,...`` [N m or N].
+
+    Several records follow each other, with a last column ``record`` that counts them from 0.
+
+    Args:
+        joints: Joint names.
+        traces: The records.
+        courses: Torques of each; a row between two frames has no frame number.
+    """
+    parts = []
+    for trace, course in zip(traces, courses, strict=True):
+        number = dict(zip(trace.poses.time.tolist(), trace.poses.frame.tolist(), strict=True))
+        if trace.future is not None and trace.future_frame is not None:
+            number |= dict(zip(trace.future.time.tolist(), trace.future_frame.tolist(), strict=True))
+        frames = [number.get(time) for time in course.time.tolist()]
+        parts.append((frames, [course.time, course.torque, course.std]))
+    return _by_record(joints, ("", "_std"), parts, len(traces))
 
 
 def camera_table(times: np.ndarray, path: CameraPath | None) -> str:
@@ -68,42 +104,44 @@ def camera_table(times: np.ndarray, path: CameraPath | None) -> str:
         times: Time stamps of the clip [s], (frame,).
         path: The way of a camera that moves; None writes the header alone.
     """
-    text = "frame,time,registered,x_px,y_px,turn,zoom,std_px,stretch,shear,lean_x,lean_y\n"
+    header = CAMERA.split(",")
     if path is None:
-        return text
+        return table_text(header, [])
     table = np.column_stack([path.shift, path.turn, path.zoom, path.std, path.stretch, path.lean])
     table[~path.registered] = np.nan
-    for frame, (time, known) in enumerate(zip(times.tolist(), path.registered.tolist(), strict=True)):
-        numbers = ",".join(map(repr, table[frame].tolist()))
-        text += f"{frame},{time!r},{int(known)},{numbers}\n"
-    return text
+    rows = zip(times.tolist(), path.registered.tolist(), table.tolist(), strict=True)
+    return table_text(header, ([i, time, int(known), *row] for i, (time, known, row) in enumerate(rows)))
 
 
-def torque_table(joints: Sequence[str], trace: Trace) -> str:
-    """Return ``torques.csv``: ``frame,time,<joint>,...,<joint>_std,...`` [N m or N].
+def _by_record(
+    joints: Sequence[str],
+    endings: Sequence[str],
+    parts: Sequence[tuple[Iterable[int | None], list[np.ndarray]]],
+    records: int,
+) -> str:
+    """Return a table of joints with a part for each record: frame numbers, and columns from the time on."""
+    header = ["frame", "time", *(f"{joint}{ending}" for ending in endings for joint in joints)]
+    rows = []
+    for number, (frames, columns) in enumerate(parts):
+        last = [number] if records > 1 else []
+        numbers = np.column_stack(columns).tolist()
+        rows += [[frame, *row, *last] for frame, row in zip(frames, numbers, strict=True)]
+    return table_text([*header, "record"] if records > 1 else header, rows)
+
+
+def table_text(header: Sequence[str], rows: Iterable[Sequence[float | int | None]]) -> str:
+    """Return a table of comma-separated values; what is missing or unbounded is an empty cell.
 
     Args:
-        joints: Joint names.
-        trace: A record with torques.
+        header: Names of the columns, quoted where they need it.
+        rows: The numbers; None, NaN and infinity are missing.
     """
-    text = ",".join(["frame", "time", *joints, *(f"{j}_std" for j in joints)]) + "\n"
-    found = trace.torques
-    if found is None:
-        return text
-    return text + rows_text(trace.poses.frame, [found.time, found.torque, found.std])
-
-
-def rows_text(frames: Iterable[int], columns: Sequence[np.ndarray], end: str = "") -> str:
-    """Return comma-separated lines, one per frame, with numbers that read back as they were.
-
-    Args:
-        frames: Frame numbers.
-        columns: Arrays (frame,) or (frame, dof), side by side.
-        end: Put at the end of every line.
-    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
     # repr of a float is the shortest text that reads back as the same number
-    rows = np.column_stack(columns).tolist()
-    return "".join(f"{n},{','.join(map(repr, row))}{end}\n" for n, row in zip(frames, rows, strict=True))
+    writer.writerows([cell_text(number) for number in row] for row in rows)
+    return text.getvalue()
 
 
 def json_text(document: Any) -> str:

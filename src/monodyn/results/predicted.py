@@ -14,7 +14,7 @@ from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.results.curves import BAND
-from monodyn.results.export import json_text, rows_text
+from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.horizon import Horizon, horizon
@@ -163,9 +163,7 @@ def _write(
     """Write the files of a prediction, the ones that cost least first."""
     joints, states = found.fit.mechanism.joints, found.states
     names = [joint.name for joint in joints]
-    header = ["frame", "time", *names, *(f"{n}{end}" for end in ("_vel", "_std", "_vel_std") for n in names)]
-    columns = [states.time, states.position, states.velocity, states.std, states.velocity_std]
-    table = ",".join(header) + "\n" + rows_text(range(len(states.time)), columns)
+    table = motion_table(names, [(range(len(states.time)), states)])
     folder.write_text("prediction.csv", table)
     folder.write_text("prediction.json", json_text(found.document))
     folder.write_text("prediction.html", _plot(found))

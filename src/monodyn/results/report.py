@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monodyn.estimation.record.tables import write_poses
-from monodyn.mechanism.write import NOT_IN_URDF
+from monodyn.mechanism.urdf import NOT_IN_URDF
 from monodyn.results.diagnosis import jpeg, write_diagnosis
 from monodyn.results.export import (
     camera_table,
@@ -24,7 +24,9 @@ from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.gaps import unfollowed
 from monodyn.results.heldout import excluded, excluded_note
+from monodyn.results.models import write_models
 from monodyn.results.page import page_text
+from monodyn.results.torques import torque_course
 from monodyn.results.trace import fitted_poses, trace_of
 from monodyn.types import Poses, Progress
 
@@ -109,13 +111,14 @@ def write_results(
         folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))
     document = fit_document(findings)
     folder.write_text("fit.json", json_text(document))
-    write_models(folder, fit.mechanism)
+    write_models(folder, findings)
     joints = [joint.name for joint in fit.mechanism.joints]
     moved = [replace(trace, states=motion) for trace, motion in zip(traces, motions, strict=True)]
     folder.write_text("states.csv", states_table(joints, moved))
-    folder.write_text("prediction.csv", prediction_table(joints, traces[0] if traces else None))
-    if traces and traces[0].torques is not None:
-        folder.write_text("torques.csv", torque_table(joints, traces[0]))
+    folder.write_text("prediction.csv", prediction_table(joints, traces))
+    if any(trace.torques is not None for trace in traces):
+        courses = [torque_course(fit, trace.all_times, record=k) for k, trace in enumerate(traces)]
+        folder.write_text("torques.csv", torque_table(joints, traces, courses))
     pictures, shown = [], None
     if findings.filmed is not None:
         if findings.filmed.sight is None or findings.filmed.sight.filmed:
@@ -144,19 +147,6 @@ def _write_diagnosis(folder: RunFolder, findings: Findings) -> bytes | None:
         sight.fit_frames = (findings.frames[0], findings.frames[1])
     page = write_diagnosis(folder, sight)
     return None if page is None or findings.fit.ok else jpeg(page)
-
-
-def write_models(folder: RunFolder, mechanism: Mechanism) -> None:
-    """Write the identified mechanism as ``model.xml`` and ``model.urdf``.
-
-    Args:
-        folder: Where to.
-        mechanism: The mechanism.
-    """
-    from monodyn.mechanism import write_mjcf, write_urdf
-
-    folder.write("model.xml", lambda path: write_mjcf(mechanism, path))
-    folder.write("model.urdf", lambda path: write_urdf(mechanism, path))
 
 
 def lost_in_urdf(mechanism: Mechanism) -> list[str]:

@@ -46,6 +46,11 @@ class Trace:
     torques: Torques | None = None
     turning: tuple[int, ...] = ()
 
+    @property
+    def all_times(self) -> np.ndarray:
+        """Time stamps of the record and of its prediction [s], (frame,)."""
+        return self.poses.time if self.future is None else np.union1d(self.poses.time, self.future.time)
+
     def heldout(self) -> dict[str, float | None]:
         """Return the rms of the prediction against the measured rows after the fitted ones, by joint.
 

@@ -26,7 +26,8 @@ def read_torques(path: str | Path, joints: Mechanism | Sequence[str]) -> TorqueL
     """Read a log of known torques.
 
     The header names the columns: ``time`` [s] on the clock of the record, and ``<joint>_torque`` [N m or N]
-    for each joint at which one acts; without any such column they are called ``<joint>``.
+    for each joint at which one acts; without any such column they are called ``<joint>``, as in the
+    ``torques.csv`` of a run folder, whose deviations are left alone.
 
     Args:
         path: File of comma-separated values.
@@ -68,10 +69,11 @@ def read_torques(path: str | Path, joints: Mechanism | Sequence[str]) -> TorqueL
 def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str, int]:
     """Index of the column of each joint's torque."""
     suffixed = any(name.endswith(SUFFIX) for name in header)
+    others = {*NO_TORQUES, *(f"{name}_std" for name in names)}
     found = {
         name.removesuffix(SUFFIX): column
         for column, name in enumerate(header)
-        if (name.endswith(SUFFIX) if suffixed else name not in NO_TORQUES)
+        if (name.endswith(SUFFIX) if suffixed else name not in others)
     }
     known = ", ".join(map(repr, names))
     if "time" not in header or not found:

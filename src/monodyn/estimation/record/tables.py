@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -80,8 +81,8 @@ def column_names(path: str | Path) -> list[str]:
 def write_poses(poses: Poses, path: str | Path, excluded: np.ndarray | None = None) -> None:
     """Write a record as a table that `read_poses` reads back.
 
-    Numbers are written with as many digits as it takes to read the same number back; covariances between
-    joints are left out.
+    Numbers are written with as many digits as it takes to read the same number back, what is missing as an
+    empty cell; covariances between joints are left out.
 
     Args:
         poses: The record.
@@ -98,10 +99,19 @@ def write_poses(poses: Poses, path: str | Path, excluded: np.ndarray | None = No
     marks = poses.measured if excluded is None else np.hstack((poses.measured, excluded))
     std = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
     for i in range(len(poses)):
-        numbers = [repr(float(x)) for x in (*poses.position[i], *std[i])]
-        row = [int(poses.frame[i]), repr(float(poses.time[i])), int(poses.seen[i])]
+        numbers = [cell_text(float(x)) for x in (*poses.position[i], *std[i])]
+        row = [int(poses.frame[i]), cell_text(float(poses.time[i])), int(poses.seen[i])]
         writer.writerow([*row, *numbers, *marks[i].astype(int).tolist()])
     Path(path).write_text(text.getvalue(), encoding="utf-8")
+
+
+def cell_text(number: float | int | None) -> str:
+    """Return a cell of a table: the shortest text that reads back as the number, nothing where it is missing.
+
+    Args:
+        number: The number; None, NaN and infinity are missing.
+    """
+    return "" if number is None or not math.isfinite(number) else str(number)
 
 
 def table_rows(path: Path, what: str = "joint positions") -> tuple[list[str], list[tuple[int, list[str]]]]:

@@ -1,0 +1,121 @@
+"""``model.xml`` and ``model.urdf``: the identified mechanism, with what a simulator needs to know beside it.
+
+That is where the motion began, the camera that saw it, and in comments how far its numbers can be relied on.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from monodyn.results.folder import RunFolder
+
+if TYPE_CHECKING:
+    from monodyn.estimation.fit import Fit
+    from monodyn.mechanism.mjcf import Eye, Keyframe
+    from monodyn.results.filmed import Filmed
+    from monodyn.results.findings import Findings
+
+INERTIAL = ("mass", "inertia", "density", "thickness")
+"""Kinds of parameters of which a given one makes masses absolute."""
+
+
+def write_models(folder: RunFolder, findings: Findings) -> None:
+    """Write the identified mechanism as ``model.xml`` and ``model.urdf``.
+
+    Args:
+        folder: Where to.
+        findings: The fit, and the camera where a clip was filmed.
+    """
+    from monodyn.mechanism import write_mjcf, write_urdf
+
+    fit, filmed = findings.fit, findings.filmed
+    known, camera = what_is_known(fit), None if filmed is None else eye_of(filmed)
+    keys, said = keyframes(fit), [*known, *_how_to_start(fit)]
+    if filmed is not None and filmed.camera_path is not None:
+        said.append("The camera moved: it stands in its mean place here, and camera.csv has its way.")
+    folder.write(
+        "model.xml",
+        lambda path: write_mjcf(fit.mechanism, path, keyframes=keys, camera=camera, remarks=said),
+    )
+    folder.write("model.urdf", lambda path: write_urdf(fit.mechanism, path, remarks=known))
+
+
+def keyframes(fit: Fit) -> list[Keyframe]:
+    """Return the state at the first fitted frame of each record; ``start``, or ``start0``, ``start1``, ...
+
+    Args:
+        fit: The fit.
+    """
+    from monodyn.mechanism.mjcf import Keyframe
+
+    several, stretch = len(fit.starts) > 1, fit.mechanism.values["time_scale"]
+    return [
+        Keyframe(f"start{k}" if several else "start", start.time * stretch, start.position, start.velocity)
+        for k, start in enumerate(fit.starts)
+    ]
+
+
+def eye_of(filmed: Filmed) -> Eye:
+    """Return the identified camera in the frame of the mechanism.
+
+    Args:
+        filmed: Clip and camera.
+    """
+    import numpy as np
+
+    from monodyn.mechanism.mjcf import Eye
+    from monodyn.vision.drawing.camera import rotation
+
+    camera = filmed.camera
+    right, down, _ = rotation(camera)
+    place = np.array([camera.x, camera.y, camera.depth])
+    return Eye("clip", place, right, -down, camera.focal, (camera.width, camera.height))
+
+
+def what_is_known(fit: Fit) -> list[str]:
+    """Return sentences on how far the numbers of the identified mechanism can be relied on.
+
+    Args:
+        fit: The fit.
+    """
+    mechanism = fit.mechanism
+    said = [f"{fit.grade.capitalize()}: {fit.status}", _mass_scale_said(fit)]
+    gravity = mechanism.parameter("gravity")
+    if not gravity.free and gravity.value > 0.0:
+        said.append(f"Lengths rest on gravity, which was taken as {gravity.value:g} m/s^2.")
+    kinds = {p.name: p.kind for p in mechanism.parameters}
+    rows = [p.name for p in fit.parameters if p.free and not p.identifiable and kinds[p.name] != "torque"]
+    if rows:
+        said.append(f"Not determined by the motion: {', '.join(rows)}.")
+    return said
+
+
+def _mass_scale_said(fit: Fit) -> str:
+    """Return a sentence on what determines masses themselves."""
+    absolute = "masses, inertias, frictions, springs and torques"
+    if fit.mass_scale is not None:
+        return f"Known torques determine {absolute}: they are in SI units."
+    parameters = (p for p in fit.mechanism.parameters if p.kind in INERTIAL and not p.free)
+    given = [p.name for p in parameters if p.name in fit.mechanism.chosen]
+    if given:
+        return f"Only ratios show: {absolute} are in proportion to {', '.join(given)}, as given."
+    return (
+        f"Only ratios show: {absolute} are known up to one common factor, that of the file that the run "
+        "began with. A known torque or one measured mass makes them absolute."
+    )
+
+
+def _how_to_start(fit: Fit) -> list[str]:
+    """Return sentences on the clock of a simulation, and on torques that are in another file."""
+    if not fit.starts:
+        return []
+    said = [
+        "Keyframes are the states at the first fitted frame of each record, their time that of the tables: "
+        "mujoco.mj_resetDataKeyframe(model, data, 0) begins there."
+    ]
+    stretch = fit.mechanism.values["time_scale"]
+    if stretch != 1.0:
+        said.append(f"data.time is the time of the tables times {stretch!r}, the time scale.")
+    if fit.torque == "known":
+        said.append("torques.csv has the known torques: data.ctrl by joint, linear between the rows.")
+    return said
