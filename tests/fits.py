@@ -46,7 +46,14 @@ def made_fit(**changes: Any) -> Fit:
         ),
         "combinations": (Combination("joint1.damping / link1.J", 0.123456, 0.00123, 0.121, 0.126),),
     }
-    return replace(identified(), **{**said, **changes})
+    fit = replace(identified(), **{**said, **changes})
+    # of as many unknowns as it says there are
+    count, states = len(fit.shared), [start.covariance for start in fit.starts]
+    covariance = np.zeros((len(fit.names), len(fit.names)))
+    for k, own in enumerate(states):
+        at = count + k * len(own) + np.arange(len(own))
+        covariance[np.ix_(at, at)] = own
+    return replace(fit, covariance=covariance, tied=())
 
 
 def record(fit: Fit, count: int = 30) -> Poses:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from monodyn.pipeline import run as run
     from monodyn.results.fill import fill as fill
     from monodyn.results.horizon import horizon as horizon
+    from monodyn.results.opened import open_run as open_run
     from monodyn.results.predict import predict as predict
     from monodyn.results.report import report as report
     from monodyn.settings import RunSettings as RunSettings
@@ -71,6 +72,7 @@ _HOMES = {
     "estimation.record.tables": ("read_poses", "write_poses"),
     "estimation.settings": ("IdentifySettings",),
     "stages": ("identify", "locate", "segment", "track"),
+    "results.opened": ("open_run",),
     "results.predict": ("predict",),
     "results.fill": ("fill",),
     "results.horizon": ("horizon",),

@@ -88,7 +88,7 @@ def test_run_finds_the_demo_mechanism(demo: Done) -> None:
         assert np.degrees(np.sqrt(np.mean((poses[joint] - q[:, dof]) ** 2))) < 0.15
         assert np.degrees(np.sqrt(np.mean((future[joint] - q[150:, dof]) ** 2))) < 0.75
         error = poses[joint][150:] - future[joint]
-        assert fit["heldout_rms"][joint] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
+        assert fit["heldout_rms"][0][joint] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
 
 
 def test_identified_model_moves_like_the_prediction(demo: Done) -> None:
@@ -97,7 +97,7 @@ def test_identified_model_moves_like_the_prediction(demo: Done) -> None:
     model = mujoco.MjModel.from_xml_path(str(demo.folder / "model.xml"))
     model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, 1.0 / 30.0 / 50.0
     data = mujoco.MjData(model)
-    start = fit["initial_state"]
+    (start,) = fit["initial_state"]
     data.qpos[:], data.qvel[:] = list(start["position"].values()), list(start["velocity"].values())
     mujoco.mj_step(model, data, 50 * 60)
     # the integration errors of both sides over 2 s are far below

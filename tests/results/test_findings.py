@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
+from importlib.resources import files
 
+import jsonschema
 import numpy as np
 import pytest
 
 import monodyn
 from fits import identified, made_fit, record
-from monodyn.estimation.fit import Estimate
+from monodyn.estimation.fit import Doubt, Estimate
 from monodyn.results.export import json_text
-from monodyn.results.findings import Findings, fit_document, listed_rows
+from monodyn.results.findings import SCHEMA, Findings, fit_document, listed_rows, origin
 from monodyn.results.trace import trace_of
 
 
@@ -21,11 +24,41 @@ def test_json_has_no_infinity() -> None:
     damping = document["parameters"][1]
     assert (damping["std"], damping["upper"], damping["lower"]) == (None, None, 0.0)
     start = identified().starts[0]
-    assert document["initial_state"]["velocity"] == {"joint1": start.velocity[0]}
-    assert document["initial_state"]["velocity_std"] == {
-        "joint1": pytest.approx(start.covariance[1, 1] ** 0.5)
-    }
-    assert document["heldout_rms"] == {"joint1": None}
+    (stated,) = document["initial_state"]
+    assert stated["velocity"] == {"joint1": start.velocity[0]}
+    assert stated["velocity_std"] == {"joint1": pytest.approx(start.covariance[1, 1] ** 0.5)}
+    assert document["heldout_rms"] == []
+
+
+def test_the_form_is_that_of_its_schema() -> None:
+    """Against a validator of JSON Schema that we did not write, with a record, without one, and refused."""
+    schema = json.loads(files("monodyn.results").joinpath("fit.schema.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert schema["properties"]["schema"]["const"] == SCHEMA
+    fit = identified()
+    refused = fit.doubted([Doubt("refused", "It is another mechanism.")])
+    for findings in (Findings(fit, [trace_of(fit, record(fit))]), Findings(fit), Findings(refused)):
+        jsonschema.validate(json.loads(json_text(fit_document(findings))), schema)
+    broken = {**json.loads(json_text(fit_document(Findings(fit)))), "rms": 1.0}
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(broken, schema)
+
+
+def test_it_is_said_where_each_value_comes_from() -> None:
+    origins = {row["name"]: row["origin"] for row in fit_document(Findings(identified()))["parameters"]}
+    assert origins["link1.length"] == "estimated"
+    assert origins["link1.mass"] == "derived"
+    assert origins["gravity"] == "given"
+    held = next(p.name for p in identified().parameters if not p.free and p.unit == "m")
+    tied = replace(identified(), tied=((held, "link1.length"),))
+    assert origin(tied.parameter(held), tied) == "assumed"
+
+
+def test_the_ends_of_a_search_are_no_interval() -> None:
+    rows = (Estimate("link1.length", 0.2, math.inf, 0.1, 100.0, "m", True, False, False),)
+    mechanism = identified().mechanism.with_choices(bounds={"link1.length": (1e-3, 100.0)})
+    (row,) = fit_document(Findings(made_fit(parameters=rows, mechanism=mechanism)))["parameters"]
+    assert (row["lower"], row["upper"]) == (0.1, None)
 
 
 def test_notes_follow_the_advice_and_the_frames_are_those_of_the_record() -> None:

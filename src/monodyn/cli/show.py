@@ -238,7 +238,8 @@ def _errors(outcome: Outcome) -> Table:
     # a joint that was not predicted, or not measured, has no error
     for joint in fit.mechanism.joints if fit is not None else ():
         scale, unit = shown_in(joint)
-        cells = [document[name].get(joint.name) for name in ("rms", "heldout_rms")]
+        ahead = document["heldout_rms"]
+        cells = [document["rms"].get(joint.name), ahead[0].get(joint.name) if ahead else None]
         texts = ["–" if cell is None or not math.isfinite(cell) else f"{cell * scale:.3g}" for cell in cells]
         table.add_row(joint.name, *texts, unit)
     return table

@@ -11,8 +11,10 @@ import numpy as np
 
 from monodyn.errors import FitError
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.assemble import following_slopes
 from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.logged import logged
+from monodyn.mechanism.plan import OWNED_COLUMNS
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.tree import Directions
 from monodyn.types import TorqueLog
@@ -79,6 +81,7 @@ class Combination:
         std: Standard deviation [SI].
         lower: Lower end of the 95 % interval [SI].
         upper: Upper end [SI].
+        unit: Unit of all of them; empty for a plain number.
     """
 
     name: str
@@ -86,6 +89,7 @@ class Combination:
     std: float
     lower: float
     upper: float
+    unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,11 +329,46 @@ class Fit:
         Returns:
             The derivatives by ``shared``.
         """
+        names = (*self.shared, *(size for size, _ in self.tied))
+        return self.mechanism.directions(names).chained(self._chain())
+
+    @cached_property
+    def spread(self) -> tuple[tuple[str, ...], np.ndarray]:
+        """Names and joint covariance of all that was not given: the parameters in their order, estimated ones
+        and such as follow from these, then the start states as in ``names``."""
+        mechanism, tied = self.mechanism, [size for size, _ in self.tied]
+        plan, count = mechanism.plan, len(self.shared)
+        slopes = dict(zip((*self.shared, *tied), self._chain(), strict=True))
+        links = self.directions().links if self.starts else np.zeros((*mechanism.tree.links.shape, 0))
+        for link, rows in enumerate(plan.owned):
+            for row, column in zip(rows or (), OWNED_COLUMNS, strict=False):
+                if plan.follows[row] and not mechanism.own[row]:
+                    slopes[plan.table.names[row]] = links[link, column]
+        moving = {mechanism.row(name): slope for name, slope in slopes.items() if name not in tied}
+        moving |= {mechanism.row(size): slopes[size] for size in tied}
+        inner = [row for row in moving if row < len(plan.table.names)]
+        forms = following_slopes(plan, mechanism.own)
+        for row, _ in plan.ties:
+            if not mechanism.own[row]:
+                slopes[plan.table.names[row]] = sum(
+                    (forms[row, other] * moving[other] for other in inner), np.zeros(count)
+                )
+        names = [p.name for p in mechanism.parameters if np.any(slopes.get(p.name, 0.0))]
+        states = len(self.names) - count
+        by_unknowns = np.zeros((len(names) + states, count + states))
+        for k, name in enumerate(names):
+            by_unknowns[k, :count] = slopes[name]
+        by_unknowns[len(names) :, count:] = np.eye(states)
+        return (*names, *self.names[count:]), by_unknowns @ self.covariance @ by_unknowns.T
+
+    def _chain(self) -> np.ndarray:
+        """Return the derivatives of the estimated parameters, then of the sizes tied to lengths, by the
+        estimated parameters, (param + tied, param)."""
         count, values = len(self.shared), self.mechanism.values
         chain = np.eye(count + len(self.tied))[:, :count]
         for k, (size, length) in enumerate(self.tied):
             chain[count + k, self.shared.index(length)] = values[size] / values[length]
-        return self.mechanism.directions((*self.shared, *(size for size, _ in self.tied))).chained(chain)
+        return chain
 
     def check(self) -> Fit:
         """Return the fit if it can be used.

@@ -25,17 +25,19 @@ class States:
         position: Joint positions [rad or m], (frame, dof).
         velocity: Joint rates [rad/s or m/s], (frame, dof).
         std: Standard deviation of the positions from that of the fit [rad or m], (frame, dof).
+        velocity_std: Standard deviation of the rates, likewise [rad/s or m/s], (frame, dof).
     """
 
     time: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
     std: np.ndarray
+    velocity_std: np.ndarray
 
     def __post_init__(self) -> None:
         frames, dofs = np.shape(self.position)
         object.__setattr__(self, "time", frozen("States.time", self.time, (frames,)))
-        for name in ("position", "velocity", "std"):
+        for name in ("position", "velocity", "std", "velocity_std"):
             object.__setattr__(self, name, frozen(f"States.{name}", getattr(self, name), (frames, dofs)))
 
 
@@ -68,22 +70,23 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     before = np.flatnonzero(times < start.time)[::-1]
     after = np.flatnonzero(times >= start.time)
     dofs = len(start.position)
-    position, velocity, std = (np.zeros((len(times), dofs)) for _ in range(3))
+    motion, std = np.zeros((2, len(times), 2 * dofs))
     for rows in (before, after):
         if len(rows):
-            position[rows], velocity[rows], std[rows] = _one_way(fit, start, record, times[rows], usual)
-    return States(times, position, velocity, std)
+            motion[rows], std[rows] = _one_way(fit, start, record, times[rows], usual)
+    return States(times, motion[:, :dofs], motion[:, dofs:], std[:, :dofs], std[:, dofs:])
 
 
 def _one_way(
     fit: Fit, start: Start, record: int, times: np.ndarray, usual: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Simulate away from the start: positions, rates and standard deviations at ``times``."""
-    from monodyn.mechanism.simulate import least_substeps, rollout, rollout_derivatives
+) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate away from the start: states at ``times``, positions then rates, and their standard deviations,
+    each (frame, 2 dof)."""
+    from monodyn.mechanism.simulate import accelerations, least_substeps, rollout, rollout_derivatives
 
     mechanism = fit.mechanism
     tree, stretch = mechanism.tree, mechanism.values["time_scale"]
-    stamps, rows = _stamps(start.time, times, usual)
+    stamps, rows = fine_stamps(start.time, times, usual)
     drive, least = fit.driven(stamps, record)
     # a clip k times slower than life has time_scale 1/k: dynamics and drive run on the stretched clock
     clock = stamps * stretch
@@ -93,19 +96,21 @@ def _one_way(
         return rollout(tree, clock, *state, substeps=substeps, drive=drive)[0]
 
     substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_FILL_SUBSTEPS, least)
-    q, v, dq, _ = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
-    # q is a function of the stretched clock, so its slope in the stretch is the rate times the time since
+    q, v, dq, dv = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
+    # of a function of the stretched clock the slope in the stretch is the rate times the time since
     if "time_scale" in fit.shared:
-        dq[:, :, fit.shared.index("time_scale")] += v * ((stamps - start.time)[:, None])
+        at, since = fit.shared.index("time_scale"), (stamps - start.time)[:, None]
+        dq[:, :, at] += v * since
+        dv[:, :, at] += accelerations(tree, q, v, drive.at(clock)) * since
     covariance = fit.motion_covariance(record)
-    by_unknowns = dq[rows]
+    by_unknowns = np.concatenate((dq, dv), axis=1)[rows]
     variance = np.einsum("fip,pr,fir->fi", by_unknowns, covariance, by_unknowns, optimize=True)
     variance += _astray(fit, record, stamps, (q, v), drive, substeps)[rows]
     # a fit that is not determined has no covariance
     unknown = np.isnan(variance).any(axis=1) | fit.unpushed(stamps[rows], record)
     # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
-    return q[rows], v[rows], std
+    return np.concatenate((q, v), axis=1)[rows], std
 
 
 def _astray(
@@ -117,9 +122,8 @@ def _astray(
     substeps: int,
 ) -> np.ndarray:
     """Return by how much the motion goes astray of the identified one after the fitted frames, for what the
-    model lacks: variances of the positions, (frame, dof)."""
-    dofs = motion[0].shape[1]
-    added = np.zeros((len(stamps), dofs))
+    model lacks: variances of the positions, then the rates, (frame, 2 dof)."""
+    added = np.zeros((len(stamps), 2 * motion[0].shape[1]))
     last = fit.time[record][-1]
     after = np.flatnonzero(stamps > last + 1e-9)
     if fit.unmodelled is None or not len(after) or not stamps[-1] > stamps[0]:
@@ -130,19 +134,37 @@ def _astray(
     carried = transitions(fit.mechanism.tree, clock, start, substeps=substeps, drive=drive)
     density, covariance = fit.unmodelled
     for i in after:
-        h = clock[i] - clock[i - 1]
-        covariance = carried[i] @ covariance @ carried[i].T
-        # of a random acceleration and its integrals
-        covariance[:dofs, :dofs] += np.diag(density) * h**3 / 3.0
-        covariance[:dofs, dofs:] += np.diag(density) * h**2 / 2.0
-        covariance[dofs:, :dofs] += np.diag(density) * h**2 / 2.0
-        covariance[dofs:, dofs:] += np.diag(density) * h
-        added[i] = np.diag(covariance)[:dofs]
+        pushed = random_push(density, clock[i] - clock[i - 1])
+        covariance = carried[i] @ covariance @ carried[i].T + pushed
+        added[i] = np.diag(covariance)
     return added
 
 
-def _stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:
-    """Put the start before ``times`` and stamps into gaps over twice the usual step; rows of ``times``."""
+def random_push(density: np.ndarray, seconds: float) -> np.ndarray:
+    """Return the covariance that random accelerations and their integrals add to a state.
+
+    Args:
+        density: Spectral density of each joint's acceleration [rad^2/s^3 or m^2/s^3], (dof,).
+        seconds: For how long they act [s].
+
+    Returns:
+        Covariance of positions, then rates [SI], (2 dof, 2 dof).
+    """
+    h = seconds
+    return np.kron([[h**3 / 3.0, h**2 / 2.0], [h**2 / 2.0, h]], np.diag(density))
+
+
+def fine_stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:
+    """Put the start before ``times`` and stamps into gaps over twice the usual step.
+
+    Args:
+        first: Time stamp of the start [s].
+        times: Time stamps [s], (frame,), rising or falling away from it.
+        usual: The usual step [s].
+
+    Returns:
+        All stamps, and which of them are ``times``, int (frame,).
+    """
     # substeps are chosen for the usual step; a gap (frames that did not decode) is cut into such steps
     stamps = times if times[0] == first else np.concatenate(([first], times))
     parts = np.maximum(np.ceil(np.abs(np.diff(stamps)) / (2.0 * usual) - 1e-9), 1.0).astype(int)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -18,6 +19,9 @@ from monodyn.types import Poses
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Estimate, Fit, Start
+
+SCHEMA = 2
+"""Version of the form of ``fit.json``: one more whenever a reader of the old form would misread the new."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,32 +79,37 @@ class Findings:
 
 
 def fit_document(findings: Findings) -> dict[str, Any]:
-    """Return the content of ``fit.json``; of several records the first one's frames and held-out error.
+    """Return the content of ``fit.json``, which ``fit.schema.json`` describes; ``opened`` reads it back.
 
     Args:
         findings: The fit and its records.
     """
     fit, filmed = findings.fit, findings.filmed
     joints = [joint.name for joint in fit.mechanism.joints]
-    # one record has its start state itself, several have a list: fit.json is a contract
-    starts = [start_row(joints, start) for start in fit.starts]
+    names, covariance = fit.spread
     return {
+        "schema": SCHEMA,
         "status": str(fit.status),
         "grade": fit.grade,
         "ok": fit.ok,
         "doubts": [asdict(doubt) for doubt in fit.doubts],
         "advice": findings.advice,
         "torque": fit.torque,
+        "drive": _drive_document(fit),
         "acting": list(fit.acting),
         "tried_torques": [tried._asdict() for tried in fit.tried_torques],
         "unknowns": sum(estimate.free for estimate in fit.parameters),
         "evaluations": fit.evaluations,
-        "parameters": [parameter_row(estimate) for estimate in fit.parameters],
+        "parameters": [parameter_row(estimate, fit) for estimate in fit.parameters],
         "alternatives": [dict(values) for values in fit.alternatives],
         "combinations": [asdict(one) for one in fit.combinations],
-        "initial_state": starts[0] if len(starts) == 1 else starts,
+        "covariance": {"names": list(names), "matrix": covariance},
+        "initial_state": [start_row(joints, start) for start in fit.starts],
+        "fitted": [_fitted_row(stamps) for stamps in fit.time[: len(fit.starts)]],
+        "units": {joint.name: "rad" if joint.kind == "hinge" else "m" for joint in fit.mechanism.joints},
         "rms": dict(fit.rms),
-        "heldout_rms": findings.traces[0].heldout() if findings.traces else dict.fromkeys(joints),
+        "heldout_rms": [trace.heldout() for trace in findings.traces],
+        "unmodelled": None if fit.unmodelled is None else fit.unmodelled._asdict(),
         "horizon": [_horizon_row(findings, found) for found in findings.horizons],
         "scale": fit.scale,
         "mass_scale": fit.mass_scale,
@@ -135,17 +144,71 @@ def _camera_document(filmed: Filmed) -> dict[str, Any]:
     masks = None if filmed.sight is None else filmed.sight.shown_masks
     if filmed.video.camera_path is not None and masks is not None:
         document["parallax"] = masks.parallax.share
+    # of what stands under the same names
+    lengths = ("x", "y", "depth")
+    pixels = ("width", "height", "focal")
+    document["units"] = {
+        **dict.fromkeys(lengths, "m"),
+        **dict.fromkeys(pixels, "px"),
+        **dict.fromkeys(("roll", "pitch", "yaw"), "rad"),
+        **dict.fromkeys(("exposure", "readout"), "s"),
+    }
     return document
 
 
-def parameter_row(estimate: Estimate) -> dict[str, Any]:
+def _drive_document(fit: Fit) -> dict[str, Any]:
+    """Return what acts at the joints over time, but for its coefficients, which are parameters.
+
+    The clock is that of the record times ``time_scale``, from 0 on.
+    """
+    torques = fit.mechanism.torques
+    return {
+        "model": fit.torque,
+        "harmonics": (torques.rows.shape[1] - 1) // 2 if fit.torque == "fourier" else 0,
+        "knots": torques.knots if fit.torque == "free" else [],
+    }
+
+
+def _fitted_row(stamps: np.ndarray) -> dict[str, Any]:
+    """Return which part of a record was fitted [s]."""
+    return {"first": float(stamps[0]), "last": float(stamps[-1]), "rows": len(stamps)}
+
+
+def origin(estimate: Estimate, fit: Fit) -> str:
+    """Return where the value of a parameter comes from.
+
+    Args:
+        estimate: A parameter of a fit.
+        fit: The fit.
+
+    Returns:
+        ``"estimated"``; ``"derived"`` from estimated ones; ``"assumed"``, in the file's proportion to an
+        estimated one; or ``"given"`` by the file or the user.
+    """
+    if estimate.free:
+        return "estimated"
+    if estimate.name in {size for size, _ in fit.tied}:
+        return "assumed"
+    return "derived" if estimate.name in fit.spread[0] else "given"
+
+
+def parameter_row(estimate: Estimate, fit: Fit) -> dict[str, Any]:
     """Return one parameter as ``fit.json`` lists it.
 
     Args:
         estimate: A parameter of a fit.
+        fit: The fit.
     """
     names = ("name", "value", "std", "lower", "upper", "unit", "free", "identifiable", "at_bound")
-    return {name: getattr(estimate, name) for name in names}
+    row: dict[str, Any] = {name: getattr(estimate, name) for name in names} | {
+        "origin": origin(estimate, fit)
+    }
+    if not estimate.identifiable and not math.isfinite(estimate.std):
+        # where nothing limits it the ends are those of the search, which say nothing; zero is one of nature
+        bounds = fit.mechanism.parameter(estimate.name)
+        row["lower"] = None if estimate.lower <= bounds.lower and estimate.lower != 0.0 else estimate.lower
+        row["upper"] = None if estimate.upper >= bounds.upper else estimate.upper
+    return row
 
 
 def start_row(joints: Sequence[str], start: Start) -> dict[str, Any]:

@@ -56,4 +56,4 @@ def predict(
         times = np.asarray(times, dtype=float)
         times = times[times <= until]
     found = fill(fit, times, record=record)
-    return Prediction(found.time, found.position, found.velocity, found.std)
+    return Prediction(found.time, found.position, found.velocity, found.std, found.velocity_std)

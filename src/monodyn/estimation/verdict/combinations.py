@@ -15,6 +15,7 @@ from monodyn.estimation.verdict.posterior import Posterior
 from monodyn.estimation.verdict.regrouped import Regrouped, Trees, carried_mass, regroup
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.dimensions import Dimensions, dimensions
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, DAMPING, HINGE, STIFFNESS, Tree
 
 MOVED = 1e-3
@@ -23,6 +24,13 @@ SIMPLE = 1e-3
 """Exponents are written as fractions when they are this near to them."""
 COMPLEX_STEP = 1e-30
 """Step of the derivatives of the regrouped parameters, exact because no difference is taken."""
+REGROUPED = {
+    "J": Dimensions(mass=1, length=2),
+    "mx": Dimensions(mass=1, length=1),
+    "my": Dimensions(mass=1, length=1),
+    "M": Dimensions(mass=1),
+}
+"""Dimensions of the regrouped inertial parameters."""
 REFERENCE = ("thickness", "density", "mass", "inertia", "length", "gravity", "time_scale")
 """Kinds by which the others are divided, the first of them that serves."""
 
@@ -45,7 +53,7 @@ def combinations(
         themselves.
     """
     found = [*_powers(problem, x, known, drawn), *_regrouped(problem, x, known, drawn)]
-    return tuple(one.combination(quantile, drawn) for one in found)
+    return tuple(one.combination(quantile, drawn, unit_of(problem.mechanism, one.name)) for one in found)
 
 
 class _Found(NamedTuple):
@@ -56,11 +64,48 @@ class _Found(NamedTuple):
     std: float
     draws: np.ndarray | None
 
-    def combination(self, quantile: float, drawn: Posterior | None) -> Combination:
+    def combination(self, quantile: float, drawn: Posterior | None, unit: str) -> Combination:
         low, high = self.value - quantile * self.std, self.value + quantile * self.std
         if drawn is not None and self.draws is not None and self.std > 0.0:
             low, high = drawn.interval(self.draws)
-        return Combination(self.name, self.value, self.std, min(low, self.value), max(high, self.value))
+        return Combination(self.name, self.value, self.std, min(low, self.value), max(high, self.value), unit)
+
+
+def unit_of(mechanism: Mechanism, name: str) -> str:
+    """Return the unit of a combination.
+
+    Args:
+        mechanism: Gives the kinds of its parameters.
+        name: Its name, a product of powers as written here.
+
+    Returns:
+        The unit in powers of kg, m and s; empty for a plain number.
+
+    Example:
+        >>> import monodyn.mechanism
+        >>> unit_of(monodyn.mechanism.load("double"), "link1.mx * gravity / link2.J")
+        '1/s^2'
+    """
+    kinds = {p.name: (p.kind, p.owner) for p in mechanism.parameters}
+    joints = {joint.name: joint.kind for joint in mechanism.joints}
+    powers = np.zeros(3)
+    for k, part in enumerate(name.split(" / ")):
+        for factor in part.split(" * "):
+            quantity, _, exponent = factor.partition("^")
+            power = float(Fraction(exponent.strip("()") or 1)) * (-1.0 if k else 1.0)
+            if quantity in kinds:
+                kind, owner = kinds[quantity]
+                of = dimensions(kind, joints.get(owner, "hinge"))
+            else:
+                of = REGROUPED[quantity.rpartition(".")[2]]
+            # the line of sight is a length like any other here
+            powers += power * np.array([of.mass, of.length + of.thickness, of.time])
+    named = list(zip(("kg", "m", "s"), powers.tolist(), strict=True))
+    above, below = (
+        " ".join(unit if e * sign == 1.0 else f"{unit}^{e * sign:g}" for unit, e in named if e * sign > 0.0)
+        for sign in (1.0, -1.0)
+    )
+    return f"{above or '1'}/{below}" if below else above
 
 
 def _powers(problem: Problem, x: np.ndarray, known: Knowledge, drawn: Posterior | None) -> list[_Found]:

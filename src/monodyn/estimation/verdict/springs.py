@@ -59,4 +59,3 @@ def like_weight(found: Refined) -> list[str]:
                 f"tells them apart, with --free {' '.join(laws[joint])}."
             )
     return said
-
