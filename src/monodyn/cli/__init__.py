@@ -1,4 +1,5 @@
-"""The commands: ``run``, ``track``, ``identify``, ``models``, ``reproduce``. The only place that prints.
+"""The commands: ``run``, ``track``, ``identify``, ``control``, ``models``, ``reproduce``. The only place that
+prints.
 
 ``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
@@ -20,6 +21,7 @@ commands:
   run       track a clip, identify the mechanism, predict, write the run folder
   track     track a clip and write poses.csv
   identify  identify a mechanism from tables of joint positions
+  control   design a controller for the mechanism of a run, and simulate it
   models    list the bundled mechanisms
   reproduce repeat the experiment of the 2012 paper and write a page about it
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_type_hints
 
 from tyro import conf
 
+from monodyn.cli.controlled import ControlOptions
 from monodyn.cli.forms import FORMS
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
@@ -258,6 +259,9 @@ COMMANDS: dict[str, Command] = {
         IdentifyOptions,
         "monodyn identify run/poses.csv --model run/model.xml --out fit",
         without=_OF_CLIP,
+    ),
+    "control": Command(
+        ControlOptions, "monodyn control run --at joint1=1.5708 --actuated slide --out balance"
     ),
     "models": Command(ModelsOptions, "monodyn models"),
     "reproduce": Command(ReproduceOptions, "monodyn reproduce --out experiment"),

@@ -96,6 +96,7 @@ def closed_loop(
     velocity: np.ndarray | None = None,
     *,
     seconds: float = 10.0,
+    factor: float = 1.0,
 ) -> ClosedLoop:
     """Simulate a mechanism under a controller with MuJoCo.
 
@@ -105,6 +106,8 @@ def closed_loop(
         position: Joint positions at the beginning [rad or m], (dof,).
         velocity: Joint rates there [rad/s or m/s], (dof,); None is rest.
         seconds: How long [s].
+        factor: What each torque is multiplied by: how many times as much the model moves as was identified,
+            where that is known.
 
     Returns:
         The motion; it ends early where it runs away.
@@ -146,11 +149,12 @@ def closed_loop(
         torques.append(torque)
         if not np.all(np.abs(v) < LOST):
             break
-        data.qfrc_applied[driven] = torque
+        data.qfrc_applied[driven] = factor * torque
         mujoco.mj_step(body, data, steps)
     q, v = np.split(np.array(states), 2, axis=1)
     last = np.array(time) >= seconds - AT_END
     far = np.array([np.abs(off(row, controller.position, controller.turns)) for row in q[last]])
     away = far.max(axis=0) if len(far) else np.full(len(rows), np.inf)
-    limits = np.array([ANGLE if body.joint(n).type[0] == mujoco.mjtJoint.mjJNT_HINGE else LENGTH for n in controller.joints])
-    return ClosedLoop(np.array(time), q, v, np.array(torques), away, bool(np.all(away < limits)))
+    hinge = np.array([body.joint(name).type[0] == mujoco.mjtJoint.mjJNT_HINGE for name in controller.joints])
+    balanced = bool(np.all(away < np.where(hinge, ANGLE, LENGTH)))
+    return ClosedLoop(np.array(time), q, v, factor * np.array(torques), away, balanced)

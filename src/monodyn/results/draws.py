@@ -70,15 +70,15 @@ def drawn(fit: Fit, count: int, *, seed: int = 0, response: Response | None = No
     features = _Features(fit, _states(fit.mechanism), response or Response(np.zeros(dofs), 0))
     start, slopes = features.of(fit.mechanism)
     found: list[Mechanism] = []
+    measured = weighed(fit)
     for _ in range(MOST_TRIES * count):
         if len(found) == count:
             break
         change = root @ rng.normal(size=len(values))
-        if weighed(fit):
-            wanted = start + slopes @ change
-        else:
-            wanted = start + np.append(slopes[:-1] @ change, 0.0)
-        one = _nearest(fit, features, wanted)
+        moved = slopes @ change
+        # the last is the scale of the masses
+        moved[-1] *= measured
+        one = _nearest(fit, features, start + moved)
         found += [] if one is None else [one]
     return found
 
@@ -138,7 +138,7 @@ def _directions(fit: Fit, mechanism: Mechanism) -> Directions:
 
 
 def _nearest(fit: Fit, features: _Features, wanted: np.ndarray) -> Mechanism | None:
-    """Return the mechanism nearest to the identified one that has wanted features; None where none is found."""
+    """Return the mechanism with wanted features that is nearest to the identified one, or None."""
     names = fit.shared
     table = [fit.mechanism.parameter(name) for name in names]
     best = fit.mechanism.values

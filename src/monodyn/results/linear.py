@@ -18,13 +18,13 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
-from monodyn.mechanism.tree import FRICTION, MASS, Directions, Tree
+from monodyn.mechanism.tree import FRICTION, Directions, Tree
 
 if TYPE_CHECKING:
     import control
 
 DIFFERENCE = 1e-5
-"""Step of the central differences of exact derivatives [rad or m, rad/s or m/s]: their error is its square."""
+"""Step of the central differences of exact derivatives [rad or m, or a second]: its square is their error."""
 
 State = Mapping[str, float] | Sequence[float] | np.ndarray
 """Values by joint: by name, zero for those that are not named; or one for each in the mechanism's order."""
@@ -66,8 +66,7 @@ class Linearization:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviation of every entry of [A B], infinite where the fit has none, (2 dof, 2 dof + motor).
-        """
+        """Standard deviation of every entry of [A B], infinite where there is none, (2 dof, 2 dof + motor)."""
         variance = np.diag(self.covariance).reshape(len(self.system.A), -1)
         return np.where(np.isnan(variance), np.inf, np.sqrt(np.maximum(variance, 0.0)))
 
@@ -104,7 +103,9 @@ def linearize(
         ``monodyn.linearize(fit, {"joint1": np.pi / 2}, actuated=["slide"]).system.poles()``
     """
     if not fit.starts:
-        raise SettingsError(f"linearize: expected an identified mechanism, got a fit without one: {fit.status}")
+        raise SettingsError(
+            f"linearize: expected an identified mechanism, got a fit without one: {fit.status}"
+        )
     mechanism = fit.mechanism
     position = by_joint(mechanism, "q", q)
     velocity = by_joint(mechanism, "v", () if v is None else v)
@@ -144,15 +145,17 @@ def by_joint(mechanism: Mechanism, where: str, values: State) -> np.ndarray:
     if isinstance(values, Mapping):
         for name in values:
             if name not in names:
-                raise SettingsError(f"{where}: joint '{name}' is not in the mechanism; joints: {_quoted(names)}.")
+                raise SettingsError(
+                    f"{where}: joint '{name}' is not in the mechanism; joints: {_quoted(names)}."
+                )
         return np.array([float(values.get(name, 0.0)) for name in names])
     found = np.asarray(values, dtype=float)
     if found.size == 0:
         return np.zeros(len(names))
     if found.shape != (len(names),) or not np.all(np.isfinite(found)):
         raise SettingsError(
-            f"{where}: expected a finite value for each of {len(names)} joints, got {found.tolist()}; joints: "
-            f"{_quoted(names)}."
+            f"{where}: expected a finite value for each of {len(names)} joints, got {found.tolist()}; "
+            f"joints: {_quoted(names)}."
         )
     return found
 
@@ -171,7 +174,9 @@ def motors(mechanism: Mechanism, actuated: Sequence[str] | None) -> list[int]:
     chosen = names if actuated is None else list(actuated)
     for name in chosen:
         if name not in names:
-            raise SettingsError(f"actuated: joint '{name}' is not in the mechanism; joints: {_quoted(names)}.")
+            raise SettingsError(
+                f"actuated: joint '{name}' is not in the mechanism; joints: {_quoted(names)}."
+            )
     if not chosen or len(set(chosen)) < len(chosen):
         raise SettingsError(
             f"actuated: expected one or more joints, each once, got {chosen}; joints: {_quoted(names)}."
@@ -321,22 +326,23 @@ def _notes(fit: Fit, joint: str, moved: float) -> tuple[str, ...]:
     if not weighed(fit):
         unit = "kg m^2" if next(j for j in mechanism.joints if j.name == joint).kind == "hinge" else "kg"
         notes.append(
-            f"Masses are known up to one factor: torques are those of a mechanism in which the motor at {joint} "
-            f"moves {moved:.3g} {unit} there; where that is k times as much, every torque is k times as large."
+            "Masses are known up to one factor: torques are those of a mechanism in which the motor at "
+            f"{joint} moves {moved:.3g} {unit} there; where that is k times as much, every torque is k times "
+            "as large."
         )
     return tuple(notes)
 
 
 def weighed(fit: Fit) -> bool:
-    """Return whether the masses are known themselves: by known torques, or because one was given.
+    """Return whether a mass is known itself, by known torques or because one was given, and so all are.
 
     Args:
         fit: The fit.
     """
-    chosen = {
-        p.kind for p in fit.mechanism.parameters if p.name in fit.mechanism.chosen and not p.free
-    }
-    return fit.mass_scale is not None or bool(chosen & {"mass", "thickness"})
+    kinds = {p.name: p.kind for p in fit.mechanism.parameters}
+    given = {p.name for p in fit.mechanism.parameters if p.name in fit.mechanism.chosen and not p.free}
+    masses = [p for p in fit.parameters if kinds.get(p.name) == "mass"]
+    return any(0.0 < p.std < abs(p.value) or p.name in given for p in masses)
 
 
 def _torque(torque: Sequence[float] | np.ndarray, names: tuple[str, ...]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""An identified mechanism and a position in, the gains that hold it there out, tried on what it may be in truth.
+"""An identified mechanism and a position in, gains that hold it there out, tried on what it may be in truth.
 
 The linear-quadratic regulator of the identified mechanism is designed once; whether it also holds the others
 that the data allow is asked of draws of the covariance, and of another scale of the masses.
@@ -16,7 +16,7 @@ from monodyn.arrays import frozen
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.tree import SLIDE, Tree
+from monodyn.mechanism.tree import SLIDE
 from monodyn.results.draws import Response, drawn
 from monodyn.results.linear import (
     Linearization,
@@ -115,7 +115,9 @@ class Regulator:
     def __post_init__(self) -> None:
         for name in ("gain", "cost", "state_weight", "torque_weight"):
             object.__setattr__(
-                self, name, frozen(f"Regulator.{name}", getattr(self, name), (None, None), error=SettingsError)
+                self,
+                name,
+                frozen(f"Regulator.{name}", getattr(self, name), (None, None), error=SettingsError),
             )
 
     @property
@@ -179,7 +181,9 @@ def lqr(
         raise SettingsError(f"lqr: expected an identified mechanism, got a fit without one: {fit.status}")
     mechanism, allowed = fit.mechanism, allowed or Allowed()
     if not min(*allowed, rate) > 0.0:
-        raise SettingsError(f"lqr: expected allowed values and a rate above 0, got {tuple(allowed)} and {rate:g}.")
+        raise SettingsError(
+            f"lqr: expected allowed values and a rate above 0, got {tuple(allowed)} and {rate:g}."
+        )
     rows = motors(mechanism, actuated)
     position = equilibrium(mechanism, by_joint(mechanism, "at", at), rows)
     linear = linearize(fit, position, actuated=actuated)
@@ -252,8 +256,8 @@ def equilibrium(mechanism: Mechanism, near: np.ndarray, rows: Sequence[int]) -> 
     joint = mechanism.joints[worst]
     where = ", ".join(f"{j.name}={x:.4g}" for j, x in zip(mechanism.joints, near, strict=True))
     raise SettingsError(
-        f"lqr: expected a position that the motors can hold at rest, but at {where} joint '{joint.name}', which "
-        f"has none, would need {torque[worst]:.3g} {'N m' if joint.kind == 'hinge' else 'N'}; give one where "
+        f"lqr: expected a position that the motors can hold at rest, but at {where} joint '{joint.name}', "
+        f"which has none, would need {torque[worst]:.3g} {'N m' if joint.kind == 'hinge' else 'N'}; give one where "
         "the joints without a motor need no torque."
     )
 
@@ -318,7 +322,7 @@ def _solved(
 def _poles(a: np.ndarray, b: np.ndarray, gain: np.ndarray, rate: float) -> np.ndarray:
     """Return the poles of the regulated system as of continuous time [1/s], complex (2 dof,)."""
     ahead, pushed = sampled(a, b, rate)
-    found = np.linalg.eigvals(ahead - pushed @ gain).astype(complex)
+    found = np.linalg.eigvals(ahead - pushed @ gain).astype(np.complex128)
     return rate * np.log(np.where(found == 0.0, np.finfo(float).tiny, found))
 
 
@@ -331,7 +335,7 @@ def _stability(
     tau[list(rows)] = linear.torque
 
     def slowest(a: np.ndarray, b: np.ndarray) -> float:
-        return float(np.max(_poles(a, b, gain, rate).real))
+        return float(np.max(np.real(_poles(a, b, gain, rate))))
 
     real = []
     for mechanism in drawn(fit, draws, seed=seed, response=Response(q, rows[0])):

@@ -1,8 +1,8 @@
 """Two states and a time in, torques that lead from one to the other out: multiple shooting.
 
-The time is cut into intervals, each begun at a node, a state of its own; torques are linear between knots. That
-intervals end where the next begins is what the optimiser (SLSQP of SciPy) has to bring about, with the exact
-derivatives of the rollouts.
+The time is cut into intervals, each begun at a node, a state of its own; torques are linear between knots.
+That intervals end where the next begins is what the optimiser (SLSQP of SciPy) has to bring about, with the
+exact derivatives of the rollouts.
 
 Source: H. G. Bock and K. J. Plitt, A multiple shooting algorithm for direct solution of optimal control
     problems, 1984; D. Kraft, A software package for sequential quadratic programming, 1988.
@@ -213,9 +213,9 @@ def along(shot: Shot, found: Found, samples: int) -> tuple[np.ndarray, np.ndarra
         samples: Measurements an interval.
 
     Returns:
-        States at every measurement, the goal at the end, (frame, 2 dof); torques that are held from one to the
-        next, those of the middle, (frame - 1, motor); and the derivatives of each next state by the one before
-        and by the torques, (frame - 1, 2 dof, 2 dof + motor).
+        States at every measurement, the goal at the end, (frame, 2 dof); torques that are held from one to
+        the next, those of the middle, (frame - 1, motor); and the derivatives of each next state by the one
+        before and by the torques, (frame - 1, 2 dof, 2 dof + motor).
     """
     layout, dofs, motors = _Layout(shot), len(shot.lower), len(shot.rows)
     states, torques, slopes = [], [], []

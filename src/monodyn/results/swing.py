@@ -7,7 +7,7 @@ data allow.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +22,7 @@ from monodyn.results.closed import closed_loop
 from monodyn.results.draws import Response, drawn
 from monodyn.results.linear import State, by_joint, motors, state_matrices, without_dry_friction
 from monodyn.results.regulator import Regulator, off
-from monodyn.results.shot import Found, Shot, along, shoot
+from monodyn.results.shot import Shot, along, shoot
 
 PLANNED = 0.8
 """Share of the largest torque that is planned with; the rest is for what goes astray."""
@@ -186,7 +186,7 @@ def swing_up(
         tried_times = ", ".join(f"{period:.2g}" for period in lasting)
         said = ", ".join(f"{name}={x:.3g}" for name, x in zip(regulator.actuated, most, strict=True))
         raise SettingsError(
-            f"swing_up: expected a way up within the torques {said}, but found none that takes {tried_times} s; "
+            f"swing_up: expected a way up within the torques {said}, but found none in {tried_times} s; "
             "give larger limits, more room, or another time."
         )
     return best
@@ -211,7 +211,9 @@ def hanging(mechanism: Mechanism, near: np.ndarray) -> np.ndarray:
     scale = abs(height(near[hinges])) or 1.0
     rng = np.random.default_rng(0)
     starts = [np.zeros(len(hinges)), *rng.uniform(-np.pi, np.pi, (4, len(hinges)))]
-    found = [minimize(lambda x: height(x) / scale, one, method="BFGS", options={"gtol": 1e-9}) for one in starts]
+    found = [
+        minimize(lambda x: height(x) / scale, one, method="BFGS", options={"gtol": 1e-9}) for one in starts
+    ]
     lowest = min(result.fun for result in found)
     # of equal ones the first, which is the one nearest to zero
     angles = next(result.x for result in found if result.fun <= lowest + 1e-9)
@@ -269,26 +271,19 @@ def _way(
     # of a hinge that may turn all around the shorter way
     goal = begin + off(goal, begin, regulator.turns)
     rows, tree = motors(mechanism, regulator.actuated), without_dry_friction(mechanism.tree)
-    shape = Shot(
-        tree, tuple(rows), np.concatenate((begin, still)), np.concatenate((goal, still)), 1.0, PLANNED * limit,
-        *ranges,
-    )  # fmt: skip
     # knots are at measurements
-    knots = shape.intervals * shape.parts
+    knots = Shot.intervals * Shot.parts
     each = max(1, round(seconds * regulator.rate / knots))
-    shot = _lasted(shape, each * knots / regulator.rate)
-    found: Found = shoot(shot, seed=seed)
+    shot = Shot(
+        tree, tuple(rows), np.concatenate((begin, still)), np.concatenate((goal, still)),
+        each * knots / regulator.rate, PLANNED * limit, *ranges,
+    )  # fmt: skip
+    found = shoot(shot, seed=seed)
     if not found.gap < CLOSED:
         return None
     states, torque, slopes = along(shot, found, each * shape.parts)
     gain = _tracking(regulator, slopes)
     return SwingUp(regulator, np.arange(len(states)) / regulator.rate, states, torque, gain, limit)
-
-
-def _lasted(shot: Shot, seconds: float) -> Shot:
-    from dataclasses import replace
-
-    return replace(shot, seconds=seconds)
 
 
 def _tracking(regulator: Regulator, slopes: np.ndarray) -> np.ndarray:
