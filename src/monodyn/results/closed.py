@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -113,17 +114,10 @@ def closed_loop(
         The motion; it ends early where it runs away.
 
     Raises:
-        SettingsError: The model has not the controller's joints.
+        SettingsError: The model has not the controller's joints, or MuJoCo cannot read it.
     """
-    import mujoco
-
-    if isinstance(model, Mechanism):
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "model.xml"
-            write_mjcf(model, path)
-            body = mujoco.MjModel.from_xml_path(str(path))
-    else:
-        body = mujoco.MjModel.from_xml_path(str(model))
+    mujoco: Any = importlib.import_module("mujoco")
+    body = _body(mujoco, model)
     known = [body.joint(i).name for i in range(body.njnt)]
     if set(known) != set(controller.joints):
         raise SettingsError(
@@ -158,3 +152,19 @@ def closed_loop(
     hinge = np.array([body.joint(name).type[0] == mujoco.mjtJoint.mjJNT_HINGE for name in controller.joints])
     balanced = bool(np.all(away < np.where(hinge, ANGLE, LENGTH)))
     return ClosedLoop(np.array(time), q, v, factor * np.array(torques), away, balanced)
+
+
+def _body(mujoco: Any, model: Mechanism | str | Path) -> Any:
+    """Return MuJoCo's model."""
+    if isinstance(model, Mechanism):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "model.xml"
+            write_mjcf(model, path)
+            return mujoco.MjModel.from_xml_path(str(path))
+    try:
+        return mujoco.MjModel.from_xml_path(str(model))
+    except ValueError as error:
+        why = " ".join(str(error).split())
+        raise SettingsError(
+            f"closed_loop: expected a file that MuJoCo reads, got '{model}' ({why}); give another."
+        ) from None

@@ -66,7 +66,7 @@ class Linearization:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviation of every entry of [A B], infinite where there is none, (2 dof, 2 dof + motor)."""
+        """Standard deviation of the entries of [A B], infinite where unknown, (2 dof, 2 dof + motor)."""
         variance = np.diag(self.covariance).reshape(len(self.system.A), -1)
         return np.where(np.isnan(variance), np.inf, np.sqrt(np.maximum(variance, 0.0)))
 

@@ -257,8 +257,8 @@ def equilibrium(mechanism: Mechanism, near: np.ndarray, rows: Sequence[int]) -> 
     where = ", ".join(f"{j.name}={x:.4g}" for j, x in zip(mechanism.joints, near, strict=True))
     raise SettingsError(
         f"lqr: expected a position that the motors can hold at rest, but at {where} joint '{joint.name}', "
-        f"which has none, would need {torque[worst]:.3g} {'N m' if joint.kind == 'hinge' else 'N'}; give one where "
-        "the joints without a motor need no torque."
+        f"which has none, would need {torque[worst]:.3g} {'N m' if joint.kind == 'hinge' else 'N'}; give one "
+        "where the joints without a motor need no torque."
     )
 
 

@@ -281,7 +281,7 @@ def _way(
     found = shoot(shot, seed=seed)
     if not found.gap < CLOSED:
         return None
-    states, torque, slopes = along(shot, found, each * shape.parts)
+    states, torque, slopes = along(shot, found, each * shot.parts)
     gain = _tracking(regulator, slopes)
     return SwingUp(regulator, np.arange(len(states)) / regulator.rate, states, torque, gain, limit)
 
