@@ -1,8 +1,8 @@
-"""Controllers of mechanisms that were identified from a clip, tried on the true ones in MuJoCo; for ``use.py``.
+"""Controllers of mechanisms that were identified from a clip, tried on the true ones in MuJoCo (``use.py``).
 
-``cartpole``: the clip of ``MONODYN_DATA``, of which 80 frames are used and nothing else is known. ``pendubot``:
-a double pendulum with a motor at its first hinge, from a clip that is made here; one mass is known, because
-torques of a motor are in newton metres.
+``cartpole``: the clip of ``MONODYN_DATA``, of which 80 frames are used and nothing else is known.
+``pendubot``: a double pendulum with a motor at its first hinge, from a clip that is made here; one mass is
+known, because torques of a motor are in newton metres.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ PENDUBOT = Case(
     "pendubot",
     (
         Part(0.22, 0.03, 0.006, (170, 60, 50), tail=0.012, tip=0.012, damping=1e-3),
-        Part(0.19, 0.026, 0.006, (45, 70, 150), tail=0.012, tip=0.012, damping=6e-4),
+        Part(0.19, 0.026, 0.006, (45, 70, 150), parent=0, tail=0.012, tip=0.012, damping=6e-4),
     ),
     start=(-0.2, 0.6),
 )
@@ -59,7 +59,7 @@ def cartpole() -> list[Figure]:
         truth = _true_cartpole(data / "cartpole.json", Path(folder) / "truth.xml")
         fit = _identified(data / "cartpole.mp4", data / "cartpole.xml", Path(folder) / "run")
         regulator = monodyn.lqr(fit, {"joint1": np.pi / 2.0}, actuated=["slide"], draws=DRAWS)
-        begin = regulator.position + [0.0, AWAY]
+        begin = regulator.position + np.array([0.0, AWAY])
         loop = closed_loop(truth, regulator, begin, seconds=SECONDS)
         others = drawn(fit, DRAWS, response=Response(regulator.position, 0))
         held = [closed_loop(one, regulator, begin, seconds=SECONDS).balanced for one in others]
@@ -85,7 +85,7 @@ def pendubot() -> list[Figure]:
         upright = {"joint1": np.pi / 2.0}
         regulator = monodyn.lqr(fit, upright, actuated=["joint1"], draws=DRAWS)
         swing = monodyn.swing_up(fit, regulator)
-        loop = closed_loop(clip.truth, swing, [-np.pi / 2.0, 0.0], seconds=swing.seconds + SECONDS)
+        loop = closed_loop(clip.truth, swing, np.array([-np.pi / 2.0, 0.0]), seconds=swing.seconds + SECONDS)
     case, stability = "pendubot", regulator.stability
     return [
         Figure(case, "trusted", float(fit.grade == "trusted"), ""),

@@ -6,9 +6,10 @@ simulator, and what is not known of the parameters is carried into every entry t
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +20,6 @@ from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
-
-if TYPE_CHECKING:
-    import control
 
 DIFFERENCE = 1e-5
 """Step of the central differences of exact derivatives [rad or m, or a second]: its square is their error."""
@@ -37,8 +35,8 @@ class Linearization:
     Where the state is no equilibrium it drifts: ``acceleration`` is not zero, and belongs to the equation.
 
     Attributes:
-        system: The system with named states (joint positions, then rates, as ``joint1`` and ``joint1_vel``),
-            inputs (``joint1_torque``) and outputs (all states).
+        system: The system, a ``control.StateSpace``, with named states (joint positions, then rates, as
+            ``joint1`` and ``joint1_vel``), inputs (``joint1_torque``) and outputs (all states).
         actuated: Joints at which the inputs act.
         position: Joint positions [rad or m], (dof,).
         velocity: Joint rates [rad/s or m/s], (dof,).
@@ -49,7 +47,7 @@ class Linearization:
         notes: What the system leaves out, in sentences.
     """
 
-    system: control.StateSpace
+    system: Any
     actuated: tuple[str, ...]
     position: np.ndarray
     velocity: np.ndarray
@@ -258,13 +256,12 @@ def import_control() -> Any:
         SettingsError: It is not installed.
     """
     try:
-        import control
+        return importlib.import_module("control")
     except ImportError:
         raise SettingsError(
             "control: expected the package 'control', which is not installed; install it with "
             "pip install 'monodyn[control]'."
         ) from None
-    return control
 
 
 def _response(tree: Tree, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
