@@ -39,6 +39,8 @@ POSES = 200
 """Poses among which the largest torque that weight asks of a motor is looked for."""
 RATE = 200.0
 """How often a controller measures, and sets its torques, which stay in between [Hz]."""
+STEERED = 1e-9
+"""A pole, in discrete time, nearer to the circle of one than that is none that a motor moves."""
 UNWEIGHTED = 10.0
 """Acceleration that stands for gravity where there is no weight to hold [rad/s^2 or m/s^2]."""
 SCALES = np.geomspace(1e-2, 1e2, 401)
@@ -310,7 +312,7 @@ def _solved(
         gain, cost, poles = import_control().dlqr(a, b, q_weight, r_weight, method="scipy")
     except (np.linalg.LinAlgError, ValueError):
         poles = np.array([np.inf])
-    if not np.all(np.abs(poles) < 1.0):
+    if not np.all(np.abs(poles) < 1.0 - STEERED):
         names = ", ".join(f"'{name}'" for name in actuated)
         raise SettingsError(
             f"lqr: expected motors that can steer every joint there, got {names}; add one, or choose another "

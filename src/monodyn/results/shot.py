@@ -92,7 +92,6 @@ def shoot(shot: Shot, *, seed: int) -> Found:
     from scipy.optimize import minimize
 
     layout = _Layout(shot)
-    weight = 1.0 / (shot.limit.size * layout.knots)
     last: list[tuple[bytes, tuple[np.ndarray, np.ndarray]]] = []
 
     def gaps(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -102,9 +101,14 @@ def shoot(shot: Shot, *, seed: int) -> Found:
         return last[0][1]
 
     def cost(x: np.ndarray) -> tuple[float, np.ndarray]:
-        share, slope = x[layout.inner :], np.zeros(len(x))
-        slope[layout.inner :] = 2.0 * weight * share
-        return weight * float(share @ share), slope
+        # the square of a line from a to b has the mean (a^2 + a b + b^2) / 3
+        share = x[layout.inner :].reshape(layout.motors, -1)
+        a, b = share[:, :-1], share[:, 1:]
+        weight, by_share = 1.0 / (3.0 * a.size), np.zeros_like(share)
+        by_share[:, :-1] += weight * (2.0 * a + b)
+        by_share[:, 1:] += weight * (2.0 * b + a)
+        slope = np.concatenate((np.zeros(layout.inner), by_share.ravel()))
+        return weight * float(np.sum(a * a + a * b + b * b)), slope
 
     ends = {"type": "eq", "fun": lambda x: gaps(x)[0], "jac": lambda x: gaps(x)[1]}
     best = minimize(
