@@ -50,7 +50,7 @@ def controls() -> list[Figure]:
 
 
 def cartpole() -> list[Figure]:
-    """Balance the true cart-pole by gains from 80 frames of its clip."""
+    """Return how gains from 80 frames of its clip balance the true cart-pole."""
     data = Path(os.environ.get("MONODYN_DATA") or "missing") / "rendered"
     if not (data / "cartpole.mp4").is_file():
         say("control: cartpole: SKIPPED, MONODYN_DATA is not set; it names the folder with the recordings.")
@@ -76,7 +76,7 @@ def cartpole() -> list[Figure]:
 
 
 def pendubot() -> list[Figure]:
-    """Swing a pendubot up and balance it by what is identified from its clip."""
+    """Return how a pendubot is swung up and balanced by what is identified from its clip."""
     clip = cached(PENDUBOT)
     body = mujoco.MjModel.from_xml_path(str(clip.truth))
     known = {"link1.mass": float(body.body("link1").mass[0])}

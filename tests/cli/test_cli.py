@@ -275,7 +275,8 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["bogus"], "expected a command, got 'bogus'; commands: run, track, identify, models, reproduce."),
+        (["bogus"],
+         "expected a command, got 'bogus'; commands: run, track, identify, control, models, reproduce."),
         (["identify", "--model", "double"],
          "identify: expected at least one table of joint positions, got none; name a poses.csv."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--bogus"],

@@ -45,9 +45,9 @@ def test_a_turn_from_rest_to_rest_takes_the_least_torque() -> None:
     found = shoot(shot, seed=1)
     assert found.gap < 1e-6
     expected = largest * (1.0 - 2.0 * shot.knots / shot.seconds)
-    # the optimiser ends where the cost changes by less than 1e-6 of one
-    np.testing.assert_allclose(found.torque[0], expected, atol=0.01 * largest)
-    assert found.cost == pytest.approx(1.0 / 12.0, rel=0.05)
+    # the optimiser ends where the cost changes by 1e-6: ripples of 3 % of the torque cost as little
+    np.testing.assert_allclose(found.torque[0], expected, atol=0.05 * largest)
+    assert found.cost == pytest.approx(1.0 / 12.0, rel=1e-3)
 
 
 def test_what_is_found_leads_there_and_is_followed_at_every_measurement() -> None:

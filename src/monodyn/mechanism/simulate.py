@@ -162,11 +162,11 @@ def acceleration_derivatives(
     Raises:
         MechanismError: From ``_agree``: an array is not of the tree's joints.
     """
-    from monodyn.mechanism import tangents
+    from monodyn.mechanism import slopes
 
     _agree(tree, q, v, tau)
     rows = (plain(row, np.float64) for row in (q, v, tau))
-    return tangents.acceleration_tangents(
+    return slopes.acceleration_tangents(
         tree.parent, tree.kind, tree.links, plain(directions.links, np.float64), tree.gravity,
         plain(directions.gravity, np.float64), *rows,
     )  # fmt: skip

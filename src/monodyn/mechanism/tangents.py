@@ -74,7 +74,7 @@ TANGENT = 14
 
 
 @njit(cache=True, error_model="numpy")
-def _needed_forces(parent, kind, links, gravity, v, a, w):  # pragma: no cover - compiled
+def needed_forces(parent, kind, links, gravity, v, a, w):  # pragma: no cover - compiled
     """Fill A (AW..AY) and force (FN..FY) of each link at the accelerations ``a``; sum forces inward.
 
     ``v`` and ``a`` are (dof,), ``w`` is (dof, WORK) as ``place`` leaves it. This is ``_bias`` with the actual
@@ -115,7 +115,7 @@ def _needed_forces(parent, kind, links, gravity, v, a, w):  # pragma: no cover -
 
 
 @njit(cache=True, error_model="numpy")
-def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no cover - compiled
+def move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no cover - compiled
     """Differentiate ``place``: origins, motion subspaces and velocities of every link, outward.
 
     ``dq`` and ``dv`` are (dof, direction). Cosines and sines need no column: their derivatives are those of a
@@ -163,7 +163,7 @@ def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no 
 
 
 @njit(cache=True, error_model="numpy")
-def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no cover - compiled
+def push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no cover - compiled
     """Differentiate each link's acceleration and force, outward; ``w`` holds single-link inertias.
 
     The accelerations ``a`` (dof,) are held: their own change is what is solved for in the end.
@@ -211,7 +211,7 @@ def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no 
 
 
 @njit(cache=True, error_model="numpy")
-def _push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
+def push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
     """Add the derivatives of what the air takes to those of the links' forces, as ``resist`` has them."""
     for i in range(kind.size):
         c, met = links[i, AIR], links[i, AIR] != 0.0
@@ -247,7 +247,7 @@ def _push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
 
 
 @njit(cache=True, error_model="numpy")
-def _gather(parent, kind, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: no cover - compiled
+def gather(parent, kind, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: no cover - compiled
     """Sum the force derivatives inward and write the joint-space right-hand side into ``da``.
 
     Row i of the equation of motion is S_i.F_i + armature a_i = tau_i - friction(v_i) - spring(q_i) with the
@@ -404,11 +404,11 @@ def rollout_tangents(
                         if hold.any():
                             forward(parent, kind, links, gravity, x[0], u[0], tau, hold, w, h, a[0])
                     place(parent, kind, links, x[r], u[r], w)
-                    _needed_forces(parent, kind, links, gravity, u[r], a[r], w)
-                    _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
-                    _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
-                    _push_air(kind, links, dlinks, w, t, many)
-                    _gather(parent, kind, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
+                    needed_forces(parent, kind, links, gravity, u[r], a[r], w)
+                    move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
+                    push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
+                    push_air(kind, links, dlinks, w, t, many)
+                    gather(parent, kind, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
                     if mode != NONE:
                         _add_torque(
                             tau, slope, time, value, span, slot, loads, clocks, lagging, lags, da[r], many
@@ -424,37 +424,3 @@ def rollout_tangents(
             for k in range(many):
                 dq[f, i, order[k]], dv[f, i, order[k]] = dx[0, i, k], du[0, i, k]
     return q, v, dq, dv
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def acceleration_tangents(
-    parent, kind, links, dlinks, gravity, dgravity, q, v, tau
-):  # pragma: no cover - compiled
-    """Return accelerations (row, dof) and their derivatives (row, dof, param + 3 dof) in every row.
-
-    ``q``, ``v`` and ``tau`` are (row, dof); the directions are the parameters, then those three.
-    """
-    rows, n = q.shape
-    params = dlinks.shape[2]
-    count = params + 3 * n
-    dpar, dgpar = np.zeros((n, dlinks.shape[1], count)), np.zeros((2, count))
-    dpar[:, :, :params], dgpar[:, :params] = dlinks, dgravity
-    dq, dv = np.zeros((n, count)), np.zeros((n, count))
-    for i in range(n):
-        dq[i, params + i] = 1.0
-        dv[i, params + n + i] = 1.0
-    w, h, t, hold = np.empty((n, WORK)), np.empty((n, n)), np.empty((n, TANGENT, count)), np.zeros(n)
-    a, da = np.empty((rows, n)), np.empty((rows, n, count))
-    for f in range(rows):
-        # as in ``rollout_tangents``: the factors of M stay in h, ``place`` restores the inertias of w
-        forward(parent, kind, links, gravity, q[f], v[f], tau[f], hold, w, h, a[f])
-        place(parent, kind, links, q[f], v[f], w)
-        _needed_forces(parent, kind, links, gravity, v[f], a[f], w)
-        _move(parent, kind, links, dpar, q[f], v[f], dq, dv, w, t, count)
-        _push(parent, links, dpar, dgpar, v[f], a[f], dv, w, t, count)
-        _push_air(kind, links, dpar, w, t, count)
-        _gather(parent, kind, links, dpar, q[f], v[f], a[f], dq, dv, w, t, da[f], count)
-        for i in range(n):
-            da[f, i, params + 2 * n + i] += 1.0
-        solve_all(parent, h, da[f], count)
-    return a, da

@@ -292,7 +292,7 @@ def sampled(a: np.ndarray, b: np.ndarray, rate: float) -> tuple[np.ndarray, np.n
         rate: Measurements a second [Hz].
 
     Returns:
-        Both matrices in discrete time.
+        Both matrices in discrete time, (2 dof, 2 dof) and (2 dof, motor).
 
     Source:
         C. F. Van Loan, Computing integrals involving the matrix exponential, 1978.
