@@ -132,11 +132,10 @@ def _true_cartpole(source: Path, path: Path) -> Path:
         encoding="utf-8",
     )
     body = mujoco.MjModel.from_xml_path(str(path))
-    steps = round((document["times"][1] - document["times"][0]) / body.opt.timestep)
-    body.opt.timestep = (document["times"][1] - document["times"][0]) / steps
     data = mujoco.MjData(body)
     data.qpos[:], data.qvel[:] = document["q"][0], document["v"][0]
-    for row in document["q"][:30]:
+    # the truth is that of whole milliseconds, which every third frame falls on
+    for row in document["q"][:30:3]:
         assert np.abs(data.qpos - row).max() < AGREES
-        mujoco.mj_step(body, data, steps)
+        mujoco.mj_step(body, data, round(document["times"][3] / body.opt.timestep))
     return path
