@@ -23,8 +23,8 @@ from monodyn.results.closed import ClosedLoop, closed_loop
 from monodyn.results.draws import Response, drawn
 from spec import Case, Part
 
-FRAMES = (0, 80)
-"""Frames that are used."""
+FRAMES, RATE = (0, 80), 30.0
+"""Frames that are looked at, and frames a second [Hz]."""
 DRAWS = 50
 """Mechanisms drawn from the covariance."""
 AWAY = 0.2
@@ -100,7 +100,9 @@ def pendubot() -> list[Figure]:
 
 def _identified(video: Path, model: Path, out: Path, fix: dict[str, float] | None = None) -> Fit:
     """Return what is identified from the first frames of a clip."""
-    outcome = monodyn.run(video, model, out, monodyn.RunSettings(fit_frames=FRAMES, fix=fix or {}))
+    seconds = 0.0, (FRAMES[1] - 0.5) / RATE
+    settings = monodyn.RunSettings(fit_frames=FRAMES, time_range=seconds, fix=fix or {})
+    outcome = monodyn.run(video, model, out, settings)
     say(f"control: {video.stem}: {outcome.document['grade']}: {outcome.document['status']}")
     assert outcome.fit is not None
     return outcome.fit
