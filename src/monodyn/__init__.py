@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from monodyn.results.predict import predict as predict
     from monodyn.results.regulator import lqr as lqr
     from monodyn.results.report import report as report
+    from monodyn.results.restart import restart as restart
     from monodyn.results.swing import swing_up as swing_up
     from monodyn.settings import RunSettings as RunSettings
     from monodyn.stages import identify as identify
@@ -85,6 +86,7 @@ _HOMES = {
     "results.linear": ("linearize",),
     "results.regulator": ("lqr",),
     "results.swing": ("swing_up",),
+    "results.restart": ("restart",),
     "settings": ("RunSettings",),
     "pipeline": ("run",),
 }

@@ -19,6 +19,7 @@ from tyro import conf
 
 from monodyn.cli.controlled import ControlOptions
 from monodyn.cli.forms import FORMS
+from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
 from monodyn.settings import SHARED, RunSettings, settings_classes
@@ -259,6 +260,9 @@ COMMANDS: dict[str, Command] = {
         IdentifyOptions,
         "monodyn identify run/poses.csv --model run/model.xml --out fit",
         without=_OF_CLIP,
+    ),
+    "predict": Command(
+        PredictOptions, "monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead"
     ),
     "control": Command(
         ControlOptions, "monodyn control run --at joint1=1.5708 --actuated slide --out balance"

@@ -76,7 +76,9 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
     # the names are listed in the order of this table, whatever the order of the help
     if text.startswith("Required options"):
         wanted = [
-            name for name in ("CLIP", "POSES.csv", "--model", "--out") if re.search(rf"(^|\s){name}\b", text)
+            name
+            for name in ("CLIP", "POSES.csv", "RUN", "--model", "--out")
+            if re.search(rf"(^|\s){name}\b", text)
         ]
         return f"{command}: expected {', '.join(wanted)}, got {' '.join(words) or 'nothing'}; {see}"
     if text.startswith("Unrecognized"):

@@ -135,7 +135,8 @@ def _print_outcome(outcome: Outcome, code: int, as_json: bool, quiet: bool) -> N
         _print_fit(outcome)
 
 
-def _console() -> Any:
+def console() -> Any:
+    """Return what writes tables and sentences on the standard output."""
     from rich.console import Console
 
     class PipeConsole(Console):
@@ -146,51 +147,57 @@ def _console() -> Any:
     return PipeConsole(highlight=False, soft_wrap=True)
 
 
-def _print_comparison(console: Any, rows: list[dict[str, Any]]) -> None:
+def _print_comparison(out: Any, rows: list[dict[str, Any]]) -> None:
     if rows:
-        console.print(f"model: {rows[0]['model']}", style="bold", markup=False)
+        out.print(f"model: {rows[0]['model']}", style="bold", markup=False)
     for row in rows:
-        console.print(f"- {row['model']}: {row['said']}", markup=False)
+        out.print(f"- {row['model']}: {row['said']}", markup=False)
 
 
 def _print_tracking(outcome: Outcome) -> None:
-    console = _console()
-    _print_comparison(console, outcome.document["comparison"])
+    out = console()
+    _print_comparison(out, outcome.document["comparison"])
     poses = outcome.poses
-    console.print(
+    out.print(
         f"{int(poses.seen.sum())} of {len(poses)} frames tracked in {sum(outcome.seconds.values()):.1f} s."
     )
     for note in outcome.notes:
-        console.print(f"- {note}", markup=False)
-    console.print(f"poses: {outcome.folder}/poses.csv", markup=False)
+        out.print(f"- {note}", markup=False)
+    out.print(f"poses: {outcome.folder}/poses.csv", markup=False)
 
 
 def _print_fit(outcome: Outcome) -> None:
     from monodyn.results.findings import listed_rows
 
-    console = _console()
+    out = console()
     document, fit = outcome.document, outcome.fit
-    _print_comparison(console, document["comparison"])
+    _print_comparison(out, document["comparison"])
     for row in document["tried_torques"]:
-        console.print(f"- {row['kind']}: {row['said']}", markup=False)
+        out.print(f"- {row['kind']}: {row['said']}", markup=False)
     names = set() if fit is None else {row.name for row in listed_rows(fit)}
     if names:
-        console.print(_parameters([row for row in document["parameters"] if row["name"] in names]))
+        out.print(_parameters([row for row in document["parameters"] if row["name"] in names]))
     if document["combinations"]:
-        console.print(_combinations(document["combinations"]))
-    console.print(_errors(outcome))
+        out.print(_combinations(document["combinations"]))
+    out.print(_errors(outcome))
     # the status of an approximate fit says so itself
     grade = "" if document["grade"] == "approximate" else f"{document['grade'].capitalize()}. "
-    console.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
+    out.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
     for row in document["horizon"][:1]:
-        console.print(row["said"], markup=False)
+        out.print(row["said"], markup=False)
     for sentence in document["advice"]:
-        console.print(f"- {sentence}", markup=False)
+        out.print(f"- {sentence}", markup=False)
     if outcome.folder is not None:
-        console.print(f"report: {outcome.folder}/report.html", markup=False)
+        out.print(f"report: {outcome.folder}/report.html", markup=False)
 
 
-def _table(*columns: str, left: int = 1) -> Table:
+def plain_table(*columns: str, left: int = 1) -> Table:
+    """Return an empty table.
+
+    Args:
+        columns: Their headings.
+        left: How many of them stand to the left; the others hold numbers.
+    """
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -206,7 +213,7 @@ def _table(*columns: str, left: int = 1) -> Table:
 def _parameters(rows: list[dict[str, Any]]) -> Table:
     from monodyn.results.numbers import number
 
-    table = _table("parameter", "value", "95 % interval", "unit")
+    table = plain_table("parameter", "value", "95 % interval", "unit")
     for row in rows:
         std = row["std"]
         known = row["identifiable"]
@@ -224,7 +231,7 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
 def _combinations(rows: list[dict[str, Any]]) -> Table:
     from monodyn.results.numbers import number, short
 
-    table = _table("combination", "value", "standard deviation")
+    table = plain_table("combination", "value", "standard deviation")
     for row in rows:
         table.add_row(row["name"], number(row["value"], row["std"]), short(row["std"]))
     return table
@@ -234,7 +241,7 @@ def _errors(outcome: Outcome) -> Table:
     from monodyn.results.numbers import shown_in
 
     fit, document = outcome.fit, outcome.document
-    table = _table("joint", "fit rms", "prediction rms", "unit")
+    table = plain_table("joint", "fit rms", "prediction rms", "unit")
     # a joint that was not predicted, or not measured, has no error
     for joint in fit.mechanism.joints if fit is not None else ():
         scale, unit = shown_in(joint)
@@ -271,12 +278,12 @@ def _print_models(as_json: bool) -> None:
     if as_json:
         print(json.dumps(rows, indent=2))
         return
-    table = _table("model", "joints", "lengths [m]", left=3)
+    table = plain_table("model", "joints", "lengths [m]", left=3)
     for row in rows:
         lengths = ", ".join(f"{value:g}" for value in row["lengths"].values())
         table.add_row(row["name"], ", ".join(row["joints"]), lengths)
-    console = _console()
-    console.print(table)
-    console.print(
+    out = console()
+    out.print(table)
+    out.print(
         "chain:N has N hinges, 1 to 10; shown for 3. Any MJCF or URDF file of a planar mechanism works too."
     )

@@ -66,26 +66,61 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
         raise SettingsError(f"fill: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
     start = fit.starts[record]
     # the start lies within the times: one rollout runs forwards from it, one backwards
-    usual = float(np.median(np.diff(fit.time[record]))) if len(fit.time[record]) > 1 else 0.05
     before = np.flatnonzero(times < start.time)[::-1]
     after = np.flatnonzero(times >= start.time)
     dofs = len(start.position)
     motion, std = np.zeros((2, len(times), 2 * dofs))
     for rows in (before, after):
         if len(rows):
-            motion[rows], std[rows] = _one_way(fit, start, record, times[rows], usual)
+            motion[rows], std[rows] = _one_way(fit, start, record, times[rows])
     return States(times, motion[:, :dofs], motion[:, dofs:], std[:, :dofs], std[:, dofs:])
 
 
-def _one_way(
-    fit: Fit, start: Start, record: int, times: np.ndarray, usual: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate away from the start: states at ``times``, positions then rates, and their standard deviations,
-    each (frame, 2 dof)."""
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    """A motion away from a start, with its derivatives.
+
+    Attributes:
+        stamps: Time stamps [s], (stamp,), the start's the first, in steps that are fine enough.
+        motion: Positions, then rates, (stamp, 2 dof).
+        slopes: Derivatives of these by parameters and start state, (stamp, 2 dof, param + 2 dof).
+        rows: Which of the stamps were asked for, int (frame,).
+        drive: What acts.
+        substeps: Integration steps between two stamps.
+    """
+
+    stamps: np.ndarray
+    motion: np.ndarray
+    slopes: np.ndarray
+    rows: np.ndarray
+    drive: Drive
+    substeps: int
+
+
+def moment(fit: Fit, time: float, *, record: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Return the state of a record at a time, and what it depends on.
+
+    Args:
+        fit: The identified mechanism.
+        time: Time stamp [s].
+        record: Which record.
+
+    Returns:
+        Positions, then rates [SI], (2 dof,), and their derivatives by the estimated parameters and the start
+        state, (2 dof, param + 2 dof).
+    """
+    carried = _carried(fit, fit.starts[record], record, np.array([time]))
+    row = carried.rows[0]
+    return carried.motion[row], carried.slopes[row]
+
+
+def _carried(fit: Fit, start: Start, record: int, times: np.ndarray) -> _Carried:
+    """Simulate away from the start, to ``times`` that rise or fall from there."""
     from monodyn.mechanism.simulate import accelerations, least_substeps, rollout, rollout_derivatives
 
     mechanism = fit.mechanism
     tree, stretch = mechanism.tree, mechanism.values["time_scale"]
+    usual = float(np.median(np.diff(fit.time[record]))) if len(fit.time[record]) > 1 else 0.05
     stamps, rows = fine_stamps(start.time, times, usual)
     drive, least = fit.driven(stamps, record)
     # a clip k times slower than life has time_scale 1/k: dynamics and drive run on the stretched clock
@@ -102,40 +137,40 @@ def _one_way(
         at, since = fit.shared.index("time_scale"), (stamps - start.time)[:, None]
         dq[:, :, at] += v * since
         dv[:, :, at] += accelerations(tree, q, v, drive.at(clock)) * since
-    covariance = fit.motion_covariance(record)
-    by_unknowns = np.concatenate((dq, dv), axis=1)[rows]
-    variance = np.einsum("fip,pr,fir->fi", by_unknowns, covariance, by_unknowns, optimize=True)
-    variance += _astray(fit, record, stamps, (q, v), drive, substeps)[rows]
+    motion, slopes = np.concatenate((q, v), axis=1), np.concatenate((dq, dv), axis=1)
+    return _Carried(stamps, motion, slopes, rows, drive, substeps)
+
+
+def _one_way(fit: Fit, start: Start, record: int, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate away from the start: states at ``times``, positions then rates, and their standard deviations,
+    each (frame, 2 dof)."""
+    carried = _carried(fit, start, record, times)
+    rows, slopes = carried.rows, carried.slopes[carried.rows]
+    variance = np.einsum("fip,pr,fir->fi", slopes, fit.motion_covariance(record), slopes, optimize=True)
+    variance += _astray(fit, record, carried)[rows]
     # a fit that is not determined has no covariance
-    unknown = np.isnan(variance).any(axis=1) | fit.unpushed(stamps[rows], record)
+    unknown = np.isnan(variance).any(axis=1) | fit.unpushed(carried.stamps[rows], record)
     # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
     std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
-    return np.concatenate((q, v), axis=1)[rows], std
+    return carried.motion[rows], std
 
 
-def _astray(
-    fit: Fit,
-    record: int,
-    stamps: np.ndarray,
-    motion: tuple[np.ndarray, np.ndarray],
-    drive: Drive,
-    substeps: int,
-) -> np.ndarray:
+def _astray(fit: Fit, record: int, carried: _Carried) -> np.ndarray:
     """Return by how much the motion goes astray of the identified one after the fitted frames, for what the
-    model lacks: variances of the positions, then the rates, (frame, 2 dof)."""
-    added = np.zeros((len(stamps), 2 * motion[0].shape[1]))
-    last = fit.time[record][-1]
+    model lacks: variances of the positions, then the rates, (stamp, 2 dof)."""
+    stamps, motion = carried.stamps, carried.motion
+    added, last = np.zeros(motion.shape), fit.time[record][-1]
     after = np.flatnonzero(stamps > last + 1e-9)
     if fit.unmodelled is None or not len(after) or not stamps[-1] > stamps[0]:
         return added
     from monodyn.mechanism.simulate import transitions
 
-    clock, start = stamps * fit.mechanism.values["time_scale"], np.concatenate([part[0] for part in motion])
-    carried = transitions(fit.mechanism.tree, clock, start, substeps=substeps, drive=drive)
+    clock, drive = stamps * fit.mechanism.values["time_scale"], carried.drive
+    steps = transitions(fit.mechanism.tree, clock, motion[0], substeps=carried.substeps, drive=drive)
     density, covariance = fit.unmodelled
     for i in after:
         pushed = random_push(density, clock[i] - clock[i - 1])
-        covariance = carried[i] @ covariance @ carried[i].T + pushed
+        covariance = steps[i] @ covariance @ steps[i].T + pushed
         added[i] = np.diag(covariance)
     return added
 

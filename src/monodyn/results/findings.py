@@ -144,7 +144,9 @@ def _camera_document(filmed: Filmed) -> dict[str, Any]:
     masks = None if filmed.sight is None else filmed.sight.shown_masks
     if filmed.video.camera_path is not None and masks is not None:
         document["parallax"] = masks.parallax.share
-    # of what stands under the same names
+    # in the fit a thickness may stand for a mass: these are what the picture was explained with
+    thick = (p for p in filmed.mechanism.parameters if p.kind == "thickness")
+    document["thickness"] = {p.name: p.value for p in thick}
     lengths = ("x", "y", "depth")
     pixels = ("width", "height", "focal")
     document["units"] = {

@@ -97,13 +97,14 @@ def _first(fit: Fit, ahead: np.ndarray, off: np.ndarray) -> Horizon:
     return Horizon(float(ahead[row - 1]) if row else 0.0, joint)
 
 
-def horizon_said(fit: Fit, found: Horizon, tolerance: Tolerance) -> str:
+def horizon_said(fit: Fit, found: Horizon, tolerance: Tolerance, *, since: str = "the fitted frames") -> str:
     """Write how long a prediction holds.
 
     Args:
         fit: The identified mechanism.
         found: How long it does.
         tolerance: How far off it may be.
+        since: From when on, in words.
 
     Returns:
         A sentence.
@@ -112,10 +113,10 @@ def horizon_said(fit: Fit, found: Horizon, tolerance: Tolerance) -> str:
     if np.isinf(found.seconds):
         return f"Predictions stay within {within} over all of the {FARTHEST:g} s that were looked at."
     if found.seconds == 0.0:
-        return f"Predictions leave {within} with the first frame after the fitted ones."
+        return f"Predictions leave {within} with the first frame after {since}."
     how = "as was measured" if found.shown else "by their 95 % band"
     return (
-        f"Predictions stay within {within} for {found.seconds:.2g} s after the fitted frames ({how}; "
+        f"Predictions stay within {within} for {found.seconds:.2g} s after {since} ({how}; "
         f"{found.joint} is the first to leave)."
     )
 

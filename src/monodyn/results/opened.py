@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Combination, Doubt, Estimate, Fit, Start, TriedTorque, Unmodelled
 from monodyn.mechanism import Mechanism, load
 from monodyn.results.findings import SCHEMA
+from monodyn.types import Camera
 
 LARGEST = 500e6
 """Size from which on ``fit.json`` is none [byte]."""
@@ -49,6 +51,28 @@ def open_run(folder: str | Path) -> Fit:
             f"'{folder / 'fit.json'}': expected the file as it was written, got one without what it should "
             f"hold ({type(error).__name__}: {error}); run it again."
         ) from None
+
+
+def filmed_by(folder: str | Path) -> tuple[Camera, dict[str, float]]:
+    """Return the camera of a run, and the thicknesses with which bodies were located before it.
+
+    Args:
+        folder: The run folder.
+
+    Returns:
+        The camera in the frame of the mechanism; thicknesses by parameter name [m], which in the mechanism
+        stand for masses and may be others.
+
+    Raises:
+        SettingsError: There is no such run, or it has no camera.
+    """
+    camera = _document(Path(folder))["camera"]
+    if camera is None:
+        raise SettingsError(
+            f"'{folder}': expected the run of a clip, got one of tables, which has no camera; "
+            "leave --film out."
+        )
+    return Camera(**{f.name: camera[f.name] for f in fields(Camera)}), dict(camera["thickness"])
 
 
 def _document(folder: Path) -> dict[str, Any]:

@@ -1,0 +1,128 @@
+"""``monodyn predict``: its options, and its table on the standard output."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from tyro import conf
+
+from monodyn.cli.forms import Words, tolerance, values
+
+if TYPE_CHECKING:
+    from monodyn.choices import Tolerance
+    from monodyn.results.predicted import Predicted
+
+SHOWN_ROWS = 11
+"""Rows of the table, the first and the last among them."""
+
+
+@dataclass(frozen=True)
+class PredictOptions:
+    """Predict how the mechanism of a run moves, from any state or from any moment of its record.
+
+    Attributes:
+        run: Folder of a run that identified a mechanism.
+        start: Position of every joint at the start [rad, m for slides]; where the record is, when left out.
+        rates: Rates at the start [rad/s, m/s]; zero when left out.
+        at: Time stamp of the start [s]; 0 with --from, else the last fitted frame.
+        until: Time stamp of the end [s]; as long as the record is, when left out.
+        fix: Parameters that have another value than was identified, e.g. gravity=1.62.
+        record: Which record of the run, from 0.
+        tolerance: How far off the prediction may be, of a hinge and of a slide, e.g. 5deg,2cm; how long it
+            stays within is said.
+        out: Folder for prediction.csv, prediction.json, prediction.html and the film; nothing is written when
+            left out.
+        film: Draw the motion over the first frame of the clip, as prediction.mp4.
+        clip: Where the clip is, if no longer where the run found it.
+        force: Replace a prediction that is already in DIR.
+        quiet: No progress, no table.
+        json: The result as JSON on the standard output.
+    """
+
+    run: Annotated[conf.Positional[Path], conf.arg(metavar="RUN")]
+    start: Annotated[Words, conf.arg(name="from", metavar="JOINT=POSITION ...")] = ()
+    rates: Annotated[Words, conf.arg(metavar="JOINT=RATE ...")] = ()
+    at: Annotated[float | None, conf.arg(metavar="S")] = None
+    until: Annotated[float | None, conf.arg(metavar="S")] = None
+    fix: Annotated[Words, conf.arg(metavar="NAME=VALUE ...")] = ()
+    record: int = 0
+    tolerance: Annotated[str | None, conf.arg(metavar="ANGLE,LENGTH")] = None
+    out: Annotated[Path | None, conf.arg(metavar="DIR")] = None
+    film: bool = False
+    clip: Annotated[Path | None, conf.arg(metavar="CLIP")] = None
+    force: bool = False
+    quiet: bool = False
+    json: bool = False
+
+    def go(self) -> int:
+        """Return the exit code after running the command.
+
+        Raises:
+            SettingsError: a film is wanted, and no folder for it.
+        """
+        from monodyn.cli.show import progress_on
+        from monodyn.cli.streams import printing
+        from monodyn.errors import SettingsError
+        from monodyn.results.predicted import Wanted, predict_run
+
+        if self.film and self.out is None:
+            raise SettingsError("film: expected a folder for it, got none; name one with --out.")
+        wanted = Wanted(
+            positions=values("from", _apart(self.start)) or None,
+            rates=values("rates", _apart(self.rates)),
+            at=self.at,
+            until=self.until,
+            fix=values("fix", self.fix),
+            record=self.record,
+            tolerance=tolerance("tolerance", self.tolerance),
+        )
+        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+            found = predict_run(
+                self.run, self.out, wanted, film=self.film, clip=self.clip, force=self.force,
+                progress=progress,
+            )  # fmt: skip
+        with printing():
+            _print(found, wanted.tolerance, as_json=self.json, quiet=self.quiet)
+        return 0 if found.fit.ok else 1
+
+
+def _apart(words: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Return words that may stand together with commas between them one by one."""
+    return [[part for word in group for part in word.split(",") if part] for group in words]
+
+
+def _print(found: Predicted, tolerance: Tolerance, *, as_json: bool, quiet: bool) -> None:
+    """Print the motion."""
+    from monodyn.cli.show import console, plain_table
+    from monodyn.results.export import jsonable
+    from monodyn.results.horizon import horizon_said
+    from monodyn.results.numbers import shown_in
+
+    if as_json:
+        print(json.dumps(jsonable(found.document), indent=2, allow_nan=False))
+        return
+    if quiet:
+        return
+    states, joints = found.states, found.fit.mechanism.joints
+    table = plain_table("time", *(f"{joint.name} [{shown_in(joint)[1]}]" for joint in joints))
+    for row in np.unique(np.linspace(0, len(states.time) - 1, SHOWN_ROWS).astype(int)):
+        cells = [f"{states.time[row]:.3f} s"]
+        for dof, joint in enumerate(joints):
+            scale = shown_in(joint)[0]
+            value, std = states.position[row, dof] * scale, states.std[row, dof] * scale
+            known = f"{std:.2g}" if np.isfinite(std) else "unknown"
+            cells.append(f"{value:.4g} ± {known}".replace("-", "−"))
+        table.add_row(*cells)
+    out = console()
+    out.print(table)
+    out.print(horizon_said(found.fit, found.horizon, tolerance, since="the start"), markup=False)
+    for note in found.notes:
+        out.print(f"- {note}", markup=False)
+    if found.folder is not None:
+        out.print(f"plot: {found.folder}/prediction.html", markup=False)

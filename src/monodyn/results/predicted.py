@@ -1,0 +1,239 @@
+"""A run folder in, the motion of its mechanism from any start out: a table, a plot, a film over the clip."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from monodyn.choices import Tolerance
+from monodyn.errors import SettingsError
+from monodyn.estimation.fit import Fit
+from monodyn.results.curves import BAND
+from monodyn.results.export import json_text, rows_text
+from monodyn.results.fill import States, fill
+from monodyn.results.folder import FolderKind, RunFolder
+from monodyn.results.horizon import Horizon, horizon
+from monodyn.results.numbers import shown_in
+from monodyn.results.opened import filmed_by, open_run
+from monodyn.results.overlay import PREDICTED, Drawing, write_overlay
+from monodyn.results.restart import restart
+from monodyn.results.sight import outlines_of
+from monodyn.types import Frame, Progress
+from monodyn.vision.clip.video import Video, read
+
+PREDICTION = FolderKind(
+    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4")
+)
+MOST_ROWS = 1_000_000
+"""Rows of a prediction at most."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is to be predicted.
+
+    Attributes:
+        positions: Position of every joint at the start [rad or m], by name; None begins where the record is.
+        rates: Rates there [rad/s or m/s], by name; those left out are zero.
+        at: Time stamp of the start [s]; 0 with positions, the last fitted frame without.
+        until: Time stamp of the end [s]; as long as the record is, when left out.
+        fix: Parameters that have another value than was identified, by name.
+        record: Which record of the run.
+        tolerance: How far off a prediction may be; how long it stays within is said.
+    """
+
+    positions: Mapping[str, float] | None = None
+    rates: Mapping[str, float] = field(default_factory=dict)
+    at: float | None = None
+    until: float | None = None
+    fix: Mapping[str, float] = field(default_factory=dict)
+    record: int = 0
+    tolerance: Tolerance = field(default_factory=Tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """A mechanism's motion from a start.
+
+    Attributes:
+        fit: The mechanism, whose one record ends at the start.
+        states: The motion, the start its first row.
+        horizon: How long it stays within the tolerance.
+        notes: What one should know about it, in sentences.
+        folder: Where the files are; None where none were written.
+    """
+
+    fit: Fit
+    states: States
+    horizon: Horizon
+    notes: tuple[str, ...] = ()
+    folder: Path | None = None
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The content of ``prediction.json``."""
+        joints = [joint.name for joint in self.fit.mechanism.joints]
+        states = self.states
+        columns = {
+            "position": states.position, "velocity": states.velocity,
+            "position_std": states.std, "velocity_std": states.velocity_std,
+        }  # fmt: skip
+        return {
+            "grade": self.fit.grade,
+            "notes": list(self.notes),
+            "horizon": {"seconds": self.horizon.seconds, "joint": self.horizon.joint or None},
+            "time": states.time,
+            **{name: dict(zip(joints, values.T, strict=True)) for name, values in columns.items()},
+        }
+
+
+def predict_run(
+    run: str | Path,
+    out: str | Path | None = None,
+    wanted: Wanted | None = None,
+    *,
+    film: bool = False,
+    clip: str | Path | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Predicted:
+    """Predict how the mechanism of a run moves from a start.
+
+    Args:
+        run: The run folder.
+        out: Folder for table, plot and film; None writes nothing.
+        wanted: From where, and until when.
+        film: Draw the motion over the first frame of the clip.
+        clip: Where the clip is, if no longer where the run found it.
+        force: Replace a prediction that is already in ``out``.
+        progress: Called with the frames drawn.
+
+    Returns:
+        The motion.
+
+    Raises:
+        SettingsError: There is no such run, it has nothing identified, the end is not after the start, or
+            there is nothing to draw the film on.
+    """
+    wanted = wanted or Wanted()
+    fit = open_run(run)
+    begun = restart(fit, wanted.positions, wanted.rates, at=wanted.at, fix=wanted.fix, record=wanted.record)
+    stamps, start = begun.time[0], begun.starts[0].time
+    step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.05
+    end = start + float(stamps[-1] - stamps[0]) if wanted.until is None else wanted.until
+    if not start < end < np.inf:
+        raise SettingsError(f"until: expected a time after the start at {start:g} s, got {end:g} s.")
+    # 1e-6 of a step: an end that rounding puts just below a whole number of steps still counts
+    rows = int(np.floor((end - start) / step + 1e-6)) + 1
+    if rows > MOST_ROWS:
+        raise SettingsError(
+            f"until: expected at most {MOST_ROWS} rows of {step:g} s, got {rows}; end it earlier."
+        )
+    background = _background(Path(run), clip) if film else None
+    states = fill(begun, start + step * np.arange(rows))
+    found = Predicted(begun, states, horizon(begun, wanted.tolerance), _notes(begun, states))
+    if out is None:
+        return found
+    folder = RunFolder(out, force=force, inputs=[run, clip], kind=PREDICTION)
+    _write(folder, found, Path(run), background, progress)
+    folder.finish()
+    return replace(found, folder=folder.path)
+
+
+def _notes(fit: Fit, states: States) -> tuple[str, ...]:
+    """Return what one should know about a prediction."""
+    notes = []
+    if not fit.ok:
+        notes.append(f"The mechanism is not to be relied on: {fit.status}")
+    if fit.torque == "known":
+        notes.append("The known torques belong to the record: here none act.")
+    if fit.torque == "free" and np.isinf(states.std).any():
+        notes.append("Free torques are known within the fitted frames alone: outside of these none act.")
+    return tuple(notes)
+
+
+def _write(
+    folder: RunFolder, found: Predicted, run: Path, background: Frame | None, progress: Progress | None
+) -> None:
+    """Write the files of a prediction, the ones that cost least first."""
+    joints, states = found.fit.mechanism.joints, found.states
+    names = [joint.name for joint in joints]
+    header = ["frame", "time", *names, *(f"{n}{end}" for end in ("_vel", "_std", "_vel_std") for n in names)]
+    columns = [states.time, states.position, states.velocity, states.std, states.velocity_std]
+    table = ",".join(header) + "\n" + rows_text(range(len(states.time)), columns)
+    folder.write_text("prediction.csv", table)
+    folder.write_text("prediction.json", json_text(found.document))
+    folder.write_text("prediction.html", _plot(found))
+    if background is not None:
+        folder.write("prediction.mp4", lambda path: _film(path, found, run, background, progress))
+
+
+def _plot(found: Predicted) -> str:
+    """Return a page with the position of every joint over time and its 95 % band."""
+    from plotly.graph_objects import Figure, Scatter
+    from plotly.subplots import make_subplots
+
+    joints, states = found.fit.mechanism.joints, found.states
+    figure: Figure = make_subplots(rows=len(joints), cols=1, shared_xaxes=True, vertical_spacing=0.04)
+    for dof, joint in enumerate(joints):
+        scale, unit = shown_in(joint)
+        middle, half = states.position[:, dof] * scale, BAND * states.std[:, dof] * scale
+        known = np.where(np.isfinite(half), half, np.nan)
+        for edge, fills in ((middle - known, None), (middle + known, "tonexty")):
+            band = Scatter(x=states.time, y=edge, fill=fills, line={"width": 0}, hoverinfo="skip",
+                           fillcolor="rgba(192, 57, 43, 0.2)", showlegend=False)  # fmt: skip
+            figure.add_trace(band, row=dof + 1, col=1)
+        line = Scatter(x=states.time, y=middle, name=joint.name, line={"color": "#c0392b"}, showlegend=False)
+        figure.add_trace(line, row=dof + 1, col=1)
+        figure.update_yaxes(title_text=f"{joint.name} [{unit}]", row=dof + 1, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(joints), col=1)
+    title = f"{found.fit.mechanism.name} from {states.time[0]:g} s on, with its 95 % band"
+    figure.update_layout(template="plotly_white", title=title, height=140 + 220 * len(joints))
+    return figure.to_html(include_plotlyjs=True, full_html=True)
+
+
+def _background(run: Path, clip: str | Path | None) -> Frame:
+    """Return the first frame of the clip of a run."""
+    camera, _ = filmed_by(run)
+    if clip is None:
+        try:
+            inputs = json.loads((run / "run.json").read_text(encoding="utf-8"))["inputs"]
+            clip = Path(inputs["clip"]["name"])
+        except (OSError, ValueError, KeyError, TypeError):
+            clip = None
+    if clip is None or not Path(clip).exists():
+        raise SettingsError(
+            f"film: expected the clip of the run, got {'none' if clip is None else f'no file {clip}'}; name "
+            "it with --clip."
+        )
+    frame = next(read(clip).frames(0, 1))
+    height, width = frame.luma.shape
+    if (width, height) != (camera.width, camera.height):
+        raise SettingsError(
+            f"film: expected a clip of {camera.width}x{camera.height} pixels, got {width}x{height}; name "
+            "that of the run with --clip."
+        )
+    return frame
+
+
+def _film(path: Path, found: Predicted, run: Path, background: Frame, progress: Progress | None) -> None:
+    """Write the motion over one picture."""
+    camera, thickness = filmed_by(run)
+    mechanism, states = found.fit.mechanism, found.states
+    mechanism = mechanism.with_values({n: v for n, v in thickness.items() if n in mechanism.values})
+
+    def frames(first: int, stop: int) -> Iterator[Frame]:
+        for row in range(first, stop):
+            yield replace(background, index=row, time=float(states.time[row]))
+
+    def drawing(frame: Frame) -> Drawing:
+        outlines = outlines_of(mechanism, camera, states.position[frame.index])
+        return Drawing([(polygon, PREDICTED) for polygon in outlines], f"{frame.time:.2f} s  predicted")
+
+    still = Video(path, camera.width, camera.height, states.time, frames)
+    write_overlay(path, still, drawing, progress=progress)

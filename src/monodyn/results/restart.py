@@ -1,0 +1,136 @@
+"""An identified mechanism in, the same from another start out: any state, or any moment of its record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from monodyn.errors import SettingsError
+from monodyn.estimation.fit import Fit, Start
+from monodyn.results.fill import fill, moment
+
+MOST_STEPS = 1e5
+"""Steps of a record over which its motion is carried on at most."""
+
+
+def restart(
+    fit: Fit,
+    positions: Mapping[str, float] | None = None,
+    rates: Mapping[str, float] | None = None,
+    *,
+    at: float | None = None,
+    fix: Mapping[str, float] | None = None,
+    record: int = 0,
+) -> Fit:
+    """Let an identified mechanism begin in another state, or at another moment of its record.
+
+    A given state is exact: the bands of what follows are from the parameters, and what the model lacks.
+    That of a moment has the errors of the fit, with their correlation to the parameters.
+
+    Args:
+        fit: The identified mechanism.
+        positions: Position of every joint [rad or m], by name; None begins where the record is at ``at``.
+        rates: Rates [rad/s or m/s], by name; those left out are zero.
+        at: Time stamp at which it begins [s]; torques over time depend on it. Without it a given state begins
+            at 0, and a record is carried on from its last fitted frame.
+        fix: Parameters that have another value than was identified, by name; they are exact then.
+        record: Which record.
+
+    Returns:
+        The fit with one record, which ends at ``at``: ``predict`` carries it on from there.
+
+    Raises:
+        SettingsError: Nothing was identified, there is no such record or joint, a joint has no position,
+            rates are given without positions, or the time is far from the record.
+        MechanismError: From the mechanism: there is no such parameter, or it cannot have that value.
+
+    Example:
+        >>> let_go = monodyn.restart(fit, {"joint1": 0.5, "joint2": 0.0})  # doctest: +SKIP
+        >>> monodyn.predict(let_go, until=5.0)  # doctest: +SKIP
+    """
+    if not fit.starts:
+        raise SettingsError(f"restart: expected an identified mechanism, got a fit without one: {fit.status}")
+    if not 0 <= record < len(fit.starts):
+        raise SettingsError(f"restart: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
+    stamps = fit.time[record]
+    usual = 0.0 if positions is not None else float(stamps[-1])
+    time, step = usual if at is None else float(at), float(np.median(np.diff(stamps))) or 1.0
+    if not abs(time - fit.starts[record].time) < MOST_STEPS * step:
+        raise SettingsError(
+            f"restart: expected a time stamp near the record, which begins at {fit.starts[record].time:g} s, "
+            f"got {time:g}; give one of the clip's clock."
+        )
+    if positions is None:
+        if rates:
+            raise SettingsError(
+                "restart: expected rates together with positions, got rates alone; give both, or neither."
+            )
+        state, covariance = _moment(fit, time, record)
+    else:
+        dofs = len(fit.mechanism.joints)
+        state = np.concatenate((_by_joint(fit, positions, whole=True), _by_joint(fit, rates or {})))
+        covariance = np.zeros((len(fit.shared) + 2 * dofs,) * 2)
+        covariance[: len(fit.shared), : len(fit.shared)] = fit.shared_covariance
+    dofs = len(state) // 2
+    start = Start(time, state[:dofs], state[dofs:], covariance[-2 * dofs :, -2 * dofs :])
+    begun = replace(
+        fit,
+        starts=(start,),
+        covariance=covariance,
+        time=(stamps - stamps[-1] + time,),
+        residual=(),
+        torques=fit.torques[record : record + 1],
+    )
+    return _changed(begun, fix or {})
+
+
+def _by_joint(fit: Fit, given: Mapping[str, float], *, whole: bool = False) -> np.ndarray:
+    """Return what is given by joint, zero where nothing is, (dof,)."""
+    joints = [joint.name for joint in fit.mechanism.joints]
+    for name, value in given.items():
+        if name not in joints:
+            raise SettingsError(
+                f"restart: expected a joint ({', '.join(joints)}), got '{name}'; correct the name."
+            )
+        if not np.isfinite(value):
+            raise SettingsError(f"restart: expected a finite value for {name}, got {value:g}; correct it.")
+    missing = [name for name in joints if whole and name not in given]
+    if missing:
+        raise SettingsError(
+            f"restart: expected a position of every joint, got none of {', '.join(missing)}; give it."
+        )
+    return np.array([float(given.get(name, 0.0)) for name in joints])
+
+
+def _moment(fit: Fit, time: float, record: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the state of a record at a time, and its covariance together with that of the parameters."""
+    state, slopes = moment(fit, time, record=record)
+    count, own = len(fit.shared), fit.motion_covariance(record)
+    by_unknowns = np.concatenate((np.eye(count, len(own)), slopes))
+    covariance = by_unknowns @ own @ by_unknowns.T
+    # what the model lacks comes on top after the fitted frames
+    at, there = count + np.arange(len(state)), fill(fit, np.array([time]), record=record)
+    covariance[at, at] = np.concatenate((there.std[0], there.velocity_std[0])) ** 2
+    return state, covariance
+
+
+def _changed(fit: Fit, fix: Mapping[str, float]) -> Fit:
+    """Return a fit some of whose parameters have another value, exactly."""
+    if not fix:
+        return fit
+    kept = [k for k, name in enumerate(fit.names) if name not in fix]
+    estimates = tuple(
+        replace(row, value=fix[row.name], std=0.0, lower=fix[row.name], upper=fix[row.name], free=False)
+        if row.name in fix
+        else row
+        for row in fit.parameters
+    )
+    return replace(
+        fit,
+        mechanism=fit.mechanism.with_choices(fix=fix),
+        parameters=estimates,
+        covariance=fit.covariance[np.ix_(kept, kept)],
+        tied=tuple(pair for pair in fit.tied if not set(pair) & set(fix)),
+    )

@@ -1,0 +1,76 @@
+"""``monodyn predict``: its table, its JSON, its exit codes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import monodyn
+from fits import identified, made_fit, record
+from monodyn.estimation.fit import Doubt
+from support import command
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("predicted") / "run"
+    monodyn.report(identified(), to=folder, poses=record(identified()))
+    return folder
+
+
+def test_the_table_has_the_start_and_the_end_and_says_how_long_it_holds(run, tmp_path):
+    done = command("predict", run, "--from", "joint1=0.5", "--until", 2, "--out", tmp_path / "ahead")
+    assert done.code == 0
+    assert "28.65 ± 0" in done.out  # 0.5 rad in degrees, exactly
+    assert "2.000 s" in done.out
+    assert "after the start" in done.out or "over all of the" in done.out
+    assert f"plot: {tmp_path / 'ahead'}/prediction.html" in done.out
+    assert (tmp_path / "ahead" / "prediction.csv").is_file()
+
+
+def test_json_alone_is_printed_and_commas_may_stand_between_joints(run):
+    done = command("predict", run, "--from", "joint1=0.5,", "--rates=joint1=1", "--quiet", "--json")
+    document = json.loads(done.out)
+    assert document["velocity"]["joint1"][0] == 1.0
+    assert document["position_std"]["joint1"][0] == 0.0
+
+
+def test_what_is_missing_is_named(run, tmp_path):
+    for words, code, message in [
+        (("--film",), 2, "monodyn: film: expected a folder for it, got none; name one with --out."),
+        (("--from", "joint1=0", "joint1=1"), 2, "monodyn: from: expected each name once, got 'joint1' twice; "
+         "keep one of them."),
+    ]:  # fmt: skip
+        done = command("predict", run, *words)
+        assert (done.code, done.err.strip()) == (code, message)
+    done = command("predict")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == "monodyn: predict: expected RUN, got nothing; see monodyn predict --help.\n"
+
+
+def test_a_refused_fit_predicts_with_exit_code_1_and_says_so(tmp_path):
+    refused = identified().doubted([Doubt("refused", "It is another mechanism.")])
+    monodyn.report(refused, to=tmp_path / "run")
+    done = command("predict", tmp_path / "run")
+    assert done.code == 1
+    assert "- The mechanism is not to be relied on: It is another mechanism." in done.out
+
+
+def test_torques_that_belong_to_a_record_are_not_in_its_prediction(tmp_path):
+    single = identified().mechanism
+    free = single.with_torque("free", knots=np.array([0.0, 0.3, 0.6]))
+    for torque, mechanism, said in (
+        ("known", single.with_torque("known"), "- The known torques belong to the record: here none act."),
+        (
+            "free",
+            free,
+            "- Free torques are known within the fitted frames alone: outside of these none act.",
+        ),
+    ):
+        fit = replace(made_fit(mechanism=mechanism), torque=torque)
+        monodyn.report(fit, to=tmp_path / torque)
+        done = command("predict", tmp_path / torque, "--from", "joint1=0.5", "--until", 1)
+        assert said in done.out

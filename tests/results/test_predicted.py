@@ -1,0 +1,87 @@
+"""A run folder, and what its mechanism does from another start: numbers, files, pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import av
+import numpy as np
+import pytest
+
+import monodyn
+from fits import identified, record
+from monodyn.errors import SettingsError
+from monodyn.mechanism.simulate import simulate
+from monodyn.results.predicted import Wanted, predict_run
+from support import refuses
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("predicted") / "run"
+    monodyn.report(identified(), to=folder, poses=record(identified()))
+    return folder
+
+
+def test_the_motion_is_that_of_the_mechanism_and_stands_in_all_files(run, tmp_path):
+    out = tmp_path / "ahead"
+    found = predict_run(run, out, Wanted({"joint1": 1.0}, {"joint1": 0.5}, until=1.0))
+    assert found.folder == out
+    back = simulate(identified().mechanism, found.states.time, np.array([1.0]), np.array([0.5]))
+    np.testing.assert_allclose(found.states.position, back.position, atol=1e-5)
+    with (out / "prediction.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header == ["frame", "time", "joint1", "joint1_vel", "joint1_std", "joint1_vel_std"]
+    table = np.array(rows, dtype=float)
+    np.testing.assert_array_equal(table[:, 2], found.states.position[:, 0])
+    document = json.loads((out / "prediction.json").read_text())
+    assert document["position"]["joint1"] == found.states.position[:, 0].tolist()
+    assert "plotly" in (out / "prediction.html").read_text()
+    assert not (out / "prediction.mp4").exists()
+
+
+def test_it_is_as_long_as_the_record_and_begins_where_that_ends(run):
+    states, fit = predict_run(run).states, identified()
+    assert states.time[0] == pytest.approx(fit.time[0][-1])
+    assert states.time[-1] - states.time[0] == pytest.approx(fit.time[0][-1] - fit.time[0][0])
+
+
+def test_what_cannot_be_predicted_or_drawn_is_refused(run, tmp_path):
+    with refuses(SettingsError, "until: expected a time after the start at 0 s, got -1 s."):
+        predict_run(run, wanted=Wanted({"joint1": 0.0}, until=-1.0))
+    with refuses(
+        SettingsError, "until: expected at most 1000000 rows of 0.0333333 s, got 30000001; end it earlier."
+    ):
+        predict_run(run, wanted=Wanted({"joint1": 0.0}, until=1e6))
+    with refuses(
+        SettingsError,
+        f"'{run}': expected the run of a clip, got one of tables, which has no camera; leave --film out.",
+    ):
+        predict_run(run, tmp_path / "ahead", film=True)
+
+
+def test_a_film_shows_the_motion_over_the_first_frame(filmed, make_clip, tmp_path):
+    scene, poses = filmed
+    run, out, clip = tmp_path / "run", tmp_path / "ahead", scene.video.path
+    monodyn.report(monodyn.identify(poses, scene.mechanism), to=run, poses=poses, scene=scene)
+    joints = {joint.name: 0.5 for joint in monodyn.open_run(run).mechanism.joints}
+    predict_run(run, out, Wanted(joints, until=0.5), film=True, clip=clip)
+    with av.open(str(out / "prediction.mp4")) as film:
+        pictures = [frame.to_ndarray(format="gray").astype(int) for frame in film.decode(video=0)]
+    first = next(monodyn.read(clip).frames(0, 1)).luma.astype(int)
+    changed = [np.abs(picture - first) > 40 for picture in pictures]
+    # something is drawn, elsewhere from frame to frame, and most of the picture stays as it is
+    assert 20 < changed[0].sum() < 0.1 * first.size
+    assert np.any(changed[0] != changed[-1])
+    for named, got in ((None, "none"), (tmp_path / "x", f"no file {tmp_path / 'x'}")):
+        with refuses(SettingsError, f"film: expected the clip of the run, got {got}; name it with --clip."):
+            predict_run(run, tmp_path / "other", film=True, clip=named)
+    small = make_clip()
+    with refuses(
+        SettingsError,
+        f"film: expected a clip of {scene.camera.width}x{scene.camera.height} pixels, got 64x48; name "
+        "that of the run with --clip.",
+    ):
+        predict_run(run, tmp_path / "other", film=True, clip=small)
+    assert not (tmp_path / "other").exists()
