@@ -31,6 +31,7 @@ examples:
   monodyn run clip.mp4 --model chain:3 --out run --fit-frames 0:120 --fix gravity=9.81
   monodyn identify run/poses.csv --model run/model.xml --out fit
   monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead --film
+  monodyn control run --at joint1=1.5708 --actuated slide --out balance
 
 monodyn COMMAND --help lists the options of a command. Exit codes: 0 done; 1 the fit is not to be trusted;
 2 bad input or usage; 130 interrupted.

@@ -35,7 +35,7 @@ class ControlOptions:
         rate: Measurements, and torques, a second.
         draws: Mechanisms drawn from the covariance of the parameters, all of which the gains should hold.
         seed: Of the draws.
-        film: Write control.mp4.
+        film: Write control.mp4, too; --no-film leaves it out.
         force: Replace a controller that is already in DIR.
         quiet: No progress, nothing printed.
         json: The result as JSON on the standard output.
