@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from monodyn.results.linear import linearize as linearize
     from monodyn.results.opened import open_run as open_run
     from monodyn.results.predict import predict as predict
+    from monodyn.results.regulator import Allowed as Allowed
     from monodyn.results.regulator import lqr as lqr
     from monodyn.results.report import report as report
     from monodyn.results.restart import restart as restart
@@ -84,7 +85,7 @@ _HOMES = {
     "results.report": ("report",),
     "results.closed": ("closed_loop",),
     "results.linear": ("linearize",),
-    "results.regulator": ("lqr",),
+    "results.regulator": ("Allowed", "lqr"),
     "results.swing": ("swing_up",),
     "results.restart": ("restart",),
     "settings": ("RunSettings",),
