@@ -50,6 +50,7 @@ def test_a_turn_from_rest_to_rest_takes_the_least_torque() -> None:
     assert found.cost == pytest.approx(1.0 / 12.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_what_is_found_leads_there_and_is_followed_at_every_measurement() -> None:
     shot = pendubot(intervals=25)
     found = shoot(shot, seed=0)
