@@ -1,18 +1,21 @@
-"""Print how well what is said about the use of a simulator holds: how long a prediction can be relied on.
+"""Print how well what is said about the use of a simulator holds: predictions, controllers.
 
 Run: ``python benchmarks/use.py [--only GROUP ...] [--records N] [--json FILE] [--gate]``.
 ``horizon``: MuJoCo moves double pendulums, wildly and hardly damped, and measures the beginning; what is said
-of the rest is compared with when the prediction in truth leaves the tolerance.
+of the rest is compared with when the prediction in truth leaves the tolerance. ``control``: what is designed
+on identified mechanisms, on the true ones (``controlled.py``; a part needs ``MONODYN_DATA``).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 import monodyn
+from controlled import controls
 from figures import Figure, command_line, finish, say, table
 from intervals import NOISE, RATE, SUBSTEPS, drawn_pendulum
 from monodyn.choices import Tolerance
@@ -49,10 +52,14 @@ def main() -> int:
     Returns:
         The exit code: 1 when a target is missed under ``--gate``.
     """
-    parser = command_line(__doc__, ("horizon",))
+    parser = command_line(__doc__, ("horizon", "control"))
     parser.add_argument("--records", type=int, default=100, metavar="N", help="records of each group")
     options = parser.parse_args()
-    figures = horizons(options.records)
+    groups: dict[str, Callable[[], list[Figure]]] = {
+        "horizon": lambda: horizons(options.records),
+        "control": controls,
+    }
+    figures = [figure for group in options.only or groups for figure in groups[group]()]
     print(table(figures))
     return finish(figures, to=options.json, gate=options.gate)
 

@@ -22,7 +22,7 @@ TABLE = places(ARCHITECTURE)
 PAPER_USERS = ("paper", "settings", "stages", "reproduce")
 """The only rooms that may import ``paper``: itself and three more."""
 
-KERNELS = ("mechanism/planar", "mechanism/tangents", "mechanism/branches")
+KERNELS = ("mechanism/planar", "mechanism/tangents", "mechanism/slopes", "mechanism/branches")
 """What stands behind the one door to motion."""
 
 every_module = pytest.mark.parametrize(

@@ -32,14 +32,19 @@ if TYPE_CHECKING:
     from monodyn.mechanism import write_mjcf as write_mjcf
     from monodyn.mechanism import write_urdf as write_urdf
     from monodyn.pipeline import run as run
+    from monodyn.results.closed import closed_loop as closed_loop
     from monodyn.results.fill import fill as fill
     from monodyn.results.horizon import horizon as horizon
+    from monodyn.results.linear import linearize as linearize
     from monodyn.results.opened import open_run as open_run
     from monodyn.results.opened import remembered as remembered
     from monodyn.results.predict import predict as predict
+    from monodyn.results.regulator import Allowed as Allowed
+    from monodyn.results.regulator import lqr as lqr
     from monodyn.results.report import report as report
     from monodyn.results.restart import restart as restart
     from monodyn.results.smoother import smooth as smooth
+    from monodyn.results.swing import swing_up as swing_up
     from monodyn.settings import RunSettings as RunSettings
     from monodyn.stages import identify as identify
     from monodyn.stages import locate as locate
@@ -80,6 +85,10 @@ _HOMES = {
     "results.fill": ("fill",),
     "results.horizon": ("horizon",),
     "results.report": ("report",),
+    "results.closed": ("closed_loop",),
+    "results.linear": ("linearize",),
+    "results.regulator": ("Allowed", "lqr"),
+    "results.swing": ("swing_up",),
     "results.restart": ("restart",),
     "results.smoother": ("smooth",),
     "settings": ("RunSettings",),

@@ -1,5 +1,5 @@
-"""The commands: ``run``, ``track``, ``identify``, ``predict``, ``models``, ``reproduce``. The only place that
-prints.
+"""The commands: ``run``, ``track``, ``identify``, ``predict``, ``control``, ``models``, ``reproduce``. The
+only place that prints.
 
 ``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
@@ -22,6 +22,7 @@ commands:
   track     track a clip and write poses.csv
   identify  identify a mechanism from tables of joint positions
   predict   predict how the mechanism of a run moves, from any state or moment
+  control   design a controller for the mechanism of a run, and simulate it
   models    list the bundled mechanisms
   reproduce repeat the experiment of the 2012 paper and write a page about it
 
@@ -30,6 +31,7 @@ examples:
   monodyn run clip.mp4 --model chain:3 --out run --fit-frames 0:120 --fix gravity=9.81
   monodyn identify run/poses.csv --model run --out fit
   monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead --film
+  monodyn control run --at joint1=1.5708 --actuated slide --out balance
 
 monodyn COMMAND --help lists the options of a command. Exit codes: 0 done; 1 the fit is not to be trusted;
 2 bad input or usage; 130 interrupted.

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_type_hints
 
 from tyro import conf
 
+from monodyn.cli.controlled import ControlOptions
 from monodyn.cli.forms import FORMS
 from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
@@ -260,6 +261,9 @@ COMMANDS: dict[str, Command] = {
     ),
     "predict": Command(
         PredictOptions, "monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead"
+    ),
+    "control": Command(
+        ControlOptions, "monodyn control run --at joint1=1.5708 --actuated slide --out balance"
     ),
     "models": Command(ModelsOptions, "monodyn models"),
     "reproduce": Command(ReproduceOptions, "monodyn reproduce --out experiment"),

@@ -143,6 +143,35 @@ def accelerations(tree: Tree, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> 
     return planar.accelerations(tree.parent, tree.kind, tree.links, tree.gravity, *rows)
 
 
+def acceleration_derivatives(
+    tree: Tree, directions: Directions, q: np.ndarray, v: np.ndarray, tau: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve the equation of motion for the accelerations of every row, and differentiate them exactly.
+
+    Args:
+        tree: The joint tree.
+        directions: What each parameter changes in the tree; what it changes in the drive is not looked at.
+        q: Joint positions [rad or m], (row, dof).
+        v: Joint rates [rad/s or m/s], (row, dof).
+        tau: Joint torques or forces in addition to friction and springs of the tree [N m or N], (row, dof).
+
+    Returns:
+        Joint accelerations [rad/s^2 or m/s^2], (row, dof), and their derivatives, (row, dof, param + 3 dof):
+        by the parameters, then by ``q``, ``v`` and ``tau``.
+
+    Raises:
+        MechanismError: From ``_agree``: an array is not of the tree's joints.
+    """
+    from monodyn.mechanism import slopes
+
+    _agree(tree, q, v, tau)
+    rows = (plain(row, np.float64) for row in (q, v, tau))
+    return slopes.acceleration_tangents(
+        tree.parent, tree.kind, tree.links, plain(directions.links, np.float64), tree.gravity,
+        plain(directions.gravity, np.float64), *rows,
+    )  # fmt: skip
+
+
 def energy(tree: Tree, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Sum kinetic energy, height energy (zero at the first joint) and spring energy.
 

@@ -74,7 +74,7 @@ TANGENT = 14
 
 
 @njit(cache=True, error_model="numpy")
-def _needed_forces(parent, kind, links, gravity, v, a, w):  # pragma: no cover - compiled
+def needed_forces(parent, kind, links, gravity, v, a, w):  # pragma: no cover - compiled
     """Fill A (AW..AY) and force (FN..FY) of each link at the accelerations ``a``; sum forces inward.
 
     ``v`` and ``a`` are (dof,), ``w`` is (dof, WORK) as ``place`` leaves it. This is ``_bias`` with the actual
@@ -115,7 +115,7 @@ def _needed_forces(parent, kind, links, gravity, v, a, w):  # pragma: no cover -
 
 
 @njit(cache=True, error_model="numpy")
-def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no cover - compiled
+def move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no cover - compiled
     """Differentiate ``place``: origins, motion subspaces and velocities of every link, outward.
 
     ``dq`` and ``dv`` are (dof, direction). Cosines and sines need no column: their derivatives are those of a
@@ -163,7 +163,7 @@ def _move(parent, kind, links, dlinks, q, v, dq, dv, w, t, live):  # pragma: no 
 
 
 @njit(cache=True, error_model="numpy")
-def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no cover - compiled
+def push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no cover - compiled
     """Differentiate each link's acceleration and force, outward; ``w`` holds single-link inertias.
 
     The accelerations ``a`` (dof,) are held: their own change is what is solved for in the end.
@@ -211,7 +211,7 @@ def _push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no 
 
 
 @njit(cache=True, error_model="numpy")
-def _push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
+def push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
     """Add the derivatives of what the air takes to those of the links' forces, as ``resist`` has them."""
     for i in range(kind.size):
         c, met = links[i, AIR], links[i, AIR] != 0.0
@@ -247,7 +247,7 @@ def _push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
 
 
 @njit(cache=True, error_model="numpy")
-def _gather(parent, kind, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: no cover - compiled
+def gather(parent, kind, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: no cover - compiled
     """Sum the force derivatives inward and write the joint-space right-hand side into ``da``.
 
     Row i of the equation of motion is S_i.F_i + armature a_i = tau_i - friction(v_i) - spring(q_i) with the
@@ -404,11 +404,11 @@ def rollout_tangents(
                         if hold.any():
                             forward(parent, kind, links, gravity, x[0], u[0], tau, hold, w, h, a[0])
                     place(parent, kind, links, x[r], u[r], w)
-                    _needed_forces(parent, kind, links, gravity, u[r], a[r], w)
-                    _move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
-                    _push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
-                    _push_air(kind, links, dlinks, w, t, many)
-                    _gather(parent, kind, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
+                    needed_forces(parent, kind, links, gravity, u[r], a[r], w)
+                    move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
+                    push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
+                    push_air(kind, links, dlinks, w, t, many)
+                    gather(parent, kind, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
                     if mode != NONE:
                         _add_torque(
                             tau, slope, time, value, span, slot, loads, clocks, lagging, lags, da[r], many

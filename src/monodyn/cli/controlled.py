@@ -1,0 +1,109 @@
+"""``monodyn control``: its options, and what it prints."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro import conf
+
+from monodyn.cli.forms import Words, intervals, values
+
+if TYPE_CHECKING:
+    from monodyn.results.controlled import Controlled
+
+
+@dataclass(frozen=True)
+class ControlOptions:
+    """Design a controller for the mechanism of a run, and simulate it in MuJoCo (needs monodyn[control]).
+
+    Attributes:
+        run: Folder of a run that identified a mechanism.
+        at: Joint positions of the equilibrium [rad, m for slides], e.g. joint1=1.5708; those left out are 0.
+        actuated: Joints with a motor, e.g. slide.
+        out: Folder for control.json, control.html, control.mp4 and model.xml; nothing is written when left
+            out.
+        swing: Swing it up from where it hangs, or from --start, then balance it.
+        start: Joint positions at the beginning [rad, m for slides]; those left out are those of --at.
+        limit: Largest torque of a motor during the swing [N m, N for slides], e.g. joint1=0.5.
+        within: Least and largest position of a joint on the way [rad, m for slides], e.g. slide=-0.3:0.3.
+        seconds: How long the swing takes; several times are tried when left out.
+        rate: Measurements, and torques, a second.
+        draws: Mechanisms drawn from the covariance of the parameters, all of which the gains should hold.
+        seed: Of the draws.
+        film: Write control.mp4, too; --no-film leaves it out.
+        force: Replace a controller that is already in DIR.
+        quiet: No progress, nothing printed.
+        json: The result as JSON on the standard output.
+    """
+
+    run: Annotated[conf.Positional[Path], conf.arg(metavar="RUN")]
+    at: Annotated[Words, conf.arg(metavar="JOINT=POSITION ...")] = ()
+    actuated: Annotated[Words, conf.arg(metavar="JOINT ...")] = ()
+    out: Annotated[Path | None, conf.arg(metavar="DIR")] = None
+    swing: bool = False
+    start: Annotated[Words, conf.arg(metavar="JOINT=POSITION ...")] = ()
+    limit: Annotated[Words, conf.arg(metavar="JOINT=TORQUE ...")] = ()
+    within: Annotated[Words, conf.arg(metavar="JOINT=LOW:HIGH ...")] = ()
+    seconds: Annotated[float | None, conf.arg(metavar="S")] = None
+    rate: Annotated[float, conf.arg(metavar="HZ")] = 200.0
+    draws: int = 50
+    seed: int = 0
+    film: bool = True
+    force: bool = False
+    quiet: bool = False
+    json: bool = False
+
+    def go(self) -> int:
+        """Return the exit code after running the command."""
+        from monodyn.cli.show import progress_on
+        from monodyn.cli.streams import printing
+        from monodyn.results.controlled import Aim, control_run
+
+        aim = Aim(
+            at=values("at", _apart(self.at)),
+            actuated=tuple(word for group in _apart(self.actuated) for word in group),
+            swing=self.swing,
+            start=values("start", _apart(self.start)) or None,
+            limit=values("limit", _apart(self.limit)),
+            within=intervals("within", _apart(self.within)),
+            seconds=self.seconds,
+            rate=self.rate,
+            draws=self.draws,
+            seed=self.seed,
+        )
+        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+            found = control_run(self.run, self.out, aim, film=self.film, force=self.force, progress=progress)
+        with printing():
+            _print(found, as_json=self.json, quiet=self.quiet)
+        return 0 if found.ok else 1
+
+
+def _apart(words: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Return words that may stand together with commas between them one by one."""
+    return [[part for word in group for part in word.split(",") if part] for group in words]
+
+
+def _print(found: Controlled, *, as_json: bool, quiet: bool) -> None:
+    """Print gains and what they do."""
+    from monodyn.results.export import jsonable
+
+    if as_json:
+        print(json.dumps(jsonable(found.document), indent=2, allow_nan=False))
+        return
+    if quiet:
+        return
+    document = found.document
+    where = ", ".join(f"{name}={x:.6g}" for name, x in document["operating_point"]["position"].items())
+    print(f"equilibrium: {where}")
+    for motor, row in zip(document["motors"], found.regulator.gain, strict=True):
+        gains = ", ".join(f"{name} {x:.5g}" for name, x in zip(document["states"], row, strict=True))
+        print(f"gains of {motor}: {gains}")
+    for note in found.notes:
+        print(f"- {note}")
+    if found.folder is not None:
+        print(f"plot: {found.folder}/control.html")

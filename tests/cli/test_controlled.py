@@ -1,0 +1,71 @@
+"""``monodyn control``: its options, and what it prints."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from controllable import identified
+from monodyn.cli import controlled
+from monodyn.cli.parse import parsed
+from monodyn.results.controlled import Aim, control
+from support import command
+
+
+def test_options_become_an_aim(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = (
+        "run --at joint1=1.57,slide=0.1 --actuated slide --out up --swing --start joint1=-1.5 --limit "
+        "slide=3 --within slide=-0.3:0.3 --seconds 2 --rate 100 --draws 7 --seed 3 --no-film --force"
+    )
+    options = parsed("control", words.split())
+    seen = {}
+
+    def run(folder, out, aim, **how):
+        seen.update(folder=folder, out=out, aim=aim, **how)
+        return control(identified("cartpole")[1], Aim({"joint1": 1.57}, ["slide"], draws=0))
+
+    monkeypatch.setattr("monodyn.results.controlled.control_run", run)
+    assert replace(options, quiet=True).go() == 0
+    assert seen.pop("progress") is None
+    assert seen == {
+        "folder": Path("run"),
+        "out": Path("up"),
+        "film": False,
+        "force": True,
+        "aim": Aim(
+            at={"joint1": 1.57, "slide": 0.1}, actuated=("slide",), swing=True, start={"joint1": -1.5},
+            limit={"slide": 3.0}, within={"slide": (-0.3, 0.3)}, seconds=2.0, rate=100.0, draws=7, seed=3,
+        ),
+    }  # fmt: skip
+
+
+def test_what_was_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    found = control(identified("cartpole")[1], Aim({"joint1": 1.57}, ["slide"], draws=0))
+    controlled._print(replace(found, folder=Path("up")), as_json=False, quiet=False)
+    lines = capsys.readouterr().out.splitlines()
+    gain = found.regulator.gain[0]
+    assert lines[0].startswith("equilibrium: slide=")
+    assert lines[0].endswith("joint1=1.5708")
+    assert lines[1] == (
+        f"gains of slide: slide {gain[0]:.5g}, joint1 {gain[1]:.5g}, slide_vel {gain[2]:.5g}, "
+        f"joint1_vel {gain[3]:.5g}"
+    )
+    assert lines[2:-1] == [f"- {note}" for note in found.notes]
+    assert lines[-1] == "plot: up/control.html"
+    controlled._print(found, as_json=True, quiet=False)
+    document = json.loads(capsys.readouterr().out)
+    assert document["gain"][0] == pytest.approx(gain.tolist())
+    controlled._print(found, as_json=False, quiet=True)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
+    done = command("control", tmp_path, "--at", "joint1=1", "--actuated", "slide")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        f"monodyn: '{tmp_path}': expected the folder of a run, got a folder without fit.json; name the one "
+        "given as --out.\n"
+    )

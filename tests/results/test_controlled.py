@@ -1,0 +1,146 @@
+"""From a run folder to a controller: its files hold what a client needs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import av
+import mujoco
+import numpy as np
+import pytest
+
+from controllable import STARTS, TIMES, TRUE, identified
+from monodyn.errors import SettingsError
+from monodyn.estimation.record.tables import write_poses
+from monodyn.mechanism import load
+from monodyn.pipeline import identify_tables
+from monodyn.results.controlled import Aim, camera_for, control, control_run
+from monodyn.results.sight import outlines_of
+from support import command, refuses
+from swings import motion, record
+
+UP = {"joint1": 1.57}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run folder of a cart-pole."""
+    folder = tmp_path_factory.mktemp("cart")
+    true = load("cartpole").with_values(TRUE["cartpole"])
+    position = motion(true, TIMES, STARTS["cartpole"], (0.0, 0.0), steps=32)
+    write_poses(record(true, TIMES, position), folder / "poses.csv")
+    identify_tables([folder / "poses.csv"], "cartpole", folder / "run")
+    return folder / "run"
+
+
+@pytest.mark.slow
+def test_a_client_balances_the_model_with_the_numbers_of_the_files(run: Path, tmp_path: Path) -> None:
+    done = command(
+        "control", run, "--at", "joint1=1.57", "--actuated", "slide", "--out", tmp_path / "c", "--quiet"
+    )
+    assert (done.code, done.out, done.err) == (0, "", "")
+    assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [
+        "control.html", "control.json", "control.mp4", "model.xml",
+    ]  # fmt: skip
+    document = json.loads((tmp_path / "c" / "control.json").read_text())
+    body = mujoco.MjModel.from_xml_path(str(tmp_path / "c" / "model.xml"))
+    data = mujoco.MjData(body)
+    names = list(document["operating_point"]["position"])
+    assert [body.joint(i).name for i in range(2)] == names == ["slide", "joint1"]
+    at = np.array([*document["operating_point"]["position"].values(), 0.0, 0.0])
+    gain, each = np.array(document["gain"]), round(1.0 / document["rate"] / body.opt.timestep)
+    data.qpos[:] = at[:2] + np.array([0.0, 0.2])
+    loop = document["closed_loop"]
+    for row in range(len(loop["time"])):
+        measured = [loop["position"][name][row] for name in names]
+        np.testing.assert_allclose(data.qpos, measured, atol=1e-9)
+        torque = document["operating_point"]["torque"]["slide"] - gain @ (np.r_[data.qpos, data.qvel] - at)
+        data.qfrc_applied[:1] = torque
+        assert torque[0] == pytest.approx(loop["torque"]["slide"][row], abs=1e-7)
+        mujoco.mj_step(body, data, each)
+    assert loop["balanced"] is True
+    assert len(loop["time"]) == 2001
+    with av.open(str(tmp_path / "c" / "control.mp4")) as film:
+        pictures = [frame.to_ndarray(format="gray") for frame in film.decode(video=0)]
+    assert len(pictures) == len(loop["time"][::7])
+    # the mechanism is dark lines on light paper
+    assert pictures[0].shape == (480, 720)
+    assert 0.001 < np.mean(pictures[0] < 128) < 0.1
+    page = (tmp_path / "c" / "control.html").read_text(encoding="utf-8")
+    assert "cartpole in MuJoCo under its controller" in page
+
+
+@pytest.mark.slow
+def test_a_swing_is_in_the_document_and_the_notes(run: Path, tmp_path: Path) -> None:
+    aim = Aim(UP, ["slide"], swing=True, draws=4)
+    found = control_run(run, tmp_path / "swing", aim, film=False)
+    assert found.ok
+    assert found.swing is not None
+    assert not (tmp_path / "swing" / "control.mp4").exists()
+    document = json.loads((tmp_path / "swing" / "control.json").read_text())
+    swing = document["swing"]
+    assert len(swing["time"]) == len(swing["state"]["joint1_vel"]) == len(swing["gain"]) + 1
+    assert swing["state"]["joint1"][0] == pytest.approx(-np.pi / 2.0, abs=1e-6)
+    assert len(document["closed_loop"]["time"]) == round((swing["seconds"] + 10.0) * 200) + 1
+    stability = found.regulator.stability
+    assert found.notes[:4] == (
+        f"The gains hold 4 of 4 mechanisms that the data allow; the slowest pole of any is at "
+        f"{stability.worst:.3g} 1/s.",
+        f"They hold it with {stability.lightest:.2g} to {stability.heaviest:.2g} times the masses.",
+        f"The swing takes {swing['seconds']:.3g} s and reaches the balance with {swing['reached']} of "
+        f"{swing['draws']} mechanisms that the data allow.",
+        "In MuJoCo the identified mechanism stays balanced.",
+    )
+    said = (
+        f"out '{tmp_path / 'swing'}': expected a folder without a controller, it holds control.json; give "
+        "another folder, or --force to replace the controller."
+    )
+    with refuses(SettingsError, said):
+        control_run(run, tmp_path / "swing", aim)
+
+
+def test_a_doubtful_fit_and_one_that_falls_say_so() -> None:
+    _, fit = identified("cartpole")
+    far = control(fit, Aim(UP, ["slide"], start={"joint1": -1.5}, draws=0))
+    assert not far.ok
+    assert far.loop.position[0] == pytest.approx([0.0, -1.5], abs=1e-9)
+    assert "In MuJoCo the identified mechanism does not stay balanced." in far.notes
+    assert far.notes[0] == (
+        "The fit has no covariance: the gains were tried on the identified mechanism alone."
+    )
+    doubted = replace(far, fit=replace(fit, doubts=(refusal(),)))
+    assert doubted.notes[0] == f"The mechanism is not to be relied on: {fit.status}"
+
+
+def refusal():
+    from monodyn.estimation.fit import Doubt
+
+    return Doubt("refused", "It is wrong.")
+
+
+def test_a_pendubot_is_pushed_by_less() -> None:
+    _, fit = identified("double")
+    found = control(fit, Aim(UP, ["joint1"], draws=0))
+    assert found.ok
+    assert found.loop.position[0] - found.regulator.position == pytest.approx([0.0, 0.05])
+
+
+def test_the_camera_of_the_film_sees_all_of_a_motion() -> None:
+    mechanism = load("cartpole")
+    position = np.array([[0.0, -1.5], [2.0, 1.5], [-1.0, 0.0]])
+    camera = camera_for(mechanism, position)
+    corners = np.vstack([polygon for q in position for polygon in outlines_of(mechanism, camera, q)])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    assert np.all(low > 0.0)
+    assert np.all(high < [720.0, 480.0])
+    # it fills one side
+    assert max((high - low) / [720.0, 480.0]) > 0.8
+
+
+def test_what_belongs_to_a_swing_is_refused_without_one() -> None:
+    _, fit = identified("cartpole")
+    said = "control: expected limit, within and seconds together with swing, got them without; add --swing."
+    with refuses(SettingsError, said):
+        control(fit, Aim(UP, ["slide"], limit={"slide": 1.0}))
