@@ -48,6 +48,11 @@ def test_the_table_has_the_columns_of_all_pendulums() -> None:
     assert [row["l1_error_percent"] for row in csv.DictReader(lines)] == ["", "50.0"]
 
 
+def test_what_is_unbounded_is_an_empty_cell() -> None:
+    text = csv_text([repetition(replace(moved("I", 1e-3), parameters={"l1": np.inf}))])
+    assert [row["l1_error_percent"] for row in csv.DictReader(text.splitlines())] == [""]
+
+
 def test_the_document_says_what_each_claim_rests_on() -> None:
     found = repetition(moved("I", 1e-3))
     made = document([found], claims([found.evidence]))

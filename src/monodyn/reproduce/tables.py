@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import groupby
@@ -201,7 +202,10 @@ def csv_text(repetitions: Sequence[Repetition]) -> str:
     columns.sort(key="status".__eq__)
     writer = csv.DictWriter(file, fieldnames=columns, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    # what is missing or unbounded is an empty cell
+    for row in rows:
+        lost = {name for name, cell in row.items() if isinstance(cell, float) and not math.isfinite(cell)}
+        writer.writerow({name: "" if name in lost else cell for name, cell in row.items()})
     return file.getvalue()
 
 
