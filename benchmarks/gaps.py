@@ -50,9 +50,9 @@ class Hidden:
     """Hidden positions of one joint and what was filled in.
 
     Attributes:
-        error: Filled less true position [deg], (position,).
-        std: Standard deviation that is stated [deg], (position,).
-        seen: Error of the fitted frames in which the joint was seen [deg], (position,).
+        error: Filled less true position [deg], (frame,).
+        std: Standard deviation that is stated [deg], (frame,).
+        seen: Error of the fitted frames in which the joint was seen [deg], (frame,).
     """
 
     error: np.ndarray

@@ -96,8 +96,15 @@ class Dynamics:
         return np.zeros(self.dofs) if self.fit.unmodelled is None else self.fit.unmodelled.density
 
     def pushed(self, stamps: np.ndarray, stronger: float) -> np.ndarray:
-        """Return the covariance that random accelerations of so many times their density add between two
-        stamps, (2 dof, 2 dof)."""
+        """Return the covariance that random accelerations add from one stamp to the next.
+
+        Args:
+            stamps: Both [s], (frame,).
+            stronger: Factor of their density.
+
+        Returns:
+            Covariance of positions, then rates [SI], (2 dof, 2 dof).
+        """
         density = self.density
         if stronger > 1.0:
             # where there are none, those that move the motion by its residuals in a second
@@ -106,8 +113,16 @@ class Dynamics:
         return random_push(density, (stamps[1] - stamps[0]) * self.fit.mechanism.values["time_scale"])
 
     def ahead(self, stamps: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state at the last stamp, (2 dof,), and its derivatives by that at the first, then by the
-        parameters, (2 dof, 2 dof + param)."""
+        """Integrate the motion with its derivatives.
+
+        Args:
+            stamps: Time stamps [s], (frame,).
+            state: Positions, then rates at the first one [SI], (2 dof,).
+
+        Returns:
+            The state at the last one, (2 dof,), and its derivatives by the first state, then by parameters in
+            their standard deviations, (2 dof, 2 dof + param).
+        """
         from monodyn.mechanism.simulate import accelerations, rollout_derivatives
 
         tree, clock = self.fit.mechanism.tree, stamps * self.fit.mechanism.values["time_scale"]
@@ -130,8 +145,8 @@ class Chain:
     Attributes:
         dynamics: How.
         stamps: Time stamps [s], (frame,).
-        wanted: Stamps that were asked for, int (wanted,).
-        asked: Their rows among all times that were asked for, int (wanted,).
+        wanted: Stamps that were asked for, int (frame,).
+        asked: Their rows among all times that were asked for, int (frame,).
         measured: Row of the record at each stamp, -1 for none, int (frame,).
         start: State at the first stamp, (2 dof,).
         covariance: What is known of it and of the parameters before, (2 dof + param, 2 dof + param).

@@ -31,7 +31,7 @@ from monodyn.types import Poses
 WIDER = 25.0
 """Variance of parameters and start state before the first frame, over that of the fit: where the frames of
 the fit are used again, what the fit knows from them may hardly count."""
-SHOWS = 3.0
+SHOWS = 2.0
 """Standard deviations above zero from which on the covariance of neighbouring residuals shows."""
 SAME = 1e-9
 """Time stamps that are closer are the same [s]."""
