@@ -1,6 +1,6 @@
-"""Measure how well what was hidden is filled: in clips with known truth, and where MuJoCo is pushed at random.
+"""Measure how well what was hidden is filled: in clips with known truth, and in records that are pushed.
 
-Run: ``MONODYN_DATA=<folder> python benchmarks/gaps.py [--only GROUP ...] [--records N] [--json FILE] [--gate]``.
+Run: ``MONODYN_DATA=<folder> python benchmarks/gaps.py [--only GROUP ...] [--records N] [--gate]``.
 ``clips``: clips go through the whole pipeline, one that shows the wall alone in two stretches, one in which a
 post hides the second link. ``pushed``: double pendulums that are pushed at random, as if the model lacked
 something, of which stretches are hidden, both joints or one alone.
@@ -36,8 +36,8 @@ FITTED = ((None, "all but the last quarter fitted"), ((0, 100), "frames 0:100 fi
 NOISY = 1.5
 """Noise of the wall's pictures [grey levels]."""
 AS_SEEN, POST, WITHIN, SQUARE = 2.0, 1.0, 90.0, 1.5
-"""Error in gaps over that of the frames that were seen; behind the post [deg]; share within the 95 % bands [%];
-mean square of error over deviation: at most, at most, at least, at most."""
+"""Error in gaps over that of seen frames, at most; behind the post, at most [deg]; share within 95 % bands,
+at least [%]; mean square of error over deviation, at most."""
 FRAMES, GAPS = 120, ((20, 30), (45, 60), (80, 88), (100, 110))
 """Of a record that is pushed, and what is hidden of it."""
 WEAKEST, STRONGEST = 1e-3, 0.3
@@ -50,9 +50,9 @@ class Hidden:
     """Hidden positions of one joint and what was filled in.
 
     Attributes:
-        error: Filled less true position [deg], (position,).
-        std: Standard deviation that is stated [deg], (position,).
-        seen: Error of the fitted frames in which the joint was seen [deg], (position,).
+        error: Filled less true position [deg], (frame,).
+        std: Standard deviation that is stated [deg], (frame,).
+        seen: Error of the fitted frames in which the joint was seen [deg], (frame,).
     """
 
     error: np.ndarray

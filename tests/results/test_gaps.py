@@ -11,7 +11,7 @@ from monodyn.results.findings import Findings
 from monodyn.results.gaps import Filled, filled, how_filled, unfollowed
 from monodyn.results.page import page_text
 from monodyn.results.predict import predict
-from monodyn.results.smoother import smooth
+from monodyn.results.smoother import left_over, smooth
 from monodyn.results.trace import trace_of
 from monodyn.types import Poses
 from swings import record
@@ -62,6 +62,15 @@ def test_what_the_model_lacks_is_smoothed_and_a_refused_fit_is_not(fit, truth):
     np.testing.assert_array_equal(found.position, smooth(lacking, poses).position)
     refused = replace(lacking, doubts=(Doubt("refused", "It is another one."),))
     np.testing.assert_array_equal(filled(refused, poses).position, fill(refused, ALL).position)
+    # where nothing was hidden a simulator follows, and the band has what is lacking
+    whole, rolled = filled(lacking, hidden(truth)), fill(replace(lacking, unmodelled=None), ALL)
+    np.testing.assert_array_equal(whole.position, rolled.position)
+    spread = np.diag(lacking.unmodelled.off)
+    np.testing.assert_allclose(
+        whole.std[40:80] ** 2 - rolled.std[40:80] ** 2,
+        spread[:2] + (lacking.stamp_error * rolled.velocity[40:80]) ** 2,
+    )
+    assert np.all(whole.std[0] ** 2 > rolled.std[0] ** 2 + 2.0 * spread[:2])
 
 
 def test_how_well_gaps_are_filled(exact, truth):
@@ -79,17 +88,36 @@ def test_how_well_gaps_are_filled(exact, truth):
     assert isinstance(none, Filled)
 
 
+def test_what_is_slow_in_residuals_widens_the_band_and_noise_does_not(exact, truth):
+    """Of noise plus a wave: the wave's mean square times the cosine of a step; 400 rows give it to 0.1."""
+    rng, rows = np.random.default_rng(2), np.arange(400)
+    noise, wave = rng.normal(size=(400, 2)), np.sqrt(2.0) * np.sin(0.1 * rows)
+    residual = noise + np.column_stack([wave, 0.0 * wave])
+    residual[50:60] = np.nan
+    found = left_over(residual)
+    assert found[0] == pytest.approx(np.cos(0.1), abs=0.3)
+    assert found[1] == 0.0
+    poses = hidden(truth)
+    slow = replace(exact, residual=(1e-3 * residual[:40] + 5e-3,))
+    more = filled(slow, poses).std ** 2 - filled(exact, poses).std ** 2
+    np.testing.assert_allclose(more, np.tile(left_over(slow.residual[0]), (120, 1)))
+    assert more.min() > 1e-5
+
+
 def test_gaps_that_no_motion_leads_through_are_named(exact, truth):
     trace, motion = trace_of(exact, hidden(truth, slice(50, 60)), name="one"), fill(exact, ALL)
     std = motion.std.copy()
     std[50:60] = np.inf
     lost = replace(motion, std=std)
     assert unfollowed([trace], [motion]) == []
-    said = (
-        "the motion is too wild to be followed through what was hidden: states.csv knows nothing of it there."
-    )
-    assert unfollowed([trace], [lost]) == [f"From 1.67 to 1.97 s {said}"]
-    assert unfollowed([trace, trace], [motion, lost]) == [f"From 1.67 to 1.97 s of one {said}"]
+    assert unfollowed([trace], [lost]) == [
+        "From 1.67 to 1.97 s the motion is too wild to be followed through what was hidden: states.csv knows "
+        "nothing of it there."
+    ]
+    assert unfollowed([trace, trace], [motion, lost]) == [
+        "From 1.67 to 1.97 s of one the motion is too wild to be followed through what was hidden: "
+        "states.csv knows nothing of it there."
+    ]
     # free torques know nothing after the fitted frames: that is no gap
     outside = replace(motion, std=np.full_like(std, np.inf))
     assert unfollowed([replace(trace, states=outside)], [outside]) == []

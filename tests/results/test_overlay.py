@@ -67,7 +67,9 @@ def test_a_body_behind_the_camera_in_one_of_two_poses_is_a_difference(
     q = np.array([[-1.5]])
     seen = Poses(("joint1",), np.arange(1), np.zeros(1), q + 1e-9, np.full((1, 1, 1), 1e-6), np.ones(1, bool))
     # the model shows one outline, the tracked pose another one too
-    monkeypatch.setattr(overlay, "outlines_of", lambda _m, _c, q: [BOX] if q[0] == -1.5 else [BOX, BOX + 9.0])
+    monkeypatch.setattr(
+        overlay, "outlines_of", lambda _m, _c, q, _: [BOX] if q[0] == -1.5 else [BOX, BOX + 9.0]
+    )
     drawing = motion(1, (128, 96), 1, seen).drawing(at(0))
     assert [ink for _, ink in drawing.outlines] == [TRACKED, TRACKED, FITTED]
 

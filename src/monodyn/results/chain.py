@@ -26,8 +26,10 @@ SETTLED = 0.02
 """Standard deviations by which the motion may change from one linearisation to the next at the end."""
 SHORTEST = 0.1
 """Least share of a step towards the motion of the next linearisation."""
+GAP = 2.5
+"""Usual steps without a measured position from which on it is a gap."""
 MISSED = 5.0
-"""Standard deviations of an innovation from which on the motion that settles may not be the likeliest."""
+"""Standard deviations of an innovation after a gap, from which on a motion may not be the likeliest one."""
 FASTEST = 20.0
 """Rate of a motion that begins anew, one standard deviation [pi rad/s, or pi m/s]."""
 EASED = 10.0 ** np.arange(7.0, -0.1, -0.5)
@@ -94,8 +96,15 @@ class Dynamics:
         return np.zeros(self.dofs) if self.fit.unmodelled is None else self.fit.unmodelled.density
 
     def pushed(self, stamps: np.ndarray, stronger: float) -> np.ndarray:
-        """Return the covariance that random accelerations of so many times their density add between two
-        stamps, (2 dof, 2 dof)."""
+        """Return the covariance that random accelerations add from one stamp to the next.
+
+        Args:
+            stamps: Both [s], (frame,).
+            stronger: Factor of their density.
+
+        Returns:
+            Covariance of positions, then rates [SI], (2 dof, 2 dof).
+        """
         density = self.density
         if stronger > 1.0:
             # where there are none, those that move the motion by its residuals in a second
@@ -104,8 +113,16 @@ class Dynamics:
         return random_push(density, (stamps[1] - stamps[0]) * self.fit.mechanism.values["time_scale"])
 
     def ahead(self, stamps: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state at the last stamp, (2 dof,), and its derivatives by that at the first, then by the
-        parameters, (2 dof, 2 dof + param)."""
+        """Integrate the motion with its derivatives.
+
+        Args:
+            stamps: Time stamps [s], (frame,).
+            state: Positions, then rates at the first one [SI], (2 dof,).
+
+        Returns:
+            The state at the last one, (2 dof,), and its derivatives by the first state, then by parameters in
+            their standard deviations, (2 dof, 2 dof + param).
+        """
         from monodyn.mechanism.simulate import accelerations, rollout_derivatives
 
         tree, clock = self.fit.mechanism.tree, stamps * self.fit.mechanism.values["time_scale"]
@@ -128,8 +145,8 @@ class Chain:
     Attributes:
         dynamics: How.
         stamps: Time stamps [s], (frame,).
-        wanted: Stamps that were asked for, int (wanted,).
-        asked: Their rows among all times that were asked for, int (wanted,).
+        wanted: Stamps that were asked for, int (frame,).
+        asked: Their rows among all times that were asked for, int (frame,).
         measured: Row of the record at each stamp, -1 for none, int (frame,).
         start: State at the first stamp, (2 dof,).
         covariance: What is known of it and of the parameters before, (2 dof + param, 2 dof + param).
@@ -154,7 +171,7 @@ class Pass(NamedTuple):
         covariance: Their covariance, (frame, 2 dof, 2 dof).
         ratio: Mean square of the innovations over what it should be, for rows that the fit has not used and
             for those that it has, (2,).
-        farthest: Largest innovation in its standard deviations.
+        farthest: Largest innovation after a gap in its standard deviations.
         likelihood: Logarithm of that of all innovations, but for a constant.
     """
 
@@ -288,6 +305,7 @@ def _passed(chain: Chain, seen: Seen, about: np.ndarray | None, weaker: np.ndarr
     fresh = _between(chain, seen) if chain.cuts else np.zeros(0)
     unknown = np.repeat([np.pi**2, (FASTEST * np.pi) ** 2], width // 2)
     sums, farthest, likelihood = np.zeros((2, 2)), 0.0, 0.0
+    since, gap = np.full(width // 2, chain.stamps[0]), GAP * float(np.median(np.diff(seen.time)))
     for at, row in enumerate(chain.measured):
         means[at], covariances[at] = mean, covariance
         use = np.flatnonzero(seen.used[row] & (row >= 0))
@@ -303,7 +321,9 @@ def _passed(chain: Chain, seen: Seen, about: np.ndarray | None, weaker: np.ndarr
             covariance = gained[at] @ covariance @ gained[at].T + gain @ noise @ gain.T
             square = off @ inverse @ off
             sums[int(seen.fitted[row])] += square, len(use)
-            farthest = max(farthest, square / len(use))
+            if chain.stamps[at] - since.min() > gap:
+                farthest = max(farthest, square / len(use))
+            since[use] = chain.stamps[at]
             likelihood += 0.5 * (np.linalg.slogdet(inverse)[1] - square)
         if at + 1 < count:
             point = mean[:width] if about is None else about[at]

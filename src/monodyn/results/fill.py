@@ -45,8 +45,9 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
-    covariance; after the fitted frames also what the model lacks. It is infinite before and after free or
-    known torques, where nothing is known of them, and throughout where the fit has no intervals.
+    covariance, and what the model lacks in addition, which grows before and after the fitted frames. It is
+    infinite before and after free or known torques, where nothing is known of them, and throughout where the
+    fit has no intervals.
 
     Args:
         fit: The identified mechanism.
@@ -156,19 +157,23 @@ def _one_way(fit: Fit, start: Start, record: int, times: np.ndarray) -> tuple[np
 
 
 def _astray(fit: Fit, record: int, carried: _Carried) -> np.ndarray:
-    """Return by how much the motion goes astray of the identified one after the fitted frames, for what the
-    model lacks: variances of the positions, then the rates, (stamp, 2 dof)."""
+    """Return by how much the motion is astray of the identified one for what the model lacks: variances that
+    grow before and after the fitted frames, of the positions, then the rates, (stamp, 2 dof)."""
     stamps, motion = carried.stamps, carried.motion
-    added, last = np.zeros(motion.shape), fit.time[record][-1]
-    after = np.flatnonzero(stamps > last + 1e-9)
-    if fit.unmodelled is None or not len(after) or not stamps[-1] > stamps[0]:
+    added = np.zeros(motion.shape)
+    if fit.unmodelled is None:
+        return added
+    density, covariance = fit.unmodelled
+    # among the fitted frames it is as far off as it was there
+    added[:] = np.diag(covariance)
+    away = stamps > fit.time[record][-1] + 1e-9 if stamps[-1] > stamps[0] else stamps < stamps[0]
+    if not away.any():
         return added
     from monodyn.mechanism.simulate import transitions
 
     clock, drive = stamps * fit.mechanism.values["time_scale"], carried.drive
     steps = transitions(fit.mechanism.tree, clock, motion[0], substeps=carried.substeps, drive=drive)
-    density, covariance = fit.unmodelled
-    for i in after:
+    for i in np.flatnonzero(away):
         pushed = random_push(density, clock[i] - clock[i - 1])
         covariance = steps[i] @ covariance @ steps[i].T + pushed
         added[i] = np.diag(covariance)
@@ -180,13 +185,14 @@ def random_push(density: np.ndarray, seconds: float) -> np.ndarray:
 
     Args:
         density: Spectral density of each joint's acceleration [rad^2/s^3 or m^2/s^3], (dof,).
-        seconds: For how long they act [s].
+        seconds: For how long they act [s]; below zero for the state before them.
 
     Returns:
         Covariance of positions, then rates [SI], (2 dof, 2 dof).
     """
-    h = seconds
-    return np.kron([[h**3 / 3.0, h**2 / 2.0], [h**2 / 2.0, h]], np.diag(density))
+    h = abs(seconds)
+    both = 0.5 * h * seconds
+    return np.kron([[h**3 / 3.0, both], [both, h]], np.diag(density))
 
 
 def fine_stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.wording import listed
 from monodyn.results.curves import BAND
 from monodyn.results.fill import States, fill
-from monodyn.results.smoother import smooth
+from monodyn.results.smoother import framed, smooth
 from monodyn.results.trace import Trace, fitted_rows
 from monodyn.types import Poses
 
@@ -32,9 +32,10 @@ class Filled(NamedTuple):
 def filled(fit: Fit, poses: Poses, times: np.ndarray | None = None, *, record: int = 0) -> States:
     """Return the motion that stands for a record in the run folder.
 
-    It is that of ``smooth`` where the model lacks something. Else it is the roll-out, which any simulator
-    follows, but for one case: frames outside of the fitted ones in which something was hidden, and that the
-    roll-out gives less exactly than they would have been measured. A refused fit fills nothing.
+    It is the roll-out, which any simulator follows, unless something was hidden that the roll-out does not
+    give well: because the model lacks something, or because it is outside of the fitted frames and would have
+    been measured more exactly than it is predicted. Then it is that of ``smooth``. A refused fit fills
+    nothing.
 
     Args:
         fit: The identified mechanism.
@@ -45,16 +46,15 @@ def filled(fit: Fit, poses: Poses, times: np.ndarray | None = None, *, record: i
     Returns:
         The motion, as ``smooth`` returns it.
     """
-    if not fit.ok:
-        return fill(fit, poses.time if times is None else times, record=record)
     stamps = poses.time if times is None else times
+    hidden = ~poses.measured & fit.ok
     if fit.unmodelled is None:
         first, stop = fitted_rows(fit, poses, record)
-        hidden = ~poses.measured
         hidden[first:stop] = False
         noise = np.array([fit.rms[name] for name in poses.joints])
-        if not np.any(hidden & (fill(fit, poses.time, record=record).std > noise)):
-            poses = poses.part(first, stop)
+        hidden &= fill(fit, poses.time, record=record).std > noise
+    if not hidden.any():
+        return framed(fit, fill(fit, stamps, record=record), record)
     return smooth(fit, poses, stamps, record=record)
 
 

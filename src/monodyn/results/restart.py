@@ -74,6 +74,8 @@ def restart(
         covariance = np.zeros((len(fit.shared) + 2 * dofs,) * 2)
         covariance[: len(fit.shared), : len(fit.shared)] = fit.shared_covariance
     dofs = len(state) // 2
+    # how far off the record's motion was is in the covariance of a moment, and a given state is exact
+    lacks = fit.unmodelled
     start = Start(time, state[:dofs], state[dofs:], covariance[-2 * dofs :, -2 * dofs :])
     begun = replace(
         fit,
@@ -82,6 +84,7 @@ def restart(
         time=(stamps - stamps[-1] + time,),
         residual=(),
         torques=fit.torques[record : record + 1],
+        unmodelled=None if lacks is None else lacks._replace(off=0.0 * lacks.off),
     )
     return _changed(begun, fix or {})
 

@@ -31,6 +31,8 @@ from monodyn.types import Poses
 WIDER = 25.0
 """Variance of parameters and start state before the first frame, over that of the fit: where the frames of
 the fit are used again, what the fit knows from them may hardly count."""
+SHOWS = 2.0
+"""Standard deviations above zero from which on the covariance of neighbouring residuals shows."""
 SAME = 1e-9
 """Time stamps that are closer are the same [s]."""
 
@@ -52,7 +54,7 @@ def smooth(fit: Fit, poses: Poses, times: np.ndarray | None = None, *, record: i
         record: Which record of the fit it is.
 
     Returns:
-        The motion; its standard deviations have the error of a frame's time stamp in addition.
+        The motion; its standard deviations are those of the pose in a frame, see ``framed``.
 
     Raises:
         SettingsError: the times do not increase, there is no such record, or nothing was identified.
@@ -73,11 +75,11 @@ def smooth(fit: Fit, poses: Poses, times: np.ndarray | None = None, *, record: i
     seen = _seen(fit, poses, record)
     chain = _chain(fit, seen, stamps, record)
     if chain is None:
-        return _framed(fit, rolled, record)
+        return framed(fit, rolled, record)
     found = settled(chain, seen)
     # a motion that cannot be followed from one side of a gap to the other is not known in it
     known = _unknown(rolled) if found is None else _joined(rolled, chain, seen, *found)
-    return _framed(fit, known, record)
+    return framed(fit, known, record)
 
 
 def _seen(fit: Fit, poses: Poses, record: int) -> Seen:
@@ -200,15 +202,45 @@ def _unknown(rolled: States) -> States:
     return replace(rolled, std=endless, velocity_std=endless)
 
 
-def _framed(fit: Fit, states: States, record: int) -> States:
-    """Add what the error of its time stamp does to the pose in a frame."""
-    if not fit.stamp_error:
-        return states
+def framed(fit: Fit, states: States, record: int) -> States:
+    """Add to the bands what sets the pose in a frame apart from the motion.
+
+    That is the error of its time stamp, and what is slow in the residuals where it is too little of it to be
+    explained by random accelerations.
+
+    Args:
+        fit: The identified mechanism.
+        states: Its motion at the time stamps.
+        record: Which record.
+
+    Returns:
+        The motion with wider bands.
+    """
     from monodyn.mechanism.simulate import accelerations
 
     scale = fit.mechanism.values["time_scale"]
     drive, _ = fit.driven(states.time, record)
     rate = accelerations(fit.mechanism.tree, states.position, states.velocity, drive.at(states.time * scale))
     late = fit.stamp_error * scale
-    std = np.hypot(states.std, late * states.velocity)
+    over = np.zeros(states.std.shape[1]) if fit.unmodelled is not None else left_over(fit.residual[record])
+    std = np.sqrt(states.std**2 + (late * states.velocity) ** 2 + over)
     return replace(states, std=std, velocity_std=np.hypot(states.velocity_std, late * rate))
+
+
+def left_over(residual: np.ndarray) -> np.ndarray:
+    """Return the mean square of what is slow in residuals: their covariance from row to row, where it shows.
+
+    Args:
+        residual: Residuals, NaN where not measured, (frame, dof).
+
+    Returns:
+        Its mean square, zero where noise alone may be the reason, (dof,).
+    """
+    found = np.zeros(residual.shape[1])
+    for dof, column in enumerate(residual.T):
+        pairs = column[1:] * column[:-1]
+        pairs, squares = pairs[np.isfinite(pairs)], column[np.isfinite(column)] ** 2
+        # of white noise the mean of n products has the variance over the root of n as its deviation
+        if len(pairs) and np.mean(pairs) > SHOWS * np.mean(squares) / np.sqrt(len(pairs)):
+            found[dof] = np.mean(pairs)
+    return found
