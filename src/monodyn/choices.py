@@ -12,6 +12,9 @@ Method = Literal["fast", "paper"]
 """What the method of a stage can be called; ``stages`` has the functions."""
 METHOD_NAMES: tuple[str, ...] = get_args(Method)
 
+MOST_DRAWN = 100
+"""Models that may be drawn from what the data allow."""
+
 
 class Tolerance(NamedTuple):
     """How far off a prediction may be.

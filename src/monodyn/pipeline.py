@@ -123,7 +123,7 @@ def run(
         findings = Findings(
             fit, traces, sight.name, _about(video, mechanism), log.notes,
             record=filmed.tracked, filmed=filmed, fit_frames=frames, log=log,
-            tolerance=settings.tolerance,
+            tolerance=settings.tolerance, drawn=settings.ensemble,
         )  # fmt: skip
         with log.stage("results"):
             document = write_results(folder, findings, progress=progress)
@@ -266,7 +266,15 @@ def identify_tables(
         if fit.ok:
             fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
         about = f"Joint positions with the model {mechanism.name}."
-        findings = Findings(fit, traces, ", ".join(names), about, log=log, tolerance=settings.tolerance)
+        findings = Findings(
+            fit,
+            traces,
+            ", ".join(names),
+            about,
+            log=log,
+            tolerance=settings.tolerance,
+            drawn=settings.ensemble,
+        )
         document = fit_document(findings) if folder is None else write_results(folder, findings)
     return job.outcome(document, records[0], findings)
 

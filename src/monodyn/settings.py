@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_args
 
-from monodyn.choices import METHOD_NAMES, Method, Tolerance, check_choice
+from monodyn.choices import METHOD_NAMES, MOST_DRAWN, Method, Tolerance, check_choice
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings, Uncertainty, check_known
 from monodyn.vision.settings import (
@@ -111,6 +111,8 @@ class RunSettings:
         torques: Log of known torques [N m, a slide's N] by time [s] on the clock of the record, one for each
             table, columns time and <joint> or <joint>_torque; linear in between. Masses and friction are
             absolute with it. How much later they act is estimated, or given with --fix torque.lag=SECONDS.
+        ensemble: Models that are drawn from what the data allow and written as ensemble_00.xml, ..., for
+            robust control and randomised training; up to 100.
         rate: Frames a second [Hz] in place of the time stamps of the clip.
         seed: Seed of every random start; it replaces the seeds of the stages.
         uncertainty: Where intervals come from: linear, the covariance at the optimum, or where sizes are
@@ -140,6 +142,7 @@ class RunSettings:
     points_axis: Axis = field(default="auto", metadata={"name": "points.axis"})
     distortion: tuple[float, ...] | None = field(default=None, metadata={"name": "camera.distortion"})
     torques: tuple[Path, ...] = ()
+    ensemble: int = 0
     rate: float | None = field(default=None, metadata={"metavar": "HZ"})
     seed: int = 0
     uncertainty: Uncertainty = "linear"
@@ -153,6 +156,10 @@ class RunSettings:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
+        if not 0 <= self.ensemble <= MOST_DRAWN:
+            raise SettingsError(
+                f"ensemble: expected 0 to {MOST_DRAWN} models, got {self.ensemble}; give a number in between."
+            )
         # every range is checked here or in the class of the stage, before the first frame is decoded
         check_choice("method", self.method, METHOD_NAMES)
         check_choice("points.axis", self.points_axis, get_args(Axis))

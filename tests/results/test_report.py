@@ -7,15 +7,21 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import monodyn
-from fits import made_fit
+from fits import identified, made_fit, record
 from monodyn.errors import SettingsError
 from monodyn.estimation.record.tables import read_poses
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
+from monodyn.results.fill import fill
+from monodyn.results.findings import Findings
+from monodyn.results.folder import RunFolder
 from monodyn.results.predict import predict
-from monodyn.results.report import lost_in_urdf
+from monodyn.results.report import lost_in_urdf, write_results
+from monodyn.results.trace import trace_of
+from monodyn.settings import RunSettings
 from monodyn.types import Poses
 from support import refuses
 
@@ -67,3 +73,33 @@ def test_report_keeps_frame_numbers_and_poses(tmp_path: Path) -> None:
     assert again.frame.tolist() == frame.tolist()
     # as many digits as poses.csv is written with
     assert np.allclose(again.position, position, rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_an_ensemble_moves_as_the_record_and_stands_in_the_folder(tmp_path):
+    """Each drawn model is another one, and follows the record as closely as its noise allows."""
+    fit = identified()
+    folder = RunFolder(tmp_path / "run")
+    write_results(folder, Findings(fit, [trace_of(fit, record(fit))], drawn=5))
+    folder.finish()
+    names = sorted(path.name for path in (tmp_path / "run").glob("ensemble_*.xml"))
+    assert names == [f"ensemble_{k:02d}.xml" for k in range(5)]
+    models = [monodyn.load(tmp_path / "run" / name) for name in names]
+    lengths = [one.values["link1.length"] for one in models]
+    std = fit.parameter("link1.length").std
+    assert 0.0 < np.std(lengths) < 4.0 * std
+    start = fit.starts[0]
+    for one in models:
+        moved = simulate(one, fit.time[0], start.position, start.velocity).position
+        assert np.abs(moved - fill(fit, fit.time[0]).position).max() < 0.02
+
+
+def test_an_ensemble_that_cannot_be_drawn_is_said():
+    fit = identified()
+    unknown = replace(fit, covariance=np.full_like(fit.covariance, np.nan))
+    assert Findings(unknown, drawn=3).advice[-1] == (
+        "0 of 3 models of the ensemble were drawn: the fit does not say well enough what the mechanism "
+        "may be."
+    )
+    with refuses(SettingsError, "ensemble: expected 0 to 100 models, got 101; give a number in between."):
+        RunSettings(ensemble=101)

@@ -252,7 +252,16 @@ COMMANDS: dict[str, Command] = {
     "track": Command(
         TrackOptions,
         "monodyn track clip.mp4 --model double.xml --out run",
-        without=("fit_frames", "until", "tolerance", "bounds", "torques", "uncertainty", "identify"),
+        without=(
+            "fit_frames",
+            "until",
+            "tolerance",
+            "ensemble",
+            "bounds",
+            "torques",
+            "uncertainty",
+            "identify",
+        ),
     ),
     "identify": Command(
         IdentifyOptions,

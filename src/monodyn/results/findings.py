@@ -20,6 +20,7 @@ from monodyn.types import Poses
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Estimate, Fit, Start
+    from monodyn.mechanism import Mechanism
     from monodyn.results.fill import States
 
 SCHEMA = 2
@@ -41,6 +42,7 @@ class Findings:
         fit_frames: First fitted frame and the one after the last; None takes them from the first record.
         log: Settings, versions and seconds of the run, or None.
         tolerance: How far off a prediction may be.
+        drawn: How many models are drawn from what the data allow.
     """
 
     fit: Fit
@@ -53,6 +55,15 @@ class Findings:
     fit_frames: tuple[int, int] | None = None
     log: RunLog | None = None
     tolerance: Tolerance = field(default_factory=Tolerance)
+    drawn: int = 0
+
+    @cached_property
+    def ensemble(self) -> list[Mechanism]:
+        """The models that are drawn; none where there is nothing to rely on."""
+        from monodyn.results.draws import drawn
+
+        seed = 0 if self.log is None else int(self.log.settings.get("seed") or 0)
+        return drawn(self.fit, self.drawn, seed=seed) if self.fit.ok and self.drawn else []
 
     @cached_property
     def horizons(self) -> list[Horizon]:
@@ -70,7 +81,8 @@ class Findings:
     @property
     def advice(self) -> list[str]:
         """What else speaks against the fit, its own advice and the notes after it."""
-        return [*(doubt.reason for doubt in self.fit.doubts[1:]), *self.fit.advice, *self.notes]
+        drawn = [] if len(self.ensemble) == self.drawn else [_fewer(len(self.ensemble), self.drawn)]
+        return [*(doubt.reason for doubt in self.fit.doubts[1:]), *self.fit.advice, *self.notes, *drawn]
 
     @property
     def comparison(self) -> Sequence[Compared]:
@@ -83,6 +95,14 @@ class Findings:
         if self.fit_frames is not None:
             return list(self.fit_frames)
         return frames_of(self.traces[0]) if self.traces else None
+
+
+def _fewer(found: int, wanted: int) -> str:
+    """Say that fewer models were drawn than were asked for."""
+    return (
+        f"{found} of {wanted} models of the ensemble were drawn: the fit does not say well enough what the "
+        "mechanism may be."
+    )
 
 
 def fit_document(findings: Findings) -> dict[str, Any]:

@@ -16,8 +16,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from monodyn.choices import MOST_DRAWN
 from monodyn.errors import SettingsError
 
+DRAWN = tuple(f"ensemble_{number:02d}.xml" for number in range(MOST_DRAWN))
+"""Names of the models that are drawn from what the data allow."""
 FILES = (
     "poses.csv",
     "camera.csv",
@@ -30,6 +33,7 @@ FILES = (
     "overlay.mp4",
     "diagnosis.png",
     "report.html",
+    *DRAWN,
     "run.json",
 )
 """Names of the files of a run; nothing else in the folder is ever touched."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from monodyn.results.folder import RunFolder
+from monodyn.results.folder import DRAWN, RunFolder
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
@@ -38,6 +38,9 @@ def write_models(folder: RunFolder, findings: Findings) -> None:
         lambda path: write_mjcf(fit.mechanism, path, keyframes=keys, camera=camera, remarks=said),
     )
     folder.write("model.urdf", lambda path: write_urdf(fit.mechanism, path, remarks=known))
+    for name, one in zip(DRAWN, findings.ensemble, strict=False):
+        remarks = [f"One of {len(findings.ensemble)} models that the data allow.", *known]
+        folder.write(name, lambda path, m=one, r=remarks: write_mjcf(m, path, keyframes=keys, remarks=r))
 
 
 def keyframes(fit: Fit) -> list[Keyframe]:
