@@ -102,7 +102,11 @@ def rendered() -> list[Figure]:
         clip = cached(wild(number))
         with tempfile.TemporaryDirectory() as folder:
             settings = monodyn.RunSettings(fit_frames=(0, FILMED))
-            fit = monodyn.run(clip.video, clip.model, Path(folder) / "run", settings).fit
+            try:
+                fit = monodyn.run(clip.video, clip.model, Path(folder) / "run", settings).fit
+            except monodyn.MonodynError as refusal:
+                say(f"rendered {number}: {refusal}"[:160])
+                continue
         assert fit is not None
         said = f"{fit.grade}"
         if fit.ok:

@@ -16,7 +16,8 @@ from monodyn.mechanism.tree import BRAKES
 from monodyn.results.curves import camera_curves, motion_curves, torque_curves
 from monodyn.results.findings import Findings, frames_of, listed_rows
 from monodyn.results.gaps import how_filled
-from monodyn.results.horizon import FARTHEST, Horizon, allowed
+from monodyn.results.horizon import FARTHEST, Horizon, allowed, horizon_said
+from monodyn.results.next_steps import next_steps
 from monodyn.results.numbers import number, short, shown_in
 
 if TYPE_CHECKING:
@@ -28,8 +29,44 @@ if TYPE_CHECKING:
     from monodyn.results.log import RunLog
 
 
+MEANINGS = {
+    "length": "from its hinge to the next one, or to its end",
+    "width": "across, in the picture",
+    "thickness": "along the line of sight; stands for a mass",
+    "tail": "how far it reaches back beyond its own hinge",
+    "tip": "how far it reaches beyond the next hinge",
+    "extent": "of a further part, along its own direction",
+    "along": "middle of a further part, along the body",
+    "across": "middle of a further part, across the body",
+    "turn": "of a further part against the body",
+    "offset": "how far it stands before its parent body",
+    "density": "mass by volume",
+    "mass": "of the body",
+    "com_x": "centre of mass from its hinge, along the body",
+    "com_y": "centre of mass from its hinge, across the body",
+    "inertia": "about its centre of mass",
+    "damping": "viscous friction: torque by rate",
+    "friction": "dry friction: the same at all rates",
+    "drag": "friction by the square of the rate",
+    "air": "drag of the air on its link",
+    "stiffness": "of a spring at the joint",
+    "rest": "where that spring is slack",
+    "armature": "inertia of a rotor at the joint",
+    "period": "of the torque",
+    "torque": "coefficient of the torque",
+    "lag": "how much later than in their log torques act",
+    "gravity": "downward",
+    "time_scale": "true time by stamped time",
+    "roll": "turn of the camera about its axis",
+}
+"""What parameters are, by their kind."""
+
+
 def page_text(
-    findings: Findings, pictures: Sequence[tuple[bytes, str]] = (), diagnosis: bytes | None = None
+    findings: Findings,
+    pictures: Sequence[tuple[bytes, str]] = (),
+    diagnosis: bytes | None = None,
+    files: Sequence[str] = (),
 ) -> str:
     """Return the report as HTML text.
 
@@ -37,6 +74,7 @@ def page_text(
         findings: The fit, its records and what else is reported about it.
         pictures: JPEG files with a caption each.
         diagnosis: What was seen of the clip, a JPEG file; None leaves it out.
+        files: Names of the files that stand next to the page.
     """
     from markupsafe import Markup
 
@@ -46,7 +84,8 @@ def page_text(
     plots = [plot for pair in pairs for plot in motion_curves(fit, *pair, several=several)]
     filmed = findings.filmed
     camera = [] if filmed is None else camera_curves(filmed.video.times, filmed.camera_path)
-    listed = listed_rows(fit)
+    listed = sorted(listed_rows(fit), key=lambda row: not row.identifiable)
+    kinds = {parameter.name: parameter.kind for parameter in fit.mechanism.parameters}
     # the rest goes into a part of the page that is folded up
     others = [row for row in fit.parameters if not row.free and row not in listed]
     return template("monodyn.results", "report.html.j2").render(
@@ -70,11 +109,15 @@ def page_text(
             {"data": base64.b64encode(data).decode("ascii"), "caption": caption} for data, caption in pictures
         ],
         diagnosis="" if diagnosis is None else base64.b64encode(diagnosis).decode("ascii"),
-        parameters=[_parameter(row) for row in listed],
-        others=[_parameter(row) for row in others],
+        parameters=[_parameter(row, kinds) for row in listed],
+        others=[_parameter(row, kinds) for row in others],
         combinations=[
-            {"name": c.name, "value": number(c.value, c.std), "std": short(c.std)} for c in fit.combinations
+            {"name": c.name, "value": number(c.value, c.std), "std": short(c.std), "unit": c.unit}
+            for c in fit.combinations
         ],
+        horizons=[_trusted(findings, number, found) for number, found in enumerate(findings.horizons)],
+        steps=next_steps(findings),
+        files=files,
         cards=_cards(findings),
         plotly=Markup(plotting_script() if plots or camera else ""),
     )
@@ -109,7 +152,13 @@ def plotting_script() -> str:
     )
 
 
-def _parameter(row: Estimate) -> dict[str, Any]:
+def _trusted(findings: Findings, number: int, found: Horizon) -> str:
+    """Say how long the prediction of a record holds."""
+    said = horizon_said(findings.fit, found, findings.tolerance)
+    return f"{findings.traces[number].name}: {said}" if len(findings.traces) > 1 else said
+
+
+def _parameter(row: Estimate, kinds: Mapping[str, str]) -> dict[str, Any]:
     """Return one line of the parameter table."""
     # the first that applies counts: at a bound the estimate is the bound, whatever else is known
     if row.at_bound:
@@ -135,6 +184,7 @@ def _parameter(row: Estimate) -> dict[str, Any]:
         "free": row.free,
         "source": source,
         "flag": flag,
+        "meaning": MEANINGS.get(kinds.get(row.name, ""), ""),
     }
 
 
@@ -212,7 +262,7 @@ def _camera_card(filmed: Filmed) -> dict[str, Any]:
         known = f" ± {1000.0 * shutter.std:.2g}" if shutter.std else ""
         rows.append(("exposure", f"{1000.0 * shutter.exposure:.3g}{known} ms"))
         rows += [("readout", f"{1000.0 * shutter.readout:.3g} ms")] if shutter.readout else []
-    return {"title": "Camera", "rows": rows}
+    return {"title": "Camera", "rows": rows, "folded": False}
 
 
 def _start_cards(fit: Fit) -> list[dict[str, Any]]:
@@ -223,7 +273,7 @@ def _start_cards(fit: Fit) -> list[dict[str, Any]]:
             unit = "rad" if joint.kind == "hinge" else "m"
             rows.append((joint.name, f"{start.position[dof]:.5g} {unit}, {start.velocity[dof]:.5g} {unit}/s"))
         title = "Start state" if len(fit.starts) == 1 else f"Start state of record {i + 1}"
-        cards.append({"title": title, "rows": rows})
+        cards.append({"title": title, "rows": rows, "folded": False})
     return cards
 
 
@@ -232,9 +282,10 @@ def _run_cards(log: RunLog) -> list[dict[str, Any]]:
         {
             "title": "Seconds by stage",
             "rows": [(name, f"{value:.2f}") for name, value in log.seconds.items()],
+            "folded": True,
         },
-        {"title": "Settings", "rows": list(flat(log.settings).items())},
-        {"title": "Versions", "rows": list(log.versions.items())},
+        {"title": "Settings", "rows": list(flat(log.settings).items()), "folded": True},
+        {"title": "Versions", "rows": list(log.versions.items()), "folded": True},
     ]
 
 

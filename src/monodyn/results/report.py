@@ -125,7 +125,9 @@ def write_results(
             # without a motion to draw no frame is a fitted one
             pictures = write_film(folder, fit, findings.filmed, findings.frames or (0, 0), progress)
         shown = _write_diagnosis(folder, findings)
-    folder.write_text("report.html", page_text(findings, pictures, shown))
+    # what is written after the page is in the folder, too, when it is read
+    files = [name for name in (*folder.written, "run.json") if name != "run.json" or findings.log is not None]
+    folder.write_text("report.html", page_text(findings, pictures, shown, files))
     return document
 
 

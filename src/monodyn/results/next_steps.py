@@ -1,0 +1,60 @@
+"""What was found in, what to do with it out: commands to copy, each with a word on what it is for."""
+
+from __future__ import annotations
+
+import shlex
+from typing import NamedTuple
+
+from monodyn.results.findings import Findings
+
+
+class Step(NamedTuple):
+    """One thing to do.
+
+    Attributes:
+        what: What it is for.
+        command: The command, for the folder of the run; empty where there is none.
+    """
+
+    what: str
+    command: str = ""
+
+
+def next_steps(findings: Findings) -> list[Step]:
+    """Return what one can do with an identified mechanism.
+
+    Args:
+        findings: The fit and its records.
+
+    Returns:
+        The steps; none where there is nothing to rely on.
+    """
+    fit = findings.fit
+    if not (fit.ok and fit.starts):
+        return []
+    joints = [joint.name for joint in fit.mechanism.joints]
+    begin = ",".join(f"{name}={0.5 if k == 0 else 0:g}" for k, name in enumerate(joints))
+    film = "" if findings.filmed is None else " --film"
+    steps = [
+        Step("Look at it in MuJoCo", "python -m mujoco.viewer --mjcf=model.xml"),
+        Step(
+            "Let it go from another state",
+            f"monodyn predict . --from {shlex.quote(begin)} --until 5 --out ahead{film}",
+        ),
+        Step(
+            "Go on with it in another record, with what the pictures know of the sizes"
+            if findings.filmed is not None
+            else "Go on with it in another record",
+            "monodyn identify other.csv --model . --out other",
+        ),
+    ]
+    if len(joints) > 1 or fit.mechanism.joints[0].kind == "slide":
+        motor = joints[0]
+        hold = ",".join(f"{name}=0" for name in joints)
+        steps.append(
+            Step(
+                f"Hold it in an equilibrium by a motor at {motor} (its positions in place of the zeros)",
+                f"monodyn control . --at {shlex.quote(hold)} --actuated {shlex.quote(motor)} --out control",
+            )
+        )
+    return steps

@@ -1,0 +1,42 @@
+"""Commands that go on from a run: each is one that the program takes."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import replace
+
+import monodyn
+from fits import identified, record
+from monodyn.cli.parse import parsed
+from monodyn.estimation.fit import Doubt
+from monodyn.results.findings import Findings
+from monodyn.results.next_steps import next_steps
+from monodyn.results.trace import trace_of
+from support import command
+
+
+def test_every_command_is_understood():
+    """Each one as it stands, of a pendulum and of a mechanism with a slide."""
+    fit = identified()
+    cart = replace(fit, mechanism=monodyn.load("cartpole"))
+    commands = [step.command for one in (fit, cart) for step in next_steps(Findings(one))]
+    words = [shlex.split(line) for line in commands]
+    ours = [(word[1], word[2:]) for word in words if word[0] == "monodyn"]
+    assert [name for name, _ in ours] == ["predict", "identify", "predict", "identify", "control"]
+    for name, rest in ours:
+        parsed(name, rest)
+    assert sum(word[0] == "python" for word in words) == 2
+
+
+def test_the_prediction_that_is_named_runs(tmp_path, monkeypatch):
+    fit = identified()
+    monodyn.report(fit, to=tmp_path / "run", poses=record(fit))
+    monkeypatch.chdir(tmp_path / "run")
+    line = next(step.command for step in next_steps(Findings(fit)) if "predict" in step.command)
+    assert command(*shlex.split(line)[1:], "--quiet").code == 0
+    assert (tmp_path / "run" / "ahead" / "prediction.csv").is_file()
+
+
+def test_nothing_is_done_with_what_is_refused():
+    fit = identified().doubted([Doubt("refused", "It is another mechanism.")])
+    assert next_steps(Findings(fit, [trace_of(fit, record(fit))])) == []
