@@ -108,7 +108,7 @@ def test_a_doubtful_fit_and_one_that_falls_say_so() -> None:
     assert far.loop.position[0] == pytest.approx([0.0, -1.5], abs=1e-9)
     assert "In MuJoCo the identified mechanism does not stay balanced." in far.notes
     assert far.notes[0] == (
-        "The fit has no covariance: the gains were tried on the identified mechanism alone."
+        "No mechanisms were drawn: the gains were tried on the identified mechanism alone."
     )
     doubted = replace(far, fit=replace(fit, doubts=(refusal(),)))
     assert doubted.notes[0] == f"The mechanism is not to be relied on: {fit.status}"

@@ -47,6 +47,15 @@ def test_it_is_as_long_as_the_record_and_begins_where_that_ends(run):
     assert states.time[-1] - states.time[0] == pytest.approx(fit.time[0][-1] - fit.time[0][0])
 
 
+def test_a_start_outside_of_the_record_is_told(run):
+    after, before = (predict_run(run, wanted=Wanted(at=at, until=2.0)).notes for at in (1.6, -0.5))
+    assert after[0].startswith(
+        "It starts 0.967 s after the fitted frames, in a state that is predicted itself."
+    )
+    assert before[0] == "It starts 0.5 s before the fitted frames, in a state that is predicted itself."
+    assert predict_run(run, wanted=Wanted({"joint1": 0.0}, at=1.6, until=2.0)).notes == ()
+
+
 def test_what_cannot_be_predicted_or_drawn_is_refused(run, tmp_path):
     with refuses(SettingsError, "until: expected a time after the start at 0 s, got -1 s."):
         predict_run(run, wanted=Wanted({"joint1": 0.0}, until=-1.0))
@@ -54,6 +63,21 @@ def test_what_cannot_be_predicted_or_drawn_is_refused(run, tmp_path):
         SettingsError, "until: expected at most 1000000 rows of 0.0333333 s, got 30000001; end it earlier."
     ):
         predict_run(run, wanted=Wanted({"joint1": 0.0}, until=1e6))
+    with refuses(
+        SettingsError,
+        f"out '{run}': expected another folder than that of the run, whose prediction.csv it would replace; "
+        "give another with --out.",
+    ):
+        predict_run(run, run, force=True)
+    with refuses(SettingsError, "clip: expected --film with it, got none; add it, or leave the clip out."):
+        predict_run(run, clip=tmp_path)
+    step = float(np.median(np.diff(identified().time[0])))
+    with refuses(
+        SettingsError,
+        f"predict: expected a motion that can be followed to {30 * step:g} s, lost it at {step:g} s: rates "
+        f"or frictions are too large for frames of {step:g} s; give others, or an earlier end.",
+    ):
+        predict_run(run, wanted=Wanted({"joint1": 0.0}, {"joint1": 1e5}, until=1.0))
     with refuses(
         SettingsError,
         f"'{run}': expected the run of a clip, got one of tables, which has no camera; leave --film out.",

@@ -120,7 +120,7 @@ def test_bad_input_is_refused() -> None:
         "motor need no torque.",
     ):
         lqr(fit, {"joint1": 0.5}, actuated=["joint1"])
-    said = "lqr: expected allowed values and a rate above 0, got (0.1, 0.1, 30.0, 0.0) and 200."
+    said = "lqr: expected a number above 0 and up to 100000 for effort, got 0; change it."
     with refuses(SettingsError, said):
         lqr(fit, UPRIGHT, actuated=["joint1"], allowed=Allowed(effort=0.0))
     with refuses(
@@ -146,3 +146,17 @@ def test_motors_that_cannot_steer_are_refused() -> None:
     )
     with refuses(SettingsError, said):
         lqr(floating, [0.0, 0.0], actuated=["joint2"])
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    fit, upright, motors = identified("cartpole")[1], UPRIGHT["cartpole"], MOTORS["cartpole"]
+    for name, value in (("rate", np.nan), ("rate", 1e300), ("rate", 0.0)):
+        with refuses(
+            SettingsError,
+            f"lqr: expected a number above 0 and up to 100000 for {name}, got {value:g}; change it.",
+        ):
+            lqr(fit, upright, actuated=motors, rate=value)
+    with refuses(SettingsError, "lqr: expected 0 draws or more, got -1; change it."):
+        lqr(fit, upright, actuated=motors, draws=-1)
+    with refuses(SettingsError, "at: expected a number within 1e+06 of 0 for joint1, got nan."):
+        lqr(fit, {"joint1": np.nan}, actuated=motors)

@@ -87,7 +87,10 @@ def test_what_cannot_be_is_refused():
     fit = identified()
     for given, message in [
         (({"joint2": 1.0},), "restart: expected a joint (joint1), got 'joint2'; correct the name."),
-        (({"joint1": np.inf},), "restart: expected a finite value for joint1, got inf; correct it."),
+        (
+            ({"joint1": np.inf},),
+            "restart: expected a number within 1e+06 of 0 for joint1, got inf; correct it.",
+        ),
         (({},), "restart: expected a position of every joint, got none of joint1; give it."),
         (
             (None, {"joint1": 1.0}),

@@ -89,6 +89,20 @@ def test_bad_input_is_refused() -> None:
 
 
 @pytest.mark.slow
+def test_times_and_room_that_are_none_are_refused() -> None:
+    fit, regulator = identified("cartpole")[1], regulated("cartpole")
+    for seconds in (np.nan, 1e300, 0.0):
+        with refuses(
+            SettingsError,
+            f"swing_up: expected a time above 0 and up to 100 s, got {seconds:g}; change it.",
+        ):
+            swing_up(fit, regulator, seconds=seconds)
+    with refuses(
+        SettingsError, "within: expected the least position of slide first, got 2 and 1; exchange them."
+    ):
+        swing_up(fit, regulator, within={"slide": (2.0, 1.0)})
+
+
 def test_no_way_is_refused() -> None:
     _, fit = identified("cartpole")
     said = (

@@ -64,8 +64,11 @@ def _main(words: list[str]) -> int:
         _fail(f"interrupted; {stop.args[0] if stop.args else 'nothing was written.'}")
         return 130
     except SystemError as error:
-        # numba reports a stop in the middle of loading a kernel so
-        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+        # numba reports a stop in the middle of a kernel, or of loading one, so
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, KeyboardInterrupt):
+            cause = cause.__cause__ or cause.__context__
+        if cause is None:
             raise
         _fail("interrupted; nothing was written.")
         return 130

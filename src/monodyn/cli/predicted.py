@@ -63,7 +63,7 @@ class PredictOptions:
         """Return the exit code after running the command.
 
         Raises:
-            SettingsError: a film is wanted, and no folder for it.
+            SettingsError: a film is wanted, and no folder for it; or the start is an empty word.
         """
         from monodyn.cli.show import progress_on
         from monodyn.cli.streams import printing
@@ -72,8 +72,11 @@ class PredictOptions:
 
         if self.film and self.out is None:
             raise SettingsError("film: expected a folder for it, got none; name one with --out.")
+        positions = values("from", _apart(self.start))
+        if self.start and not positions:
+            raise SettingsError("from: expected JOINT=POSITION, got an empty word; e.g. joint1=0.5,joint2=0.")
         wanted = Wanted(
-            positions=values("from", _apart(self.start)) or None,
+            positions=positions or None,
             rates=values("rates", _apart(self.rates)),
             at=self.at,
             until=self.until,

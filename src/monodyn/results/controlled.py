@@ -107,7 +107,7 @@ class Controlled:
                 f"slowest pole of any is at {stability.worst:.3g} 1/s."
             )
         else:
-            notes.append("The fit has no covariance: the gains were tried on the identified mechanism alone.")
+            notes.append("No mechanisms were drawn: the gains were tried on the identified mechanism alone.")
         notes.append(
             f"They hold it with {stability.lightest:.2g} to {stability.heaviest:.2g} times the masses."
         )

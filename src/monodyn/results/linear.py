@@ -20,6 +20,7 @@ from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
+from monodyn.results.restart import FARTHEST
 
 DIFFERENCE = 1e-5
 """Step of the central differences of exact derivatives [rad or m, or a second]: its square is their error."""
@@ -145,6 +146,10 @@ def by_joint(mechanism: Mechanism, where: str, values: State) -> np.ndarray:
             if name not in names:
                 raise SettingsError(
                     f"{where}: joint '{name}' is not in the mechanism; joints: {_quoted(names)}."
+                )
+            if not abs(values[name]) <= FARTHEST:
+                raise SettingsError(
+                    f"{where}: expected a number within {FARTHEST:g} of 0 for {name}, got {values[name]:g}."
                 )
         return np.array([float(values.get(name, 0.0)) for name in names])
     found = np.asarray(values, dtype=float)

@@ -48,12 +48,13 @@ def next_steps(findings: Findings) -> list[Step]:
             "monodyn identify other.csv --model . --out other",
         ),
     ]
-    if len(joints) > 1 or fit.mechanism.joints[0].kind == "slide":
-        motor = joints[0]
-        hold = ",".join(f"{name}=0" for name in joints)
+    slides = [joint.name for joint in fit.mechanism.joints if joint.kind == "slide"]
+    if slides and len(joints) == 2:
+        (motor,), (pole,) = slides[:1], [name for name in joints if name not in slides] or [""]
+        hold = f"{pole}=1.5708"
         steps.append(
             Step(
-                f"Hold it in an equilibrium by a motor at {motor} (its positions in place of the zeros)",
+                f"Balance it by a motor at {motor} ({pole} is 1.5708 where it stands upright)",
                 f"monodyn control . --at {shlex.quote(hold)} --actuated {shlex.quote(motor)} --out control",
             )
         )

@@ -148,6 +148,8 @@ def _document(folder: Path) -> dict[str, Any]:
             f"'{folder / 'fit.json'}': expected a file of schema {SCHEMA}, got "
             f"{document.get('schema') or 'none'}; run it again with this version."
         )
+    if "initial_state" not in document or "status" not in document:
+        raise _changed(folder / "fit.json", KeyError("initial_state"))
     if not document["initial_state"]:
         raise SettingsError(
             f"'{folder}': expected an identified mechanism, got a run without one: {document['status']}"

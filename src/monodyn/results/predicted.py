@@ -124,6 +124,7 @@ def predict_run(
     fit = open_run(run)
     begun = restart(fit, wanted.positions, wanted.rates, at=wanted.at, fix=wanted.fix, record=wanted.record)
     stamps, start = begun.time[0], begun.starts[0].time
+    ends = float(fit.time[wanted.record][0]), float(fit.time[wanted.record][-1])
     step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.05
     end = start + float(stamps[-1] - stamps[0]) if wanted.until is None else wanted.until
     if not start < end < np.inf:
@@ -135,8 +136,15 @@ def predict_run(
             f"until: expected at most {MOST_ROWS} rows of {step:g} s, got {rows}; end it earlier."
         )
     background = _background(Path(run), clip) if film else None
-    states = fill(begun, start + step * np.arange(rows))
-    found = Predicted(begun, states, horizon(begun, wanted.tolerance), _notes(begun, states))
+    if clip is not None and not film:
+        raise SettingsError("clip: expected --film with it, got none; add it, or leave the clip out.")
+    if out is not None and Path(out).resolve() == Path(run).resolve():
+        raise SettingsError(
+            f"out '{out}': expected another folder than that of the run, whose prediction.csv it would "
+            "replace; give another with --out."
+        )
+    states = _followed(begun, start + step * np.arange(rows))
+    found = Predicted(begun, states, horizon(begun, wanted.tolerance), _notes(begun, states, ends))
     if out is None:
         return found
     folder = RunFolder(out, force=force, inputs=[run, clip], kind=PREDICTION)
@@ -145,9 +153,27 @@ def predict_run(
     return replace(found, folder=folder.path)
 
 
-def _notes(fit: Fit, states: States) -> tuple[str, ...]:
-    """Return what one should know about a prediction."""
-    notes = []
+def _followed(fit: Fit, times: np.ndarray) -> States:
+    """Return the motion, which has to be one that an integration can follow."""
+    with np.errstate(all="ignore"):
+        states = fill(fit, times)
+    lost = ~np.isfinite(states.position).all(axis=1)
+    if lost.any():
+        raise SettingsError(
+            f"predict: expected a motion that can be followed to {times[-1]:g} s, lost it at "
+            f"{times[int(np.argmax(lost))]:g} s: rates or frictions are too large for frames of "
+            f"{times[1] - times[0]:g} s; give others, or an earlier end."
+        )
+    return states
+
+
+def _notes(fit: Fit, states: States, record: tuple[float, float]) -> tuple[str, ...]:
+    """Return what one should know about a prediction; ``record`` is where the fitted frames begin and end."""
+    notes, start = [], fit.starts[0].time
+    if not record[0] - 1e-9 <= start <= record[1] + 1e-9 and np.any(fit.starts[0].covariance):
+        where = "after" if start > record[1] else "before"
+        off = start - record[1] if start > record[1] else record[0] - start
+        notes.append(f"It starts {off:.3g} s {where} the fitted frames, in a state that is predicted itself.")
     if not fit.ok:
         notes.append(f"The mechanism is not to be relied on: {fit.status}")
     if fit.torque == "known":

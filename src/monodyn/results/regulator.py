@@ -37,7 +37,7 @@ HELD = 1e-9
 """Largest torque of a joint without a motor in an equilibrium, as a share of the usual ones."""
 POSES = 200
 """Poses among which the largest torque that weight asks of a motor is looked for."""
-RATE = 200.0
+RATE, FASTEST = 200.0, 1e5
 """How often a controller measures, and sets its torques, which stay in between [Hz]."""
 STEERED = 1e-9
 """A pole, in discrete time, nearer to the circle of one than that is none that a motor moves."""
@@ -182,10 +182,13 @@ def lqr(
     if not fit.starts:
         raise SettingsError(f"lqr: expected an identified mechanism, got a fit without one: {fit.status}")
     mechanism, allowed = fit.mechanism, allowed or Allowed()
-    if not min(*allowed, rate) > 0.0:
-        raise SettingsError(
-            f"lqr: expected allowed values and a rate above 0, got {tuple(allowed)} and {rate:g}."
-        )
+    for name, value in (*allowed._asdict().items(), ("rate", rate)):
+        if not 0.0 < value <= FASTEST:
+            raise SettingsError(
+                f"lqr: expected a number above 0 and up to {FASTEST:g} for {name}, got {value:g}; change it."
+            )
+    if draws < 0:
+        raise SettingsError(f"lqr: expected 0 draws or more, got {draws}; change it.")
     rows = motors(mechanism, actuated)
     position = equilibrium(mechanism, by_joint(mechanism, "at", at), rows)
     linear = linearize(fit, position, actuated=actuated)

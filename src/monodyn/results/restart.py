@@ -11,6 +11,8 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit, Start
 from monodyn.results.fill import fill, moment
 
+FARTHEST = 1e6
+"""Positions and rates beyond which no mechanism is [SI]."""
 MOST_STEPS = 1e5
 """Steps of a record over which its motion is carried on at most."""
 
@@ -97,8 +99,10 @@ def _by_joint(fit: Fit, given: Mapping[str, float], *, whole: bool = False) -> n
             raise SettingsError(
                 f"restart: expected a joint ({', '.join(joints)}), got '{name}'; correct the name."
             )
-        if not np.isfinite(value):
-            raise SettingsError(f"restart: expected a finite value for {name}, got {value:g}; correct it.")
+        if not abs(value) <= FARTHEST:
+            raise SettingsError(
+                f"restart: expected a number within {FARTHEST:g} of 0 for {name}, got {value:g}; correct it."
+            )
     missing = [name for name in joints if whole and name not in given]
     if missing:
         raise SettingsError(

@@ -26,7 +26,7 @@ from monodyn.results.shot import Shot, along, shoot
 
 PLANNED = 0.8
 """Share of the largest torque that is planned with; the rest is for what goes astray."""
-LASTING = (2.0, 3.0, 1.5, 4.0)
+LASTING, LONGEST = (2.0, 3.0, 1.5, 4.0), 100.0
 """Times that are tried, in periods of the slowest swing of the mechanism hanging."""
 GUESSES = 3
 """Guesses that each time is begun with."""
@@ -164,6 +164,10 @@ def swing_up(
     begin = hanging(mechanism, regulator.position) if start is None else by_joint(mechanism, "start", start)
     most = _limits(regulator, limit)
     lower, upper = _ranges(mechanism, within)
+    if seconds is not None and not 0.0 < seconds <= LONGEST:
+        raise SettingsError(
+            f"swing_up: expected a time above 0 and up to {LONGEST:g} s, got {seconds:g}; change it."
+        )
     lasting = _lasting(mechanism, begin) if seconds is None else (seconds,)
     others = drawn(fit, draws, seed=seed, response=Response(regulator.position, rows[0]))
     best: SwingUp | None = None
@@ -243,6 +247,11 @@ def _ranges(
     for row, joint in enumerate(mechanism.joints):
         if within and joint.name in within:
             lower[row], upper[row] = within[joint.name]
+            if not lower[row] < upper[row]:
+                raise SettingsError(
+                    f"within: expected the least position of {joint.name} first, got {lower[row]:g} and "
+                    f"{upper[row]:g}; exchange them."
+                )
     return lower, upper
 
 
