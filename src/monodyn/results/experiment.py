@@ -63,11 +63,13 @@ class Motion:
         position: Joint positions at which it is let go [rad or m], (dof,).
         away: How far joints are lifted from where they hang [rad or m], zero for those that hang by
             themselves, (dof,).
+        held: True for joints that have to be held there, the others hang by themselves, bool (dof,).
         seconds: For how long it is filmed [s].
     """
 
     position: np.ndarray
     away: np.ndarray
+    held: np.ndarray
     seconds: float
 
 
@@ -110,7 +112,7 @@ class _Tried(NamedTuple):
     def effort(self) -> tuple[float, int, float]:
         """What it takes: a longer record, then more joints to hold, then a larger amplitude."""
         away = self.motion.away
-        return self.motion.seconds, int(np.count_nonzero(away)), float(np.max(np.abs(away)))
+        return self.motion.seconds, int(self.motion.held.sum()), float(np.max(np.abs(away)))
 
 
 def next_motion(fit: Fit, *, seconds: Sequence[float] = SECONDS) -> Advised | None:
@@ -201,7 +203,7 @@ def _tried(
     own = np.sum((known.slopes @ root) ** 2, axis=1)
     # what gravity, and what the model lacks, add to an interval stays in it
     more = np.maximum(known.std**2 - own, 0.0)
-    for position, away in _releases(fit):
+    for position, away, held in _releases(fit):
         start = Start(fit.starts[0].time, position, 0.0 * position, np.zeros((2 * len(position),) * 2))
         times = _until_parted(fit, start, start.time + step * np.arange(round(seconds[-1] / step) + 1))
         last = times[-1] - start.time
@@ -218,19 +220,20 @@ def _tried(
             row = min(round(length / step), len(times) - 1)
             left = variances(known.slopes, root, information[row])
             share = np.sqrt((left + more) / np.maximum(own + more, 1e-300))
-            found.append(_Tried(Motion(position, away, length), share))
+            found.append(_Tried(Motion(position, away, held, length), share))
     return found
 
 
-def _releases(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return positions from which the mechanism can be let go, and how far joints are lifted in each."""
+def _releases(fit: Fit) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return positions from which the mechanism can be let go, how far joints are lifted in each, and which
+    ones have to be held."""
     tree, joints, hanging = fit.mechanism.tree, fit.mechanism.joints, hanging_at_rest(fit)
     is_hinge = tree.kind == HINGE
     # of a slide on a spring the largest amplitude is the one that was seen
     far = np.where(is_hinge, np.radians(max(AMPLITUDES)), np.abs(fit.starts[0].position - hanging))
     lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
     found = []
-    for way, loose in _ways(fit):
+    for way, loose, held in _ways(fit):
         for amplitude in AMPLITUDES:
             for sign in (1.0, -1.0):
                 away = sign * way * far * amplitude / max(AMPLITUDES)
@@ -240,13 +243,14 @@ def _releases(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:
                 position = np.where(is_hinge, _whole_degrees(position), position)
                 if away.any() and np.all((lower <= position) & (position <= upper)):
                     # the other side tells about the same
-                    found.append((position, away))
+                    found.append((position, away, held))
                     break
     return found
 
 
-def _ways(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return which joints are lifted, as shares of an amplitude, and which ones then hang by themselves."""
+def _ways(fit: Fit) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return which joints are lifted, as shares of an amplitude, which ones then come to hang by themselves
+    elsewhere, and which ones have to be held."""
     tree = fit.mechanism.tree
     is_hinge, springs = tree.kind == HINGE, (tree.kind != HINGE) & (tree.links[:, STIFFNESS] > 0.0)
     count, none = len(is_hinge), np.zeros(len(is_hinge), dtype=bool)
@@ -255,13 +259,13 @@ def _ways(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:
         behind = none.copy()
         for k in range(int(i) + 1, count):
             behind[k] = is_hinge[i] and is_hinge[k] and (tree.parent[k] == i or behind[tree.parent[k]])
-        ways.append((np.eye(count)[i], behind))
+        ways.append((np.eye(count)[i], behind, np.eye(count)[i] > 0.0))
     hinges = np.flatnonzero(is_hinge)
     if len(hinges) > 1:
         # straight on from the first hinge is a way of its own, and so are all bent one way, and to and fro
         bent = is_hinge.astype(float)
         fro = np.where(np.cumsum(bent) % 2 == 1, bent, -bent)
-        ways += [(np.eye(count)[hinges[0]], none), (bent, none), (fro, none)]
+        ways += [(way, none, is_hinge) for way in (np.eye(count)[hinges[0]], bent, fro)]
     return ways
 
 
@@ -349,12 +353,15 @@ def _said(
 def _pose(fit: Fit, motion: Motion) -> str:
     """Write where the joints are when it is let go."""
     words = []
-    for joint, position, away in zip(fit.mechanism.joints, motion.position, motion.away, strict=True):
+    each = zip(fit.mechanism.joints, motion.position, motion.away, motion.held, strict=True)
+    for joint, position, away, held in each:
         hinge = joint.kind == "hinge"
         place = f"{joint.name} = " + (f"{np.degrees(position):.0f} deg" if hinge else f"{position:.3g} m")
         if away:
             lifted = f"{abs(np.degrees(away)):.0f} deg" if hinge else f"{1000.0 * abs(away):.0f} mm"
             place += f" ({lifted} from where it hangs)"
+        elif hinge and not held:
+            place += " (hanging by itself)"
         words.append(place)
     return listed(words, len(words))
 
