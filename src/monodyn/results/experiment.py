@@ -43,12 +43,14 @@ SURE = 0.4
 """Share that has to be computed for it: a motion that is let go by hand tells somewhat less, or more."""
 WORTH = 0.9
 """Share from which on a further record is not worth its while."""
+ALIKE = 1.2
+"""Motions of which one leaves so much more than the other tell about as much."""
 COARSE = 4
 """Integration steps between stamps with which motions that part are looked for."""
 ERROR_BOUND = 1e-3
 """Largest integration error of a candidate that is aimed at [rad or m]."""
 SHORTEST = 0.5
-"""Shortest record that is tried, where motions part soon [s]."""
+"""Motions that part sooner than that are left out [s]."""
 MEASURABLE = ("length", "width", "tail", "tip", "extent", "thickness", "mass")
 """Kinds of parameters that one can measure on the mechanism."""
 QUANTILE = 1.96
@@ -109,10 +111,14 @@ class _Tried(NamedTuple):
     left: np.ndarray
 
     @property
-    def effort(self) -> tuple[float, int, float]:
-        """What it takes: a longer record, then more joints to hold, then a larger amplitude."""
-        away = self.motion.away
-        return self.motion.seconds, int(self.motion.held.sum()), float(np.max(np.abs(away)))
+    def effort(self) -> tuple[float, int]:
+        """What it takes: a longer record, then more joints to hold."""
+        return self.motion.seconds, int(self.motion.held.sum())
+
+    @property
+    def amplitude(self) -> float:
+        """How far a joint is lifted at most [rad or m]."""
+        return float(np.max(np.abs(self.motion.away)))
 
 
 def next_motion(fit: Fit, *, seconds: Sequence[float] = SECONDS) -> Advised | None:
@@ -143,7 +149,7 @@ def next_motion(fit: Fit, *, seconds: Sequence[float] = SECONDS) -> Advised | No
         )
     if not fit.starts or fit.torque == "free" or not np.all(np.isfinite(fit.shared_covariance)):
         return None
-    known = quantities(fit)
+    known = _apart(quantities(fit))
     if not known.names:
         return None
     root = root_of(fit)
@@ -194,6 +200,19 @@ def _hanging(fit: Fit, begin: np.ndarray, loose: np.ndarray) -> np.ndarray:
     return rest
 
 
+def _apart(known: Quantities) -> Quantities:
+    """Return the quantities without those that divide by another reference what one that is known better has:
+    a damping by a thickness, where it is known by an inertia."""
+    relative = known.std / np.abs(known.values)
+    best: dict[str, int] = {}
+    for at in np.argsort(relative, kind="stable").tolist():
+        best.setdefault(known.names[at].partition(" / ")[0], at)
+    kept = sorted(best.values())
+    return Quantities(
+        tuple(known.names[at] for at in kept), known.values[kept], known.std[kept], known.slopes[kept]
+    )
+
+
 def _tried(
     fit: Fit, known: Quantities, root: np.ndarray, seconds: tuple[float, ...]
 ) -> list[_Tried]:
@@ -206,21 +225,21 @@ def _tried(
     for position, away, held in _releases(fit):
         start = Start(fit.starts[0].time, position, 0.0 * position, np.zeros((2 * len(position),) * 2))
         times = _until_parted(fit, start, start.time + step * np.arange(round(seconds[-1] / step) + 1))
-        last = times[-1] - start.time
-        lengths = [one for one in seconds if one <= last + step]
-        # where motions part soon a shorter record is better than none
-        lengths = lengths or ([float(np.floor(10.0 * last) / 10.0)] if last >= SHORTEST else [])
-        if not lengths:
+        together = times[-1] - start.time
+        if together < SHORTEST:
             continue
         motion = carried_from(fit, start, 0, times, error_bound=ERROR_BOUND)
         if not np.all(np.isfinite(motion.slopes)):
             continue
         information = information_along(fit, motion, noise)
-        for length in lengths:
+        for length in seconds:
+            # what comes after motions have parted is not counted on
             row = min(round(length / step), len(times) - 1)
             left = variances(known.slopes, root, information[row])
             share = np.sqrt((left + more) / np.maximum(own + more, 1e-300))
             found.append(_Tried(Motion(position, away, held, length), share))
+            if length >= together:
+                break
     return found
 
 
@@ -303,7 +322,12 @@ def _chosen(tried: list[_Tried], relative: np.ndarray) -> tuple[int, _Tried | No
         if np.any(least <= limit):
             chosen = int(np.argmax(np.where(least <= limit, relative, -1.0)))
             good = [one for one in tried if one.left[chosen] <= limit]
-            return chosen, min(good, key=lambda one: one.effort)
+            effort = min(one.effort for one in good)
+            easy = [one for one in good if one.effort == effort]
+            # of those that tell about as much the gentlest: the farther it is let go the sooner motions part
+            most = ALIKE * min(float(one.left[chosen]) for one in easy)
+            alike = [one for one in easy if one.left[chosen] <= most]
+            return chosen, min(alike, key=lambda one: one.amplitude)
     if np.any(least <= WORTH):
         chosen = int(np.argmin(least))
         return chosen, tried[int(np.argmin(left[:, chosen]))]
