@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from monodyn.mechanism import write_urdf as write_urdf
     from monodyn.pipeline import run as run
     from monodyn.results.closed import closed_loop as closed_loop
+    from monodyn.results.experiment import next_motion as next_motion
     from monodyn.results.fill import fill as fill
     from monodyn.results.horizon import horizon as horizon
     from monodyn.results.linear import linearize as linearize
@@ -82,6 +83,7 @@ _HOMES = {
     "stages": ("identify", "locate", "segment", "track"),
     "results.opened": ("open_run", "remembered"),
     "results.predict": ("predict",),
+    "results.experiment": ("next_motion",),
     "results.fill": ("fill",),
     "results.horizon": ("horizon",),
     "results.report": ("report",),

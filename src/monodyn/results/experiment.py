@@ -36,7 +36,7 @@ SECONDS = (2.0, 4.0, 8.0)
 RELEASE = float(np.radians(3.0))
 """What a hand is off when it lets go [rad]; of slides in metres as well."""
 PARTED = 1.0
-"""Motions that differ by so much are two motions: what the one tells is not what the other would [rad or m]."""
+"""Motions that are so far from one another are two motions, of which each tells other things [rad or m]."""
 HALVED = 0.5
 """Share of the interval that is to be left."""
 SURE = 0.4
@@ -213,9 +213,7 @@ def _apart(known: Quantities) -> Quantities:
     )
 
 
-def _tried(
-    fit: Fit, known: Quantities, root: np.ndarray, seconds: tuple[float, ...]
-) -> list[_Tried]:
+def _tried(fit: Fit, known: Quantities, root: np.ndarray, seconds: tuple[float, ...]) -> list[_Tried]:
     """Compute what a record of every candidate would leave of the intervals."""
     noise, found = noise_of(fit), []
     step = float(np.median(np.diff(fit.time[0])))
@@ -365,8 +363,8 @@ def _said(
             return f"{said}; {fix} {given_left:.2g} of its interval."
         return f"{said}; only what is measured on the mechanism itself, given with --fix, would narrow it."
     said = (
-        f"Film it once more: hold it at {_pose(fit, motion)}, let go, and film {motion.seconds:g} s. Of the "
-        f"interval of {name} (+- {percent(wide)} now) about {left:.2g} is left then"
+        f"Film it once more: hold it still at {_pose(fit, motion)}, let go, and film {motion.seconds:g} s. "
+        f"Of the interval of {name} (+- {percent(wide)} now) about {left:.2g} is left then"
     )
     if left <= HALVED:
         return f"{said}."
@@ -380,6 +378,8 @@ def _pose(fit: Fit, motion: Motion) -> str:
     each = zip(fit.mechanism.joints, motion.position, motion.away, motion.held, strict=True)
     for joint, position, away, held in each:
         hinge = joint.kind == "hinge"
+        if not hinge and not held:
+            continue  # a slide that nothing pulls may stand anywhere
         place = f"{joint.name} = " + (f"{np.degrees(position):.0f} deg" if hinge else f"{position:.3g} m")
         if away:
             lifted = f"{abs(np.degrees(away)):.0f} deg" if hinge else f"{1000.0 * abs(away):.0f} mm"

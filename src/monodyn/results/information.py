@@ -138,7 +138,7 @@ def variances(slopes: np.ndarray, root: np.ndarray, information: np.ndarray) -> 
 
 
 def noise_of(fit: Fit) -> np.ndarray:
-    """Return the noise that a record to come is counted on to have: that of the fitted ones [rad or m], (dof,).
+    """Return the noise that is expected of a record to come, that of the fitted ones [rad or m], (dof,).
 
     Args:
         fit: The identified mechanism.
