@@ -142,12 +142,12 @@ def followed(group: str, rng: np.random.Generator) -> Followed | Advised | None:
     first = moved(body, hanging + rng.uniform(-near, near, body.nq), int(rng.integers(*FRAMES)), rng)
     fit = monodyn.identify(first, mechanism)
     advised = next_motion(fit) if fit.ok else None
-    if advised is None or advised.motion is None:
+    if advised is None or advised.release is None:
         return advised
-    frames = round(advised.motion.seconds * RATE) + 1
+    frames = round(advised.seconds * RATE) + 1
     before = _interval(fit, advised.name)
     assert before is not None
-    let_go = advised.motion.position + rng.normal(scale=HAND, size=body.nq)
+    let_go = advised.release.position + rng.normal(scale=HAND, size=body.nq)
     after = _after(first, moved(body, let_go, frames, rng), mechanism, advised.name)
     other = hanging + rng.uniform(-ANYWHERE, ANYWHERE, body.nq)
     anywhere = _after(first, moved(body, other, frames, rng), mechanism, advised.name)

@@ -82,9 +82,9 @@ class Carried:
     """A motion away from a start, with its derivatives.
 
     Attributes:
-        stamps: Time stamps [s], (stamp,), the start's the first, in steps that are fine enough.
-        motion: Positions, then rates, (stamp, 2 dof).
-        slopes: Derivatives of these by parameters and start state, (stamp, 2 dof, param + 2 dof).
+        stamps: Time stamps [s], (sample,), the start's the first, in steps that are fine enough.
+        motion: Positions, then rates, (sample, 2 dof).
+        slopes: Derivatives of these by parameters and start state, (sample, 2 dof, param + 2 dof).
         rows: Which of the stamps were asked for, int (frame,).
         drive: What acts.
         substeps: Integration steps between two stamps.
@@ -171,7 +171,7 @@ def _one_way(fit: Fit, start: Start, record: int, times: np.ndarray) -> tuple[np
 
 def _astray(fit: Fit, record: int, carried: Carried) -> np.ndarray:
     """Return by how much the motion is astray of the identified one for what the model lacks: variances that
-    grow before and after the fitted frames, of the positions, then the rates, (stamp, 2 dof)."""
+    grow before and after the fitted frames, of the positions, then the rates, (sample, 2 dof)."""
     stamps, motion = carried.stamps, carried.motion
     added = np.zeros(motion.shape)
     if fit.unmodelled is None:

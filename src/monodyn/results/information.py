@@ -159,7 +159,7 @@ def information_along(fit: Fit, motion: Carried, noise: np.ndarray) -> np.ndarra
         noise: Standard deviation of a measured position [rad or m], (dof,).
 
     Returns:
-        Fisher information of the record up to each stamp, (stamp, param, param).
+        Fisher information of the record up to each sample, (sample, param, param).
 
     Source:
         Information of a linear stochastic system by its innovations: Mehra, Optimal input signals for
