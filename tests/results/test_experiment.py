@@ -193,6 +193,6 @@ def test_the_commands_take_both_records():
         "monodyn track 'my clip.mp4' --model run --out second",
         "monodyn identify run/poses.csv second/poses.csv --model run --out both",
     )
-    assert next_commands("a run", second="log") == (
-        "monodyn identify 'a run'/poses.csv log/poses.csv --model 'a run' --out both",
+    assert next_commands("a run", tables=["first.csv"], second="log.csv") == (
+        "monodyn identify first.csv log.csv --model 'a run' --out both",
     )

@@ -294,15 +294,21 @@ def _pose(fit: Fit, release: Release) -> str:
 
 
 def next_commands(
-    first: str, *, clip: str | None = None, second: str = "second", out: str = "both"
+    run: str,
+    *,
+    tables: Sequence[str] = (),
+    clip: str | None = None,
+    second: str = "second",
+    out: str = "both",
 ) -> tuple[str, ...]:
-    """Write the commands that identify the mechanism from its run and a further record together.
+    """Write the commands that identify the mechanism from the records of a run and a further one together.
 
     Args:
-        first: The run folder.
-        clip: The further clip; None where the further record is a table already, in ``second``.
-        second: The folder of the further record.
-        out: The folder of the run of both.
+        run: The run folder.
+        tables: The tables that were identified in it; none where it is the run of a clip.
+        clip: The further clip; None where the further record is a table.
+        second: The folder in which the further clip is tracked; without a clip the further table.
+        out: The folder of the run of all of them.
 
     Returns:
         Command lines.
@@ -313,6 +319,6 @@ def next_commands(
         monodyn track again.mp4 --model run --out second
         monodyn identify run/poses.csv second/poses.csv --model run --out both
     """
-    run, other, both = shlex.quote(first), shlex.quote(second), shlex.quote(out)
-    track = () if clip is None else (f"monodyn track {shlex.quote(clip)} --model {run} --out {other}",)
-    return (*track, f"monodyn identify {run}/poses.csv {other}/poses.csv --model {run} --out {both}")
+    track = () if clip is None else (shlex.join(("monodyn", "track", clip, "--model", run, "--out", second)),)
+    records = (*(tables or (f"{run}/poses.csv",)), second if clip is None else f"{second}/poses.csv")
+    return (*track, shlex.join(("monodyn", "identify", *records, "--model", run, "--out", out)))
