@@ -8,7 +8,7 @@ import pytest
 import monodyn
 from fits import identified
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Unmodelled
+from monodyn.estimation.fit import Doubt, Unmodelled
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.results import experiment
@@ -113,6 +113,7 @@ def test_where_there_is_nothing_to_advise_from_there_is_no_advice():
     fit = identified()
     assert next_motion(fit) is not None
     assert next_motion(replace(fit, starts=())) is None
+    assert next_motion(fit.doubted([Doubt("refused", "No.")])) is None
     assert next_motion(replace(fit, torque="free")) is None
     assert next_motion(replace(fit, covariance=np.full_like(fit.covariance, np.nan))) is None
     for wrong in ((), (2.0, 0.0)):

@@ -109,7 +109,7 @@ def next_motion(fit: Fit, *, seconds: Sequence[float] = SECONDS) -> Advised | No
         seconds: Lengths of records that are tried [s].
 
     Returns:
-        The advice; None where nothing was identified, where there are no intervals, or where torques act of
+        The advice; None where nothing was identified that can be used, where there are no intervals, or where torques act of
         which nothing is known after the record.
 
     Raises:
@@ -127,7 +127,7 @@ def next_motion(fit: Fit, *, seconds: Sequence[float] = SECONDS) -> Advised | No
         raise SettingsError(
             f"next_motion: expected lengths of records above zero, got {list(seconds)}; give seconds."
         )
-    if not fit.starts or fit.torque == "free" or not np.all(np.isfinite(fit.shared_covariance)):
+    if not fit.starts or not fit.ok or fit.torque == "free" or not np.all(np.isfinite(fit.shared_covariance)):
         return None
     known = _apart(quantities(fit))
     if not known.names:

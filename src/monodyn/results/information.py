@@ -180,7 +180,9 @@ def information_along(fit: Fit, motion: Carried, noise: np.ndarray) -> np.ndarra
     found = np.empty((len(clock), count, count))
     for row, step in enumerate(steps):
         if row:
-            covariance = step @ covariance @ step.T + random_push(lacking, clock[row] - clock[row - 1])
+            covariance = step @ covariance @ step.T
+            if lacking.any():
+                covariance += random_push(lacking, clock[row] - clock[row - 1])
             explained = step @ explained
         expected = covariance[:dofs, :dofs] + np.diag(noise**2 + late[row])
         gain = np.linalg.solve(expected, covariance[:dofs]).T
