@@ -109,8 +109,8 @@ def next_motion(fit: Fit, *, seconds: Sequence[float] = SECONDS) -> Advised | No
         seconds: Lengths of records that are tried [s].
 
     Returns:
-        The advice; None where nothing was identified that can be used, where there are no intervals, or where torques act of
-        which nothing is known after the record.
+        The advice; None where nothing was identified that can be used, where there are no intervals, or where
+        torques act of which nothing is known after the record.
 
     Raises:
         SettingsError: A length is not above zero.
