@@ -13,6 +13,7 @@ from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.results import experiment
 from monodyn.results.experiment import HALVED, next_commands, next_motion
+from monodyn.results.information import Quantities
 from monodyn.results.releases import Release
 from monodyn.stages import identify
 from support import refuses
@@ -161,6 +162,16 @@ def test_the_advice_in_words(little):
     assert said(fit, name, 0.02, None, 1.0, ("", 1.0), ()) == (
         "No further motion tells much more. What is known worst is link1.J / link2.J (+- 2 %)."
     )
+    assert said(fit, name, 3.0, None, 1.0, ("", 1.0), (), lacking=True) == (
+        "No further motion tells much more. What is known worst is link1.J / link2.J (not told from zero): "
+        "what the model lacks limits it, not what was filmed."
+    )
+
+
+def test_what_is_off_the_axis_is_compared_with_the_distance_from_the_hinge():
+    names = ("link1.my * gravity / link2.J", "link1.mx * gravity / link2.J", "joint1.damping / link1.J")
+    known = Quantities(names, np.array([0.03, 4.0, -2.0]), np.array([0.3, 0.1, 0.5]), np.zeros((3, 0)))
+    np.testing.assert_allclose(experiment._relative(known), [0.3 / np.hypot(0.03, 4.0), 0.025, 0.25])
 
 
 def test_a_measured_size_leaves_what_fixing_it_leaves(little):

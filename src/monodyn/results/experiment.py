@@ -136,21 +136,32 @@ def next_motion(fit: Fit, *, seconds: Sequence[float] = SECONDS) -> Advised | No
     # a motor that is off: what its torques tell cannot be counted on
     loose = replace(fit, torques=())
     tried = _tried(loose, known, root, tuple(sorted(seconds)))
-    relative = known.std / np.abs(known.values)
+    relative = _relative(known)
     chosen, best = _chosen(tried, relative)
     name, measure = known.names[chosen], _measured(fit, known, chosen, root)
     left = 1.0 if best is None else float(best.left[chosen])
     wide = QUANTILE * float(relative[chosen])
     scaled = _scaled(fit, tried)
-    said = _said(fit, name, wide, best, left, measure, scaled)
+    own = float(np.sum((known.slopes[chosen] @ root) ** 2))
+    # what the model lacks adds to an interval what no record takes away
+    lacking = fit.unmodelled is not None and own < 0.5 * float(known.std[chosen]) ** 2
+    said = _said(fit, name, wide, best, left, measure, scaled, lacking=lacking)
     release, long = (None, 0.0) if best is None else (best.release, best.seconds)
     return Advised(name, wide, left, release, long, *measure, scaled, said)
+
+
+def _relative(known: Quantities) -> np.ndarray:
+    """Return standard deviations as shares of the values, (quantity,); of where a centre of mass is across a
+    body, as shares of how far it is from the hinge."""
+    values = dict(zip(known.names, np.abs(known.values).tolist(), strict=True))
+    along = [values.get(name.replace(".my", ".mx"), 0.0) for name in known.names]
+    return known.std / np.hypot(known.values, np.where([".my" in name for name in known.names], along, 0.0))
 
 
 def _apart(known: Quantities) -> Quantities:
     """Return the quantities without those that divide by another reference what one that is known better has:
     a damping by a thickness, where it is known by an inertia."""
-    relative = known.std / np.abs(known.values)
+    relative = _relative(known)
     best: dict[str, int] = {}
     for at in np.argsort(relative, kind="stable").tolist():
         best.setdefault(known.names[at].partition(" / ")[0], at)
@@ -249,13 +260,15 @@ def _scaled(fit: Fit, tried: list[_Tried]) -> tuple[str, ...]:
 
 def _said(
     fit: Fit, name: str, wide: float, best: _Tried | None, left: float, measure: tuple[str, float],
-    scaled: tuple[str, ...],
+    scaled: tuple[str, ...], *, lacking: bool = False,
 ) -> str:  # fmt: skip
     """Write the advice."""
     given, given_left = measure
     fix = f"{given} measured and given with --fix {given}=VALUE leaves" if given else ""
     if best is None:
-        said = f"No further motion tells much more. What is known worst is {name} (+- {percent(wide)})"
+        said = f"No further motion tells much more. What is known worst is {name} ({_known_to(wide)})"
+        if lacking:
+            said += ": what the model lacks limits it, not what was filmed"
         if fix:
             said += f"; {fix} {given_left:.2g} of its interval"
         if scaled:
@@ -266,13 +279,18 @@ def _said(
         return f"{said}."
     said = (
         f"Film it once more: hold it still at {_pose(fit, best.release)}, let go, and film "
-        f"{best.seconds:g} s. Of the interval of {name} (+- {percent(wide)} now) about {left:.2g} is left "
+        f"{best.seconds:g} s. Of the interval of {name} ({_known_to(wide)} now) about {left:.2g} is left "
         "then"
     )
     if left <= HALVED:
         return f"{said}."
     said += "; no motion that was tried halves it."
     return f"{said} In its place, {fix} {given_left:.2g}." if fix else said
+
+
+def _known_to(wide: float) -> str:
+    """Write how well something is known."""
+    return f"+- {percent(wide)}" if wide < 1.0 else "not told from zero"
 
 
 def _pose(fit: Fit, release: Release) -> str:
