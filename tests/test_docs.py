@@ -23,7 +23,7 @@ ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 AXES = (
     "row column sample record piece knot term step entry key pose picture plane colour channel pixel geom "
     "corner face shared block local tied free size unknown variable candidate inequality form way direction M"
-    " subframe exposure iteration outline draw feature belief motor"
+    " subframe exposure iteration outline draw feature belief motor quantity"
 )
 """Array axes of single rooms and of the benchmarks, in addition to those that docs/architecture.md lists."""
 

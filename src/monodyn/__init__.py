@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from monodyn.pipeline import run as run
     from monodyn.results.closed import closed_loop as closed_loop
     from monodyn.results.draws import drawn as drawn
+    from monodyn.results.experiment import next_motion as next_motion
     from monodyn.results.fill import fill as fill
     from monodyn.results.horizon import horizon as horizon
     from monodyn.results.linear import linearize as linearize
@@ -84,6 +85,7 @@ _HOMES = {
     "results.opened": ("open_run", "remembered"),
     "results.predict": ("predict",),
     "results.draws": ("drawn",),
+    "results.experiment": ("next_motion",),
     "results.fill": ("fill",),
     "results.horizon": ("horizon",),
     "results.report": ("report",),

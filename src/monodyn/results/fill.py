@@ -78,13 +78,13 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
 
 
 @dataclass(frozen=True, eq=False)
-class _Carried:
+class Carried:
     """A motion away from a start, with its derivatives.
 
     Attributes:
-        stamps: Time stamps [s], (stamp,), the start's the first, in steps that are fine enough.
-        motion: Positions, then rates, (stamp, 2 dof).
-        slopes: Derivatives of these by parameters and start state, (stamp, 2 dof, param + 2 dof).
+        stamps: Time stamps [s], (sample,), the start's the first, in steps that are fine enough.
+        motion: Positions, then rates, (sample, 2 dof).
+        slopes: Derivatives of these by parameters and start state, (sample, 2 dof, param + 2 dof).
         rows: Which of the stamps were asked for, int (frame,).
         drive: What acts.
         substeps: Integration steps between two stamps.
@@ -110,13 +110,26 @@ def moment(fit: Fit, time: float, *, record: int = 0) -> tuple[np.ndarray, np.nd
         Positions, then rates [SI], (2 dof,), and their derivatives by the estimated parameters and the start
         state, (2 dof, param + 2 dof).
     """
-    carried = _carried(fit, fit.starts[record], record, np.array([time]))
+    carried = carried_from(fit, fit.starts[record], record, np.array([time]))
     row = carried.rows[0]
     return carried.motion[row], carried.slopes[row]
 
 
-def _carried(fit: Fit, start: Start, record: int, times: np.ndarray) -> _Carried:
-    """Simulate away from the start, to ``times`` that rise or fall from there."""
+def carried_from(
+    fit: Fit, start: Start, record: int, times: np.ndarray, *, error_bound: float = ERROR_BOUND
+) -> Carried:
+    """Simulate away from a start.
+
+    Args:
+        fit: The identified mechanism.
+        start: The start.
+        record: Which record's torques act.
+        times: Time stamps [s], (frame,), that rise or fall from the start.
+        error_bound: Largest integration error that is aimed at [rad or m].
+
+    Returns:
+        The motion, with its derivatives.
+    """
     from monodyn.mechanism.simulate import accelerations, least_substeps, rollout, rollout_derivatives
 
     mechanism = fit.mechanism
@@ -131,7 +144,7 @@ def _carried(fit: Fit, start: Start, record: int, times: np.ndarray) -> _Carried
     def positions(substeps: int) -> np.ndarray:
         return rollout(tree, clock, *state, substeps=substeps, drive=drive)[0]
 
-    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_FILL_SUBSTEPS, least)
+    substeps, _ = least_substeps(positions, error_bound, MOST_FILL_SUBSTEPS, least)
     q, v, dq, dv = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
     # of a function of the stretched clock the slope in the stretch is the rate times the time since
     if "time_scale" in fit.shared:
@@ -139,13 +152,13 @@ def _carried(fit: Fit, start: Start, record: int, times: np.ndarray) -> _Carried
         dq[:, :, at] += v * since
         dv[:, :, at] += accelerations(tree, q, v, drive.at(clock)) * since
     motion, slopes = np.concatenate((q, v), axis=1), np.concatenate((dq, dv), axis=1)
-    return _Carried(stamps, motion, slopes, rows, drive, substeps)
+    return Carried(stamps, motion, slopes, rows, drive, substeps)
 
 
 def _one_way(fit: Fit, start: Start, record: int, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Simulate away from the start: states at ``times``, positions then rates, and their standard deviations,
     each (frame, 2 dof)."""
-    carried = _carried(fit, start, record, times)
+    carried = carried_from(fit, start, record, times)
     rows, slopes = carried.rows, carried.slopes[carried.rows]
     variance = np.einsum("fip,pr,fir->fi", slopes, fit.motion_covariance(record), slopes, optimize=True)
     variance += _astray(fit, record, carried)[rows]
@@ -156,9 +169,9 @@ def _one_way(fit: Fit, start: Start, record: int, times: np.ndarray) -> tuple[np
     return carried.motion[rows], std
 
 
-def _astray(fit: Fit, record: int, carried: _Carried) -> np.ndarray:
+def _astray(fit: Fit, record: int, carried: Carried) -> np.ndarray:
     """Return by how much the motion is astray of the identified one for what the model lacks: variances that
-    grow before and after the fitted frames, of the positions, then the rates, (stamp, 2 dof)."""
+    grow before and after the fitted frames, of the positions, then the rates, (sample, 2 dof)."""
     stamps, motion = carried.stamps, carried.motion
     added = np.zeros(motion.shape)
     if fit.unmodelled is None:
