@@ -4,7 +4,7 @@ Run: ``python benchmarks/use.py [--only GROUP ...] [--records N] [--json FILE] [
 ``horizon``: MuJoCo moves double pendulums, wildly and hardly damped, and measures the beginning; what is said
 of the rest is compared with when the prediction in truth leaves the tolerance. ``rendered``: the same of
 clips that are drawn. The others have scripts of their own: ``gaps`` (``gaps.py``),
-``control`` (``controlled.py``), ``files`` (``handed_over.py``).
+``control`` (``controlled.py``), ``files`` (``handed_over.py``), ``next`` (``next_motion.py``).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from monodyn.choices import Tolerance
 from monodyn.results.horizon import FARTHEST, horizon
 from monodyn.types import Poses
 from monodyn.vision.drawing.camera import CAMERA_STD, CAMERA_TURNS
+from next_motion import advised_motions
 from spec import Case, Part
 
 FRAMES = (40, 90)
@@ -68,6 +69,7 @@ def main() -> int:
         "gaps": lambda: gaps(options.records),
         "control": controls,
         "files": handed_over,
+        "next": lambda: advised_motions(options.records // 2),
     }
     parser = command_line(__doc__, tuple(groups))
     parser.add_argument("--records", type=int, default=100, metavar="N", help="records of each group")

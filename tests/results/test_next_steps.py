@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import replace
 
 import monodyn
+from controllable import identified as swung
 from fits import identified, record
 from monodyn.cli.parse import parsed
 from monodyn.estimation.fit import Doubt
@@ -18,11 +18,16 @@ from support import command
 def test_every_command_is_understood():
     """Each one as it stands, of a pendulum and of a mechanism with a slide."""
     fit = identified()
-    cart = replace(fit, mechanism=monodyn.load("cartpole"))
+    _, cart = swung("cartpole")
     commands = [step.command for one in (fit, cart) for step in next_steps(Findings(one))]
     words = [shlex.split(line) for line in commands]
     ours = [(word[1], word[2:]) for word in words if word[0] == "monodyn"]
-    assert [name for name, _ in ours] == ["predict", "identify", "predict", "identify", "control"]
+    names = [name for name, _ in ours]
+    assert names.count("predict") == 2
+    assert names.count("identify") == 4
+    assert names.count("control") == 1
+    said = [step.what for step in next_steps(Findings(fit)) if step.what.startswith("Film it once more")]
+    assert len(said) <= 1
     for name, rest in ours:
         parsed(name, rest)
     assert sum(word[0] == "python" for word in words) == 2

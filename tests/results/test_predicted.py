@@ -77,7 +77,7 @@ def test_what_cannot_be_predicted_or_drawn_is_refused(run, tmp_path):
         f"predict: expected a motion that can be followed to {30 * step:g} s, lost it at {step:g} s: rates "
         f"or frictions are too large for frames of {step:g} s; give others, or an earlier end.",
     ):
-        predict_run(run, wanted=Wanted({"joint1": 0.0}, {"joint1": 1e5}, until=1.0))
+        predict_run(run, wanted=Wanted({"joint1": 0.5}, fix={"joint1.damping": 1e6}, until=1.0))
     with refuses(
         SettingsError,
         f"'{run}': expected the run of a clip, got one of tables, which has no camera; leave --film out.",

@@ -149,7 +149,7 @@ def test_motors_that_cannot_steer_are_refused() -> None:
 
 
 def test_numbers_that_are_none_are_refused() -> None:
-    fit, upright, motors = identified("cartpole")[1], UPRIGHT["cartpole"], MOTORS["cartpole"]
+    fit, upright, motors = identified("cartpole")[1], UPRIGHT, [MOTORS["cartpole"]]
     for name, value in (("rate", np.nan), ("rate", 1e300), ("rate", 0.0)):
         with refuses(
             SettingsError,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from typing import NamedTuple
 
+from monodyn.results.experiment import next_commands, next_motion
 from monodyn.results.findings import Findings
 
 
@@ -58,4 +59,20 @@ def next_steps(findings: Findings) -> list[Step]:
                 f"monodyn control . --at {shlex.quote(hold)} --actuated {shlex.quote(motor)} --out control",
             )
         )
-    return steps
+    return [*steps, *_filmed_again(findings)]
+
+
+def _filmed_again(findings: Findings) -> list[Step]:
+    """Return what to film next, and the commands that take both records."""
+    advised = next_motion(findings.fit)
+    if advised is None:
+        return []
+    if advised.release is None:
+        return [Step(advised.said)]
+    tables = []
+    if findings.filmed is None and findings.log is not None:
+        inputs = findings.log.inputs
+        tables = [inputs[part]["name"] for part in inputs if part.startswith("poses ")]
+    clip = None if findings.filmed is None else "again.mp4"
+    first, *others = next_commands(".", tables=tables, clip=clip, second="again" if clip else "again.csv")
+    return [Step(advised.said, first), *(Step("Then identify it from both", line) for line in others)]
