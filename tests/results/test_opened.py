@@ -173,3 +173,19 @@ def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(opened_module, "LARGEST", 0)
     with refuses(SettingsError, f"'{file}': expected a file of a run, got one of 1 bytes; run it again."):
         monodyn.open_run(folder)
+
+
+def test_the_clip_of_a_run_is_where_its_log_has_it(tmp_path):
+    assert opened_module.clip_of(tmp_path) is None
+    log = tmp_path / "run.json"
+    log.write_text(json.dumps({"inputs": {"clip": {"name": "swing.mp4"}}}))
+    assert opened_module.clip_of(tmp_path).name == "swing.mp4"
+    log.write_text(json.dumps({"inputs": {"poses 1": {"name": "a.csv"}}}))
+    assert opened_module.clip_of(tmp_path) is None
+    log.write_text(json.dumps({"inputs": {"clip": {}}}))
+    with refuses(
+        SettingsError,
+        f"'{log}': expected the file as it was written, got one without what it should hold "
+        "(KeyError: 'name'); run it again.",
+    ):
+        opened_module.clip_of(tmp_path)

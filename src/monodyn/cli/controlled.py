@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro import conf
 
-from monodyn.cli.forms import Words, intervals, values
+from monodyn.cli.forms import Words, apart, intervals, values
 
 if TYPE_CHECKING:
     from monodyn.results.controlled import Controlled
@@ -65,12 +64,12 @@ class ControlOptions:
         from monodyn.results.controlled import Aim, control_run
 
         aim = Aim(
-            at=values("at", _apart(self.at)),
-            actuated=tuple(word for group in _apart(self.actuated) for word in group),
+            at=values("at", apart(self.at)),
+            actuated=tuple(word for group in apart(self.actuated) for word in group),
             swing=self.swing,
-            start=values("start", _apart(self.start)) or None,
-            limit=values("limit", _apart(self.limit)),
-            within=intervals("within", _apart(self.within)),
+            start=values("start", apart(self.start)) or None,
+            limit=values("limit", apart(self.limit)),
+            within=intervals("within", apart(self.within)),
             seconds=self.seconds,
             rate=self.rate,
             draws=self.draws,
@@ -81,11 +80,6 @@ class ControlOptions:
         with printing():
             _print(found, as_json=self.json, quiet=self.quiet)
         return 0 if found.ok else 1
-
-
-def _apart(words: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Return words that may stand together with commas between them one by one."""
-    return [[part for word in group for part in word.split(",") if part] for group in words]
 
 
 def _print(found: Controlled, *, as_json: bool, quiet: bool) -> None:

@@ -158,6 +158,15 @@ def tolerance(option: str, text: str | None) -> Tolerance:
     return Tolerance(**found)
 
 
+def apart(given: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Return words that may stand together with commas between them one by one.
+
+    Args:
+        given: What the user wrote, by use of the option.
+    """
+    return [[part for word in group for part in word.split(",") if part] for group in given]
+
+
 def words(option: str, given: Sequence[Sequence[str]]) -> dict[str, str]:
     """Return the words by name that ``NAME=WORD`` words give.
 

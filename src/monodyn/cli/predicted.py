@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro import conf
 
-from monodyn.cli.forms import Words, tolerance, values
+from monodyn.cli.forms import Words, apart, tolerance, values
 
 if TYPE_CHECKING:
     from monodyn.choices import Tolerance
@@ -72,12 +71,12 @@ class PredictOptions:
 
         if self.film and self.out is None:
             raise SettingsError("film: expected a folder for it, got none; name one with --out.")
-        positions = values("from", _apart(self.start))
+        positions = values("from", apart(self.start))
         if self.start and not positions:
             raise SettingsError("from: expected JOINT=POSITION, got an empty word; e.g. joint1=0.5,joint2=0.")
         wanted = Wanted(
             positions=positions or None,
-            rates=values("rates", _apart(self.rates)),
+            rates=values("rates", apart(self.rates)),
             at=self.at,
             until=self.until,
             fix=values("fix", self.fix),
@@ -92,11 +91,6 @@ class PredictOptions:
         with printing():
             _print(found, wanted.tolerance, as_json=self.json, quiet=self.quiet)
         return 0 if found.fit.ok else 1
-
-
-def _apart(words: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Return words that may stand together with commas between them one by one."""
-    return [[part for word in group for part in word.split(",") if part] for group in words]
 
 
 def _print(found: Predicted, tolerance: Tolerance, *, as_json: bool, quiet: bool) -> None:

@@ -140,6 +140,26 @@ def filmed_by(folder: str | Path) -> tuple[Camera, dict[str, float]]:
     return Camera(**{f.name: camera[f.name] for f in fields(Camera)}), dict(camera["thickness"])
 
 
+def clip_of(folder: str | Path) -> Path | None:
+    """Return where a run found its clip; None where it has no log, or had no clip.
+
+    Args:
+        folder: The run folder.
+
+    Raises:
+        SettingsError: The log is not what was written.
+    """
+    log = Path(folder) / "run.json"
+    # ``monodyn.report`` writes none
+    if not log.is_file():
+        return None
+    try:
+        clip = _json(log)["inputs"].get("clip")
+        return None if clip is None else Path(clip["name"])
+    except (KeyError, TypeError, AttributeError) as error:
+        raise _changed(log, error) from None
+
+
 def _document(folder: Path) -> dict[str, Any]:
     """Return the content of ``fit.json`` of a run that has identified something."""
     document = _json(folder / "fit.json")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from monodyn.results.fill import States, fill
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.horizon import Horizon, horizon
 from monodyn.results.numbers import shown_in
-from monodyn.results.opened import filmed_by, open_run
+from monodyn.results.opened import clip_of, filmed_by, open_run
 from monodyn.results.overlay import PREDICTED, Drawing, write_overlay
 from monodyn.results.restart import restart
 from monodyn.results.sight import outlines_of
@@ -224,12 +223,7 @@ def _plot(found: Predicted) -> str:
 def _background(run: Path, clip: str | Path | None) -> Frame:
     """Return the first frame of the clip of a run."""
     camera, _ = filmed_by(run)
-    if clip is None:
-        try:
-            inputs = json.loads((run / "run.json").read_text(encoding="utf-8"))["inputs"]
-            clip = Path(inputs["clip"]["name"])
-        except (OSError, ValueError, KeyError, TypeError):
-            clip = None
+    clip = clip_of(run) if clip is None else clip
     if clip is None or not Path(clip).exists():
         raise SettingsError(
             f"film: expected the clip of the run, got {'none' if clip is None else f'no file {clip}'}; name "
