@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from pathlib import Path
 from typing import NamedTuple
 
 from monodyn.results.experiment import next_commands, next_motion
@@ -72,7 +73,8 @@ def _filmed_again(findings: Findings) -> list[Step]:
     tables = []
     if findings.filmed is None and findings.log is not None:
         inputs = findings.log.inputs
-        tables = [inputs[part]["name"] for part in inputs if part.startswith("poses ")]
+        # the commands are for another folder than the one in which the tables were named
+        tables = [str(Path(inputs[p]["name"]).resolve()) for p in inputs if p.startswith("poses ")]
     clip = None if findings.filmed is None else "again.mp4"
     first, *others = next_commands(".", tables=tables, clip=clip, second="again" if clip else "again.csv")
     return [Step(advised.said, first), *(Step("Then identify it from both", line) for line in others)]
