@@ -12,9 +12,10 @@ from encoders import KNOWN_RATIOS, MOST_OFF, MOST_RESIDUAL, REQUIRED_WINDOW
 from figures import Figure, say
 from monodyn.vision.drawing.camera import pixels
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.locating.bundle import KeyMasks, refine, scene_variables
+from monodyn.vision.locating.bundle import KeyMasks, refine
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import scene_variables
 
 LOOKS = 30
 """Frames spread over a clip in which the first link is measured by itself."""

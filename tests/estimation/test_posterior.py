@@ -10,6 +10,7 @@ import pytest
 from monodyn.estimation.verdict.posterior import Posterior
 from monodyn.estimation.verdict.regrouped import Trees
 from monodyn.stages import identify
+from swings import TIMES, motion, scaled
 
 NO_TREES = Trees(np.zeros(0), np.zeros(0), np.zeros((0, 0, 0)), np.zeros((2, 0)))
 
@@ -37,9 +38,10 @@ def test_sizes_that_are_assumed_have_intervals_of_their_own_shape(fit) -> None:
     assert ratio.lower < ratio.value < ratio.upper
 
 
-def test_shifts_of_all_positions_make_intervals_longer(poses, double, fit) -> None:
-    shifts = 2e-3 * np.stack([np.cos(poses.position), np.ones_like(poses.position)])
-    stated = identify(replace(poses, shifts=shifts), double)
+def test_shifts_that_look_like_another_body_make_intervals_longer(poses, double, truth, fit) -> None:
+    other = motion(scaled(truth, link2=1.005), TIMES, [0.3, 0.5], [0.0, 1.0])
+    shifts = other - motion(truth, TIMES, [0.3, 0.5], [0.0, 1.0])
+    stated = identify(replace(poses, shifts=shifts[None]), double)
     for name in ("link1.J / link2.J", "link2.mx * gravity / link2.J"):
         before, after = (next(c for c in one.combinations if c.name == name) for one in (fit, stated))
         assert after.std > 1.2 * before.std

@@ -9,6 +9,7 @@ import pytest
 
 from fits import TIME, made_fit, record
 from monodyn.errors import VideoError
+from monodyn.estimation.fit import Common
 from monodyn.mechanism import load
 from monodyn.results.predict import predict
 from monodyn.results.trace import counted, fitted_poses, frame_numbers, metric, rms_of, trace_of
@@ -49,6 +50,21 @@ def test_slides_become_metric() -> None:
     assert found.position[0, 1 - slide] == 1.0
     assert found.covariance[0, slide, slide] == 0.25
     assert metric(found, mechanism, 0.5) is found
+
+
+def test_what_positions_have_in_common_is_taken_off_once() -> None:
+    mechanism, count = load("double"), 3
+    shifts = np.stack([np.full((count, 2), 0.01), np.full((count, 2), 0.02)])
+    poses = Poses(
+        ("joint1", "joint2"), np.arange(count), np.arange(float(count)), np.ones((count, 2)),
+        np.ones((count, 2, 2)), np.ones(count, bool), shifts=shifts,
+    )  # fmt: skip
+    common = Common(np.array([1.0, -2.0]), np.diag([0.25, 0.0]))
+    found = metric(poses, mechanism, 1.0, common)
+    np.testing.assert_allclose(found.position, 1.0 - 0.01 + 0.04)
+    assert found.shifts is not None
+    np.testing.assert_allclose(np.sum(found.shifts**2, axis=0), 0.005**2)
+    assert metric(found, mechanism, 1.0, common) is found
 
 
 def test_frames_without_numbers_are_counted_where_the_stamps_tell() -> None:

@@ -12,8 +12,9 @@ from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.probe import Normal
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.shutter import Shutter
-from monodyn.vision.locating.bundle import KeyMasks, refine, scene_variables
+from monodyn.vision.locating.bundle import KeyMasks, refine
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import scene_variables
 from pictures import CAMERA, exposed_mask, trusted
 
 SEARCH = EdgeSearch(np.array([8.0, 6.0, 5.0, 4.0, 4.0, 4.0]), 3.0)

@@ -13,10 +13,11 @@ from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.halfway import half_ways
 from monodyn.vision.drawing.probe import AT_X, AT_Y, AWAY, BORDER, INNER, NORMAL_X, SAMPLE_COLUMNS
 from monodyn.vision.foreground.masks import View, plain_view
-from monodyn.vision.locating.bundle import NOISE_PX, SYSTEMATIC_PX, Bundle, KeyMasks, refine, scene_variables
+from monodyn.vision.locating.bundle import NOISE_PX, SYSTEMATIC_PX, Bundle, KeyMasks, refine
 from monodyn.vision.locating.exactness import Exactness, exactness_of
 from monodyn.vision.locating.knowledge import size_information
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import scene_variables
 from pictures import CAMERA, drawn_mask, trusted
 
 PLACE = 20.3

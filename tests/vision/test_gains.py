@@ -10,7 +10,8 @@ from monodyn.mechanism import load
 from monodyn.types import Camera
 from monodyn.vision.drawing.gains import pose_gains
 from monodyn.vision.drawing.outline import outline
-from monodyn.vision.locating.bundle import scene_variables, shifted_rigs
+from monodyn.vision.locating.bundle import shifted_rigs
+from monodyn.vision.locating.variables import scene_variables
 
 CAMERA = Camera(640, 480, 600.0, x=0.02, y=-0.05, depth=0.9, yaw=0.1)
 NAMES = ["link1.length", "link2.width", "camera.x", "camera.yaw", "camera.roll", "camera.focal"]

@@ -11,7 +11,7 @@ import pytest
 from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
+from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.knowledge import (
     camera_std,
     covariance_of,
@@ -20,6 +20,7 @@ from monodyn.vision.locating.knowledge import (
     size_information,
 )
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import scene_variables
 from pictures import drawn_mask, trusted
 
 CAMERA = Camera(320, 240, 300.0, x=0.02, y=-0.03, depth=0.95)

@@ -13,7 +13,7 @@ from films import film
 from monodyn.mechanism import load
 from monodyn.vision.locating import locate
 from monodyn.vision.locating.advice import scene_advice
-from monodyn.vision.locating.bundle import Bundle, scene_variables
+from monodyn.vision.locating.bundle import Bundle
 from monodyn.vision.locating.keyframes import key_frames
 from monodyn.vision.locating.knowledge import hidden_advice
 from monodyn.vision.locating.locate import (
@@ -23,6 +23,7 @@ from monodyn.vision.locating.locate import (
     refined_names,
 )
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import scene_variables
 from monodyn.vision.settings import LocateSettings
 from pictures import CAMERA
 

@@ -11,11 +11,12 @@ from monodyn.mechanism import load
 from monodyn.types import FULL, Frame
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.foreground.background import Background, Window
-from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
+from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.exactness import Exactness
 from monodyn.vision.locating.knowledge import size_information
 from monodyn.vision.locating.mixing import lit_planes, lit_sizes
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import scene_variables
 from pictures import CAMERA, drawn_mask, trusted
 
 GREY = [128.0, 128.0]

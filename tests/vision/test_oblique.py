@@ -13,10 +13,11 @@ from monodyn.vision.drawing.camera import CAMERA_STD, around_origin, from_origin
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating import oblique
 from monodyn.vision.locating.advice import twin_advice
-from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
+from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.doubt import doubt_of
 from monodyn.vision.locating.oblique import Looking, from_other_sides, looking, open_turns, with_camera
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import scene_variables
 from pictures import drawn_mask, trusted
 from support import slow
 

@@ -11,9 +11,10 @@ from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.foreground.masks import LEFT_OUT
-from monodyn.vision.locating.bundle import Bundle, KeyMasks, SceneVariables, refine, scene_variables
+from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.places import with_departed, with_names, without_names, without_unseen
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import SceneVariables, scene_variables
 from pictures import drawn_mask, trusted
 
 CAMERA = Camera(320, 240, 300.0, x=0.02, y=-0.03, depth=0.95)

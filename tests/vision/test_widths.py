@@ -7,8 +7,9 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine, scene_variables
+from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import scene_variables
 from monodyn.vision.locating.widths import WELL_MATCHED, rewidened
 from pictures import CAMERA, drawn_mask, trusted
 

@@ -136,6 +136,33 @@ class Unmodelled(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class Common:
+    """Errors that the positions of a record have in common, as its motion shows them.
+
+    Attributes:
+        mean: How many deviations of each direction of `Poses.shifts` they are, (direction,).
+        covariance: Its covariance, (direction, direction); the identity where the motion shows nothing.
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    @cached_property
+    def root(self) -> np.ndarray:
+        """One deviation of each independent direction that is left, (direction, direction)."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        return vectors * np.sqrt(np.maximum(values, 0.0))
+
+    def of(self, directions: slice) -> Common:
+        """Return what is known of some of the directions.
+
+        Args:
+            directions: Which.
+        """
+        return Common(self.mean[directions], self.covariance[directions, directions])
+
+
+@dataclass(frozen=True, eq=False)
 class Fit:
     """An identified mechanism with its error bars.
 
@@ -169,6 +196,8 @@ class Fit:
             nothing to explain, or where the kind was named.
         alternatives: Values of the estimated parameters by name with which the motion is as close to the
             record, so that nothing in it prefers this fit.
+        common: Errors that the positions of each record have in common; None for a record of which nothing
+            is said, empty where nothing is of any.
     """
 
     status: str
@@ -192,6 +221,15 @@ class Fit:
     torques: tuple[TorqueLog, ...] = ()
     tried_torques: tuple[TriedTorque, ...] = ()
     alternatives: tuple[Mapping[str, float], ...] = ()
+    common: tuple[Common | None, ...] = ()
+
+    def common_of(self, record: int) -> Common | None:
+        """Return what the positions of a record have in common; None where nothing is said of it.
+
+        Args:
+            record: Which record.
+        """
+        return self.common[record] if self.common else None
 
     @property
     def grade(self) -> Grade:

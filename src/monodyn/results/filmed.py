@@ -88,7 +88,9 @@ def filmed_of(fit: Fit, scene: Scene | PointScene, poses: Poses, sight: Sight | 
     shutter = None if isinstance(scene, PointScene) else scene.shutter
     if shutter is not None:
         std["camera.exposure"] = shutter.std
-    return Filmed(sight.video, mechanism, camera, metric(poses, mechanism, scale), std, sight, shutter)
+    return Filmed(
+        sight.video, mechanism, camera, metric(poses, mechanism, scale, fit.common_of(0)), std, sight, shutter
+    )
 
 
 def _seen(scene: Scene | PointScene, poses: Poses) -> Sight:

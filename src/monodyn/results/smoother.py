@@ -85,7 +85,7 @@ def smooth(fit: Fit, poses: Poses, times: np.ndarray | None = None, *, record: i
 def _seen(fit: Fit, poses: Poses, record: int) -> Seen:
     """Collect what is measured that the fit has not used, and where the model lacks something all of it."""
     first, stop = fitted_rows(fit, poses, record)
-    poses = metric(poses, fit.mechanism, fit.scale)
+    poses = metric(poses, fit.mechanism, fit.scale, fit.common_of(record))
     rows, residual = slice(first, stop), fit.residual[record]
     fitted = np.zeros(len(poses), dtype=bool)
     fitted[rows] = True

@@ -14,7 +14,7 @@ from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.types import Poses
 
 if TYPE_CHECKING:
-    from monodyn.estimation.fit import Fit
+    from monodyn.estimation.fit import Common, Fit
     from monodyn.mechanism import Mechanism
     from monodyn.results.fill import States
     from monodyn.results.predict import Prediction
@@ -137,7 +137,7 @@ def trace_of(
     from monodyn.results.torques import torques
 
     first, stop = fitted_rows(fit, poses, record)
-    record_poses = metric(poses, fit.mechanism, fit.scale)
+    record_poses = metric(poses, fit.mechanism, fit.scale, fit.common_of(record))
     numbers = None
     if future is not None:
         numbers = frame_numbers(future.time, poses.time, poses.frame)
@@ -230,17 +230,22 @@ def frame_numbers(times: np.ndarray, known: np.ndarray, numbers: np.ndarray) -> 
     return np.round(count + beyond).astype(np.int64)
 
 
-def metric(poses: Poses, mechanism: Mechanism, scale: float) -> Poses:
+def metric(poses: Poses, mechanism: Mechanism, scale: float, common: Common | None = None) -> Poses:
     """Return a record with its slides in metres of the identified scale and its hinges against gravity.
 
     Args:
         poses: The record.
         mechanism: The identified mechanism, which knows the roll of the camera.
         scale: Metres per unit of the start scale.
+        common: Errors that the positions have in common, which are taken off; None for none.
     """
     if poses.roll is not None:
-        more = by_roll(mechanism) * (mechanism.values[ROLL] - poses.roll)
-        poses = replace(poses, position=poses.position + more, roll=None)
+        position = poses.position + by_roll(mechanism) * (mechanism.values[ROLL] - poses.roll)
+        shifts = poses.shifts
+        if common is not None and shifts is not None:
+            position = position - np.tensordot(common.mean, shifts, axes=1)
+            shifts = np.tensordot(common.root.T, shifts, axes=1)
+        poses = replace(poses, position=position, shifts=shifts, roll=None)
     if poses.metric:
         return poses
     factor = np.array([scale if joint.kind == "slide" else 1.0 for joint in mechanism.joints])

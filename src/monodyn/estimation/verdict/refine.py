@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from monodyn.estimation.fit import Common
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import Problem
@@ -31,6 +32,7 @@ from monodyn.estimation.shooting.shoot import (
     with_proportions,
 )
 from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.verdict.common import common_error, left_open, less, unknown_errors
 from monodyn.estimation.verdict.trust import LOST_NOISE, LOST_SHARE
 from monodyn.estimation.verdict.uncertainty import Knowledge, NoiseFactors, knowledge_at, noise_factors
 from monodyn.mechanism.simulate import transitions
@@ -41,8 +43,9 @@ MOST_REJECTED = 0.1
 """With more far-off samples than this share they are no accident, and none is left out."""
 LONGEST_RUN = 3
 """Nor is a run of more far-off measured rows than this: there the motion does not follow."""
-NOISE_ROUNDS = 2
-"""Least number of times that the noise is taken from residuals: the second fit is weighted by the first."""
+NOISE_ROUNDS, COMMON_ROUNDS = 2, 3
+"""Least number of times that the noise is taken from residuals: the second fit is weighted by the first. With
+errors that all positions have in common once more, for at first they count as noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +53,15 @@ class Refined:
     """The optimum of the plain least squares.
 
     Attributes:
-        problem: The problem without gross errors, with the noise as stated.
+        problem: The problem without gross errors, with the noise as stated, and less what the positions have
+            in common; ``shifts`` of its data are what is not known of that.
         optimum: Its optimum with the noise as found; ``evaluations`` counts all.
         known: What the data know there.
         noise: How residuals compare with the stated noise.
         rejected: True for rows left out as gross errors, (row,).
         substeps: Integration steps between stamps that the optimum needs.
         error: Integration error with them [rad or m].
+        common: Errors that the positions have in common.
     """
 
     problem: Problem
@@ -66,6 +71,7 @@ class Refined:
     rejected: np.ndarray
     substeps: int
     error: float
+    common: Common | None = None
 
     @property
     def weighted(self) -> Problem:
@@ -114,20 +120,30 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     route = route_of(problem, optimum, settings)
     evaluations = optimum.evaluations
     optimum = _settled(stated, optimum)
+    # a motion that is not followed tells nothing of the camera
+    common = None if route.share else unknown_errors(stated.data)
+    whole, least = stated, NOISE_ROUNDS if common is None else COMMON_ROUNDS
     substeps, error, rounds = 0, 0.0, 0
     # again where the optimum needs more integration steps than the search chose; they double at least
-    while rounds < NOISE_ROUNDS or substeps > optimum.trial.substeps:
+    while rounds < least or substeps > optimum.trial.substeps:
         weighted = _weighted(stated, _noise(stated, optimum))
+        if common is not None:
+            common = common_error(weighted, optimum.trial, common.mean)
+            stated = whole.with_data(less(whole.data, common.mean))
+            weighted = _weighted(stated, _noise(stated, optimum))
         optimum = fit_pieces(weighted, optimum.trial, route, route.fine, robust=False)
         evaluations, rounds = evaluations + optimum.evaluations, rounds + 1
         substeps, error = choose_substeps(stated, optimum.trial, settings.error_bound)
         if route.share:
             break
+    if common is not None:
+        stated = stated.with_data(left_open(stated.data, common.root))
     noise = _noise(stated, optimum)
     weighted = _weighted(stated, noise)
     _, jacobian = weighted.rows(optimum.trial)
     known = knowledge_at(weighted, optimum.x, jacobian, optimum.trial.pieces)
-    return Refined(stated, replace(optimum, evaluations=evaluations), known, noise, rejected, substeps, error)
+    optimum = replace(optimum, evaluations=evaluations)
+    return Refined(stated, optimum, known, noise, rejected, substeps, error, common)
 
 
 def route_of(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Route:

@@ -16,6 +16,7 @@ from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict import advice, assumed, undetermined
 from monodyn.estimation.verdict.combinations import combinations
+from monodyn.estimation.verdict.common import by_record
 from monodyn.estimation.verdict.gravity import gravity_share
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.posterior import Posterior, posterior
@@ -93,6 +94,7 @@ def summarize(
         status=identified(found.problem, fit.rms),
         stamp_error=found.noise.stamps,
         unmodelled=unmodelled(found),
+        common=() if found.common is None else by_record(found.common, records),
         tried_torques=solution.compared,
         alternatives=() if lost else twins_of(found, ended, fit.parameters, settings),
     )

@@ -6,31 +6,21 @@ eliminated frame by frame (Schur complement), so a step costs little more than t
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.types import Camera
-from monodyn.vision.drawing.camera import (
-    CAMERA_STD,
-    PARAMETERS,
-    around_origin,
-    from_origin,
-    value_of,
-    with_values,
-)
 from monodyn.vision.drawing.edges import MATCHED_PX, Agreement, Shifts, edge_terms
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
+from monodyn.vision.drawing.rig import Rig, rig_of
 from monodyn.vision.drawing.shutter import Shutter
 from monodyn.vision.foreground.masks import View
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.thin import LEAST_WIDTH_PX
+from monodyn.vision.locating.variables import SceneVariables, springs
 
 NOISE_PX = 0.3
 """Standard deviation of an edge sample, systematic part included, as it is assumed before it is known
@@ -38,12 +28,8 @@ NOISE_PX = 0.3
 SYSTEMATIC_PX = 0.2
 """Standard deviation of a size that more frames do not reduce, as it is assumed where it is not measured: of
 points of another tool, and before the refinement has ended [px]."""
-OFFSET_STD = 0.02
-"""Standard deviation of how far a body may stand before its parent, in mean lengths of the mechanism."""
 SETTLED_STEP = 1e-5
 """Change of a logarithm, or of metres in the start scale, below which the refinement has settled."""
-LOG_STD = 1.0
-"""Standard deviation of the logarithm of a start size: the file's sizes are only a start."""
 MOST_STEP = 0.35
 """Largest change of a variable or a joint in one step."""
 HIDDEN_STEP = 0.005
@@ -53,12 +39,6 @@ SETTLE = 10
 SEARCH_DAMPING, SETTLE_DAMPING = 1e-3, 1e-5
 """Damping of the steps of variables that the frames share, over what each alone is known by. Turns, focal
 length and distance change the pictures almost alike: with the first they go a tenth of their way, or less."""
-PLACE_STD = 0.5
-"""Standard deviation of a start place, in lengths of its body: the file's places are only a start."""
-LOG_CAMERA = ("camera.depth", "camera.focal")
-"""Parameters of the camera that are refined as logarithms, like the sizes."""
-SIDES = "thickness"
-"""Kind of the variable that all thicknesses are in proportion to: how far the sides of bodies show."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +85,8 @@ class Bundle:
         systematic_px: Standard deviation of a size that more key frames do not reduce [px].
         lit: Change of the variables if light was mixed before it was coded, by name; empty where that is not
             asked.
+        unsettled: By how much the edges would still move each variable, (param,): what shows only where it
+            stands too far out is drawn back until it no longer shows. Empty counts as nothing.
     """
 
     mechanism: Mechanism
@@ -118,134 +100,12 @@ class Bundle:
     samples: np.ndarray = field(default_factory=lambda: np.zeros(0))
     systematic_px: float = SYSTEMATIC_PX
     lit: Mapping[str, float] = field(default_factory=dict)
+    unsettled: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def agreement(self) -> float:
         """Mean share of outline samples on an edge, each counting less the further off it is."""
         return float(np.mean(self.matched * (1.0 - (self.rms_px / MATCHED_PX) ** 2)))
-
-
-@dataclass(frozen=True, eq=False)
-class SceneVariables:
-    """The refined parameters as one vector: sizes and depths as logarithms, the rest in their own units, but
-    for places on a body, which are ratios to its length and so grow with it.
-
-    Attributes:
-        names: Names of the parameters: sizes, places, turns, offsets and ``camera.*``.
-        kinds: Their kinds; the name itself for one of the camera's.
-        against: Name of the size that a place is a ratio to, empty for all others.
-        thick: Names of the thicknesses that keep their proportions to the one among the variables.
-        start: Values of the mechanism file by name, to which weak springs hold what the masks do not show.
-        length: Mean length of the bodies in the file [m]; 0 without any.
-        creeps: True for what may be hidden inside of another geom of its body, bool (param,): not the ends of
-            a body of one geom.
-        focal: Focal length that the refinement starts from [px].
-        about_origin: True where the camera's place is that of the mechanism's origin before it: turned about
-            the origin it goes on seeing the hinge where it is, and place and turns need not change together.
-    """
-
-    names: tuple[str, ...]
-    kinds: tuple[str, ...]
-    against: tuple[str, ...]
-    thick: tuple[str, ...]
-    start: dict[str, float]
-    length: float
-    creeps: np.ndarray
-    focal: float = 1.0
-    about_origin: bool = False
-
-    @cached_property
-    def is_size(self) -> np.ndarray:
-        """True for sizes, bool (param,)."""
-        return np.array([kind in SIZE_KINDS for kind in self.kinds], dtype=bool)
-
-    @cached_property
-    def log(self) -> np.ndarray:
-        """True for what is refined as a logarithm, bool (param,)."""
-        return np.array([kind in (*SIZE_KINDS, SIDES, *LOG_CAMERA) for kind in self.kinds], dtype=bool)
-
-    @cached_property
-    def is_place(self) -> np.ndarray:
-        """True for places, bool (param,)."""
-        return np.array([kind in PLACE_KINDS for kind in self.kinds], dtype=bool)
-
-    @property
-    def assumed(self) -> np.ndarray:
-        """Information that what is assumed of the camera has on each variable, (param,)."""
-        # infinity stands for nothing
-        return np.array([CAMERA_STD.get(name, np.inf) ** -2.0 for name in self.names])
-
-    def read(self, mechanism: Mechanism, camera: Camera) -> np.ndarray:
-        """Read the vector off a mechanism and a camera.
-
-        Args:
-            mechanism: The mechanism.
-            camera: The camera.
-
-        Returns:
-            The variables, (param,).
-        """
-        values, log = mechanism.values, self.log
-        camera = around_origin(camera) if self.about_origin else camera
-        x = np.array([value_of(camera, n) if n in PARAMETERS else values[n] for n in self.names])
-        x = x / np.array([values[size] if size else 1.0 for size in self.against])
-        return np.where(log, np.log(np.where(log, np.maximum(x, 1e-12), 1.0)), x)
-
-    def write(self, x: np.ndarray, mechanism: Mechanism, camera: Camera) -> tuple[Mechanism, Camera]:
-        """Write the vector into a mechanism and a camera.
-
-        Args:
-            x: The variables, (param,).
-            mechanism: The mechanism.
-            camera: The camera.
-
-        Returns:
-            Both with the new values.
-        """
-        values = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
-        pairs = dict(zip(self.names, values.tolist(), strict=True))
-        of_camera = {n: v for n, v in pairs.items() if n in PARAMETERS}
-        of_mechanism = {n: v for n, v in pairs.items() if n not in PARAMETERS}
-        for name, size in zip(self.names, self.against, strict=True):
-            if size:
-                of_mechanism[name] *= pairs[size] if size in pairs else mechanism.values[size]
-        if SIDES in self.kinds:
-            first = self.names[self.kinds.index(SIDES)]
-            factor = pairs[first] / mechanism.values[first]
-            of_mechanism |= {name: mechanism.values[name] * factor for name in self.thick}
-        if not self.about_origin:
-            return mechanism.with_values(of_mechanism), with_values(camera, of_camera)
-        place = with_values(around_origin(camera), of_camera)
-        return mechanism.with_values(of_mechanism), from_origin(place)
-
-
-def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariables:
-    """Name the parameters that are refined.
-
-    Args:
-        mechanism: The mechanism as in its file.
-        names: Sizes, places, turns, offsets, thicknesses and ``camera.*``; of the thicknesses only the first
-            becomes a variable, the others keep their proportions to it.
-
-    Returns:
-        The variables.
-    """
-    known = {p.name: p for p in mechanism.parameters}
-    kinds = tuple(name if name in PARAMETERS else known[name].kind for name in names)
-    against = tuple(
-        known[name].against if kind in PLACE_KINDS else "" for name, kind in zip(names, kinds, strict=True)
-    )
-    thick = tuple(name for name, kind in zip(names, kinds, strict=True) if kind == SIDES)
-    single = [i for i, name in enumerate(names) if name not in thick[1:]]
-    kinds, against = tuple(kinds[i] for i in single), tuple(against[i] for i in single)
-    lengths = [p.value for p in mechanism.parameters if p.kind == "length"]
-    mean = float(np.mean(lengths or [0.0]))
-    names = tuple(names[i] for i in single)
-    geoms = Counter(p.owner for p in mechanism.parameters if p.kind == "width")
-    ends = [n for n, kind in zip(names, kinds, strict=True) if kind in ("tail", "tip")]
-    alone = [n for n in ends if geoms[known[n].owner] < 2]
-    creeps = np.array([n not in alone for n in names], dtype=bool)
-    return SceneVariables(names, kinds, against, thick, mechanism.values, mean, creeps)
 
 
 def refine(
@@ -267,13 +127,17 @@ def refine(
     x = variables.read(mechanism, camera)
     q = np.array(guess.positions, dtype=np.float64)
     wide = np.array([kind == "width" for kind in variables.kinds], dtype=bool)
+    creeps, leapt = variables.creeps, np.zeros(len(x))
     last = float(search.reaches[-1])
     steps = [(float(reach), SEARCH_DAMPING) for reach in search.reaches] + [(last, SETTLE_DAMPING)] * settle
     for reach, damping in steps:
         mechanism, camera = variables.write(x, mechanism, camera)
         rig, shifts = shifted_rigs(variables, x, mechanism, camera, masks.shrink)
         terms = _normal_equations(masks, rig, shifts, q, (reach, search.spacing))
-        step, q_step = _step(terms, x, variables.creeps, damping, *springs(variables, x))
+        step, q_step, hidden = _step(terms, x, creeps, damping, *springs(variables, x))
+        # what leapt to its spring and is drawn back by the edges that it shows there leaps no more
+        creeps = creeps | (~hidden & (step * leapt < 0.0))
+        leapt = np.where(hidden, step, 0.0)
         x = x + step
         x[wide] = np.maximum(x[wide], np.log(LEAST_WIDTH_PX * camera.depth / camera.focal))
         q = q + q_step
@@ -287,7 +151,10 @@ def refine(
         for name in ("matched", "rms_px", "inside", "samples")
     )
     information = _information(final) + np.diag(variables.assumed)
-    return Bundle(mechanism, camera, q, variables, information, rms, matched, inside, samples)
+    unsettled, _, _ = _step(final, x, creeps, SETTLE_DAMPING, *springs(variables, x))
+    return Bundle(
+        mechanism, camera, q, variables, information, rms, matched, inside, samples, unsettled=unsettled
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -359,49 +226,11 @@ def _normal_equations(
     )
 
 
-def springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where weak springs hold what the masks do not show, and how stiff they are.
-
-    A length is held to its start; another size, and a place, to its start proportion to the lengths.
-
-    Args:
-        variables: The variables.
-        x: Their values, (param,).
-
-    Returns:
-        Where each pulls, and one over its variance, 0 for none, each (param,).
-    """
-    names, kinds, start = variables.names, variables.kinds, variables.start
-    anchor, stiffness = np.zeros(len(names)), np.zeros(len(names))
-    # Depth and sizes grow together unseen: the springs of the lengths alone fix the common scale, and the
-    # other sizes follow it, so that they do not pull it back to the file's.
-    grown = [x[i] - np.log(start[name]) for i, name in enumerate(names) if kinds[i] == "length"]
-    common = float(np.mean(grown)) if grown else 0.0
-    reach = OFFSET_STD * variables.length
-    for i, name in enumerate(names):
-        if kinds[i] == "length":
-            anchor[i], stiffness[i] = np.log(start[name]), 1.0 / LOG_STD**2
-        elif kinds[i] in (*SIZE_KINDS, SIDES):
-            std = LOG_STD if kinds[i] in ("width", "extent", SIDES) else 0.5 * LOG_STD
-            anchor[i], stiffness[i] = np.log(start[name]) + common, 1.0 / std**2
-        elif kinds[i] in PLACE_KINDS:
-            size = variables.against[i]
-            anchor[i], stiffness[i] = start[name] / (start[size] if size else 1.0), 1.0 / PLACE_STD**2
-        elif kinds[i] == "turn":
-            anchor[i], stiffness[i] = start[name], 1.0
-        elif kinds[i] == "offset":
-            anchor[i], stiffness[i] = start[name], 1.0 / (abs(start[name]) + reach + 1e-12) ** 2
-        elif name in CAMERA_STD:
-            anchor[i] = np.log(variables.focal) if name in LOG_CAMERA else 0.0
-            stiffness[i] = 1.0 / CAMERA_STD[name] ** 2
-    return anchor, stiffness
-
-
 def _step(
     terms: _Terms, x: np.ndarray, creeps: np.ndarray, damping: float,
     anchor: np.ndarray, stiffness: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Solve the damped normal equations by eliminating the poses."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Solve the damped normal equations by eliminating the poses; last is True for what no edge shows."""
     weight = 1.0 / NOISE_PX**2
     # a key frame whose pose cannot be drawn, or that shows no edge, takes no part
     good = np.array([float(found.samples > 0) for found in terms.agreement])
@@ -422,12 +251,13 @@ def _step(
     step = np.linalg.solve(system, weight * right + stiffness * (anchor - x))
     # What no edge shows, such as an end inside of another geom, follows its spring a little at a time: else
     # it would leap out of there, be drawn back by the edges, and leap again.
-    hidden = creeps & (weight * np.diag(xx) < stiffness)
-    step[hidden] = np.clip(step[hidden], -HIDDEN_STEP, HIDDEN_STEP)
+    hidden = np.asarray(weight * np.diag(xx) < stiffness)
+    slow = creeps & hidden
+    step[slow] = np.clip(step[slow], -HIDDEN_STEP, HIDDEN_STEP)
     # the poses follow the step that is taken, so it is cut off before they are computed
     step = np.clip(step, -MOST_STEP, MOST_STEP)
     q_step = np.einsum("kij,kj->ki", inverse, terms.q - np.einsum("kix,x->ki", terms.qx, step))
-    return step, np.clip(q_step, -MOST_STEP, MOST_STEP)
+    return step, np.clip(q_step, -MOST_STEP, MOST_STEP), hidden
 
 
 def _information(terms: _Terms) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating.arrange import BETTER, arranged, freed
-from monodyn.vision.locating.bundle import KeyMasks, SceneVariables, refine, scene_variables
+from monodyn.vision.locating.bundle import KeyMasks, refine
 from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.keyframes import KeyFrames
 from monodyn.vision.locating.places import with_names
@@ -21,6 +21,7 @@ from monodyn.vision.locating.reopen import reopened
 from monodyn.vision.locating.search import SceneGuess, as_thick, search_poses, thinned
 from monodyn.vision.locating.settle import frames_cost
 from monodyn.vision.locating.unit import growth, scaled
+from monodyn.vision.locating.variables import SceneVariables, scene_variables
 
 COARSE = EdgeSearch(np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 4.0, 3.0, 3.0, 3.0]), 1.5)
 """How the edges are looked for in the reduced pictures [reduced px]."""

@@ -13,8 +13,9 @@ import numpy as np
 from monodyn.types import Poses
 from monodyn.vision.drawing.camera import PARAMETERS
 from monodyn.vision.drawing.gains import pose_gains
-from monodyn.vision.locating.bundle import Bundle, shifted_rigs, springs
+from monodyn.vision.locating.bundle import Bundle, shifted_rigs
 from monodyn.vision.locating.knowledge import covariance_of, shifted_turn
+from monodyn.vision.locating.variables import springs
 
 SLIDING = ("camera.x", "camera.y")
 """Places that every frame has in common with all edges of the outline."""

@@ -31,14 +31,7 @@ from monodyn.vision.foreground.masks import GeomColours, Masks
 from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED, scene_advice, twin_advice
 from monodyn.vision.locating.arrange import BETTER, freed
 from monodyn.vision.locating.body import beside
-from monodyn.vision.locating.bundle import (
-    SETTLE,
-    SIDES,
-    Bundle,
-    KeyMasks,
-    SceneVariables,
-    refine,
-)
+from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine
 from monodyn.vision.locating.coarse import reconsidered, refined_coarsely, variables_of
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.doubt import doubt_of
@@ -52,6 +45,7 @@ from monodyn.vision.locating.places import with_departed, without_names, without
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess, as_thick, search_poses, search_scene
 from monodyn.vision.locating.unit import in_metres, scaled, units_per_metre
+from monodyn.vision.locating.variables import SIDES, SceneVariables
 from monodyn.vision.locating.widths import rewidened
 from monodyn.vision.settings import LocateSettings
 

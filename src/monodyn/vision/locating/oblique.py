@@ -26,18 +26,10 @@ from monodyn.vision.drawing.camera import (
 )
 from monodyn.vision.drawing.edges import MATCHED_PX
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.locating.bundle import (
-    NOISE_PX,
-    SETTLE,
-    Bundle,
-    KeyMasks,
-    SceneVariables,
-    refine,
-    scene_variables,
-    springs,
-)
+from monodyn.vision.locating.bundle import NOISE_PX, SETTLE, Bundle, KeyMasks, refine
 from monodyn.vision.locating.knowledge import camera_std
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import SceneVariables, scene_variables, springs
 
 CLEAR = 4.0
 """Standard deviations from a camera that looks squarely, by noise alone, and by which the edges come nearer,

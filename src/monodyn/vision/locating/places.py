@@ -15,18 +15,9 @@ import numpy as np
 from monodyn.mechanism import Mechanism, Parameter
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SHOWN_KINDS
-from monodyn.vision.locating.bundle import (
-    LOG_STD,
-    SETTLE,
-    SYSTEMATIC_PX,
-    Bundle,
-    KeyMasks,
-    SceneVariables,
-    refine,
-    scene_variables,
-    springs,
-)
+from monodyn.vision.locating.bundle import SETTLE, SYSTEMATIC_PX, Bundle, KeyMasks, refine
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.variables import LOG_STD, SceneVariables, scene_variables, springs
 
 DEPARTED = 5.0
 """Standard deviations, blur and light included, from which a geom stands elsewhere than in the file."""

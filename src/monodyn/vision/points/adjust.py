@@ -14,7 +14,8 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import CAMERA_STD
-from monodyn.vision.locating.bundle import LOG_CAMERA, LOG_STD, OFFSET_STD, PLACE_STD, Bundle, SceneVariables
+from monodyn.vision.locating.bundle import Bundle
+from monodyn.vision.locating.variables import LOG_CAMERA, LOG_STD, OFFSET_STD, PLACE_STD, SceneVariables
 from monodyn.vision.points.shown import SHIFT_PX, STEP, Places, Shown, pose_slopes, project, shown_by
 
 REDESCENDS = 3.0

@@ -13,7 +13,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Progress
 from monodyn.vision.drawing.camera import X, with_values
 from monodyn.vision.drawing.rig import SHOWN_KINDS, root_slides
-from monodyn.vision.locating.bundle import scene_variables
+from monodyn.vision.locating.variables import scene_variables
 from monodyn.vision.points.adjust import Adjustment, Fitted, Seen, cost, refine
 from monodyn.vision.points.begin import begin
 from monodyn.vision.points.marks import FREE, SITE, Mark

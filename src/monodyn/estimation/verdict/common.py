@@ -1,0 +1,123 @@
+"""What sizes and camera are wrong by, seen from the motion: errors that all positions of a record share.
+
+A picture leaves open how the camera is turned and how far away it stands. What it is wrong by moves the
+positions of all frames, each by its own amount; a motion that follows the dynamics tells part of that from
+noise. Each direction in which the scene is not known is an unknown with a deviation of one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monodyn.estimation.fit import Common
+from monodyn.estimation.record.samples import Data, Pieces
+from monodyn.estimation.shooting.problem import Problem
+from monodyn.estimation.shooting.trial import Trial
+from monodyn.estimation.verdict.uncertainty import whitened_shifts, without_states
+from monodyn.types import Poses
+
+SEEN = 1e-9
+"""Share of the largest singular value below which unknowns count as without effect."""
+
+
+def unknown_errors(data: Data) -> Common | None:
+    """Return what is known of such errors before the motion is; None where nothing moves positions together.
+
+    Args:
+        data: The data.
+    """
+    if data.shifts is None or not data.shifts.any():
+        return None
+    count = len(data.shifts)
+    return Common(np.zeros(count), np.eye(count))
+
+
+def common_error(problem: Problem, trial: Trial, so_far: np.ndarray) -> Common:
+    """Return what the positions have in common that is no motion.
+
+    Args:
+        problem: The problem, its noise as found, its positions less what is known so far.
+        trial: Its optimum.
+        so_far: How many deviations of each direction were taken off, (direction,).
+
+    Returns:
+        How many deviations of each are likeliest once unknowns and start states have followed.
+
+    Source:
+        Lindley and Smith, Bayes estimates for the linear model, 1972.
+    """
+    residuals, jacobian = problem.rows(trial)
+    shifts, count = whitened_shifts(problem.data), len(trial.x)
+    shared = _projected(jacobian, residuals, shifts, count, trial.pieces)
+    # what the picture knows of sizes is as many further rows, which no shift moves
+    values, vectors = np.linalg.eigh(problem.prior.information)
+    known = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    off = known @ problem.prior.away(trial.x - problem.unknowns.x0)
+    rows = np.concatenate((known, np.zeros((count, shifts.shape[2])), off[:, None]), axis=1)
+    stacked = np.concatenate((shared, rows))
+    unknowns, moved, left = stacked[:, :count], stacked[:, count:-1], stacked[:, -1]
+    basis = _span(unknowns)
+    moved, left = moved - basis @ (basis.T @ moved), left - basis @ (basis.T @ left)
+    information = moved.T @ moved
+    # the residuals are those of positions less ``so_far``
+    pull = information @ so_far - moved.T @ left
+    covariance = np.linalg.inv(np.eye(len(so_far)) + information)
+    return Common(covariance @ pull, covariance)
+
+
+def less(data: Data, mean: np.ndarray) -> Data:
+    """Return data with errors that the positions have in common taken off.
+
+    Args:
+        data: The data.
+        mean: How many deviations of each direction of its ``shifts`` they are, (direction,).
+    """
+    if data.shifts is None:
+        return data
+    off = np.tensordot(mean, data.shifts, axes=1)
+    return replace(data, position=np.where(data.measured, data.position - off, data.position))
+
+
+def left_open(data: Data, root: np.ndarray) -> Data:
+    """Return data with less left open of such errors.
+
+    Args:
+        data: The data.
+        root: One deviation of each independent direction that is left, (direction, direction).
+    """
+    return data if data.shifts is None else replace(data, shifts=np.tensordot(root.T, data.shifts, axes=1))
+
+
+def by_record(common: Common, records: Sequence[Poses]) -> tuple[Common | None, ...]:
+    """Return the part of each record; None for one of which nothing is said.
+
+    Args:
+        common: Of all records, one after the other.
+        records: The records.
+    """
+    found, first = [], 0
+    for record in records:
+        count = 0 if record.shifts is None else len(record.shifts)
+        found.append(common.of(slice(first, first + count)) if count else None)
+        first += count
+    return tuple(found)
+
+
+def _projected(
+    jacobian: np.ndarray, residuals: np.ndarray, shifts: np.ndarray, count: int, pieces: Pieces
+) -> np.ndarray:
+    """Return derivatives by unknowns and shifts, and the residuals, less what start states take up,
+    (row dof, param + direction + 1)."""
+    width = count + shifts.shape[2] + 1
+    parts = (jacobian[..., :count], shifts, residuals[..., None], jacobian[..., count:])
+    return without_states(np.concatenate(parts, axis=2), width, pieces)
+
+
+def _span(columns: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis of what the columns span, whatever their sizes, (row, direction)."""
+    size = np.linalg.norm(columns, axis=0)
+    left, singular, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    return left[:, singular > SEEN * singular.max(initial=0.0)]

@@ -1,0 +1,117 @@
+"""Errors that the positions of a record have in common, told from its motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monodyn.estimation.fit import Common
+from monodyn.estimation.record.samples import prepare
+from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.search import Search
+from monodyn.estimation.verdict.common import by_record, common_error, left_open, less, unknown_errors
+from monodyn.stages import identify
+from swings import NOISE, TIMES, motion, record
+
+
+def leaning(position: np.ndarray) -> np.ndarray:
+    """Return what two ways of a camera to stand wrong would do, (direction, frame, dof)."""
+    return 4e-3 * np.stack([np.cos(2.0 * position), np.sin(position)])
+
+
+@pytest.mark.slow
+def test_the_errors_are_those_of_least_squares_over_all_unknowns(truth, double) -> None:
+    """Against derivatives by differences and one dense solve, with a row for each deviation."""
+    position = motion(truth, TIMES, [0.3, 0.5], [0.0, 1.0])
+    shifts = leaning(position)
+    wrong = record(truth, TIMES, position + np.tensordot([1.0, -0.5], shifts, axes=1))
+    poses = replace(wrong, shifts=shifts)
+    problem = posed(double, prepare([poses], double))
+    optimum, _ = Search(problem, (smooth(poses),), IdentifySettings(), None).from_starts()
+    trial, so_far = optimum.trial, np.array([0.2, 0.1])
+    shifted = problem.with_data(less(problem.data, so_far))
+    found = common_error(shifted, trial, so_far)
+
+    def residuals(point: np.ndarray) -> np.ndarray:
+        count = len(trial.x)
+        at = trial.at(point[:count], point[count : count + 4].reshape(1, 4))
+        rows = problem.with_data(less(problem.data, point[count + 4 :])).residuals(at).ravel()
+        values, vectors = np.linalg.eigh(problem.prior.information)
+        away = problem.prior.away(point[:count] - problem.unknowns.x0)
+        known = np.sqrt(np.maximum(values, 0.0)) * (vectors.T @ away)
+        return np.concatenate((rows, known, point[count + 4 :]))
+
+    point = np.concatenate((trial.x, trial.states.ravel(), so_far))
+    step = 1e-6 * np.maximum(1.0, np.abs(point))
+    columns = [
+        (residuals(point + d) - residuals(point - d)) / (2.0 * s)
+        for d, s in zip(np.diag(step), step, strict=True)
+    ]
+    jacobian = np.stack(columns, axis=1)
+    # columns of one length: what nothing shows is then told from what is in small units
+    size = np.linalg.norm(jacobian, axis=0)
+    inverse = np.linalg.pinv(jacobian / size, rcond=1e-5) / size[:, None]
+    best, covariance = point - inverse @ residuals(point), inverse @ inverse.T
+    np.testing.assert_allclose(found.mean, best[-2:], atol=1e-3)
+    np.testing.assert_allclose(found.covariance, covariance[-2:, -2:], rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_what_the_motion_shows_of_a_camera_is_taken_off(truth, double) -> None:
+    """Of twelve records each with a common error of its own: lengths come nearer, and are as near as said."""
+    rng, position = np.random.default_rng(3), motion(truth, TIMES, [1.8, 0.5], [0.0, 1.0])
+    shifts = leaning(position)
+    ratio = truth.values["link1.length"] / truth.values["link2.length"]
+    off, told, ignored = [], [], []
+    for seed in range(12):
+        drawn = rng.normal(size=2)
+        wrong = record(truth, TIMES, position + np.tensordot(drawn, shifts, axes=1), seed=seed)
+        fit = identify(replace(wrong, shifts=shifts), double)
+        common = fit.common_of(0)
+        assert common is not None
+        off.append((common.mean - drawn) @ np.linalg.solve(common.covariance, common.mean - drawn) / 2.0)
+        plain = identify(wrong, double)
+        told.append(_ratio(fit) / ratio - 1.0)
+        ignored.append(_ratio(plain) / ratio - 1.0)
+    # the mean of 24 squares of unit variance
+    assert 0.4 < np.mean(off) < 1.9
+    assert np.std(told) < 0.6 * np.std(ignored)
+
+
+def _ratio(fit) -> float:
+    return fit.parameter("link1.length").value / fit.parameter("link2.length").value
+
+
+def test_each_record_has_its_own_directions(poses) -> None:
+    one, two = (replace(poses, shifts=np.ones((count, 60, 2))) for count in (1, 2))
+    whole = Common(np.array([1.0, 2.0, 3.0]), np.diag([1.0, 4.0, 9.0]))
+    first, none, last = by_record(whole, [one, poses, two])
+    assert none is None
+    assert first is not None
+    assert last is not None
+    np.testing.assert_array_equal(first.mean, [1.0])
+    np.testing.assert_array_equal(last.covariance, np.diag([4.0, 9.0]))
+    np.testing.assert_allclose(last.root @ last.root.T, last.covariance)
+
+
+def test_without_directions_nothing_is_said(poses, double) -> None:
+    data = prepare([poses], double)
+    assert unknown_errors(data) is None
+    assert unknown_errors(replace(data, shifts=np.zeros((2, 60, 2)))) is None
+    assert less(data, np.zeros(0)) is data
+
+
+def test_errors_are_taken_off_where_something_was_measured(poses, double) -> None:
+    gap = np.where(np.arange(60)[:, None] == 5, np.nan, poses.position)
+    shifts = NOISE * np.ones((1, 60, 2))
+    data = prepare([replace(poses, position=gap, shifts=shifts)], double)
+    cleared = less(data, np.array([2.0]))
+    np.testing.assert_allclose((data.position - cleared.position)[data.measured], 2.0 * NOISE, rtol=1e-9)
+    assert not cleared.position[5].any()
+    left = left_open(data, np.array([[0.5]]))
+    assert left.shifts is not None
+    np.testing.assert_allclose(left.shifts, 0.5 * shifts)
