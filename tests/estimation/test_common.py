@@ -13,7 +13,7 @@ from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.search import Search
-from monodyn.estimation.verdict.common import by_record, common_error, left_open, less, unknown_errors
+from monodyn.estimation.verdict.common import UNSURE, by_record, common_error, left_open, less, unknown_errors
 from monodyn.stages import identify
 from swings import NOISE, TIMES, motion, record
 
@@ -57,7 +57,8 @@ def test_the_errors_are_those_of_least_squares_over_all_unknowns(truth, double) 
     inverse = np.linalg.pinv(jacobian / size, rcond=1e-5) / size[:, None]
     best, covariance = point - inverse @ residuals(point), inverse @ inverse.T
     np.testing.assert_allclose(found.mean, best[-2:], atol=1e-3)
-    np.testing.assert_allclose(found.covariance, covariance[-2:, -2:], rtol=1e-3, atol=1e-5)
+    left = (found.covariance - UNSURE**2 * np.eye(2)) / (1.0 - UNSURE**2)
+    np.testing.assert_allclose(left, covariance[-2:, -2:], rtol=1e-3, atol=1e-5)
 
 
 @pytest.mark.slow
@@ -77,8 +78,8 @@ def test_what_the_motion_shows_of_a_camera_is_taken_off(truth, double) -> None:
         plain = identify(wrong, double)
         told.append(_ratio(fit) / ratio - 1.0)
         ignored.append(_ratio(plain) / ratio - 1.0)
-    # the mean of 24 squares of unit variance
-    assert 0.4 < np.mean(off) < 1.9
+    # the mean of 24 squares of unit variance, or less
+    assert np.mean(off) < 1.9
     assert np.std(told) < 0.6 * np.std(ignored)
 
 

@@ -19,6 +19,9 @@ from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.uncertainty import whitened_shifts, without_states
 from monodyn.types import Poses
 
+UNSURE = 0.3
+"""Deviations of each direction that no motion takes away: how the outline follows sizes and camera is linear
+about what was found alone, and edges have errors of other shapes."""
 SEEN = 1e-9
 """Share of the largest singular value below which unknowns count as without effect."""
 
@@ -44,7 +47,8 @@ def common_error(problem: Problem, trial: Trial, so_far: np.ndarray) -> Common:
         so_far: How many deviations of each direction were taken off, (direction,).
 
     Returns:
-        How many deviations of each are likeliest once unknowns and start states have followed.
+        How many deviations of each are likeliest once unknowns and start states have followed; at least
+        ``UNSURE`` of each stay open.
 
     Source:
         Lindley and Smith, Bayes estimates for the linear model, 1972.
@@ -64,8 +68,9 @@ def common_error(problem: Problem, trial: Trial, so_far: np.ndarray) -> Common:
     information = moved.T @ moved
     # the residuals are those of positions less ``so_far``
     pull = information @ so_far - moved.T @ left
-    covariance = np.linalg.inv(np.eye(len(so_far)) + information)
-    return Common(covariance @ pull, covariance)
+    nothing = np.eye(len(so_far))
+    covariance = np.linalg.inv(nothing + information)
+    return Common(covariance @ pull, covariance + UNSURE**2 * (nothing - covariance))
 
 
 def less(data: Data, mean: np.ndarray) -> Data:

@@ -43,7 +43,7 @@ MOST_REJECTED = 0.1
 """With more far-off samples than this share they are no accident, and none is left out."""
 LONGEST_RUN = 3
 """Nor is a run of more far-off measured rows than this: there the motion does not follow."""
-NOISE_ROUNDS, COMMON_ROUNDS = 2, 3
+NOISE_ROUNDS, COMMON_ROUNDS = 2, 4
 """Least number of times that the noise is taken from residuals: the second fit is weighted by the first. With
 errors that all positions have in common once more, for at first they count as noise."""
 
@@ -126,11 +126,12 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     substeps, error, rounds = 0, 0.0, 0
     # again where the optimum needs more integration steps than the search chose; they double at least
     while rounds < least or substeps > optimum.trial.substeps:
-        weighted = _weighted(stated, _noise(stated, optimum))
+        noise = _noise(stated, optimum)
         if common is not None:
-            common = common_error(weighted, optimum.trial, common.mean)
+            # the noise is that of positions to which the motion was fitted: once more is taken off it has to follow
+            common = common_error(_weighted(stated, noise), optimum.trial, common.mean)
             stated = whole.with_data(less(whole.data, common.mean))
-            weighted = _weighted(stated, _noise(stated, optimum))
+        weighted = _weighted(stated, noise)
         optimum = fit_pieces(weighted, optimum.trial, route, route.fine, robust=False)
         evaluations, rounds = evaluations + optimum.evaluations, rounds + 1
         substeps, error = choose_substeps(stated, optimum.trial, settings.error_bound)
