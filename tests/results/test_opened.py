@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import monodyn
-from fits import identified
+from fits import identified, record
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Measured
@@ -173,6 +173,118 @@ def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(opened_module, "LARGEST", 0)
     with refuses(SettingsError, f"'{file}': expected a file of a run, got one of 1 bytes; run it again."):
         monodyn.open_run(folder)
+
+
+CHANGES = [
+    # where in fit.json, what stands there then, and what is said of it
+    (("parameters", 0, "value"), 9.0, "link1.length within its interval, {low} to {high}, got 9"),
+    (("parameters", 0, "std"), -1.0, "a standard deviation of link1.length that is not negative, got -1"),
+    (
+        ("covariance", "matrix", 0, 1),
+        0.5,
+        "a symmetric covariance, got 0.5 in row 0, column 1, and {across} across",
+    ),
+    (("covariance", "matrix", 0, 0), -1.0, "variances that are not negative in covariance, got -1"),
+    (
+        ("covariance", "matrix", 0, 1),
+        None,
+        "a symmetric covariance, got None in row 0, column 1, and {across} across",
+    ),
+    (
+        ("covariance", "matrix"),
+        [[1.0]],
+        "a covariance of {count}x{count} numbers, as many as it has names, got 1x1",
+    ),
+    (
+        ("covariance", "names"),
+        ["gravity"],
+        "a covariance of 1x1 numbers, as many as it has names, got {count}x{count}",
+    ),
+    (("fitted",), [], "as many fitted stretches as start states, 1, got 0"),
+    (("fitted", 0, "last"), -1.0, "a fitted stretch that ends after it begins, got 0 to -1 s"),
+    (
+        ("unmodelled",),
+        {"density": [-1.0], "off": [[1.0, 0.0], [0.0, 1.0]]},
+        "a density of unmodelled by joint (1), none negative, got [-1.0]",
+    ),
+    (
+        ("unmodelled",),
+        {"density": [1.0], "off": [[1.0]]},
+        "a unmodelled.off of 2x2 numbers, as many as it has names, got 1x1",
+    ),
+    (
+        ("unmodelled",),
+        {"density": [1.0], "off": [[1.0, 2.0], [2.0, 1.0]]},
+        "no negative eigenvalue of unmodelled.off, in units of its variances, got -1",
+    ),
+    (
+        ("measured",),
+        {"names": ["link1.length"], "information": [[1.0, 2.0]]},
+        "a measured.information of 1x1 numbers, as many as it has names, got 1x2",
+    ),
+]
+
+
+@pytest.mark.parametrize(("where", "value", "said"), CHANGES)
+def test_numbers_that_contradict_one_another_are_refused(tmp_path, where, value, said):
+    file = tmp_path / "run" / "fit.json"
+    monodyn.report(identified(), to=tmp_path / "run")
+    document = json.loads(file.read_text())
+    row, covariance = document["parameters"][0], document["covariance"]
+    known = {"low": row["lower"], "high": row["upper"]}
+    known |= {"across": covariance["matrix"][1][0], "count": len(covariance["names"])}
+    place = document
+    for key in where[:-1]:
+        place = place[key]
+    place[where[-1]] = value
+    file.write_text(json.dumps(document))
+    with refuses(SettingsError, f"'{file}': expected {said.format(**known)}: it was changed; run it again."):
+        monodyn.open_run(tmp_path / "run")
+
+
+@pytest.mark.parametrize("text", ["NaN", "-Infinity", "1e999"])
+def test_what_is_no_number_is_refused(tmp_path, text):
+    file = tmp_path / "run" / "fit.json"
+    monodyn.report(identified(), to=tmp_path / "run")
+    scale = json.loads(file.read_text())["scale"]
+    file.write_text(file.read_text().replace(f'"scale": {scale}', f'"scale": {text}'))
+    with refuses(
+        SettingsError, f"'{file}': expected JSON, got other text ({text} is no number); run it again."
+    ):
+        monodyn.open_run(tmp_path / "run")
+
+
+DO = "keep changed models elsewhere, give other values with --fix, or run it again."
+
+
+def test_a_model_that_was_changed_beside_its_fit_is_refused(tmp_path):
+    fit, file = identified(), tmp_path / "run" / "model.xml"
+    monodyn.report(fit, to=tmp_path / "run")
+    written, damping = file.read_text(), fit.mechanism.values["joint1.damping"]
+    assert f'damping="{damping!r}"' in written
+    file.write_text(written.replace(f'damping="{damping!r}"', 'damping="0.5"'))
+    with refuses(
+        SettingsError,
+        f"'{file}': expected joint1.damping {damping:.10g} as in fit.json, got 0.5; {DO}",
+    ):
+        monodyn.open_run(tmp_path / "run")
+    file.write_text(written.replace('gravity="0.0 0.0 -9.81"', 'gravity="0 0 -1.62"'))
+    with refuses(SettingsError, f"'{file}': expected gravity 9.81 as in fit.json, got 1.62; {DO}"):
+        monodyn.open_run(tmp_path / "run")
+    file.write_text(written.replace('"joint1"', '"elbow"'))
+    with refuses(SettingsError, f"'{file}': expected the joints of fit.json, joint1, got elbow; {DO}"):
+        monodyn.open_run(tmp_path / "run")
+    # what stands beside the numbers may be changed
+    file.write_text(written.replace("<mujoco", "<!-- mine -->\n<mujoco", 1))
+    assert monodyn.open_run(tmp_path / "run").status == fit.status
+
+
+def test_a_joint_without_damping_is_one_in_both_files(tmp_path):
+    """MJCF without a damping is read with one to start at."""
+    fit = monodyn.restart(identified(), at=0.0, fix={"joint1.damping": 0.0})
+    monodyn.report(fit, to=tmp_path / "run", poses=record(identified()))
+    assert "damping=" not in (tmp_path / "run" / "model.xml").read_text()
+    assert monodyn.open_run(tmp_path / "run").mechanism.values["joint1.damping"] == 0.0
 
 
 def test_the_clip_of_a_run_is_where_its_log_has_it(tmp_path):

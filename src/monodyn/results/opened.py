@@ -17,6 +17,7 @@ from monodyn.estimation.fit import Combination, Doubt, Estimate, Fit, Start, Tri
 from monodyn.mechanism import Measured, Mechanism, load
 from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
+from monodyn.results.intact import check_model, check_numbers
 from monodyn.types import Camera
 
 LARGEST = 500e6
@@ -37,8 +38,9 @@ def open_run(folder: str | Path) -> Fit:
         The fit.
 
     Raises:
-        SettingsError: There is no such run, nothing was identified in it, or its files were changed.
-        MechanismError: ``model.xml`` is not as it was written.
+        SettingsError: There is no such run, nothing was identified in it, or its files were changed: they
+            contradict themselves, or each other.
+        MechanismError: ``model.xml`` is no mechanism.
 
     Example:
         >>> fit = monodyn.open_run("run")  # doctest: +SKIP
@@ -174,6 +176,10 @@ def _document(folder: Path) -> dict[str, Any]:
         raise SettingsError(
             f"'{folder}': expected an identified mechanism, got a run without one: {document['status']}"
         )
+    try:
+        check_numbers(folder / "fit.json", document)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _changed(folder / "fit.json", error) from None
     return document
 
 
@@ -189,16 +195,26 @@ def _json(file: Path) -> dict[str, Any]:
             f"'{file}': expected a file of a run, got one of {file.stat().st_size} bytes; run it again."
         )
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
+        text = file.read_text(encoding="utf-8")
+        document = json.loads(text, parse_float=_finite, parse_constant=_finite)
     except ValueError as error:
         raise SettingsError(f"'{file}': expected JSON, got other text ({error}); run it again.") from None
     return document if isinstance(document, dict) else {}
 
 
+def _finite(text: str) -> float:
+    """Return a number of a JSON file, which has null for what is none."""
+    if not math.isfinite(number := float(text)):
+        raise ValueError(f"{text} is no number")
+    return number
+
+
 def _fit(document: Mapping[str, Any], model: Path) -> Fit:
     rows = {row["name"]: row for row in document["parameters"]}
     names, matrix = document["covariance"]["names"], document["covariance"]["matrix"]
-    mechanism, varying = _mechanism(document, load(model), rows, names)
+    written = load(model)
+    check_model(model, written, document)
+    mechanism, varying = _mechanism(document, written, rows, names)
     joints = [joint.name for joint in mechanism.joints]
     states = [f"record{k}.{j}{end}" for k in range(len(document["initial_state"]))
               for end in ("", "_vel") for j in joints]  # fmt: skip
