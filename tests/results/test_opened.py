@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import monodyn
-from fits import identified, record
+from fits import identified
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Measured
@@ -176,57 +176,65 @@ def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
 
 
 CHANGES = [
-    # where in fit.json, what stands there then, and what is said of it
-    (("parameters", 0, "value"), 9.0, "link1.length within its interval, {low} to {high}, got 9"),
-    (("parameters", 0, "std"), -1.0, "a standard deviation of link1.length that is not negative, got -1"),
+    # where in fit.json, what stands there then, what is expected, and what is got
+    (("parameters", 0, "value"), 9.0, "link1.length within its interval, {low} to {high}", "9"),
+    (("parameters", 0, "std"), -1.0, "a standard deviation of link1.length that is not negative", "-1"),
     (
         ("covariance", "matrix", 0, 1),
         0.5,
-        "a symmetric covariance, got 0.5 in row 0, column 1, and {across} across",
+        "a symmetric covariance",
+        "0.5 in row 0, column 1, and {across} across",
     ),
-    (("covariance", "matrix", 0, 0), -1.0, "variances that are not negative in covariance, got -1"),
+    (("covariance", "matrix", 0, 0), -1.0, "variances that are not negative in covariance", "-1"),
     (
         ("covariance", "matrix", 0, 1),
         None,
-        "a symmetric covariance, got None in row 0, column 1, and {across} across",
+        "a symmetric covariance",
+        "None in row 0, column 1, and {across} across",
     ),
     (
         ("covariance", "matrix"),
         [[1.0]],
-        "a covariance of {count}x{count} numbers, as many as it has names, got 1x1",
+        "a covariance of {count}x{count} numbers, as many as it has names",
+        "1x1",
     ),
     (
         ("covariance", "names"),
         ["gravity"],
-        "a covariance of 1x1 numbers, as many as it has names, got {count}x{count}",
+        "a covariance of 1x1 numbers, as many as it has names",
+        "{count}x{count}",
     ),
-    (("fitted",), [], "as many fitted stretches as start states, 1, got 0"),
-    (("fitted", 0, "last"), -1.0, "a fitted stretch that ends after it begins, got 0 to -1 s"),
+    (("fitted",), [], "as many fitted stretches as start states, 1", "0"),
+    (("fitted", 0, "last"), -1.0, "a fitted stretch that ends after it begins", "0 to -1 s"),
     (
         ("unmodelled",),
         {"density": [-1.0], "off": [[1.0, 0.0], [0.0, 1.0]]},
-        "a density of unmodelled by joint (1), none negative, got [-1.0]",
+        "a density of unmodelled by joint (1), none negative",
+        "[-1.0]",
     ),
     (
         ("unmodelled",),
         {"density": [1.0], "off": [[1.0]]},
-        "a unmodelled.off of 2x2 numbers, as many as it has names, got 1x1",
+        "a unmodelled.off of 2x2 numbers, as many as it has names",
+        "1x1",
     ),
     (
         ("unmodelled",),
         {"density": [1.0], "off": [[1.0, 2.0], [2.0, 1.0]]},
-        "no negative eigenvalue of unmodelled.off, in units of its variances, got -1",
+        "no negative eigenvalue of unmodelled.off, in units of its variances",
+        "-1",
     ),
     (
         ("measured",),
         {"names": ["link1.length"], "information": [[1.0, 2.0]]},
-        "a measured.information of 1x1 numbers, as many as it has names, got 1x2",
+        "a measured.information of 1x1 numbers, as many as it has names",
+        "1x2",
     ),
 ]
 
 
-@pytest.mark.parametrize(("where", "value", "said"), CHANGES)
-def test_numbers_that_contradict_one_another_are_refused(tmp_path, where, value, said):
+@pytest.mark.parametrize(("where", "value", "expected", "got"), CHANGES)
+def test_numbers_that_contradict_one_another_are_refused(tmp_path, where, value, expected, got):
     file = tmp_path / "run" / "fit.json"
     monodyn.report(identified(), to=tmp_path / "run")
     document = json.loads(file.read_text())
@@ -238,7 +246,11 @@ def test_numbers_that_contradict_one_another_are_refused(tmp_path, where, value,
         place = place[key]
     place[where[-1]] = value
     file.write_text(json.dumps(document))
-    with refuses(SettingsError, f"'{file}': expected {said.format(**known)}: it was changed; run it again."):
+    with refuses(
+        SettingsError,
+        f"'{file}': expected {expected.format(**known)}, got {got.format(**known)}: it was changed; run it "
+        "again.",
+    ):
         monodyn.open_run(tmp_path / "run")
 
 
@@ -271,6 +283,13 @@ def test_a_model_that_was_changed_beside_its_fit_is_refused(tmp_path):
     file.write_text(written.replace('gravity="0.0 0.0 -9.81"', 'gravity="0 0 -1.62"'))
     with refuses(SettingsError, f"'{file}': expected gravity 9.81 as in fit.json, got 1.62; {DO}"):
         monodyn.open_run(tmp_path / "run")
+    both = written.replace('gravity="0.0 0.0 -9.81"', 'gravity="0 0 -1.62"')
+    file.write_text(both.replace(f'damping="{damping!r}"', 'damping="0.5"'))
+    with refuses(
+        SettingsError,
+        f"'{file}': expected joint1.damping {damping:.10g} as in fit.json, got 0.5 (and 1 more); {DO}",
+    ):
+        monodyn.open_run(tmp_path / "run")
     file.write_text(written.replace('"joint1"', '"elbow"'))
     with refuses(SettingsError, f"'{file}': expected the joints of fit.json, joint1, got elbow; {DO}"):
         monodyn.open_run(tmp_path / "run")
@@ -281,8 +300,9 @@ def test_a_model_that_was_changed_beside_its_fit_is_refused(tmp_path):
 
 def test_a_joint_without_damping_is_one_in_both_files(tmp_path):
     """MJCF without a damping is read with one to start at."""
-    fit = monodyn.restart(identified(), at=0.0, fix={"joint1.damping": 0.0})
-    monodyn.report(fit, to=tmp_path / "run", poses=record(identified()))
+    undamped = monodyn.load("single").with_choices(fix={"joint1.damping": 0.0})
+    fit = monodyn.identify(pushed("single")[0], undamped, IdentifySettings(torque="friction"))
+    monodyn.report(fit, to=tmp_path / "run")
     assert "damping=" not in (tmp_path / "run" / "model.xml").read_text()
     assert monodyn.open_run(tmp_path / "run").mechanism.values["joint1.damping"] == 0.0
 
