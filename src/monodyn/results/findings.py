@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from monodyn.choices import Tolerance
+from monodyn.mechanism.dimensions import MASS_KINDS
 from monodyn.results.filmed import Filmed
 from monodyn.results.gaps import filled
 from monodyn.results.horizon import Horizon, horizon_of, horizon_said
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 SCHEMA = 2
 """Version of the form of ``fit.json``: one more whenever a reader of the old form would misread the new."""
+
+Openness = Literal["factor", "combined", "open"]
+"""What is left open of a parameter that is not determined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +225,26 @@ def origin(estimate: Estimate, fit: Fit) -> str:
     if estimate.name in {size for size, _ in fit.tied}:
         return "assumed"
     return "derived" if estimate.name in fit.spread[0] else "given"
+
+
+def openness(fit: Fit) -> dict[str, Openness]:
+    """Return what is left open of the parameters that are not determined, by name.
+
+    ``"factor"``: known up to the one factor of all masses; ``"combined"``: known in combinations with others
+    alone; ``"open"``: nothing is known of it.
+
+    Args:
+        fit: The fit.
+    """
+    kinds = {parameter.name: parameter.kind for parameter in fit.mechanism.parameters}
+    # a name is followed by a power, or by the next factor
+    factors = {factor.partition("^")[0] for one in fit.combinations for factor in one.name.split(" ")}
+    found: dict[str, Openness] = {}
+    for row in fit.parameters:
+        if row.free and not row.identifiable:
+            known = "factor" if kinds[row.name] in MASS_KINDS else "combined"
+            found[row.name] = known if row.name in factors else "open"
+    return found
 
 
 def parameter_row(estimate: Estimate, fit: Fit) -> dict[str, Any]:
