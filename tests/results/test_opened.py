@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -112,6 +113,42 @@ def test_a_run_as_the_model_of_another_brings_along_what_its_picture_knew(tmp_pa
     # and on from there, back to the same file
     third = identified_from(tmp_path / "second", tmp_path / "third", table).fit
     assert third.parameter("link1.length").value == pytest.approx(length, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_what_is_assumed_of_sizes_is_not_assumed_twice(tmp_path):
+    """A record that is identified again from where it ended comes out the same: its sizes are about the
+    file's proportion, and not about what the motion made of that."""
+    table, file = tmp_path / "poses.csv", monodyn.load("double").values
+    monodyn.write_poses(pushed("double")[0], table)
+    settings = {"identify": IdentifySettings(torque="friction")}
+    first = identified_from("double", tmp_path / "first", table, **settings).fit
+    again = monodyn.remembered(tmp_path / "first").values
+    for size in ("link1.tail", "link1.tip", "link1.width", "link2.tail", "link2.width"):
+        length = f"{size.partition('.')[0]}.length"
+        assert again[size] / again[length] == pytest.approx(file[size] / file[length], rel=1e-12)
+        assert again[length] == first.parameter(length).value
+    second = identified_from(tmp_path / "first", tmp_path / "second", table, **settings).fit
+    for name in ("link1.tail", "link2.width", "link1.length"):
+        there, here = first.parameter(name), second.parameter(name)
+        assert here.value == pytest.approx(there.value, rel=0.01)
+        assert here.std == pytest.approx(there.std, rel=0.01)
+
+
+def test_what_the_run_before_knew_is_named(tmp_path):
+    fit = identified()
+    monodyn.report(fit, to=tmp_path / "run")
+    length = fit.parameter("link1.length")
+    assert length.identifiable
+    lost = replace(length, std=np.inf, identifiable=False)
+    now = replace(fit, parameters=tuple(lost if p is length else p for p in fit.parameters))
+    assert opened_module.known_before(tmp_path / "run", now) == [
+        f"The motion of '{tmp_path / 'run'}' determined link1.length ({length.value:.4g} ± {length.std:.2g} "
+        "m), which counts for that record alone: identify both records together (monodyn identify with both "
+        "tables) to have it here."
+    ]
+    assert opened_module.known_before(tmp_path / "run", fit) == []
+    assert opened_module.known_before("single", now) == []
 
 
 def test_the_mechanism_file_of_a_run_has_to_be_there(tmp_path):

@@ -14,12 +14,17 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Combination, Doubt, Estimate, Fit, Start, TriedTorque, Unmodelled
+from monodyn.estimation.shooting.unknowns import assumed_sizes
+from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load
+from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
 from monodyn.results.intact import check_model, check_numbers
 from monodyn.types import Camera
 
+NOTHING = 0.04
+"""Information about the logarithm of a size below which a picture knows nothing of it: a factor of e^5."""
 LARGEST = 500e6
 """Size from which on ``fit.json`` is none [byte]."""
 
@@ -67,7 +72,8 @@ def remembered(folder: str | Path) -> Mechanism:
 
     It is the mechanism file of that run with the identified values, the user's choices, and what the pictures
     know of sizes. What its motion has shown is the start alone: a record that is identified again is not
-    counted twice.
+    counted twice. Sizes of which no picture knows anything keep the file's proportion, about which they are
+    assumed to be.
 
     Args:
         folder: The run folder.
@@ -96,13 +102,53 @@ def remembered(folder: str | Path) -> Mechanism:
         )
         follows = {p.name for p in mechanism.parameters if p.follows}
         here = {n: v for n, v in known.items() if n in mechanism.values and n not in follows and n != ROLL}
-        mechanism = mechanism.with_values(here)
+        file, mechanism = mechanism, mechanism.with_values(here)
         seen = document["measured"]
         if seen is not None:
             mechanism = mechanism.with_measured(Measured(tuple(seen["names"]), np.array(seen["information"])))
+        mechanism = mechanism.with_values(_unseen(file, mechanism))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise _changed(folder / "run.json", error) from None
     return mechanism
+
+
+def _unseen(file: Mechanism, mechanism: Mechanism) -> dict[str, float]:
+    """Return the sizes of which no picture knows anything, in their proportion in the file."""
+    then, now, seen = file.values, mechanism.values, mechanism.measured
+    shown = {} if seen is None else dict(zip(seen.names, np.diag(seen.information), strict=True))
+    found: dict[str, float] = {}
+    for p in assumed_sizes(mechanism):
+        against = p.against if p.kind in PLACE_KINDS else f"{p.owner}.length"
+        if shown.get(p.name, 0.0) < NOTHING and p.name not in mechanism.chosen:
+            found[p.name] = then[p.name] * (now[against] / then[against] if against else 1.0)
+    return found
+
+
+def known_before(model: str | Path, fit: Fit) -> list[str]:
+    """Name what the run that was given as the model knows, and its own motion no more does.
+
+    Args:
+        model: What was given as the model of a fit; nothing is said where it is no run folder.
+        fit: The fit.
+
+    Returns:
+        Sentences.
+
+    Raises:
+        SettingsError: From deeper down: the folder is no longer that of a run.
+    """
+    if not Path(model).is_dir():
+        return []
+    rows = {row["name"]: row for row in _document(Path(model))["parameters"]}
+    names = [p.name for p in fit.parameters if p.free and not p.identifiable and p.name in rows]
+    known = [f"{n} ({rows[n]['value']:.4g} ± {rows[n]['std']:.2g} {rows[n]['unit']})"
+             for n in names if rows[n]["free"] and rows[n]["identifiable"]]  # fmt: skip
+    if not known:
+        return []
+    return [
+        f"The motion of '{model}' determined {listed(known, 12)}, which counts for that record alone: "
+        "identify both records together (monodyn identify with both tables) to have it here."
+    ]
 
 
 def _same(model: Mapping[str, Any], folder: Path) -> str | Path:
