@@ -16,7 +16,7 @@ from monodyn.mechanism.tree import BRAKES
 from monodyn.results.curves import camera_curves, motion_curves, torque_curves
 from monodyn.results.findings import Findings, frames_of, listed_rows, openness
 from monodyn.results.gaps import how_filled
-from monodyn.results.horizon import FARTHEST, Horizon, allowed, horizon_said
+from monodyn.results.horizon import Horizon, allowed, horizon_said, lasts
 from monodyn.results.next_steps import next_steps
 from monodyn.results.numbers import number, short, shown_in
 
@@ -216,15 +216,10 @@ def _facts(findings: Findings) -> list[dict[str, str]]:
             facts.append({"value": _errors(joints, heldout), "label": "prediction error, rms by joint"})
         if findings.horizons:
             within = allowed(fit.mechanism, findings.tolerance)
-            facts.append({"value": _lasts(findings.horizons[0]), "label": f"prediction within {within}"})
+            facts.append({"value": lasts(findings.horizons[0]), "label": f"prediction within {within}"})
     if findings.log is not None:
         facts.append({"value": f"{sum(findings.log.seconds.values()):.1f} s", "label": "computing time"})
     return facts
-
-
-def _lasts(found: Horizon) -> str:
-    """Write how long a prediction holds."""
-    return f"{found.seconds:.2g} s" if math.isfinite(found.seconds) else f"over {FARTHEST:g} s"
 
 
 def _errors(joints: Sequence[Joint], values: Mapping[str, float | None]) -> str:
