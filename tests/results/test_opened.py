@@ -11,6 +11,7 @@ import pytest
 import monodyn
 from fits import identified
 from monodyn.errors import SettingsError
+from monodyn.estimation.fit import Estimate
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Measured
 from monodyn.mechanism.simulate import simulate
@@ -289,6 +290,36 @@ def test_numbers_that_contradict_one_another_are_refused(tmp_path, where, value,
         "again.",
     ):
         monodyn.open_run(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("model", "where", "name"),
+    [
+        ("fourier", ("period",), "torque.period"),
+        ("fourier", ("joints", "joint1", "sin", 0), "joint1.torque.sin1"),
+        ("free", ("joints", "joint1", "values", 1), "joint1.torque.1"),
+    ],
+)
+def test_a_drive_that_is_not_that_of_the_parameters_is_refused(tmp_path, model, where, name):
+    single = identified().mechanism.with_torque(model, terms=1, period=0.7, knots=np.array([0.0, 0.3, 0.6]))
+    rows = [Estimate(p.name, p.value, 0.0, p.value, p.value, p.unit, False, True, False)
+            for p in single.parameters if "torque" in p.name]  # fmt: skip
+    parameters = (*identified().parameters, *rows)
+    monodyn.report(replace(identified(), mechanism=single, torque=model, parameters=parameters), to=tmp_path)
+    assert monodyn.open_run(tmp_path).torque == model
+    file = tmp_path / "fit.json"
+    document = json.loads(file.read_text())
+    place = document["drive"]
+    for key in where[:-1]:
+        place = place[key]
+    before, place[where[-1]] = place[where[-1]], 9.0
+    file.write_text(json.dumps(document))
+    with refuses(
+        SettingsError,
+        f"'{file}': expected {name} {before:g} in drive, as among the parameters, got 9: it was changed; run "
+        "it again.",
+    ):
+        monodyn.open_run(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["NaN", "-Infinity", "1e999"])

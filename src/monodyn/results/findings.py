@@ -12,6 +12,7 @@ import numpy as np
 
 from monodyn.choices import Tolerance
 from monodyn.mechanism.dimensions import MASS_KINDS
+from monodyn.mechanism.torques import LAG
 from monodyn.results.filmed import Filmed
 from monodyn.results.gaps import filled
 from monodyn.results.horizon import Horizon, horizon_of, horizon_said
@@ -26,6 +27,14 @@ if TYPE_CHECKING:
 
 SCHEMA = 2
 """Version of the form of ``fit.json``: one more whenever a reader of the old form would misread the new."""
+FORMULAS = {
+    "fourier": "torque = mean + sum over k from 1 to harmonics of cos[k - 1] * cos(2 pi k t / period) + "
+    "sin[k - 1] * sin(2 pi k t / period), with t = time stamp * time_scale",
+    "free": "torque = values, linear between knots and zero before and after them, at t = time stamp * "
+    "time_scale",
+    "known": "torque = that of the log at time stamp - lag, linear between its rows",
+}
+"""How torques over time follow from what ``fit.json`` has of them, by their model."""
 
 Openness = Literal["factor", "combined", "open"]
 """What is left open of a parameter that is not determined."""
@@ -192,15 +201,28 @@ def _camera_document(filmed: Filmed) -> dict[str, Any]:
 
 
 def _drive_document(fit: Fit) -> dict[str, Any]:
-    """Return what acts at the joints over time, but for its coefficients, which are parameters.
-
-    The clock is that of the record times ``time_scale``, from 0 on.
-    """
-    torques = fit.mechanism.torques
+    """Return what acts at the joints over time, whole: another program needs nothing else to evaluate it."""
+    mechanism = fit.mechanism
+    torques, values = mechanism.torques, mechanism.values
+    series, table = fit.torque == "fourier", mechanism.numbers[torques.rows]
+    rows = {}
+    for joint, row in zip(mechanism.joints, table.tolist(), strict=True):
+        rows[joint.name] = {
+            "unit": "N m" if joint.kind == "hinge" else "N",
+            "mean": row[0] if series else None,
+            "cos": row[1::2] if series else [],
+            "sin": row[2::2] if series else [],
+            "values": row if fit.torque == "free" else [],
+        }
     return {
         "model": fit.torque,
-        "harmonics": (torques.rows.shape[1] - 1) // 2 if fit.torque == "fourier" else 0,
+        "formula": FORMULAS.get(fit.torque),
+        "time_scale": values["time_scale"],
+        "period": values["torque.period"] if series else None,
+        "harmonics": (torques.rows.shape[1] - 1) // 2 if series else 0,
         "knots": torques.knots if fit.torque == "free" else [],
+        "lag": values.get(LAG),
+        "joints": rows if fit.torque in ("fourier", "free") else {},
     }
 
 

@@ -84,6 +84,7 @@ def _contradictions(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield f"{name} within its interval, {low} to {high}", f"{value:g}"
         if row["std"] is not None and row["std"] < 0.0:
             yield f"a standard deviation of {name} that is not negative", f"{row['std']:g}"
+    yield from _other_drive(document)
     names, matrix = document["covariance"]["names"], document["covariance"]["matrix"]
     yield from _no_covariance("covariance", matrix, len(names))
     starts, fitted, joints = document["initial_state"], document["fitted"], list(document["units"])
@@ -101,6 +102,22 @@ def _contradictions(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if seen is not None:
         # where two pictures disagree it may be negative in part: what is, an identification leaves out
         yield from _unsymmetric("measured.information", seen["information"], len(seen["names"]))
+
+
+def _other_drive(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield where the torques over time are not those of the parameters."""
+    known = {row["name"]: float(row["value"]) for row in document["parameters"]}
+    drive = document["drive"]
+    stated = {"torque.period": drive["period"], "torque.lag": drive["lag"]}
+    for joint, row in drive["joints"].items():
+        stated[f"{joint}.torque.mean"] = row["mean"]
+        stated |= {
+            f"{joint}.torque.{wave}{k}": x for wave in ("cos", "sin") for k, x in enumerate(row[wave], 1)
+        }
+        stated |= {f"{joint}.torque.{k}": x for k, x in enumerate(row["values"])}
+    for name, x in stated.items():
+        if x is not None and name in known and abs(x - known[name]) > WRITTEN + ROUNDED * abs(x):
+            yield f"{name} {known[name]:g} in drive, as among the parameters", f"{x:g}"
 
 
 def _no_covariance(name: str, rows: list[list[float | None]], count: int) -> Iterator[tuple[str, str]]:
