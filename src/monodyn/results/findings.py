@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -90,6 +90,17 @@ class Findings:
     def motions(self) -> list[States]:
         """The motion that stands for each record, its gaps filled."""
         return [filled(self.fit, trace.poses, record=number) for number, trace in enumerate(self.traces)]
+
+    def noted(self, notes: Sequence[str]) -> Findings:
+        """Return the same with further notes; what was worked out already is not worked out again.
+
+        Args:
+            notes: Sentences.
+        """
+        found = replace(self, notes=[*self.notes, *notes])
+        known = ("ensemble", "horizons", "motions")
+        found.__dict__.update({name: value for name, value in self.__dict__.items() if name in known})
+        return found
 
     @property
     def advice(self) -> list[str]:

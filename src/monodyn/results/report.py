@@ -103,7 +103,7 @@ def write_results(
     # before the documents are made, because fit.json and the page both carry the notes
     motions = findings.motions
     said = [*_excluded_notes(findings, wrong), *unfollowed(traces, motions), *lost_in_urdf(fit.mechanism)]
-    findings = replace(findings, notes=[*findings.notes, *said])
+    findings = findings.noted(said)
     if record is not None:
         folder.write("poses.csv", lambda path: write_poses(record, path, wrong[0] if wrong else None))
     filmed = findings.filmed
@@ -123,7 +123,8 @@ def write_results(
     if findings.filmed is not None:
         if findings.filmed.sight is None or findings.filmed.sight.filmed:
             # without a motion to draw no frame is a fitted one
-            pictures = write_film(folder, fit, findings.filmed, findings.frames or (0, 0), progress)
+            frames, motion = findings.frames or (0, 0), next(iter(motions), None)
+            pictures = write_film(folder, fit, findings.filmed, frames, progress, motion)
         shown = _write_diagnosis(folder, findings)
     # what is written after the page is in the folder, too, when it is read
     files = [name for name in (*folder.written, "run.json") if name != "run.json" or findings.log is not None]
