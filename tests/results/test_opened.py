@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from zoo import ZOO
 
 import monodyn
 from fits import identified
@@ -17,6 +18,7 @@ from monodyn.mechanism import Measured
 from monodyn.mechanism.simulate import simulate
 from monodyn.pipeline import identify_tables
 from monodyn.results import opened as opened_module
+from monodyn.results.intact import check_model, digest
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
 from support import refuses
@@ -364,6 +366,32 @@ def test_a_model_that_was_changed_beside_its_fit_is_refused(tmp_path):
     # what stands beside the numbers may be changed
     file.write_text(written.replace("<mujoco", "<!-- mine -->\n<mujoco", 1))
     assert monodyn.open_run(tmp_path / "run").status == fit.status
+
+
+@pytest.mark.parametrize("name", ["cart_branches", "shapes", "tree"])
+def test_a_file_as_it_was_written_is_believed_and_moves_as_the_fit(tmp_path, name):
+    """Several joints on a cart, meshes: read back, sizes are shared out otherwise, and the motion is not."""
+    (tmp_path / "given.xml").write_text(ZOO[name])
+    mechanism = monodyn.load(tmp_path / "given.xml")
+    rng, free = np.random.default_rng(3), [p for p in mechanism.parameters if p.free and p.value > 0]
+    mechanism = mechanism.with_values({p.name: p.value * rng.uniform(0.7, 1.4) for p in free})
+    monodyn.write_mjcf(mechanism, tmp_path / "model.xml")
+    rows = {p.name: {"name": p.name, "value": p.value} for p in mechanism.parameters}
+    document = {
+        "parameters": list(rows.values()),
+        "units": {joint.name: "" for joint in mechanism.joints},
+        "drive": {"model": "friction"},
+    }
+    written = monodyn.load(tmp_path / "model.xml")
+    known = {**document, "model_sha256": digest(tmp_path / "model.xml")}
+    check_model(tmp_path / "model.xml", written, known)
+    if name != "tree":
+        with pytest.raises(SettingsError, match="length"):
+            check_model(tmp_path / "model.xml", written, document)
+    back, _ = opened_module._mechanism(document, written, rows, [])
+    state = rng.uniform(-1.0, 1.0, (2, len(mechanism.joints)))
+    there, here = (simulate(m, TIME, *state, tolerance=1e-10).position for m in (mechanism, back))
+    np.testing.assert_allclose(here, there, atol=1e-8)
 
 
 def test_a_joint_without_damping_is_one_in_both_files(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -14,13 +13,13 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Combination, Doubt, Estimate, Fit, Start, TriedTorque, Unmodelled
-from monodyn.estimation.shooting.unknowns import assumed_sizes
+from monodyn.estimation.shooting.unknowns import SEEN_ONLY, assumed_sizes
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
-from monodyn.results.intact import check_model, check_numbers
+from monodyn.results.intact import check_model, check_numbers, differing, digest
 from monodyn.types import Camera
 
 NOTHING = 0.04
@@ -154,11 +153,11 @@ def known_before(model: str | Path, fit: Fit) -> list[str]:
 def _same(model: Mapping[str, Any], folder: Path) -> str | Path:
     """Return the name of a run's mechanism file, which still has to be the one that was read."""
     name = str(model["name"])
-    digest = model.get("sha256")
-    if digest is None:
+    expected = model.get("sha256")
+    if expected is None:
         return name
     for file in (Path(name), folder / Path(name).name):
-        if file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() == digest:
+        if file.is_file() and digest(file) == expected:
             return file
     raise SettingsError(
         f"model '{folder}': expected the mechanism file of that run, '{name}', as it was then, got none; put "
@@ -322,6 +321,11 @@ def _mechanism(
     mechanism = mechanism.with_choices(free=varying)
     follows = {p.name for p in mechanism.parameters if p.follows}
     here = {name: value for name, value in known.items() if name in mechanism.values and name not in follows}
+    # where the written file shares a body out otherwise, into length and overhangs, it is the one that moves
+    # as the fit does
+    shapes = {p.name for p in mechanism.parameters if p.kind in (*SEEN_ONLY, "length", "thickness")}
+    for name in shapes.intersection(differing(written, known)):
+        here.pop(name, None)
     return mechanism.with_values(here), varying
 
 
