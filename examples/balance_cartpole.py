@@ -13,10 +13,10 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 import monodyn
+from laboratory import swinging
 
 TRUE = """
 <mujoco><option gravity="0 0 -9.81" integrator="RK4" timestep="0.001"/>
@@ -26,10 +26,6 @@ TRUE = """
     <body name="link1" pos="0 -0.02 0"><joint name="joint1" axis="0 -1 0" damping="0.0008"/>
       <geom size="0.13 0.004 0.011" pos="0.13 0 0" density="2700"/></body></body></worldbody></mujoco>
 """
-NOISE = 1e-3
-"""Standard deviation of what is measured [m, rad]."""
-RATE, FRAMES = 25, 50
-"""Measurements a second [Hz], and how many there are."""
 FALL = 0.2
 """How far from upright the pole is let go [rad]."""
 
@@ -43,7 +39,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         true = Path(folder) / "true.xml"
         true.write_text(TRUE, encoding="utf-8")
-        fit = monodyn.identify(swinging(true), monodyn.load("cartpole")).check()
+        measured = swinging(true, (0.05, -0.4), frames=50, seed=1)
+        fit = monodyn.identify(measured, monodyn.load("cartpole")).check()
         print(fit.status)
         regulator = monodyn.lqr(fit, {"joint1": np.pi / 2}, actuated=["slide"])
         print(f"gains: {np.round(regulator.gain[0], 2).tolist()} by {regulator.linear.system.state_labels}")
@@ -55,25 +52,6 @@ def main() -> int:
     print(f"the true one {'stays up' if loop.balanced else 'falls'}: in the last second it is within")
     print(f"{1e3 * loop.off[0]:.2g} mm and {np.degrees(loop.off[1]):.2g} deg of where it should be")
     return 0 if loop.balanced else 1
-
-
-def swinging(true: Path) -> monodyn.Poses:
-    """Return what is measured of the true cart-pole while it swings.
-
-    Args:
-        true: Its file.
-    """
-    body = mujoco.MjModel.from_xml_path(str(true))
-    data = mujoco.MjData(body)
-    data.qpos[:] = [0.05, -0.4]
-    position = np.zeros((FRAMES, 2))
-    for row in position:
-        row[:] = data.qpos
-        mujoco.mj_step(body, data, round(1.0 / (RATE * body.opt.timestep)))
-    position += np.random.default_rng(1).normal(scale=NOISE, size=position.shape)
-    frame, covariance = np.arange(FRAMES), np.tile(NOISE**2 * np.eye(2), (FRAMES, 1, 1))
-    seen = np.ones(FRAMES, dtype=bool)
-    return monodyn.Poses(("slide", "joint1"), frame, frame / RATE, position, covariance, seen)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 import monodyn
+from laboratory import swinging
 
 TRUE = """
 <mujoco><option gravity="0 0 -9.81" integrator="RK4" timestep="0.001"/>
@@ -27,10 +28,6 @@ TRUE = """
     <body name="link2" pos="0.22 -0.01 0"><joint name="joint2" damping="0.0006"/>
       <geom size="0.105 0.003 0.013" pos="0.09 0 0"/></body></body></worldbody></mujoco>
 """
-NOISE = 1e-3
-"""Standard deviation of what is measured [rad]."""
-RATE, FRAMES = 25, 60
-"""Measurements a second [Hz], and how many there are."""
 HANGING, UPRIGHT = np.array([-np.pi / 2, 0.0]), {"joint1": np.pi / 2}
 """Joint positions in which it hangs and stands [rad]."""
 
@@ -47,7 +44,8 @@ def main() -> int:
         # the first link was put on a pair of scales
         weighed = {"link1.mass": float(mujoco.MjModel.from_xml_path(str(true)).body("link1").mass[0])}
         mechanism = monodyn.load("double").with_choices(fix=weighed)
-        fit = monodyn.identify(swinging(true), mechanism).check()
+        measured = swinging(true, (-0.3, 0.7), frames=60, seed=2)
+        fit = monodyn.identify(measured, mechanism).check()
         print(fit.status)
         regulator = monodyn.lqr(fit, UPRIGHT, actuated=["joint1"])
         swing = monodyn.swing_up(fit, regulator)
@@ -57,25 +55,6 @@ def main() -> int:
     print(f"the true one {'is swung up and stays up' if loop.balanced else 'does not stay up'}: in the last")
     print(f"second it is within {np.degrees(loop.off.max()):.2g} deg of upright")
     return 0 if loop.balanced else 1
-
-
-def swinging(true: Path) -> monodyn.Poses:
-    """Return what is measured of the true pendubot while its motor is off.
-
-    Args:
-        true: Its file.
-    """
-    body = mujoco.MjModel.from_xml_path(str(true))
-    data = mujoco.MjData(body)
-    data.qpos[:] = [-0.3, 0.7]
-    position = np.zeros((FRAMES, 2))
-    for row in position:
-        row[:] = data.qpos
-        mujoco.mj_step(body, data, round(1.0 / (RATE * body.opt.timestep)))
-    position += np.random.default_rng(2).normal(scale=NOISE, size=position.shape)
-    frame, covariance = np.arange(FRAMES), np.tile(NOISE**2 * np.eye(2), (FRAMES, 1, 1))
-    seen = np.ones(FRAMES, dtype=bool)
-    return monodyn.Poses(("joint1", "joint2"), frame, frame / RATE, position, covariance, seen)
 
 
 if __name__ == "__main__":

@@ -157,6 +157,18 @@ def test_files_in_the_readme_exist() -> None:
     assert all((ROOT / name).exists() for name in named)
 
 
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name
+)
+def test_every_row_of_a_table_has_the_cells_of_its_head(page: Path) -> None:
+    """What stands after the last bar of a row is shown nowhere."""
+    for table in re.findall(r"(?:^\|.*\n)+", page.read_text(encoding="utf-8"), re.MULTILINE):
+        rows = table.splitlines()
+        bars = {len(re.findall(r"(?<!\\)\|", row)) for row in rows}
+        assert len(bars) == 1, rows[0]
+        assert all(row.rstrip().endswith("|") for row in rows), rows[0]
+
+
 def test_the_page_on_filming_shows_its_pictures() -> None:
     page = (ROOT / "docs" / "filming.md").read_text(encoding="utf-8")
     shown = set(re.findall(r"\]\((filming/\w+\.jpg)\)", page))

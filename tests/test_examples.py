@@ -18,8 +18,10 @@ from support import EXAMPLES
     ],
 )
 def test_a_true_mechanism_is_controlled_by_what_was_measured(
-    name: str, said: str, capsys: pytest.CaptureFixture[str]
+    name: str, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # as ``python examples/NAME.py`` has it
+    monkeypatch.syspath_prepend(str(EXAMPLES))
     example = runpy.run_path(str(EXAMPLES / f"{name}.py"))
     assert example["main"]() == 0
     lines = capsys.readouterr().out.splitlines()

@@ -19,6 +19,7 @@ from monodyn.mechanism.dots import check_dots, dots_of, shows_dots
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.results.opened import remembered
+from monodyn.results.predict import MOST_ROWS, evenly, spacing
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
 from monodyn.stages import check_camera
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
     from monodyn.mechanism import Mechanism
 
-MOST_ROWS = 1_000_000
-"""Most rows of a prediction."""
 FILMING = "What makes a clip good, with examples: docs/filming.md."
 """Note on a clip that could not be used as it is."""
 
@@ -276,17 +275,15 @@ def prediction_times(stamps: np.ndarray, stop: int, until: float | None) -> np.n
         raise SettingsError(
             f"until: expected a time after the last fitted frame at {last:.3f} s, got {until:g} s."
         )
-    step = float(np.median(np.diff(stamps)))
-    # a typing error in the time must not fill the disk
+    step = spacing(stamps)
     most = min(end + 10.0 * (end - float(stamps[0])) + 60.0, end + MOST_ROWS * step)
     if until > most:
         raise SettingsError(
             f"until: expected at most {most:.6g} s (the end of the record, ten times its length and a "
             f"minute, and no more than {MOST_ROWS} rows), got {until:g} s."
         )
-    # the millionth of a step keeps a time stamp that rounding puts just behind the end
-    more = int(np.floor((until - end) / step + 1e-6)) if until > end else 0
-    return np.concatenate([times[times <= until + 1e-9], end + step * np.arange(1, more + 1)])
+    more = evenly(end, max(until, end), step)[1:]
+    return np.concatenate([times[times <= until + 1e-9], more])
 
 
 def check_tracked(poses: Poses, video: Video, notes: Sequence[str]) -> None:

@@ -41,6 +41,7 @@ from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.heldout import heldout_doubts
 from monodyn.results.log import RunLog, recorded
+from monodyn.results.opened import known_before
 from monodyn.results.predict import predict
 from monodyn.results.report import write_results
 from monodyn.results.sight import Sight
@@ -117,7 +118,7 @@ def run(
             traces = predicted(fit, poses, times, video.path.name)
             if fit.ok:
                 fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
-        log.notes += [*how_to_film(fit, sight), *nearest(fit, log.comparison)]
+        log.notes += [*how_to_film(fit, sight), *nearest(fit, log.comparison), *known_before(model, fit)]
         # only the fit has the metric scale: the poses are written again with their slides in metres
         filmed = filmed_of(fit, scene, poses, sight)
         findings = Findings(
@@ -259,6 +260,7 @@ def identify_tables(
         if str(model) == AUTO:
             log.chose(comparison)
             log.notes += nearest(fit, comparison)
+        log.notes += known_before(model, fit)
         records, mechanism, traces = best.records, best.mechanism, []
         if fit.starts:
             for i, record in enumerate(records):
@@ -271,6 +273,7 @@ def identify_tables(
             traces,
             ", ".join(names),
             about,
+            log.notes,
             log=log,
             tolerance=settings.tolerance,
             drawn=settings.ensemble,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import monodyn
-from fits import identified, made_fit, record
+from fits import identified, record
 from monodyn.estimation.fit import Doubt
 from support import command
 
@@ -72,7 +72,7 @@ def test_torques_that_belong_to_a_record_are_not_in_its_prediction(tmp_path):
             "- Free torques are known within the fitted frames alone: outside of these none act.",
         ),
     ):
-        fit = replace(made_fit(mechanism=mechanism), torque=torque)
+        fit = replace(identified(), mechanism=mechanism, torque=torque)
         monodyn.report(fit, to=tmp_path / torque)
         done = command("predict", tmp_path / torque, "--from", "joint1=0.5", "--until", 1)
         assert said in done.out

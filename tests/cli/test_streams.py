@@ -5,12 +5,17 @@ from __future__ import annotations
 import errno
 import io
 import os
+import signal
+import subprocess
 import sys
+import time
+import weakref
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from monodyn.cli import main, streams
+from monodyn.cli import main, show, streams
 from monodyn.cli.show import progress_on
 from monodyn.errors import SettingsError
 from support import refuses
@@ -75,3 +80,104 @@ def test_compiled_functions_go_to_a_temporary_folder_when_no_other_can_be_writte
     assert chosen.parent == tmp_path
     assert chosen.stat().st_mode & 0o077 == 0
     assert streams.keep_compiled() == ""
+
+
+# Ctrl-C while the program is loaded
+
+MAIN = "import sys; from monodyn.cli import main; sys.exit(main())"
+ENDED = "import os, sys; sys.stdout.flush(); os._exit(0)"
+INTERRUPTED = "monodyn: interrupted; nothing was written.\n"
+
+
+class Thing:
+    """Something whose end can be noticed."""
+
+
+def dropped() -> None:
+    """Press Ctrl-C where Python drops it, in a callback, and go on for long."""
+
+    def pressed(_: object) -> None:
+        raise KeyboardInterrupt
+
+    thing = Thing()
+    watched = weakref.ref(thing, pressed)
+    del thing
+    assert watched() is None
+    for _ in range(200):
+        time.sleep(0.1)
+
+
+def uncompiled() -> None:
+    """Press Ctrl-C in a callback without whose work what follows fails, as numba's compiler does."""
+
+    def pressed(_: object) -> None:
+        raise KeyboardInterrupt
+
+    thing = Thing()
+    watched = weakref.ref(thing, pressed)
+    del thing
+    raise RuntimeError(f"no compiled object yet for {watched()}")
+
+
+def unloaded() -> None:
+    """Press Ctrl-C while a library is loaded, as the libraries of C report it."""
+    raise ImportError("initialization failed") from KeyboardInterrupt()
+
+
+def missing() -> None:
+    """Press Ctrl-C while a package is loaded that need not be there."""
+    try:
+        unloaded()
+    except ImportError:
+        raise SettingsError("control: expected the package, got none; install it.") from None
+
+
+@pytest.mark.parametrize("stopped", [dropped, uncompiled, unloaded, missing])
+def test_ctrl_c_is_one_line_in_whatever_form_it_comes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stopped: Callable[[], None]
+) -> None:
+    monkeypatch.setattr(show, "show_models", lambda **_: stopped())
+    begun, hook = time.monotonic(), sys.unraisablehook
+    assert main(["models"]) == 130
+    assert capsys.readouterr().err == INTERRUPTED
+    assert time.monotonic() - begun < 10.0
+    assert sys.unraisablehook is hook
+
+
+def test_another_error_in_a_callback_is_reported_as_ever() -> None:
+    with streams.never_lost(), pytest.MonkeyPatch.context() as patch:
+        seen: list[object] = []
+        patch.setattr(sys, "unraisablehook", seen.append)
+        with streams.never_lost():
+            thing = Thing()
+            watched = weakref.ref(thing, lambda _: 1 / 0)
+            del thing
+            assert watched() is None
+    assert [one.exc_type for one in seen] == [ZeroDivisionError]
+
+
+def test_ctrl_c_before_anything_is_loaded() -> None:
+    code = (
+        "import sys\nclass Stop:\n    def find_spec(self, name, *_):\n"
+        "        if name == 'monodyn.cli.streams': raise KeyboardInterrupt\n"
+        f"sys.meta_path.insert(0, Stop())\n{MAIN}"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "models"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, INTERRUPTED)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="sends SIGINT")
+@pytest.mark.parametrize("delay", [0.02 * k for k in range(30)])
+def test_ctrl_c_at_any_time_of_the_first_second(delay: float) -> None:
+    # what Python does before our first line, and after our last one, is not ours: from there on
+    code = f"from monodyn.cli import main; print(flush=True); code = main(); print('end', code); {ENDED}"
+    with subprocess.Popen(
+        [sys.executable, "-c", code, "models"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(delay)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    assert (out.splitlines()[-1], err) in (("end 130", INTERRUPTED), ("end 0", ""))

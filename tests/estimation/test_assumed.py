@@ -8,12 +8,14 @@ from monodyn.estimation.verdict import assumed
 def test_proportions_that_nothing_determines(double):
     sizes = [double.parameter(name) for name in ("link1.tail", "link2.width")]
     assert assumed.proportions(sizes) == [
-        "Nothing determines link1.tail and link2.width: within a factor of 1.6 (one standard deviation) they "
-        "are taken in proportion to the length of their body, as in the file, and the intervals contain "
+        "Neither a picture nor this motion determines link1.tail and link2.width: within a factor of 1.6 "
+        "(one standard deviation) they are "
+        "taken in proportion to the length of their body, as in the file, and the intervals contain "
         "that; measured values, given with --fix, would make them narrower."
     ]
     assert assumed.proportions(sizes[:1]) == [
-        "Nothing determines link1.tail: within a factor of 1.6 (one standard deviation) it is taken in "
+        "Neither a picture nor this motion determines link1.tail: within a factor of 1.6 (one "
+        "standard deviation) it is taken in "
         "proportion to the length of its body, as in the file, and the intervals contain that; a measured "
         "value, given with --fix, would make them narrower."
     ]

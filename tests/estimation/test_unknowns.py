@@ -19,7 +19,7 @@ def test_a_size_the_picture_hardly_knows_is_near_its_proportion(poses, double):
     hardly, well = found.parameter("link1.tail"), found.parameter("link2.tail")
     assert hardly.free
     assert 0.25 > hardly.std / hardly.value > 2.0 * well.std / well.value
-    assert any(line.startswith("Nothing determines link1") for line in found.advice)
+    assert any(line.startswith("Neither a picture nor this motion determines link1") for line in found.advice)
 
 
 def test_the_intervals_of_lengths_contain_other_proportions(poses, double, fit, truth):

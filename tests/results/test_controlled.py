@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import av
 import mujoco
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.stats import binom
 
 from controllable import STARTS, TIMES, TRUE, identified
 from monodyn.errors import SettingsError
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
 from monodyn.pipeline import identify_tables
-from monodyn.results.controlled import Aim, camera_for, control, control_run
+from monodyn.results.controlled import Aim, camera_for, control, control_run, draws_said
 from monodyn.results.sight import outlines_of
 from support import command, refuses
 from swings import motion, record
@@ -69,7 +73,20 @@ def test_a_client_balances_the_model_with_the_numbers_of_the_files(run: Path, tm
     assert pictures[0].shape == (480, 720)
     assert 0.001 < np.mean(pictures[0] < 128) < 0.1
     page = (tmp_path / "c" / "control.html").read_text(encoding="utf-8")
-    assert "cartpole in MuJoCo under its controller" in page
+    assert "<h1>cartpole balanced by slide</h1>" in page
+    assert "Controller of the mechanism that was identified in 'run'." in unescape(page)
+    assert "<strong>In MuJoCo the identified mechanism stays balanced.</strong>" in page
+    assert "<b>50 of 50</b><span>draws of what the data allow held</span>" in page
+    assert "<dt>equilibrium</dt><dd>slide 0 mm, joint1 90 deg</dd>" in page
+    assert "<dt>from</dt><dd>slide 0 mm, joint1 101.5 deg</dd>" in page
+    gains = [f"{x:.5g}".replace("-", "−") for x in document["gain"][0]]
+    assert "".join(f"<td>{x}</td>" for x in ["slide", *gains]) in page
+    back = re.search(r'<a href="([^"]*)">The report of the run', page)[1]
+    assert (tmp_path / "c" / back).resolve() == (run / "report.html").resolve()
+    assert '<a href="control.mp4">' in page
+    torque = json.loads(re.search(r"const PLOTS = (.*);", page)[1])[-1]
+    assert (torque["title"], torque["unit"]) == ("torque at slide", "N")
+    np.testing.assert_allclose(torque["fitted"]["value"], loop["torque"]["slide"], rtol=1e-5, atol=1e-9)
 
 
 @pytest.mark.slow
@@ -85,9 +102,11 @@ def test_a_swing_is_in_the_document_and_the_notes(run: Path, tmp_path: Path) -> 
     assert swing["state"]["joint1"][0] == pytest.approx(-np.pi / 2.0, abs=1e-6)
     assert len(document["closed_loop"]["time"]) == round((swing["seconds"] + 10.0) * 200) + 1
     stability = found.regulator.stability
-    assert found.notes[:4] == (
+    assert found.notes[:5] == (
         f"The gains hold 4 of 4 mechanisms that the data allow; the slowest pole of any is at "
         f"{stability.worst:.3g} 1/s.",
+        "That all of 4 are held says little: up to 53 % of those that the data allow may not be (95 % sure); "
+        "20 draws or more say it better.",
         f"They hold it with {stability.lightest:.2g} to {stability.heaviest:.2g} times the masses.",
         f"The swing takes {swing['seconds']:.3g} s and reaches the balance with {swing['reached']} of "
         f"{swing['draws']} mechanisms that the data allow.",
@@ -112,6 +131,28 @@ def test_a_doubtful_fit_and_one_that_falls_say_so() -> None:
     )
     doubted = replace(far, fit=replace(fit, doubts=(refusal(),)))
     assert doubted.notes[0] == f"The mechanism is not to be relied on: {fit.status}"
+
+
+def test_what_it_means_that_draws_fall() -> None:
+    """The limit against a search: with that share it is just one case in twenty that so few fall."""
+    assert draws_said(20, 20) == draws_said(0, 0) == []
+    (said,) = draws_said(45, 50)
+    assert said == (
+        "The true mechanism is one that it does not hold with a chance of up to 20 % (95 % sure): film what "
+        "the report of the run advises, or choose other weights."
+    )
+    most = brentq(lambda share: binom.cdf(5, 50, share) - 0.05, 0.1, 0.5)
+    assert f"{100 * most:.0f} %" == "20 %"
+    # none of 19: 1 - 0.05^(1/19)
+    assert "up to 15 % of those" in draws_said(19, 19)[0]
+    assert (
+        draws_said(20, 50)
+        == draws_said(0, 3)
+        == [
+            "The data do not tell the mechanism well enough for this controller: it is not one for the true "
+            "mechanism. Film what the report of the run advises, or choose another equilibrium or motor."
+        ]
+    )
 
 
 def refusal():

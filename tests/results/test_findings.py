@@ -13,7 +13,7 @@ import pytest
 
 import monodyn
 from fits import identified, made_fit, record
-from monodyn.estimation.fit import Doubt, Estimate
+from monodyn.estimation.fit import Doubt, Estimate, Fit
 from monodyn.results.export import json_text
 from monodyn.results.findings import SCHEMA, Findings, fit_document, listed_rows, origin
 from monodyn.results.trace import trace_of
@@ -37,11 +37,46 @@ def test_the_form_is_that_of_its_schema() -> None:
     assert schema["properties"]["schema"]["const"] == SCHEMA
     fit = identified()
     refused = fit.doubted([Doubt("refused", "It is another mechanism.")])
-    for findings in (Findings(fit, [trace_of(fit, record(fit))]), Findings(fit), Findings(refused)):
+    acting = [Findings(driven(kind)) for kind in ("fourier", "free", "known")]
+    for findings in (Findings(fit, [trace_of(fit, record(fit))]), Findings(fit), Findings(refused), *acting):
         jsonschema.validate(json.loads(json_text(fit_document(findings))), schema)
     broken = {**json.loads(json_text(fit_document(Findings(fit)))), "rms": 1.0}
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(broken, schema)
+
+
+def driven(kind: str) -> Fit:
+    """Return a fit under a torque over time, whose numbers are drawn."""
+    base = identified().mechanism.with_values({"time_scale": 0.8})
+    moved = base.with_torque(kind, terms=3, period=0.7, knots=np.array([0.1, 0.2, 0.5]))
+    rng = np.random.default_rng(2)
+    draws = {p.name: rng.normal() for p in moved.parameters if p.kind == "torque"}
+    return replace(identified(), mechanism=moved.with_values(draws), torque=kind)
+
+
+def test_a_drive_is_what_its_formula_says() -> None:
+    """Evaluated as another program would, from fit.json alone, against the torques of the dynamics."""
+    stamps = np.linspace(-0.2, 1.4, 33)
+    for kind in ("fourier", "free"):
+        drive = json.loads(json_text(fit_document(Findings(driven(kind)))))["drive"]
+        t, row = stamps * drive["time_scale"], drive["joints"]["joint1"]
+        if kind == "fourier":
+            waves = zip(row["cos"], row["sin"], strict=True)
+            angle = 2.0 * np.pi * t / drive["period"]
+            found = row["mean"] + sum(
+                a * np.cos(k * angle) + b * np.sin(k * angle) for k, (a, b) in enumerate(waves, 1)
+            )
+            assert len(row["cos"]) == drive["harmonics"] == 3
+        else:
+            found = np.interp(t, drive["knots"], row["values"], left=0.0, right=0.0)
+        true = driven(kind).mechanism.drive.at(t)[:, 0]
+        np.testing.assert_allclose(found, true, rtol=1e-9, atol=1e-12)
+        assert row["unit"] == "N m"
+        assert np.abs(true).max() > 0.1
+    known = fit_document(Findings(driven("known")))["drive"]
+    assert (known["lag"], known["joints"]) == (0.0, {})
+    none = fit_document(Findings(identified()))["drive"]
+    assert (none["formula"], none["joints"], none["lag"]) == (None, {}, None)
 
 
 def test_it_is_said_where_each_value_comes_from() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 
 import monodyn
 from fits import made_fit
-from monodyn.estimation.fit import Fit
+from monodyn.estimation.fit import Combination, Fit
 from monodyn.mechanism import load, write_mjcf
 from monodyn.results.fill import fill
 from monodyn.results.filmed import filmed_of
@@ -106,7 +107,14 @@ def test_the_files_say_what_is_up_to_a_factor(fit: Fit, tmp_path: Path) -> None:
         "began with. A known torque or one measured mass makes them absolute.",
         "Lengths rest on gravity, which was taken as 9.81 m/s^2.",
     ]
-    assert said[3:] == ["Not determined by the motion: joint1.damping."]
+    # its ratio to an inertia is known
+    assert said[3:] == ["Known up to that factor: joint1.damping."]
+    assert what_is_known(made_fit(combinations=()))[3:] == ["Not determined by the motion: joint1.damping."]
+    row, clock = made_fit().parameters[0], Combination("link1.length / time_scale^2", 0.2, 1e-3, 0.1, 0.3)
+    open_length = replace(row, std=math.inf, identifiable=False)
+    assert what_is_known(made_fit(parameters=(open_length,), combinations=(clock,)))[3:] == [
+        "Known in combinations with one another alone, which fit.json has: link1.length."
+    ]
     weighed = fit.mechanism.with_choices(fix={"link1.thickness": 0.004}, free=["gravity"])
     said = what_is_known(replace(fit, mechanism=weighed))
     assert f"Only ratios show: {absolute} are in proportion to link1.thickness, as given." in said

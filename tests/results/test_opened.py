@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from zoo import ZOO
 
 import monodyn
 from fits import identified
 from monodyn.errors import SettingsError
+from monodyn.estimation.fit import Estimate
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Measured
 from monodyn.mechanism.simulate import simulate
 from monodyn.pipeline import identify_tables
 from monodyn.results import opened as opened_module
+from monodyn.results.intact import check_model, digest
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
 from support import refuses
@@ -114,6 +118,42 @@ def test_a_run_as_the_model_of_another_brings_along_what_its_picture_knew(tmp_pa
     assert third.parameter("link1.length").value == pytest.approx(length, rel=1e-2)
 
 
+@pytest.mark.slow
+def test_what_is_assumed_of_sizes_is_not_assumed_twice(tmp_path):
+    """A record that is identified again from where it ended comes out the same: its sizes are about the
+    file's proportion, and not about what the motion made of that."""
+    table, file = tmp_path / "poses.csv", monodyn.load("double").values
+    monodyn.write_poses(pushed("double")[0], table)
+    settings = {"identify": IdentifySettings(torque="friction")}
+    first = identified_from("double", tmp_path / "first", table, **settings).fit
+    again = monodyn.remembered(tmp_path / "first").values
+    for size in ("link1.tail", "link1.tip", "link1.width", "link2.tail", "link2.width"):
+        length = f"{size.partition('.')[0]}.length"
+        assert again[size] / again[length] == pytest.approx(file[size] / file[length], rel=1e-12)
+        assert again[length] == first.parameter(length).value
+    second = identified_from(tmp_path / "first", tmp_path / "second", table, **settings).fit
+    for name in ("link1.tail", "link2.width", "link1.length"):
+        there, here = first.parameter(name), second.parameter(name)
+        assert here.value == pytest.approx(there.value, rel=0.01)
+        assert here.std == pytest.approx(there.std, rel=0.01)
+
+
+def test_what_the_run_before_knew_is_named(tmp_path):
+    fit = identified()
+    monodyn.report(fit, to=tmp_path / "run")
+    length = fit.parameter("link1.length")
+    assert length.identifiable
+    lost = replace(length, std=np.inf, identifiable=False)
+    now = replace(fit, parameters=tuple(lost if p is length else p for p in fit.parameters))
+    assert opened_module.known_before(tmp_path / "run", now) == [
+        f"The motion of '{tmp_path / 'run'}' determined link1.length ({length.value:.4g} ± {length.std:.2g} "
+        "m), which counts for that record alone: identify both records together (monodyn identify with both "
+        "tables) to have it here."
+    ]
+    assert opened_module.known_before(tmp_path / "run", fit) == []
+    assert opened_module.known_before("single", now) == []
+
+
 def test_the_mechanism_file_of_a_run_has_to_be_there(tmp_path):
     model, table, folder = tmp_path / "own.xml", tmp_path / "poses.csv", tmp_path / "run"
     monodyn.write_mjcf(monodyn.load("single"), model)
@@ -173,6 +213,194 @@ def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(opened_module, "LARGEST", 0)
     with refuses(SettingsError, f"'{file}': expected a file of a run, got one of 1 bytes; run it again."):
         monodyn.open_run(folder)
+
+
+CHANGES = [
+    # where in fit.json, what stands there then, what is expected, and what is got
+    (("parameters", 0, "value"), 9.0, "link1.length within its interval, {low} to {high}", "9"),
+    (("parameters", 0, "std"), -1.0, "a standard deviation of link1.length that is not negative", "-1"),
+    (
+        ("covariance", "matrix", 0, 1),
+        0.5,
+        "a symmetric covariance",
+        "0.5 in row 0, column 1, and {across} across",
+    ),
+    (("covariance", "matrix", 0, 0), -1.0, "variances that are not negative in covariance", "-1"),
+    (
+        ("covariance", "matrix", 0, 1),
+        None,
+        "a symmetric covariance",
+        "None in row 0, column 1, and {across} across",
+    ),
+    (
+        ("covariance", "matrix"),
+        [[1.0]],
+        "a covariance of {count}x{count} numbers, as many as it has names",
+        "1x1",
+    ),
+    (
+        ("covariance", "names"),
+        ["gravity"],
+        "a covariance of 1x1 numbers, as many as it has names",
+        "{count}x{count}",
+    ),
+    (("fitted",), [], "as many fitted stretches as start states, 1", "0"),
+    (("fitted", 0, "last"), -1.0, "a fitted stretch that ends after it begins", "0 to -1 s"),
+    (
+        ("unmodelled",),
+        {"density": [-1.0], "off": [[1.0, 0.0], [0.0, 1.0]]},
+        "a density of unmodelled by joint (1), none negative",
+        "[-1.0]",
+    ),
+    (
+        ("unmodelled",),
+        {"density": [1.0], "off": [[1.0]]},
+        "a unmodelled.off of 2x2 numbers, as many as it has names",
+        "1x1",
+    ),
+    (
+        ("unmodelled",),
+        {"density": [1.0], "off": [[1.0, 2.0], [2.0, 1.0]]},
+        "no negative eigenvalue of unmodelled.off, in units of its variances",
+        "-1",
+    ),
+    (
+        ("measured",),
+        {"names": ["link1.length"], "information": [[1.0, 2.0]]},
+        "a measured.information of 1x1 numbers, as many as it has names",
+        "1x2",
+    ),
+]
+
+
+@pytest.mark.parametrize(("where", "value", "expected", "got"), CHANGES)
+def test_numbers_that_contradict_one_another_are_refused(tmp_path, where, value, expected, got):
+    file = tmp_path / "run" / "fit.json"
+    monodyn.report(identified(), to=tmp_path / "run")
+    document = json.loads(file.read_text())
+    row, covariance = document["parameters"][0], document["covariance"]
+    known = {"low": row["lower"], "high": row["upper"]}
+    known |= {"across": covariance["matrix"][1][0], "count": len(covariance["names"])}
+    place = document
+    for key in where[:-1]:
+        place = place[key]
+    place[where[-1]] = value
+    file.write_text(json.dumps(document))
+    with refuses(
+        SettingsError,
+        f"'{file}': expected {expected.format(**known)}, got {got.format(**known)}: it was changed; run it "
+        "again.",
+    ):
+        monodyn.open_run(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("model", "where", "name"),
+    [
+        ("fourier", ("period",), "torque.period"),
+        ("fourier", ("joints", "joint1", "sin", 0), "joint1.torque.sin1"),
+        ("free", ("joints", "joint1", "values", 1), "joint1.torque.1"),
+    ],
+)
+def test_a_drive_that_is_not_that_of_the_parameters_is_refused(tmp_path, model, where, name):
+    single = identified().mechanism.with_torque(model, terms=1, period=0.7, knots=np.array([0.0, 0.3, 0.6]))
+    rows = [Estimate(p.name, p.value, 0.0, p.value, p.value, p.unit, False, True, False)
+            for p in single.parameters if "torque" in p.name]  # fmt: skip
+    parameters = (*identified().parameters, *rows)
+    monodyn.report(replace(identified(), mechanism=single, torque=model, parameters=parameters), to=tmp_path)
+    assert monodyn.open_run(tmp_path).torque == model
+    file = tmp_path / "fit.json"
+    document = json.loads(file.read_text())
+    place = document["drive"]
+    for key in where[:-1]:
+        place = place[key]
+    before, place[where[-1]] = place[where[-1]], 9.0
+    file.write_text(json.dumps(document))
+    with refuses(
+        SettingsError,
+        f"'{file}': expected {name} {before:g} in drive, as among the parameters, got 9: it was changed; run "
+        "it again.",
+    ):
+        monodyn.open_run(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["NaN", "-Infinity", "1e999"])
+def test_what_is_no_number_is_refused(tmp_path, text):
+    file = tmp_path / "run" / "fit.json"
+    monodyn.report(identified(), to=tmp_path / "run")
+    scale = json.loads(file.read_text())["scale"]
+    file.write_text(file.read_text().replace(f'"scale": {scale}', f'"scale": {text}'))
+    with refuses(
+        SettingsError, f"'{file}': expected JSON, got other text ({text} is no number); run it again."
+    ):
+        monodyn.open_run(tmp_path / "run")
+
+
+DO = "keep changed models elsewhere, give other values with --fix, or run it again."
+
+
+def test_a_model_that_was_changed_beside_its_fit_is_refused(tmp_path):
+    fit, file = identified(), tmp_path / "run" / "model.xml"
+    monodyn.report(fit, to=tmp_path / "run")
+    written, damping = file.read_text(), fit.mechanism.values["joint1.damping"]
+    assert f'damping="{damping!r}"' in written
+    file.write_text(written.replace(f'damping="{damping!r}"', 'damping="0.5"'))
+    with refuses(
+        SettingsError,
+        f"'{file}': expected joint1.damping {damping:.10g} as in fit.json, got 0.5; {DO}",
+    ):
+        monodyn.open_run(tmp_path / "run")
+    file.write_text(written.replace('gravity="0.0 0.0 -9.81"', 'gravity="0 0 -1.62"'))
+    with refuses(SettingsError, f"'{file}': expected gravity 9.81 as in fit.json, got 1.62; {DO}"):
+        monodyn.open_run(tmp_path / "run")
+    both = written.replace('gravity="0.0 0.0 -9.81"', 'gravity="0 0 -1.62"')
+    file.write_text(both.replace(f'damping="{damping!r}"', 'damping="0.5"'))
+    with refuses(
+        SettingsError,
+        f"'{file}': expected joint1.damping {damping:.10g} as in fit.json, got 0.5 (and 1 more); {DO}",
+    ):
+        monodyn.open_run(tmp_path / "run")
+    file.write_text(written.replace('"joint1"', '"elbow"'))
+    with refuses(SettingsError, f"'{file}': expected the joints of fit.json, joint1, got elbow; {DO}"):
+        monodyn.open_run(tmp_path / "run")
+    # what stands beside the numbers may be changed
+    file.write_text(written.replace("<mujoco", "<!-- mine -->\n<mujoco", 1))
+    assert monodyn.open_run(tmp_path / "run").status == fit.status
+
+
+@pytest.mark.parametrize("name", ["cart_branches", "shapes", "tree"])
+def test_a_file_as_it_was_written_is_believed_and_moves_as_the_fit(tmp_path, name):
+    """Several joints on a cart, meshes: read back, sizes are shared out otherwise, and the motion is not."""
+    (tmp_path / "given.xml").write_text(ZOO[name])
+    mechanism = monodyn.load(tmp_path / "given.xml")
+    rng, free = np.random.default_rng(3), [p for p in mechanism.parameters if p.free and p.value > 0]
+    mechanism = mechanism.with_values({p.name: p.value * rng.uniform(0.7, 1.4) for p in free})
+    monodyn.write_mjcf(mechanism, tmp_path / "model.xml")
+    rows = {p.name: {"name": p.name, "value": p.value} for p in mechanism.parameters}
+    document = {
+        "parameters": list(rows.values()),
+        "units": {joint.name: "" for joint in mechanism.joints},
+        "drive": {"model": "friction"},
+    }
+    written = monodyn.load(tmp_path / "model.xml")
+    known = {**document, "model_sha256": digest(tmp_path / "model.xml")}
+    check_model(tmp_path / "model.xml", written, known)
+    if name != "tree":
+        with pytest.raises(SettingsError, match="length"):
+            check_model(tmp_path / "model.xml", written, document)
+    back, _ = opened_module._mechanism(document, written, rows, [])
+    state = rng.uniform(-1.0, 1.0, (2, len(mechanism.joints)))
+    there, here = (simulate(m, TIME, *state, tolerance=1e-10).position for m in (mechanism, back))
+    np.testing.assert_allclose(here, there, atol=1e-8)
+
+
+def test_a_joint_without_damping_is_one_in_both_files(tmp_path):
+    """MJCF without a damping is read with one to start at."""
+    undamped = monodyn.load("single").with_choices(fix={"joint1.damping": 0.0})
+    fit = monodyn.identify(pushed("single")[0], undamped, IdentifySettings(torque="friction"))
+    monodyn.report(fit, to=tmp_path / "run")
+    assert "damping=" not in (tmp_path / "run" / "model.xml").read_text()
+    assert monodyn.open_run(tmp_path / "run").mechanism.values["joint1.damping"] == 0.0
 
 
 def test_the_clip_of_a_run_is_where_its_log_has_it(tmp_path):

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+
+import numpy as np
 
 from fits import made_fit, record
 from monodyn.estimation.fit import Doubt
+from monodyn.mechanism import load
 from monodyn.results.findings import Findings
 from monodyn.results.page import flat, page_text
 from monodyn.results.predict import predict
@@ -20,8 +24,30 @@ def test_page_says_status_and_advice_first_and_escapes() -> None:
     assert "Measure &lt;b&gt;one&lt;/b&gt; mass &amp; be done." in text
     assert "<script>alert(1)" not in text
     assert "A &amp; B" in text
-    assert "not determined by this motion" in text
     assert "<code>joint1.damping / link1.J</code></td><td>0.1235</td>" in text
+
+
+def section(text: str, title: str) -> str:
+    """Return what stands under a heading of a page."""
+    return text.partition(f"<h2>{title}</h2>")[2].partition("</section>")[0]
+
+
+def test_what_is_not_determined_is_not_among_what_is_known() -> None:
+    for combinations, said in ((made_fit().combinations, "factor of all masses"), ((), "not determined by")):
+        text = page_text(Findings(made_fit(combinations=combinations), [], "x"))
+        known, unknown = section(text, "What is known, and how well"), section(text, "What is not known")
+        assert "<code>link1.length</code></td><td>0.2" in known
+        assert "<code>joint1.damping</code></td><td>" not in known
+        assert "<code>joint1.damping</code></td><td>0.001</td>" in unknown
+        assert said in unknown
+    held = replace(made_fit().parameters[1], free=False, name="link1.width", unit="m", value=0.03)
+    torques = load("single").with_torque("free", knots=np.array([0.0, 1.0]))
+    text = page_text(Findings(made_fit(parameters=(held,), torque="free", mechanism=torques), [], "x"))
+    assert "held: torques would make up" in section(text, "What is not known")
+    # what is not known of a doubtful fit stands with its status; the table is there all the same
+    doubted = page_text(Findings(made_fit().doubted([Doubt("approximate", "Rough.")]), [], "x"))
+    assert "joint1.damping" in section(doubted, "What is not known")
+    assert "Measure" not in section(doubted, "What is not known")
 
 
 def test_page_needs_no_network() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from monodyn.errors import SettingsError
 from monodyn.results.fill import fill
-from monodyn.results.predict import predict
+from monodyn.results.predict import evenly, predict, spacing
 from support import refuses
 
 ALL = np.arange(120) / 30.0
@@ -30,3 +30,17 @@ def test_bad_input_is_refused(fit):
         predict(fit, until=1.0)
     with refuses(SettingsError, "predict: expected a record from 0 to 0, got 1."):
         predict(fit, record=1)
+    step = ALL[80] - ALL[79]
+    with refuses(
+        SettingsError, f"until: expected at most 1000000 rows of {step:g} s, got 29999922; end it earlier."
+    ):
+        predict(fit, until=1e6)
+
+
+def test_times_are_even_and_end_where_they_should():
+    # 0.1 + 0.2 is more than 0.3
+    np.testing.assert_allclose(evenly(0.1, 0.3, 0.1), [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(evenly(0.1, 0.1 + 0.2, 0.1), [0.1, 0.2, 0.3])
+    assert evenly(2.0, 2.0, 0.1).tolist() == [2.0]
+    assert spacing(np.array([0.0, 0.1, 0.2, 0.9])) == pytest.approx(0.1)
+    assert spacing(np.array([3.0])) == 0.05

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+from html import unescape
 
 import av
 import numpy as np
@@ -11,8 +13,11 @@ import pytest
 
 import monodyn
 from fits import identified, record
+from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
+from monodyn.estimation.fit import Doubt
 from monodyn.mechanism.simulate import simulate
+from monodyn.results.horizon import horizon_said
 from monodyn.results.predicted import Wanted, predict_run
 from support import refuses
 
@@ -37,8 +42,49 @@ def test_the_motion_is_that_of_the_mechanism_and_stands_in_all_files(run, tmp_pa
     np.testing.assert_array_equal(table[:, 2], found.states.position[:, 0])
     document = json.loads((out / "prediction.json").read_text())
     assert document["position"]["joint1"] == found.states.position[:, 0].tolist()
-    assert "plotly" in (out / "prediction.html").read_text()
+    page = (out / "prediction.html").read_text()
+    assert "<h1>single from 0 s on</h1>" in page
+    assert unescape(page).count("Motion of the mechanism that was identified in 'run'.") == 1
+    back = re.search(r'<a href="([^"]*)">The report of the run', page)[1]
+    assert (out / back).resolve() == (run / "report.html").resolve()
+    for name, said in (
+        ("start", "0 s, as given; joint1 57.3 deg, 28.65 deg/s"),
+        ("until", "1 s, a row every 0.03333 s"),
+        ("tolerance", "5 deg"),
+    ):
+        assert f"<dt>{name}</dt><dd>{said}</dd>" in page
+    assert horizon_said(found.fit, found.horizon, Tolerance(), since="the start") in page
+    assert 'Files in this folder: <a href="prediction.csv"><code>prediction.csv</code></a>, <a' in page
+    assert "prediction.mp4" not in page
+    # its figures hold what the table does
+    (plot,) = json.loads(re.search(r"const PLOTS = (.*);", page)[1])
+    np.testing.assert_allclose(plot["predicted"]["value"], np.degrees(table[:, 2]), rtol=1e-5, atol=1e-9)
+    half = 1.96 * np.degrees(table[:, 4])
+    np.testing.assert_allclose(
+        np.subtract(plot["predicted"]["upper"], plot["predicted"]["lower"]), 2.0 * half, rtol=1e-2, atol=1e-3
+    )
     assert not (out / "prediction.mp4").exists()
+
+
+def test_the_page_says_what_was_changed_and_where_it_begins(run, tmp_path):
+    predict_run(run, tmp_path / "a", Wanted(at=0.3, until=1.0, fix={"gravity": 1.62}))
+    page = (tmp_path / "a" / "prediction.html").read_text()
+    assert "<dt>start</dt><dd>0.3 s, as record 0 has it there; joint1 " in page
+    assert "<dt>other values</dt><dd>gravity 1.62 m/s^2</dd>" in page
+
+
+def test_a_run_without_a_report_and_an_approximate_one_have_a_page(run, tmp_path):
+    fit = identified().doubted([Doubt("approximate", "It is rough.")])
+    lone = tmp_path / "lone run"
+    monodyn.report(fit, to=lone)
+    predict_run(lone, tmp_path / "a", Wanted(until=1.5))
+    page = (tmp_path / "a" / "prediction.html").read_text()
+    assert '<a href="../lone%20run/report.html">' in page
+    assert "<li>Approximate. It is rough.</li>" in page
+    assert 'class="status approximate"' in page
+    (lone / "report.html").unlink()
+    predict_run(lone, tmp_path / "b", Wanted(until=1.5))
+    assert "report.html" not in (tmp_path / "b" / "prediction.html").read_text()
 
 
 def test_it_is_as_long_as_the_record_and_begins_where_that_ends(run):

@@ -15,6 +15,7 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.record.tables import read_poses
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
+from monodyn.results import findings, gaps
 from monodyn.results.fill import fill
 from monodyn.results.findings import Findings
 from monodyn.results.folder import RunFolder
@@ -23,6 +24,7 @@ from monodyn.results.report import lost_in_urdf, write_results
 from monodyn.results.trace import trace_of
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
+from monodyn.vision.locating.scene import Scene
 from support import refuses
 
 
@@ -103,3 +105,21 @@ def test_an_ensemble_that_cannot_be_drawn_is_said():
     )
     with refuses(SettingsError, "ensemble: expected 0 to 100 models, got 101; give a number in between."):
         RunSettings(ensemble=101)
+
+
+def test_a_motion_and_its_horizon_are_worked_out_once(
+    filmed: tuple[Scene, Poses], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """For tables, page and film alike, although notes come in between."""
+    scene, poses = filmed
+    # whatever speaks against it: of a refused fit nothing is drawn
+    fit = replace(monodyn.identify(poses, scene.mechanism), doubts=())
+    done = []
+    for module, name in ((findings, "filled"), (gaps, "filled"), (findings, "horizon_of")):
+        usual = getattr(module, name)
+        monkeypatch.setattr(
+            module, name, lambda *a, _usual=usual, _name=name, **k: (done.append(_name), _usual(*a, **k))[1]
+        )
+    monodyn.report(fit, to=tmp_path / "run", poses=poses, scene=scene)
+    assert (tmp_path / "run" / "overlay.mp4").exists()
+    assert sorted(done) == ["filled", "horizon_of"]

@@ -14,7 +14,7 @@ from monodyn.estimation.fit import Unmodelled
 from monodyn.mechanism.simulate import simulate
 from monodyn.results.fill import fill
 from monodyn.results.predict import predict
-from monodyn.results.restart import restart
+from monodyn.results.restart import acting, restart
 from support import refuses
 
 
@@ -81,6 +81,52 @@ def test_a_parameter_that_is_fixed_is_another_one_exactly():
     assert moon.parameter("joint1.damping").std == 0.0
     assert "joint1.damping" not in moon.shared
     assert len(moon.covariance) == len(fit.covariance) - ("joint1.damping" in fit.shared)
+
+
+@pytest.mark.parametrize("name", ["double", "cartpole", "bob"])
+def test_what_acts_is_what_changes_a_simulation(name):
+    mechanism, times = monodyn.load(name), np.linspace(0.0, 0.5, 6)
+    # with springs, so that where they are slack counts; a coefficient of a series counts too
+    springs = {f"{joint.name}.stiffness": 0.05 for joint in mechanism.joints}
+    mechanism = mechanism.with_values(springs).with_torque("fourier", terms=1, period=0.3)
+    names = [p.name for p in mechanism.parameters if not p.follows]
+    state = np.linspace(0.4, 1.1, len(mechanism.joints)), np.linspace(1.0, 2.0, len(mechanism.joints))
+
+    def moved(changed):
+        clock = times * changed.values["time_scale"]
+        return simulate(changed, clock, *state, tolerance=1e-10).position
+
+    pushed = {n: 0.02 for n in names if n.endswith((".cos1", ".sin1"))}
+    mechanism = mechanism.with_values(pushed)
+    there = moved(mechanism)
+    changing = {
+        name
+        for name in names
+        if np.any(moved(mechanism.with_values({name: 1.05 * mechanism.values[name] + 1e-3})) != there)
+    }
+    assert acting(mechanism, names) == changing
+    assert {"camera.roll", f"{mechanism.bodies[-1]}.offset"} & set(names) <= set(names) - changing
+
+
+def test_a_parameter_without_effect_on_the_motion_is_refused():
+    fit = identified()
+    useful = [p.name for p in fit.mechanism.parameters if not p.follows]
+    useful = [name for name in useful if name in acting(fit.mechanism, useful)]
+    assert {"gravity", "link1.length", "joint1.damping", "time_scale"} <= set(useful)
+    for fix, got, it in (
+        ({"camera.roll": 0.2}, "camera.roll", "it"),
+        (
+            {"camera.roll": 0.2, "gravity": 1.62, "joint1.rest": 0.1},
+            "camera.roll and joint1.rest",
+            "them",
+        ),
+    ):
+        with refuses(
+            SettingsError,
+            f"fix: expected parameters on which the motion depends ({', '.join(useful)}), got {got}; leave "
+            f"{it} out.",
+        ):
+            restart(fit, fix=fix)
 
 
 def test_what_cannot_be_is_refused():

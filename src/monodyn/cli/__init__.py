@@ -47,45 +47,52 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    from monodyn.cli.streams import safe
+    try:
+        from monodyn.cli.streams import safe
 
-    with safe():
-        return _main(list(sys.argv[1:] if argv is None else argv))
+        with safe():
+            return _main(list(sys.argv[1:] if argv is None else argv))
+    # before anything was loaded, or while the streams are put back
+    except KeyboardInterrupt:
+        return _interrupted()
 
 
 def _main(words: list[str]) -> int:
     # the matrices are small: more threads only wait for each other, and numpy reads this when it is loaded
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from monodyn.errors import FitError, MonodynError
+    from monodyn.cli.streams import never_lost
+    from monodyn.errors import FitError, MonodynError, is_interrupt
 
     try:
-        return _dispatch(words)
+        with never_lost():
+            return _dispatch(words)
     except KeyboardInterrupt as stop:
-        _fail(f"interrupted; {stop.args[0] if stop.args else 'nothing was written.'}")
-        return 130
-    except SystemError as error:
-        # numba reports a stop in the middle of a kernel, or of loading one, so
-        cause: BaseException | None = error
-        while cause is not None and not isinstance(cause, KeyboardInterrupt):
-            cause = cause.__cause__ or cause.__context__
-        if cause is None:
-            raise
-        _fail("interrupted; nothing was written.")
-        return 130
-    except FitError as error:
-        _fail(str(error))
-        return 1
-    except MonodynError as error:
-        _fail(str(error))
-        return 2
-    except OSError as error:
-        # a name that is too long is what the error is about: its ends are enough to find it
-        name = str(error.filename or "a file")
-        name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
-        _fail(
-            f"'{name}': expected a place the system can use, got '{error.strerror or error}'; give another."
-        )
-        return 2
+        return _interrupted(*stop.args)
+    except Exception as error:
+        # an import that is stopped may come out as a package that is not installed
+        if is_interrupt(error):
+            return _interrupted()
+        if isinstance(error, MonodynError):
+            _fail(str(error))
+            return 1 if isinstance(error, FitError) else 2
+        if isinstance(error, OSError):
+            _fail(_unusable(error))
+            return 2
+        raise
+
+
+def _interrupted(said: str = "nothing was written.") -> int:
+    """Say that Ctrl-C was pressed, and what there is."""
+    _fail(f"interrupted; {said}")
+    return 130
+
+
+def _unusable(error: OSError) -> str:
+    """Say which place the system could not use."""
+    # a name that is too long is what the error is about: its ends are enough to find it
+    name = str(error.filename or "a file")
+    name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
+    return f"'{name}': expected a place the system can use, got '{error.strerror or error}'; give another."
 
 
 def _dispatch(words: list[str]) -> int:

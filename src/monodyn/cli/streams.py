@@ -1,16 +1,21 @@
-"""Streams and places that may be missing: a closed pipe, a full disk, no folder for compiled functions."""
+"""What may be missing or lost: a closed pipe, a full disk, no folder for compiled functions, Ctrl-C."""
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from monodyn.errors import SettingsError
+
+SOON = 0.05
+"""How much later a lost Ctrl-C comes again [s]."""
 
 
 class _Lossy:
@@ -65,6 +70,41 @@ def safe() -> Iterator[None]:
         yield
     finally:
         sys.stdout, sys.stderr = out, err
+
+
+@contextlib.contextmanager
+def never_lost() -> Iterator[None]:
+    """Have Ctrl-C end the program also where Python drops it, with a traceback on the error stream.
+
+    That is in callbacks: of its own at the end of every import, of which there are thousands in the first
+    second, and of the compiler of numba.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was lost, and something failed for the want of what it stopped.
+    """
+    usual, waiting = sys.unraisablehook, []
+
+    def hook(lost: Any) -> None:
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            usual(lost)
+            return
+        # pressed again in here it would be dropped again
+        again = threading.Timer(SOON, _thread.interrupt_main)
+        again.daemon = True
+        waiting.append(again)
+        again.start()
+
+    sys.unraisablehook = hook
+    try:
+        yield
+    except Exception as error:
+        if waiting:
+            raise KeyboardInterrupt from error
+        raise
+    finally:
+        sys.unraisablehook = usual
+        for again in waiting:
+            again.cancel()
 
 
 @contextlib.contextmanager

@@ -11,8 +11,10 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
+from monodyn.estimation.wording import percent
 from monodyn.mechanism import Mechanism, write_mjcf
 from monodyn.results.closed import ClosedLoop, closed_loop
+from monodyn.results.curves import loop_curves
 from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.linear import by_joint
@@ -20,6 +22,7 @@ from monodyn.results.numbers import shown_in
 from monodyn.results.opened import open_run
 from monodyn.results.overlay import FITTED, Drawing, write_overlay
 from monodyn.results.regulator import RATE, Allowed, Regulator, lqr
+from monodyn.results.sequel import Sequel, Table, notes_of, sequel_text
 from monodyn.results.sight import outlines_of
 from monodyn.results.swing import SwingUp, swing_up
 from monodyn.types import Camera, Frame, Progress
@@ -38,6 +41,8 @@ MARGIN = 1.15
 """How much larger what it shows is than the motion."""
 BALANCING = 10.0
 """How long a balance is simulated, also after a swing [s]."""
+ENOUGH = 20
+"""Draws from which on it says something that all of them are held: up to one in seven may not be."""
 PUSHED = 0.2
 """How far the first hinge without a motor is from the equilibrium at the beginning of a balance [rad]."""
 
@@ -77,6 +82,7 @@ class Controlled:
     """A controller and what it does.
 
     Attributes:
+        aim: What it is to do.
         fit: The identified mechanism.
         regulator: What holds it.
         swing: What swings it up, or None.
@@ -84,6 +90,7 @@ class Controlled:
         folder: Where the files are; None where none were written.
     """
 
+    aim: Aim
     fit: Fit
     regulator: Regulator
     swing: SwingUp | None
@@ -106,6 +113,7 @@ class Controlled:
                 f"The gains hold {stability.stable} of {stability.draws} mechanisms that the data allow; the "
                 f"slowest pole of any is at {stability.worst:.3g} 1/s."
             )
+            notes += draws_said(stability.stable, stability.draws)
         else:
             notes.append("No mechanisms were drawn: the gains were tried on the identified mechanism alone.")
         notes.append(
@@ -116,9 +124,11 @@ class Controlled:
                 f"The swing takes {self.swing.seconds:.3g} s and reaches the balance with "
                 f"{self.swing.reached} of {self.swing.draws} mechanisms that the data allow."
             )
-        kept = "stays balanced" if self.loop.balanced else "does not stay balanced"
-        notes.append(f"In MuJoCo the identified mechanism {kept}.")
-        return (*notes, *self.regulator.linear.notes)
+            # each of these takes long, and so there are few
+            if self.swing.reached < self.swing.draws:
+                notes += draws_said(self.swing.reached, self.swing.draws)
+        # of both, gains and swing, it may be the same
+        return (*dict.fromkeys(notes), _kept(self.loop), *self.regulator.linear.notes)
 
     @property
     def document(self) -> dict[str, Any]:
@@ -185,7 +195,8 @@ def control_run(
     )
     folder.write_text("control.json", json_text(found.document))
     folder.write("model.xml", lambda path: write_mjcf(fit.mechanism, path))
-    folder.write_text("control.html", _plot(found))
+    files = [*folder.written, *(["control.mp4"] if film else [])]
+    folder.write_text("control.html", sequel_text(_page(found, Path(run)), files, Path(run), folder.path))
     if film:
         folder.write("control.mp4", lambda path: _film(path, found, progress))
     folder.finish()
@@ -222,12 +233,12 @@ def control(fit: Fit, aim: Aim, allowed: Allowed | None = None) -> Controlled:
     if not aim.swing:
         begin = _pushed(fit.mechanism, regulator) if start is None else start
         loop = closed_loop(fit.mechanism, regulator, begin, seconds=BALANCING)
-        return Controlled(fit, regulator, None, loop)
+        return Controlled(aim, fit, regulator, None, loop)
     swing = swing_up(
         fit, regulator, start=start, limit=aim.limit, within=aim.within, seconds=aim.seconds, seed=aim.seed
     )
     loop = closed_loop(fit.mechanism, swing, swing.start, seconds=swing.seconds + BALANCING)
-    return Controlled(fit, regulator, swing, loop)
+    return Controlled(aim, fit, regulator, swing, loop)
 
 
 def _pushed(mechanism: Mechanism, regulator: Regulator) -> np.ndarray:
@@ -257,40 +268,98 @@ def _way(swing: SwingUp, states: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _plot(found: Controlled) -> str:
-    """Return a page with the positions of the joints and the torques of the motors over time."""
-    from plotly.graph_objects import Figure, Scatter
-    from plotly.subplots import make_subplots
+def draws_said(held: int, draws: int) -> list[str]:
+    """Say what it means for the true mechanism how many draws of it a controller holds.
 
-    joints, loop, swing = found.fit.mechanism.joints, found.loop, found.swing
-    actuated = found.regulator.actuated
-    rows = len(joints) + len(actuated)
-    figure: Figure = make_subplots(rows=rows, cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    for dof, joint in enumerate(joints):
+    Args:
+        held: How many of them.
+        draws: How many were drawn.
+
+    Returns:
+        A sentence; none where enough were drawn, and all are held.
+
+    Source:
+        Clopper and Pearson, The use of confidence or fiducial limits illustrated in the case of the binomial,
+        1934: the upper limit of the share that is not held.
+    """
+    if not draws or held == draws >= ENOUGH:
+        return []
+    from scipy.special import betaincinv
+
+    lost = draws - held
+    most = 1.0 if lost == draws else float(betaincinv(lost + 1, held, 0.95))
+    if 2 * held < draws:
+        return [
+            "The data do not tell the mechanism well enough for this controller: it is not one for the true "
+            "mechanism. Film what the report of the run advises, or choose another equilibrium or motor."
+        ]
+    if lost:
+        return [
+            f"The true mechanism is one that it does not hold with a chance of up to {percent(most)} (95 % "
+            "sure): film what the report of the run advises, or choose other weights."
+        ]
+    return [
+        f"That all of {draws} are held says little: up to {percent(most)} of those that the data allow may "
+        f"not be (95 % sure); {ENOUGH} draws or more say it better."
+    ]
+
+
+def _page(found: Controlled, run: Path) -> Sequel:
+    """Return what the page of a controller says."""
+    fit, regulator, loop, swing, aim = found.fit, found.regulator, found.loop, found.swing, found.aim
+    mechanism, stability = fit.mechanism, regulator.stability
+    states = [*regulator.joints, *(f"{name} rate" for name in regulator.joints)]
+    asked = [
+        ("equilibrium", _positions(mechanism, regulator.position)),
+        ("motors", ", ".join(regulator.actuated)),
+        ("from", _positions(mechanism, loop.position[0]) + (", swung up" if swing is not None else "")),
+        ("measurements", f"{regulator.rate:g} a second, torques held in between"),
+        ("draws", f"{aim.draws}, seed {aim.seed}"),
+    ]
+    if swing is not None:
+        kinds = {joint.name: "N m" if joint.kind == "hinge" else "N" for joint in mechanism.joints}
+        limits = zip(swing.actuated, swing.limit, strict=True)
+        asked.append(("torques up to", ", ".join(f"{name} {x:.4g} {kinds[name]}" for name, x in limits)))
+        ways = [f"{name} {low:g} to {high:g}".replace("-", "−") for name, (low, high) in aim.within.items()]
+        asked += [("on the way [rad, m]", ", ".join(ways))] if ways else []
+    facts = [
+        (f"{loop.time[-1]:.3g} s", "simulated in MuJoCo"),
+        (f"{stability.stable} of {stability.draws}", "draws of what the data allow held"),
+        (f"{stability.lightest:.2g} to {stability.heaviest:.2g}", "times the masses held"),
+    ]
+    if swing is not None:
+        facts.append((f"{swing.reached} of {swing.draws}", "draws swung up and balanced"))
+    plan = None if swing is None else (swing.time, swing.states)
+    gains = [[name, *(f"{x:.5g}".replace("-", "−") for x in row)]
+             for name, row in zip(regulator.actuated, regulator.gain, strict=True)]  # fmt: skip
+    return Sequel(
+        title=f"{mechanism.name} {'swung up and ' if swing is not None else ''}balanced by "
+        f"{', '.join(regulator.actuated)}",
+        subtitle=f"Controller of the mechanism that was identified in '{run.resolve().name}'.",
+        grade=fit.grade if loop.balanced else "refused",
+        status=_kept(loop),
+        notes=notes_of(fit, [note for note in found.notes if note != _kept(loop)]),
+        facts=facts,
+        asked=asked,
+        plots=loop_curves(mechanism, loop, regulator.actuated, plan),
+        legend=[("fitted", "in MuJoCo"), *([("observed", "planned")] if swing is not None else [])],
+        tables=[Table("Gains", ["torque at", *states], gains, "In N m and N, by rad, m, rad/s and m/s.")],
+    )
+
+
+def _kept(loop: ClosedLoop) -> str:
+    """Say whether the identified mechanism was balanced."""
+    kept = "stays balanced" if loop.balanced else "does not stay balanced"
+    return f"In MuJoCo the identified mechanism {kept}."
+
+
+def _positions(mechanism: Mechanism, position: np.ndarray) -> str:
+    """Write joint positions."""
+    found = []
+    for joint, x in zip(mechanism.joints, position, strict=True):
         scale, unit = shown_in(joint)
-        line = Scatter(
-            x=loop.time, y=loop.position[:, dof] * scale, name=joint.name, line={"color": "#1f77b4"}
-        )
-        figure.add_trace(line, row=dof + 1, col=1)
-        if swing is not None:
-            plan = {"color": "#7f7f7f", "dash": "dot"}
-            way = Scatter(
-                x=swing.time, y=swing.states[:, dof] * scale, name=f"{joint.name}, planned", line=plan
-            )
-            figure.add_trace(way, row=dof + 1, col=1)
-        figure.update_yaxes(title_text=f"{joint.name} [{unit}]", row=dof + 1, col=1)
-    kinds = {joint.name: "N m" if joint.kind == "hinge" else "N" for joint in joints}
-    for motor, name in enumerate(actuated):
-        row = len(joints) + motor + 1
-        line = Scatter(
-            x=loop.time, y=loop.torque[:, motor], name=f"torque, {name}", line={"color": "#c0392b"}
-        )
-        figure.add_trace(line, row=row, col=1)
-        figure.update_yaxes(title_text=f"{name} [{kinds[name]}]", row=row, col=1)
-    figure.update_xaxes(title_text="time [s]", row=rows, col=1)
-    title = f"{found.fit.mechanism.name} in MuJoCo under its controller"
-    figure.update_layout(template="plotly_white", title=title, height=140 + 200 * rows, showlegend=False)
-    return figure.to_html(include_plotlyjs=True, full_html=True)
+        found.append(f"{joint.name} {round(x * scale, 3):z.4g} {unit}".replace("-", "−"))
+    return ", ".join(found)
 
 
 def _film(path: Path, found: Controlled, progress: Progress | None) -> None:

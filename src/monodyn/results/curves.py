@@ -11,12 +11,19 @@ from monodyn.results.numbers import shown_in
 from monodyn.results.trace import Trace
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from monodyn.estimation.fit import Fit
+    from monodyn.mechanism import Mechanism
+    from monodyn.results.closed import ClosedLoop
     from monodyn.results.fill import States
     from monodyn.vision.clip.steady import CameraPath
 
 BAND = 1.96
 """Standard deviations from the middle of a 95 % band to its edge."""
+DOTS = 40
+"""Dots by which a planned way is shown."""
+_NO_ERROR = (np.zeros(0), np.zeros(0))
 
 
 def motion_curves(
@@ -55,6 +62,50 @@ def motion_curves(
     return plots
 
 
+def state_curves(mechanism: Mechanism, states: States) -> list[dict[str, Any]]:
+    """Return the data of one figure per joint for a prediction, with its 95 % band.
+
+    Args:
+        mechanism: Gives the joints.
+        states: The motion.
+    """
+    plots = []
+    for dof, joint in enumerate(mechanism.joints):
+        scale, unit = shown_in(joint)
+        band = _band(states.time, states.position[:, dof] * scale, states.std[:, dof] * scale, *_NO_ERROR)
+        plots.append(_alone(joint.name, unit, predicted=band))
+    return plots
+
+
+def loop_curves(
+    mechanism: Mechanism, loop: ClosedLoop, motors: Sequence[str], plan: tuple[np.ndarray, np.ndarray] | None
+) -> list[dict[str, Any]]:
+    """Return the data of one figure per joint, and per motor, for a mechanism under its controller.
+
+    Args:
+        mechanism: Gives the joints.
+        loop: The mechanism under its controller.
+        motors: Joints with a motor.
+        plan: Time stamps [s], (frame,), and states [SI], (frame, 2 dof), of a way that is followed; None of
+            no way.
+    """
+    plots = []
+    for dof, joint in enumerate(mechanism.joints):
+        scale, unit = shown_in(joint)
+        curve = _band(loop.time, loop.position[:, dof] * scale, 0.0 * loop.time, *_NO_ERROR)
+        way: dict[str, list[float | None]] = {}
+        if plan is not None:
+            # as many dots as are apart from one another
+            rows = slice(None, None, max(1, len(plan[0]) // DOTS))
+            way = {"time": _list(plan[0][rows]), "observed": _list(plan[1][rows, dof] * scale)}
+        plots.append(_alone(joint.name, unit, fitted=curve) | way)
+    kinds = {joint.name: "N m" if joint.kind == "hinge" else "N" for joint in mechanism.joints}
+    for motor, name in enumerate(motors):
+        curve = _band(loop.time, loop.torque[:, motor], 0.0 * loop.time, *_NO_ERROR)
+        plots.append(_alone(f"torque at {name}", kinds[name], fitted=curve))
+    return plots
+
+
 def torque_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, Any]]:
     """Return the data of one figure per joint for the torques other than friction; none without a drive.
 
@@ -69,21 +120,13 @@ def torque_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
     first, stop = trace.rows
     # free torques are known at the fitted frames alone, a periodic one at all times
     rows = slice(first, stop) if fit.torque == "free" else slice(None)
-    nothing = np.zeros(0)
+    window = [float(found.time[first]), float(found.time[stop - 1])]
     plots = []
     for dof, joint in enumerate(fit.mechanism.joints):
-        curve = _band(found.time[rows], found.torque[rows, dof], found.std[rows, dof], nothing, nothing)
+        title = f"{trace.name}: torque at {joint.name}" if several else f"torque at {joint.name}"
+        curve = _band(found.time[rows], found.torque[rows, dof], found.std[rows, dof], *_NO_ERROR)
         plots.append(
-            {
-                "title": f"{trace.name}: torque at {joint.name}" if several else f"torque at {joint.name}",
-                "unit": "N m" if joint.kind == "hinge" else "N",
-                "time": [],
-                "observed": [],
-                "window": [float(found.time[first]), float(found.time[stop - 1])],
-                "fitted": curve,
-                "predicted": None,
-                "alone": True,
-            }
+            {**_alone(title, "N m" if joint.kind == "hinge" else "N", fitted=curve), "window": window}
         )
     return plots
 
@@ -100,7 +143,7 @@ def camera_curves(times: np.ndarray, path: CameraPath | None) -> list[dict[str, 
     """
     if path is None:
         return []
-    nothing, reach = np.zeros(0), 0.5 * math.hypot(*path.size)
+    reach, window = 0.5 * math.hypot(*path.size), [float(times[0]), float(times[-1])]
     shown = [
         ("still scene, to the right", "px", path.shift[:, 0], path.std),
         ("still scene, down", "px", path.shift[:, 1], path.std),
@@ -109,13 +152,15 @@ def camera_curves(times: np.ndarray, path: CameraPath | None) -> list[dict[str, 
     ]
     plots = []
     for title, unit, values, std in shown:
-        curve = _band(times, values, np.where(path.registered, std, np.nan), nothing, nothing)
-        window = [float(times[0]), float(times[-1])]
-        plots.append(
-            {"title": title, "unit": unit, "time": [], "observed": [], "window": window, "fitted": curve,
-             "predicted": None, "alone": True}
-        )  # fmt: skip
+        curve = _band(times, values, np.where(path.registered, std, np.nan), *_NO_ERROR)
+        plots.append({**_alone(title, unit, fitted=curve), "window": window})
     return plots
+
+
+def _alone(title: str, unit: str, **curves: dict[str, Any]) -> dict[str, Any]:
+    """Return the data of a figure without observations and errors: a ``fitted`` curve, or a ``predicted``."""
+    bare = {"time": [], "observed": [], "window": None, "fitted": None, "predicted": None, "alone": True}
+    return {"title": title, "unit": unit, **bare, **curves}
 
 
 def _predicted(

@@ -22,6 +22,7 @@ from monodyn.vision.points.scene import PointScene
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
     from monodyn.mechanism import Mechanism
+    from monodyn.results.fill import States
     from monodyn.vision.clip.steady import CameraPath
     from monodyn.vision.clip.video import Video
     from monodyn.vision.drawing.shutter import Shutter
@@ -119,7 +120,12 @@ def as_seen(identified: Mechanism, located: Mechanism, scale: float) -> Mechanis
 
 
 def write_film(
-    folder: RunFolder, fit: Fit, filmed: Filmed, frames: Sequence[int], progress: Progress | None
+    folder: RunFolder,
+    fit: Fit,
+    filmed: Filmed,
+    frames: Sequence[int],
+    progress: Progress | None,
+    motion: States | None = None,
 ) -> list[tuple[bytes, str]]:
     """Write ``overlay.mp4``.
 
@@ -131,6 +137,8 @@ def write_film(
         filmed: Clip and camera.
         frames: First frame of the fit and the one after its last.
         progress: Called with the number of frames drawn.
+        motion: The motion of the record, its gaps filled, which need not be worked out again where the clip
+            has no other pictures; None works it out.
 
     Returns:
         The first, middle and last frame as JPEG files, each with a caption.
@@ -145,7 +153,8 @@ def write_film(
     through = position
     if fit.starts and fit.ok:
         position = fill(fit, video.times).position
-        motion = filled(fit, filmed.tracked, video.times)
+        if motion is None or not np.array_equal(motion.time, video.times):
+            motion = filled(fit, filmed.tracked, video.times)
         # where nothing is known there is nothing to draw
         through = np.where(np.isfinite(motion.std), motion.position, np.nan)
     drawn = DrawnMotion(

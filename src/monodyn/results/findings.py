@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from monodyn.choices import Tolerance
+from monodyn.mechanism.dimensions import MASS_KINDS
+from monodyn.mechanism.torques import LAG
 from monodyn.results.filmed import Filmed
 from monodyn.results.gaps import filled
 from monodyn.results.horizon import Horizon, horizon_of, horizon_said
@@ -25,6 +27,17 @@ if TYPE_CHECKING:
 
 SCHEMA = 2
 """Version of the form of ``fit.json``: one more whenever a reader of the old form would misread the new."""
+FORMULAS = {
+    "fourier": "torque = mean + sum over k from 1 to harmonics of cos[k - 1] * cos(2 pi k t / period) + "
+    "sin[k - 1] * sin(2 pi k t / period), with t = time stamp * time_scale",
+    "free": "torque = values, linear between knots and zero before and after them, at t = time stamp * "
+    "time_scale",
+    "known": "torque = that of the log at time stamp - lag, linear between its rows",
+}
+"""How torques over time follow from what ``fit.json`` has of them, by their model."""
+
+Openness = Literal["factor", "combined", "open"]
+"""What is left open of a parameter that is not determined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +90,17 @@ class Findings:
     def motions(self) -> list[States]:
         """The motion that stands for each record, its gaps filled."""
         return [filled(self.fit, trace.poses, record=number) for number, trace in enumerate(self.traces)]
+
+    def noted(self, notes: Sequence[str]) -> Findings:
+        """Return the same with further notes; what was worked out already is not worked out again.
+
+        Args:
+            notes: Sentences.
+        """
+        found = replace(self, notes=[*self.notes, *notes])
+        known = ("ensemble", "horizons", "motions")
+        found.__dict__.update({name: value for name, value in self.__dict__.items() if name in known})
+        return found
 
     @property
     def advice(self) -> list[str]:
@@ -188,15 +212,28 @@ def _camera_document(filmed: Filmed) -> dict[str, Any]:
 
 
 def _drive_document(fit: Fit) -> dict[str, Any]:
-    """Return what acts at the joints over time, but for its coefficients, which are parameters.
-
-    The clock is that of the record times ``time_scale``, from 0 on.
-    """
-    torques = fit.mechanism.torques
+    """Return what acts at the joints over time, whole: another program needs nothing else to evaluate it."""
+    mechanism = fit.mechanism
+    torques, values = mechanism.torques, mechanism.values
+    series, table = fit.torque == "fourier", mechanism.numbers[torques.rows]
+    rows = {}
+    for joint, row in zip(mechanism.joints, table.tolist(), strict=True):
+        rows[joint.name] = {
+            "unit": "N m" if joint.kind == "hinge" else "N",
+            "mean": row[0] if series else None,
+            "cos": row[1::2] if series else [],
+            "sin": row[2::2] if series else [],
+            "values": row if fit.torque == "free" else [],
+        }
     return {
         "model": fit.torque,
-        "harmonics": (torques.rows.shape[1] - 1) // 2 if fit.torque == "fourier" else 0,
+        "formula": FORMULAS.get(fit.torque),
+        "time_scale": values["time_scale"],
+        "period": values["torque.period"] if series else None,
+        "harmonics": (torques.rows.shape[1] - 1) // 2 if series else 0,
         "knots": torques.knots if fit.torque == "free" else [],
+        "lag": values.get(LAG),
+        "joints": rows if fit.torque in ("fourier", "free") else {},
     }
 
 
@@ -221,6 +258,26 @@ def origin(estimate: Estimate, fit: Fit) -> str:
     if estimate.name in {size for size, _ in fit.tied}:
         return "assumed"
     return "derived" if estimate.name in fit.spread[0] else "given"
+
+
+def openness(fit: Fit) -> dict[str, Openness]:
+    """Return what is left open of the parameters that are not determined, by name.
+
+    ``"factor"``: known up to the one factor of all masses; ``"combined"``: known in combinations with others
+    alone; ``"open"``: nothing is known of it.
+
+    Args:
+        fit: The fit.
+    """
+    kinds = {parameter.name: parameter.kind for parameter in fit.mechanism.parameters}
+    # a name is followed by a power, or by the next factor
+    factors = {factor.partition("^")[0] for one in fit.combinations for factor in one.name.split(" ")}
+    found: dict[str, Openness] = {}
+    for row in fit.parameters:
+        if row.free and not row.identifiable:
+            known = "factor" if kinds[row.name] in MASS_KINDS else "combined"
+            found[row.name] = known if row.name in factors else "open"
+    return found
 
 
 def parameter_row(estimate: Estimate, fit: Fit) -> dict[str, Any]:

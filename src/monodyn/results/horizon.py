@@ -12,6 +12,7 @@ from monodyn.estimation.wording import amount, listed
 from monodyn.mechanism import Mechanism
 from monodyn.results.curves import BAND
 from monodyn.results.fill import fill
+from monodyn.results.predict import spacing
 from monodyn.results.trace import Trace
 
 FARTHEST = 60.0
@@ -51,7 +52,7 @@ def horizon(fit: Fit, tolerance: Tolerance | None = None, *, record: int = 0) ->
     """
     most = _by_joint(fit, tolerance or Tolerance())
     stamps = fit.time[record] if record < len(fit.time) else np.zeros(1)
-    end, step = float(stamps[-1]), float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.05
+    end, step = float(stamps[-1]), spacing(stamps)
     length = float(stamps[-1] - stamps[0])
     # of a chaotic motion the band grows beyond all numbers: it is followed no farther than it has to be
     while True:
@@ -119,6 +120,15 @@ def horizon_said(fit: Fit, found: Horizon, tolerance: Tolerance, *, since: str =
         f"Predictions stay within {within} for {found.seconds:.2g} s after {since} ({how}; "
         f"{found.joint} is the first to leave)."
     )
+
+
+def lasts(found: Horizon) -> str:
+    """Return how long a prediction holds, as a number with its unit.
+
+    Args:
+        found: How long it does.
+    """
+    return f"{found.seconds:.2g} s" if np.isfinite(found.seconds) else f"over {FARTHEST:g} s"
 
 
 def allowed(mechanism: Mechanism, tolerance: Tolerance) -> str:

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from monodyn.errors import MonodynError
+from monodyn.errors import MonodynError, is_interrupt
 from monodyn.results.export import json_text, jsonable
 from monodyn.results.folder import RunFolder
 
@@ -154,7 +154,7 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
             folder.write_text("run.json", json_text(log.document("done", [*folder.written, "run.json"])))
             folder.finish()
     except BaseException as error:
-        interrupted = _is_interrupt(error)
+        interrupted = is_interrupt(error)
         if folder is not None:
             _record_failure(folder, log, error, interrupted)
         if interrupted:
@@ -162,16 +162,6 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
             kept = place is not None and place.is_dir()
             raise KeyboardInterrupt(*([f"what was finished is in '{place}'."] if kept else [])) from error
         raise
-
-
-def _is_interrupt(error: BaseException | None) -> bool:
-    """Return whether Ctrl-C is behind an error; within a compiled function it comes out as a SystemError."""
-    # numba raises a SystemError from a KeyboardInterrupt that it met within a kernel
-    while error is not None:
-        if isinstance(error, KeyboardInterrupt):
-            return True
-        error = error.__cause__ or error.__context__
-    return False
 
 
 def _record_failure(folder: RunFolder, log: RunLog, error: BaseException, interrupted: bool) -> None:

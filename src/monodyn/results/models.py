@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from monodyn.results.findings import openness
 from monodyn.results.folder import DRAWN, RunFolder
 
 if TYPE_CHECKING:
@@ -17,6 +18,12 @@ if TYPE_CHECKING:
 
 INERTIAL = ("mass", "inertia", "density", "thickness")
 """Kinds of parameters of which a given one makes masses absolute."""
+OPEN = {
+    "factor": "Known up to that factor",
+    "combined": "Known in combinations with one another alone, which fit.json has",
+    "open": "Not determined by the motion",
+}
+"""What is said of parameters, by what is left open of them."""
 
 
 def write_models(folder: RunFolder, findings: Findings) -> None:
@@ -87,9 +94,11 @@ def what_is_known(fit: Fit) -> list[str]:
     if not gravity.free and gravity.value > 0.0:
         said.append(f"Lengths rest on gravity, which was taken as {gravity.value:g} m/s^2.")
     kinds = {p.name: p.kind for p in mechanism.parameters}
-    rows = [p.name for p in fit.parameters if p.free and not p.identifiable and kinds[p.name] != "torque"]
-    if rows:
-        said.append(f"Not determined by the motion: {', '.join(rows)}.")
+    ways = {name: how for name, how in openness(fit).items() if kinds[name] != "torque"}
+    for how, words in OPEN.items():
+        rows = [name for name, way in ways.items() if way == how]
+        if rows:
+            said.append(f"{words}: {', '.join(rows)}.")
     return said
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -14,11 +13,17 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Combination, Doubt, Estimate, Fit, Start, TriedTorque, Unmodelled
+from monodyn.estimation.shooting.unknowns import SEEN_ONLY, assumed_sizes
+from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load
+from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
+from monodyn.results.intact import check_model, check_numbers, differing, digest
 from monodyn.types import Camera
 
+NOTHING = 0.04
+"""Information about the logarithm of a size below which a picture knows nothing of it: a factor of e^5."""
 LARGEST = 500e6
 """Size from which on ``fit.json`` is none [byte]."""
 
@@ -37,8 +42,9 @@ def open_run(folder: str | Path) -> Fit:
         The fit.
 
     Raises:
-        SettingsError: There is no such run, nothing was identified in it, or its files were changed.
-        MechanismError: ``model.xml`` is not as it was written.
+        SettingsError: There is no such run, nothing was identified in it, or its files were changed: they
+            contradict themselves, or each other.
+        MechanismError: ``model.xml`` is no mechanism.
 
     Example:
         >>> fit = monodyn.open_run("run")  # doctest: +SKIP
@@ -65,7 +71,8 @@ def remembered(folder: str | Path) -> Mechanism:
 
     It is the mechanism file of that run with the identified values, the user's choices, and what the pictures
     know of sizes. What its motion has shown is the start alone: a record that is identified again is not
-    counted twice.
+    counted twice. Sizes of which no picture knows anything keep the file's proportion, about which they are
+    assumed to be.
 
     Args:
         folder: The run folder.
@@ -94,23 +101,63 @@ def remembered(folder: str | Path) -> Mechanism:
         )
         follows = {p.name for p in mechanism.parameters if p.follows}
         here = {n: v for n, v in known.items() if n in mechanism.values and n not in follows and n != ROLL}
-        mechanism = mechanism.with_values(here)
+        file, mechanism = mechanism, mechanism.with_values(here)
         seen = document["measured"]
         if seen is not None:
             mechanism = mechanism.with_measured(Measured(tuple(seen["names"]), np.array(seen["information"])))
+        mechanism = mechanism.with_values(_unseen(file, mechanism))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise _changed(folder / "run.json", error) from None
     return mechanism
 
 
+def _unseen(file: Mechanism, mechanism: Mechanism) -> dict[str, float]:
+    """Return the sizes of which no picture knows anything, in their proportion in the file."""
+    then, now, seen = file.values, mechanism.values, mechanism.measured
+    shown = {} if seen is None else dict(zip(seen.names, np.diag(seen.information), strict=True))
+    found: dict[str, float] = {}
+    for p in assumed_sizes(mechanism):
+        against = p.against if p.kind in PLACE_KINDS else f"{p.owner}.length"
+        if shown.get(p.name, 0.0) < NOTHING and p.name not in mechanism.chosen:
+            found[p.name] = then[p.name] * (now[against] / then[against] if against else 1.0)
+    return found
+
+
+def known_before(model: str | Path, fit: Fit) -> list[str]:
+    """Name what the run that was given as the model knows, and its own motion no more does.
+
+    Args:
+        model: What was given as the model of a fit; nothing is said where it is no run folder.
+        fit: The fit.
+
+    Returns:
+        Sentences.
+
+    Raises:
+        SettingsError: From deeper down: the folder is no longer that of a run.
+    """
+    if not Path(model).is_dir():
+        return []
+    rows = {row["name"]: row for row in _document(Path(model))["parameters"]}
+    names = [p.name for p in fit.parameters if p.free and not p.identifiable and p.name in rows]
+    known = [f"{n} ({rows[n]['value']:.4g} ± {rows[n]['std']:.2g} {rows[n]['unit']})"
+             for n in names if rows[n]["free"] and rows[n]["identifiable"]]  # fmt: skip
+    if not known:
+        return []
+    return [
+        f"The motion of '{model}' determined {listed(known, 12)}, which counts for that record alone: "
+        "identify both records together (monodyn identify with both tables) to have it here."
+    ]
+
+
 def _same(model: Mapping[str, Any], folder: Path) -> str | Path:
     """Return the name of a run's mechanism file, which still has to be the one that was read."""
     name = str(model["name"])
-    digest = model.get("sha256")
-    if digest is None:
+    expected = model.get("sha256")
+    if expected is None:
         return name
     for file in (Path(name), folder / Path(name).name):
-        if file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() == digest:
+        if file.is_file() and digest(file) == expected:
             return file
     raise SettingsError(
         f"model '{folder}': expected the mechanism file of that run, '{name}', as it was then, got none; put "
@@ -174,6 +221,10 @@ def _document(folder: Path) -> dict[str, Any]:
         raise SettingsError(
             f"'{folder}': expected an identified mechanism, got a run without one: {document['status']}"
         )
+    try:
+        check_numbers(folder / "fit.json", document)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _changed(folder / "fit.json", error) from None
     return document
 
 
@@ -189,16 +240,26 @@ def _json(file: Path) -> dict[str, Any]:
             f"'{file}': expected a file of a run, got one of {file.stat().st_size} bytes; run it again."
         )
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
+        text = file.read_text(encoding="utf-8")
+        document = json.loads(text, parse_float=_finite, parse_constant=_finite)
     except ValueError as error:
         raise SettingsError(f"'{file}': expected JSON, got other text ({error}); run it again.") from None
     return document if isinstance(document, dict) else {}
 
 
+def _finite(text: str) -> float:
+    """Return a number of a JSON file, which has null for what is none."""
+    if not math.isfinite(number := float(text)):
+        raise ValueError(f"{text} is no number")
+    return number
+
+
 def _fit(document: Mapping[str, Any], model: Path) -> Fit:
     rows = {row["name"]: row for row in document["parameters"]}
     names, matrix = document["covariance"]["names"], document["covariance"]["matrix"]
-    mechanism, varying = _mechanism(document, load(model), rows, names)
+    written = load(model)
+    check_model(model, written, document)
+    mechanism, varying = _mechanism(document, written, rows, names)
     joints = [joint.name for joint in mechanism.joints]
     states = [f"record{k}.{j}{end}" for k in range(len(document["initial_state"]))
               for end in ("", "_vel") for j in joints]  # fmt: skip
@@ -260,6 +321,11 @@ def _mechanism(
     mechanism = mechanism.with_choices(free=varying)
     follows = {p.name for p in mechanism.parameters if p.follows}
     here = {name: value for name, value in known.items() if name in mechanism.values and name not in follows}
+    # where the written file shares a body out otherwise, into length and overhangs, it is the one that moves
+    # as the fit does
+    shapes = {p.name for p in mechanism.parameters if p.kind in (*SEEN_ONLY, "length", "thickness")}
+    for name in shapes.intersection(differing(written, known)):
+        here.pop(name, None)
     return mechanism.with_values(here), varying
 
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from monodyn.mechanism.tree import BRAKES
 from monodyn.results.curves import camera_curves, motion_curves, torque_curves
-from monodyn.results.findings import Findings, frames_of, listed_rows
+from monodyn.results.findings import Findings, frames_of, listed_rows, openness
 from monodyn.results.gaps import how_filled
-from monodyn.results.horizon import FARTHEST, Horizon, allowed, horizon_said
+from monodyn.results.horizon import Horizon, allowed, horizon_said, lasts
 from monodyn.results.next_steps import next_steps
 from monodyn.results.numbers import number, short, shown_in
 
@@ -60,6 +60,13 @@ MEANINGS = {
     "roll": "turn of the camera about its axis",
 }
 """What parameters are, by their kind."""
+OPEN = {
+    "factor": "known up to the factor of all masses",
+    "combined": "known in combinations alone",
+    "open": "not determined by this motion",
+    "held": "held: torques would make up for any other",
+}
+"""What is left open of parameters that are not known."""
 
 
 def page_text(
@@ -84,8 +91,9 @@ def page_text(
     plots = [plot for pair in pairs for plot in motion_curves(fit, *pair, several=several)]
     filmed = findings.filmed
     camera = [] if filmed is None else camera_curves(filmed.video.times, filmed.camera_path)
-    listed = sorted(listed_rows(fit), key=lambda row: not row.identifiable)
+    listed = listed_rows(fit)
     kinds = {parameter.name: parameter.kind for parameter in fit.mechanism.parameters}
+    open_ways = openness(fit)
     # the rest goes into a part of the page that is folded up
     others = [row for row in fit.parameters if not row.free and row not in listed]
     return template("monodyn.results", "report.html.j2").render(
@@ -109,7 +117,8 @@ def page_text(
             {"data": base64.b64encode(data).decode("ascii"), "caption": caption} for data, caption in pictures
         ],
         diagnosis="" if diagnosis is None else base64.b64encode(diagnosis).decode("ascii"),
-        parameters=[_parameter(row, kinds) for row in listed],
+        known=[_parameter(row, kinds) for row in listed if row.identifiable],
+        unknown=[_parameter(row, kinds, open_ways) for row in listed if not row.identifiable],
         others=[_parameter(row, kinds) for row in others],
         combinations=[
             {"name": c.name, "value": number(c.value, c.std), "std": short(c.std), "unit": c.unit}
@@ -158,32 +167,25 @@ def _trusted(findings: Findings, number: int, found: Horizon) -> str:
     return f"{findings.traces[number].name}: {said}" if len(findings.traces) > 1 else said
 
 
-def _parameter(row: Estimate, kinds: Mapping[str, str]) -> dict[str, Any]:
-    """Return one line of the parameter table."""
+def _parameter(
+    row: Estimate, kinds: Mapping[str, str], ways: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return one line of a parameter table; ``ways`` tells what is left open of those that are not known."""
     # the first that applies counts: at a bound the estimate is the bound, whatever else is known
     if row.at_bound:
-        source, flag = "at its bound", True
-    elif not row.free and not row.identifiable:
-        source, flag = "held", True
+        source = "at its bound"
     elif not row.identifiable:
-        source, flag = "not determined by this motion", True
+        source = OPEN[(ways or {}).get(row.name, "held")]
     else:
-        source, flag = "estimated", False
-    lower, upper = number(row.lower, row.std), number(row.upper, row.std)
-    interval = f"{lower} to {upper}"
-    if not (math.isfinite(row.lower) or math.isfinite(row.upper)):
-        interval = "unbounded"
-    elif row.free and not row.identifiable:
-        # what is left are the bounds of the search
-        interval = "not determined"
+        source = "estimated"
     return {
         "name": row.name,
         "value": number(row.value, row.std),
-        "interval": interval,
+        "interval": f"{number(row.lower, row.std)} to {number(row.upper, row.std)}",
         "unit": row.unit,
         "free": row.free,
         "source": source,
-        "flag": flag,
+        "flag": row.at_bound,
         "meaning": MEANINGS.get(kinds.get(row.name, ""), ""),
     }
 
@@ -214,15 +216,10 @@ def _facts(findings: Findings) -> list[dict[str, str]]:
             facts.append({"value": _errors(joints, heldout), "label": "prediction error, rms by joint"})
         if findings.horizons:
             within = allowed(fit.mechanism, findings.tolerance)
-            facts.append({"value": _lasts(findings.horizons[0]), "label": f"prediction within {within}"})
+            facts.append({"value": lasts(findings.horizons[0]), "label": f"prediction within {within}"})
     if findings.log is not None:
         facts.append({"value": f"{sum(findings.log.seconds.values()):.1f} s", "label": "computing time"})
     return facts
-
-
-def _lasts(found: Horizon) -> str:
-    """Write how long a prediction holds."""
-    return f"{found.seconds:.2g} s" if math.isfinite(found.seconds) else f"over {FARTHEST:g} s"
 
 
 def _errors(joints: Sequence[Joint], values: Mapping[str, float | None]) -> str:

@@ -10,6 +10,11 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.results.fill import States, fill
 
+MOST_ROWS = 1_000_000
+"""Rows of a prediction at most: a typing error in a time must not fill the disk."""
+ALONE = 0.05
+"""Spacing of what goes on from a single time stamp [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction(States):
@@ -32,8 +37,8 @@ def predict(
         The motion at ``times``, or from the end of the fitted frames on.
 
     Raises:
-        SettingsError: ``until`` lies before the end of the fitted frames, times do not increase, there is no
-            such record, or nothing was identified.
+        SettingsError: ``until`` lies before the end of the fitted frames or too far after it, times do not
+            increase, there is no such record, or nothing was identified.
 
     Example:
         ``future = predict(fit, until=10.0)`` goes on to 10 s on the clock of the record.
@@ -42,14 +47,13 @@ def predict(
         if not 0 <= record < len(fit.time):
             raise SettingsError(f"predict: expected a record from 0 to {len(fit.time) - 1}, got {record}.")
         stamps = fit.time[record]
-        end, step = float(stamps[-1]), float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.05
+        end = float(stamps[-1])
         stop = end + (end - float(stamps[0])) if until is None else float(until)
         if not stop > end:
             raise SettingsError(
                 f"predict: expected a time after the last fitted frame at {end:g} s, got {stop:g} s."
             )
-        # 1e-6 of a step: an end that rounding puts just below a whole number of steps still counts
-        times = end + step * np.arange(1, int(np.floor((stop - end) / step + 1e-6)) + 1)
+        times = evenly(end, stop, spacing(stamps))[1:]
         if len(times) == 0:
             times = np.array([stop])
     elif until is not None:
@@ -57,3 +61,35 @@ def predict(
         times = times[times <= until]
     found = fill(fit, times, record=record)
     return Prediction(found.time, found.position, found.velocity, found.std, found.velocity_std)
+
+
+def spacing(stamps: np.ndarray) -> float:
+    """Return the usual time between two frames of a record [s].
+
+    Args:
+        stamps: Its time stamps [s], (frame,).
+    """
+    return float(np.median(np.diff(stamps))) if len(stamps) > 1 else ALONE
+
+
+def evenly(begin: float, end: float, step: float) -> np.ndarray:
+    """Return equally spaced times from a beginning up to an end.
+
+    Args:
+        begin: The first of them [s].
+        end: What none of them is after [s].
+        step: Between two of them [s].
+
+    Returns:
+        Times [s], (frame,).
+
+    Raises:
+        SettingsError: There are too many of them.
+    """
+    # 1e-6 of a step: an end that rounding puts just below a whole number of steps still counts
+    rows = np.floor((end - begin) / step + 1e-6) + 1.0
+    if rows > MOST_ROWS:
+        raise SettingsError(
+            f"until: expected at most {MOST_ROWS} rows of {step:g} s, got {rows:.0f}; end it earlier."
+        )
+    return begin + step * np.arange(int(rows))

@@ -12,15 +12,18 @@ import numpy as np
 from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
-from monodyn.results.curves import BAND
+from monodyn.mechanism import Mechanism
+from monodyn.results.curves import BAND, state_curves
 from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
 from monodyn.results.folder import FolderKind, RunFolder
-from monodyn.results.horizon import Horizon, horizon
+from monodyn.results.horizon import Horizon, allowed, horizon, horizon_said, lasts
 from monodyn.results.numbers import shown_in
 from monodyn.results.opened import clip_of, filmed_by, open_run
 from monodyn.results.overlay import PREDICTED, Drawing, write_overlay
+from monodyn.results.predict import evenly, spacing
 from monodyn.results.restart import restart
+from monodyn.results.sequel import Sequel, notes_of, sequel_text
 from monodyn.results.sight import outlines_of
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
@@ -28,8 +31,6 @@ from monodyn.vision.clip.video import Video, read
 PREDICTION = FolderKind(
     "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4")
 )
-MOST_ROWS = 1_000_000
-"""Rows of a prediction at most."""
 
 
 @dataclass(frozen=True)
@@ -124,16 +125,10 @@ def predict_run(
     begun = restart(fit, wanted.positions, wanted.rates, at=wanted.at, fix=wanted.fix, record=wanted.record)
     stamps, start = begun.time[0], begun.starts[0].time
     ends = float(fit.time[wanted.record][0]), float(fit.time[wanted.record][-1])
-    step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.05
     end = start + float(stamps[-1] - stamps[0]) if wanted.until is None else wanted.until
     if not start < end < np.inf:
         raise SettingsError(f"until: expected a time after the start at {start:g} s, got {end:g} s.")
-    # 1e-6 of a step: an end that rounding puts just below a whole number of steps still counts
-    rows = int(np.floor((end - start) / step + 1e-6)) + 1
-    if rows > MOST_ROWS:
-        raise SettingsError(
-            f"until: expected at most {MOST_ROWS} rows of {step:g} s, got {rows}; end it earlier."
-        )
+    times = evenly(start, end, spacing(stamps))
     background = _background(Path(run), clip) if film else None
     if clip is not None and not film:
         raise SettingsError("clip: expected --film with it, got none; add it, or leave the clip out.")
@@ -142,12 +137,12 @@ def predict_run(
             f"out '{out}': expected another folder than that of the run, whose prediction.csv it would "
             "replace; give another with --out."
         )
-    states = _followed(begun, start + step * np.arange(rows))
+    states = _followed(begun, times)
     found = Predicted(begun, states, horizon(begun, wanted.tolerance), _notes(begun, states, ends))
     if out is None:
         return found
     folder = RunFolder(out, force=force, inputs=[run, clip], kind=PREDICTION)
-    _write(folder, found, Path(run), background, progress)
+    _write(folder, found, wanted, Path(run), background, progress)
     folder.finish()
     return replace(found, folder=folder.path)
 
@@ -183,41 +178,64 @@ def _notes(fit: Fit, states: States, record: tuple[float, float]) -> tuple[str, 
 
 
 def _write(
-    folder: RunFolder, found: Predicted, run: Path, background: Frame | None, progress: Progress | None
-) -> None:
+    folder: RunFolder, found: Predicted, wanted: Wanted, run: Path, background: Frame | None,
+    progress: Progress | None,
+) -> None:  # fmt: skip
     """Write the files of a prediction, the ones that cost least first."""
     joints, states = found.fit.mechanism.joints, found.states
     names = [joint.name for joint in joints]
     table = motion_table(names, [(range(len(states.time)), states)])
     folder.write_text("prediction.csv", table)
     folder.write_text("prediction.json", json_text(found.document))
-    folder.write_text("prediction.html", _plot(found))
+    files = [*folder.written, *(["prediction.mp4"] if background is not None else [])]
+    folder.write_text("prediction.html", sequel_text(_page(found, wanted, run), files, run, folder.path))
     if background is not None:
         folder.write("prediction.mp4", lambda path: _film(path, found, run, background, progress))
 
 
-def _plot(found: Predicted) -> str:
-    """Return a page with the position of every joint over time and its 95 % band."""
-    from plotly.graph_objects import Figure, Scatter
-    from plotly.subplots import make_subplots
+def _page(found: Predicted, wanted: Wanted, run: Path) -> Sequel:
+    """Return what the page of a prediction says."""
+    fit, states = found.fit, found.states
+    within, ends = allowed(fit.mechanism, wanted.tolerance), (states.time[0], states.time[-1])
+    whence = "as given" if wanted.positions is not None else f"as record {wanted.record} has it there"
+    begins = [f"{ends[0]:g} s, {whence}", *_state(fit.mechanism, states)]
+    asked = [
+        ("start", "; ".join(begins)),
+        ("until", f"{ends[1]:g} s, a row every {spacing(states.time):.4g} s"),
+        ("tolerance", within),
+    ]
+    if wanted.fix:
+        given = (f"{name} {x:g} {fit.mechanism.parameter(name).unit}" for name, x in wanted.fix.items())
+        asked.append(("other values", ", ".join(given)))
+    half = [
+        f"{BAND * std * shown_in(joint)[0]:.2g} {shown_in(joint)[1]}" if np.isfinite(std) else "unknown"
+        for joint, std in zip(fit.mechanism.joints, states.std[-1], strict=True)
+    ]
+    facts = [
+        (f"{ends[1] - ends[0]:.3g} s", "predicted"),
+        (lasts(found.horizon), f"within {within}"),
+        (" · ".join(half), "half width of the 95 % bands at the end"),
+    ]
+    return Sequel(
+        title=f"{fit.mechanism.name} from {ends[0]:g} s on",
+        subtitle=f"Motion of the mechanism that was identified in '{run.resolve().name}'.",
+        grade=fit.grade,
+        status=horizon_said(fit, found.horizon, wanted.tolerance, since="the start"),
+        notes=notes_of(fit, found.notes),
+        facts=facts,
+        asked=asked,
+        plots=state_curves(fit.mechanism, states),
+        legend=[("predicted", "predicted, with its 95 % band")],
+    )
 
-    joints, states = found.fit.mechanism.joints, found.states
-    figure: Figure = make_subplots(rows=len(joints), cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    for dof, joint in enumerate(joints):
+
+def _state(mechanism: Mechanism, states: States) -> list[str]:
+    """Write the first state of a motion, joint by joint."""
+    found = []
+    for joint, position, rate in zip(mechanism.joints, states.position[0], states.velocity[0], strict=True):
         scale, unit = shown_in(joint)
-        middle, half = states.position[:, dof] * scale, BAND * states.std[:, dof] * scale
-        known = np.where(np.isfinite(half), half, np.nan)
-        for edge, fills in ((middle - known, None), (middle + known, "tonexty")):
-            band = Scatter(x=states.time, y=edge, fill=fills, line={"width": 0}, hoverinfo="skip",
-                           fillcolor="rgba(192, 57, 43, 0.2)", showlegend=False)  # fmt: skip
-            figure.add_trace(band, row=dof + 1, col=1)
-        line = Scatter(x=states.time, y=middle, name=joint.name, line={"color": "#c0392b"}, showlegend=False)
-        figure.add_trace(line, row=dof + 1, col=1)
-        figure.update_yaxes(title_text=f"{joint.name} [{unit}]", row=dof + 1, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(joints), col=1)
-    title = f"{found.fit.mechanism.name} from {states.time[0]:g} s on, with its 95 % band"
-    figure.update_layout(template="plotly_white", title=title, height=140 + 220 * len(joints))
-    return figure.to_html(include_plotlyjs=True, full_html=True)
+        found.append(f"{joint.name} {position * scale:z.4g} {unit}, {rate * scale:z.4g} {unit}/s")
+    return found
 
 
 def _background(run: Path, clip: str | Path | None) -> Frame:

@@ -24,6 +24,7 @@ from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.gaps import unfollowed
 from monodyn.results.heldout import excluded, excluded_note
+from monodyn.results.intact import digest
 from monodyn.results.models import write_models
 from monodyn.results.page import page_text
 from monodyn.results.torques import torque_course
@@ -103,15 +104,16 @@ def write_results(
     # before the documents are made, because fit.json and the page both carry the notes
     motions = findings.motions
     said = [*_excluded_notes(findings, wrong), *unfollowed(traces, motions), *lost_in_urdf(fit.mechanism)]
-    findings = replace(findings, notes=[*findings.notes, *said])
+    findings = findings.noted(said)
     if record is not None:
         folder.write("poses.csv", lambda path: write_poses(record, path, wrong[0] if wrong else None))
     filmed = findings.filmed
     if filmed is not None and filmed.camera_path is not None:
         folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))
-    document = fit_document(findings)
-    folder.write_text("fit.json", json_text(document))
     write_models(folder, findings)
+    # so that a model that was changed by hand is told from the one that belongs to the fit
+    document = {**fit_document(findings), "model_sha256": digest(folder.stage / "model.xml")}
+    folder.write_text("fit.json", json_text(document))
     joints = [joint.name for joint in fit.mechanism.joints]
     moved = [replace(trace, states=motion) for trace, motion in zip(traces, motions, strict=True)]
     folder.write_text("states.csv", states_table(joints, moved))
@@ -123,7 +125,8 @@ def write_results(
     if findings.filmed is not None:
         if findings.filmed.sight is None or findings.filmed.sight.filmed:
             # without a motion to draw no frame is a fitted one
-            pictures = write_film(folder, fit, findings.filmed, findings.frames or (0, 0), progress)
+            frames, motion = findings.frames or (0, 0), next(iter(motions), None)
+            pictures = write_film(folder, fit, findings.filmed, frames, progress, motion)
         shown = _write_diagnosis(folder, findings)
     # what is written after the page is in the folder, too, when it is read
     files = [name for name in (*folder.written, "run.json") if name != "run.json" or findings.log is not None]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit, Start
+from monodyn.estimation.wording import listed
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.results.fill import fill, moment
 
 FARTHEST = 1e6
@@ -45,7 +48,9 @@ def restart(
 
     Raises:
         SettingsError: Nothing was identified, there is no such record or joint, a joint has no position,
-            rates are given without positions, or the time is far from the record.
+            rates are given without positions, the time is far from the record, or a parameter that is fixed
+            does not act on the motion, as a width beside a given mass, or the roll of the camera: positions
+            are against gravity.
         MechanismError: From the mechanism: there is no such parameter, or it cannot have that value.
 
     Example:
@@ -127,6 +132,15 @@ def _changed(fit: Fit, fix: Mapping[str, float]) -> Fit:
     """Return a fit some of whose parameters have another value, exactly."""
     if not fix:
         return fit
+    mechanism = fit.mechanism.with_choices(fix=fix)
+    idle = set(fix) - acting(mechanism, list(fix), logged=bool(fit.torques))
+    if idle:
+        others = [p.name for p in mechanism.parameters if not p.follows]
+        useful = sorted(acting(mechanism, others, logged=bool(fit.torques)), key=others.index)
+        raise SettingsError(
+            f"fix: expected parameters on which the motion depends ({', '.join(useful)}), got "
+            f"{listed(sorted(idle), 12)}; leave {'it' if len(idle) == 1 else 'them'} out."
+        )
     kept = [k for k, name in enumerate(fit.names) if name not in fix]
     estimates = tuple(
         replace(row, value=fix[row.name], std=0.0, lower=fix[row.name], upper=fix[row.name], free=False)
@@ -136,8 +150,27 @@ def _changed(fit: Fit, fix: Mapping[str, float]) -> Fit:
     )
     return replace(
         fit,
-        mechanism=fit.mechanism.with_choices(fix=fix),
+        mechanism=mechanism,
         parameters=estimates,
         covariance=fit.covariance[np.ix_(kept, kept)],
         tied=tuple(pair for pair in fit.tied if not set(pair) & set(fix)),
     )
+
+
+def acting(mechanism: Mechanism, names: Sequence[str], *, logged: bool = False) -> set[str]:
+    """Return which parameters the motion depends on: others are of the picture alone, or of no consequence.
+
+    Args:
+        mechanism: The mechanism.
+        names: Names of parameters whose values do not follow from others.
+        logged: True where known torques act, whose lag counts then.
+    """
+    directions, dofs = mechanism.directions(names), len(mechanism.joints)
+    # any state will do, as long as everything moves, and nothing is in equilibrium
+    rows = np.random.default_rng(0).uniform(0.5, 1.5, (3, 4, dofs))
+    slopes = acceleration_derivatives(mechanism.tree, directions, *rows)[1][:, :, : len(names)]
+    moved = np.any(slopes != 0.0, axis=(0, 1)) | (directions.clock != 0.0)
+    moved[directions.entry[directions.entry >= 0]] = True
+    moved |= logged & (directions.lag != 0.0)
+    # another clock of the stamps is another motion on theirs
+    return {name for name, moves in zip(names, moved, strict=True) if moves or name == "time_scale"}

@@ -22,12 +22,14 @@ def proportions(assumed: Sequence[Parameter]) -> list[str]:
     names = [p.name for p in assumed]
     if len(names) == 1:
         return [
-            f"Nothing determines {names[0]}: within a factor of 1.6 (one standard deviation) it is taken in "
+            f"Neither a picture nor this motion determines {names[0]}: within a factor of 1.6 (one "
+            "standard deviation) it is taken in "
             "proportion to the length of its body, as in the file, and the intervals contain that; a "
             "measured value, given with --fix, would make them narrower."
         ]
     return [
-        f"Nothing determines {listed(names, 12)}: within a factor of 1.6 (one standard deviation) they are "
+        f"Neither a picture nor this motion determines {listed(names, 12)}: within a factor of 1.6 (one "
+        "standard deviation) they are "
         "taken in proportion to the length of their body, as in the file, and the intervals contain that; "
         "measured values, given with --fix, would make them narrower."
     ]
