@@ -128,7 +128,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     while rounds < least or substeps > optimum.trial.substeps:
         noise = _noise(stated, optimum)
         if common is not None:
-            # the noise is that of positions to which the motion was fitted: once more is taken off it has to follow
+            # the noise is that of positions to which the motion was fitted: it has yet to follow others
             common = common_error(_weighted(stated, noise), optimum.trial, common.mean)
             stated = whole.with_data(less(whole.data, common.mean))
         weighted = _weighted(stated, noise)
