@@ -17,6 +17,9 @@ from monodyn.vision.locating.bundle import Bundle, shifted_rigs
 from monodyn.vision.locating.knowledge import covariance_of, shifted_turn
 from monodyn.vision.locating.variables import springs
 
+HARMONICS = (0, 1, 2)
+"""How often an error of edges comes back while a link turns once: with the link's own shape, with the light
+or the side from which it is seen, and with the pixels' rows and columns."""
 SLIDING = ("camera.x", "camera.y")
 """Places that every frame has in common with all edges of the outline."""
 
@@ -48,9 +51,43 @@ class Doubt:
         rig, shifts = shifted_rigs(variables, x, mechanism, camera, 1.0)
         unit = np.where(slides, self.metre, 1.0)
         # what hides a joint does not make the others any surer: it is taken to be where it went meanwhile
-        gains = pose_gains(rig, shifts, _filled(poses) * unit)
+        where = _filled(poses)
+        gains = pose_gains(rig, shifts, where * unit)
         moved = np.einsum("fdp,pk->kfd", gains, self.root) / unit
+        moved = np.concatenate((moved, self._edges(where)))
         return replace(poses, shifts=np.where(np.isfinite(poses.position), moved, 0.0))
+
+    def _edges(self, position: np.ndarray) -> np.ndarray:
+        """Return what edges that are off do to poses whatever the scene is, (direction, frame, dof).
+
+        They are off in the same way whenever a link points in the same direction: its ends are, by the
+        systematic error of an edge each, so that it seems to be turned, and the links on it the other way.
+        """
+        mechanism, px = self.bundle.mechanism, self.bundle.camera.focal / self.bundle.camera.depth
+        values, parents = mechanism.values, mechanism.tree.parent.tolist()
+        pointing = np.zeros_like(position)
+        for i, joint in enumerate(mechanism.joints):
+            pointing[:, i] = pointing[:, parents[i]] if parents[i] >= 0 else 0.0
+            pointing[:, i] += joint.sign * position[:, i] * (joint.kind == "hinge")
+        found = []
+        for i, joint in enumerate(mechanism.joints):
+            length = values.get(f"{joint.body}.length", 0.0) * px
+            if joint.kind != "hinge" or length <= 0.0:
+                continue
+            std = np.sqrt(2.0 / len(HARMONICS)) * self.bundle.systematic_px / length
+            for wave in (w for k in HARMONICS for w in _waves(k, pointing[:, i])):
+                moved = np.zeros_like(position)
+                moved[:, i] = joint.sign * std * wave
+                for k, child in enumerate(mechanism.joints):
+                    if parents[k] == i and child.kind == "hinge":
+                        moved[:, k] = -child.sign * std * wave
+                found.append(moved)
+        return np.array(found).reshape(-1, *position.shape)
+
+
+def _waves(harmonic: int, angle: np.ndarray) -> list[np.ndarray]:
+    """Return what is the same whenever an angle is, by its harmonic, each (frame,)."""
+    return [np.cos(harmonic * angle), np.sin(harmonic * angle)][: 2 if harmonic else 1]
 
 
 def _filled(poses: Poses) -> np.ndarray:
