@@ -22,7 +22,9 @@ TABLE = places(ARCHITECTURE)
 PAPER_USERS = ("paper", "settings", "stages", "reproduce")
 """The only rooms that may import ``paper``: itself and three more."""
 
-KERNELS = ("mechanism/planar", "mechanism/tangents", "mechanism/slopes", "mechanism/branches")
+KERNELS = tuple(
+    f"mechanism/{name}" for name in ("planar", "tangents", "slopes", "branches", "ahead", "reversals")
+)
 """What stands behind the one door to motion."""
 
 every_module = pytest.mark.parametrize(

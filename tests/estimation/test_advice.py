@@ -201,6 +201,20 @@ def test_zero_frictions_are_those_not_estimated(double):
     assert advice.zero_frictions(freed, choose_unknowns(freed)) == ["joint1.friction"]
 
 
+def test_friction_that_turns_ahead(double):
+    from monodyn.estimation.shooting.unknowns import choose_unknowns
+
+    led = double.with_values({"joint1.lead": 0.0095})
+    assert advice.turning_ahead(led, choose_unknowns(led)) == []
+    freed = led.with_choices(free=["joint1.lead"])
+    assert advice.turning_ahead(freed, choose_unknowns(freed)) == [
+        "Dry friction turns ahead of the rate, by 9.5 ms (joint1.lead): so does the soft constraint of a "
+        "simulator (of MuJoCo, by half of solreffriction, about 10 ms unless a file says otherwise), but no "
+        "bearing. In a record of a real mechanism it stands for something else that acts where the motion "
+        "reverses."
+    ]
+
+
 def test_records_that_share_a_roll():
     assert advice.one_roll(1) == []
     assert advice.one_roll(2) == [

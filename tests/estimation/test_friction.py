@@ -39,3 +39,24 @@ def test_a_motion_that_dry_friction_brings_to_rest_is_explained(tmp_path):
     assert found.parameter("link1.length").value == pytest.approx(0.3, rel=0.01)
     resting = predict(found, times=record.time).position[60:, 0]
     assert np.abs(resting - np.median(record.position[60:, 0])).max() < np.radians(0.5)
+
+
+@pytest.mark.parametrize("firm", [False, True])
+def test_friction_that_turns_ahead_is_that_of_a_soft_constraint(firm, tmp_path):
+    """MuJoCo's default turns 9.5 ms ahead: half of 0.02 s, by the dmax of its impedance."""
+    law = f'damping="0.001" frictionloss="0.004" {STIFF if firm else ""}'
+    dry = DOUBLE.replace('damping="0.001"', law).replace('damping="0.0005"', law)
+    record, _ = simulated(dry, [1.2, -0.9], 120)
+    found = identify(record, started(DOUBLE, tmp_path, 0.5, **THICKNESS))
+    assert found.ok, found.status
+    lead, said = found.parameter("joint1.lead"), [text for text in found.advice if "no bearing" in text]
+    assert lead.free == (not firm)
+    assert len(said) == (not firm)
+    # one for all joints
+    assert found.parameter("joint2.lead").value == lead.value
+    if not firm:
+        assert lead.lower < 0.0095 < lead.upper
+        assert lead.value == pytest.approx(0.0095, rel=0.1)
+        assert found.parameter("joint1.friction").value == pytest.approx(0.004, rel=0.05)
+        held = identify(record, started(DOUBLE, tmp_path, 0.5, **THICKNESS, **{"joint1.lead": 0.0}))
+        assert not held.parameter("joint1.lead").free

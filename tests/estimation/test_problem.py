@@ -20,7 +20,7 @@ from swings import TIMES, motion, record
 
 TYPICAL = {
     "damping": 0.01, "friction": 2e-3, "stiffness": 0.05, "rest": 0.1,
-    "armature": 1e-4, "drag": 1e-4, "air": 1e-4,
+    "armature": 1e-4, "drag": 1e-4, "air": 1e-4, "lead": 5e-3,
 }  # fmt: skip
 """A value of each joint parameter that shows in a swing [SI units of the kind]."""
 
@@ -33,7 +33,7 @@ def test_the_derivative_by_the_time_scale_is_exact(model, kind):
     Each joint law has its own power of time, so that each is tried alone.
     """
     start = load(model).with_values({"time_scale": 0.7}).with_choices(free=["time_scale"])
-    acting = (kind, "stiffness") if kind == "rest" else (kind,)
+    acting = (kind, *{"rest": ("stiffness",), "lead": ("friction",)}.get(kind, ()))
     alone = {p.name: TYPICAL[p.kind] * (p.kind in acting) for p in start.parameters if p.kind in JOINT}
     resisted = start.with_values(alone)
     swing = motion(resisted, TIMES, [0.1, 0.5], [0.2, 1.0])
@@ -48,7 +48,7 @@ def test_the_derivative_by_the_time_scale_is_exact(model, kind):
     slope = (ends[0] - ends[1]) / 2e-5
     # the difference is good to 1e-10 by its step and to 1e-11 of the residuals by rounding; the rate at which
     # friction changes sign is taken to go along with the scale, which leaves a share of its few reversals
-    exact = 3e-3 if kind == "friction" else 1e-7
+    exact = 3e-3 if kind in ("friction", "lead") else 1e-7
     np.testing.assert_allclose(jacobian[:, :, at], slope, rtol=0, atol=exact * np.abs(slope).max())
 
 

@@ -98,7 +98,7 @@ def test_longer_on_a_slower_clock(model, bodies, mass):
         inertia = mass + 2.0 if joints.get(owner, "hinge") == "hinge" else mass
         force = inertia - 1.0 if joints.get(owner, "hinge") == "hinge" else inertia
         table = dict.fromkeys(SIZES_ALONE, 1.0) | {
-            "time_scale": 0.5, "period": 0.5, "mass": mass, "inertia": mass + 2.0,
+            "time_scale": 0.5, "period": 0.5, "lead": 0.5, "mass": mass, "inertia": mass + 2.0,
             "damping": inertia - 0.5, "stiffness": inertia - 1.0, "friction": force, "torque": force,
             "rest": 0.0 if joints.get(owner, "hinge") == "hinge" else 1.0,
             **dict.fromkeys(

@@ -10,24 +10,32 @@ from monodyn.mechanism import Mechanism, load, write_mjcf, write_urdf
 from monodyn.mechanism.dimensions import DIMENSIONS, SLIDE_DIMENSIONS
 from monodyn.mechanism.plan import JOINT, JOINT_COLUMNS
 from monodyn.mechanism.simulate import accelerations, rollout, rollout_derivatives
-from monodyn.mechanism.tree import ARMATURE, COLUMNS, DAMPING, PASSIVE, REST
+from monodyn.mechanism.tree import ARMATURE, COLUMNS, DAMPING, LEAD, PASSIVE, REST
 from monodyn.mechanism.urdf import NOT_IN_URDF
 
-VALUE, SPRING = 0.0123, 0.2
+VALUE, WITH = 0.0123, {"rest": {"stiffness": 0.2}, "lead": {"friction": 0.2}}
 STATE = np.array([[0.3, -0.4]]), np.array([[1.7, -2.1]])
 """A slide and a hinge off their rest, moving up and down: no term is zero, rates have both signs."""
+NEAR_REST = np.array([[0.3, -0.4]]), np.array([[1.7e-3, -2.1e-3]])
+"""The same where dry friction changes its sign: elsewhere it makes no difference when it does."""
+
+
+def state(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and rates at which a term acts."""
+    return NEAR_REST if kind == "lead" else STATE
 
 
 def cartpole(kind: str = "", value: float = VALUE) -> Mechanism:
-    """Return a cart and a pendulum whose joints have one term alone; a rest has a spring to it."""
-    mechanism, other = load("cartpole"), {"stiffness": SPRING} if kind == "rest" else {}
+    """Return a cart and a pendulum whose joints have one term alone; a rest has a spring to it, and a lead
+    the friction that leads."""
+    mechanism, other = load("cartpole"), WITH.get(kind, {})
     terms = dict.fromkeys(JOINT, 0.0) | other | ({kind: value} if kind else {})
     return mechanism.with_values({f"{j.name}.{k}": v for j in mechanism.joints for k, v in terms.items()})
 
 
 def test_every_column_of_a_joint_is_a_parameter() -> None:
     assert sorted(JOINT_COLUMNS) == list(range(DAMPING, COLUMNS))
-    assert set(PASSIVE) == {*JOINT_COLUMNS} - {ARMATURE, REST}
+    assert set(PASSIVE) == {*JOINT_COLUMNS} - {ARMATURE, REST, LEAD}
 
 
 @pytest.mark.parametrize("kind", JOINT)
@@ -42,7 +50,7 @@ def test_a_term_acts_on_the_motion_of_both_joints(kind: str) -> None:
     bare, none = cartpole(kind, 0.0), np.zeros((1, 2))
     for i in range(2):
         tree = bare.with_values({f"{bare.joints[i].name}.{kind}": VALUE}).tree
-        change = accelerations(tree, *STATE, none) - accelerations(bare.tree, *STATE, none)
+        change = accelerations(tree, *state(kind), none) - accelerations(bare.tree, *state(kind), none)
         assert np.abs(change).max() > 1e-4
 
 
@@ -52,7 +60,7 @@ def test_the_derivative_by_a_term_is_that_of_the_complex_step(kind: str, value: 
     mechanism = cartpole(kind, value)
     names = [f"{j.name}.{kind}" for j in mechanism.joints]
     directions, times = mechanism.directions(names), np.linspace(0.0, 0.1, 4)
-    q0, v0 = STATE[0][0], STATE[1][0]
+    q0, v0 = state(kind)[0][0], state(kind)[1][0]
     _, _, dq, _ = rollout_derivatives(mechanism.tree, directions, times, q0, v0, substeps=2)
     for k in range(2):
         stepped = mechanism.tree.along(directions, k, 1e-30j)
@@ -65,7 +73,7 @@ def test_the_derivative_by_a_term_is_that_of_the_complex_step(kind: str, value: 
 @pytest.mark.parametrize("kind", JOINT)
 def test_the_derivative_by_the_state_knows_a_term(kind: str) -> None:
     mechanism, step = cartpole(kind), 1e-30j
-    times, q0, v0 = np.linspace(0.0, 0.1, 4), STATE[0][0], STATE[1][0]
+    times, q0, v0 = np.linspace(0.0, 0.1, 4), state(kind)[0][0], state(kind)[1][0]
     tree = mechanism.tree
     _, _, dq, _ = rollout_derivatives(tree, mechanism.directions([]), times, q0, v0, substeps=2)
     moving = tree.along(mechanism.directions(["time_scale"]), 0, 0j)  # the same tree, complex
@@ -101,7 +109,7 @@ def test_what_a_file_has_of_a_term_begins_the_fit(kind: str, tmp_path: Path) -> 
         # a hinge's spring is slack within two turns
         within = 4.0 * np.pi if joint.kind == "hinge" else np.inf
         assert parameter.lower == (-within if kind == "rest" else 0.0)
-        assert parameter.free == (kind not in ("armature", "rest"))
+        assert parameter.free == (kind not in ("armature", "rest", "lead"))
 
 
 def test_the_zoo_has_no_drag_unless_it_says_so(tmp_path: Path) -> None:

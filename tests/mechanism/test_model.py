@@ -231,7 +231,7 @@ SINGLE_NAMES = (
     "'link1.length', 'link1.tail', 'link1.width', 'link1.thickness', 'link1.density', "
     "'link1.mass', 'link1.com_x', "
     "'link1.com_y', 'link1.inertia', 'joint1.damping', 'joint1.friction', 'joint1.stiffness', 'joint1.rest', "
-    "'joint1.armature', 'joint1.drag', 'joint1.air', "
+    "'joint1.armature', 'joint1.drag', 'joint1.air', 'joint1.lead', "
     "'gravity', 'time_scale', 'camera.roll'"
 )
 

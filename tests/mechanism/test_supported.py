@@ -45,6 +45,14 @@ from support import refuses
             )
             for data in ("-0.1", "1 2")
         ),
+        *(
+            (
+                mjcf(SINGLE, f'<custom><numeric name="j1.lead" data="{data}"/></custom>'),
+                "m.xml: custom numeric 'j1.lead': expected one number from 0 to 0.05, how far ahead of the "
+                f"rate its dry friction turns [s], got {data}; correct it.",
+            )
+            for data in ("-0.1", "0.06")
+        ),
         (
             mjcf(SINGLE, '<option gravity="0 0 1e300"/>'),
             "m.xml: gravity: expected numbers up to 1e+09, got 1e+300; correct it.",

@@ -174,8 +174,8 @@ class Fit:
         parameters: All parameters with their intervals.
         combinations: What the motion fixes even where single parameters stay open.
         starts: Start state of each record.
-        tied: Sizes that keep their proportion to a length because nothing determines them: (size, length)
-            pairs.
+        tied: Sizes that keep their proportion to a length because nothing determines them, densities and
+            leads that keep theirs to the first one: (parameter, what it keeps it to) pairs.
         covariance: Covariance of the unknowns ``names``, (unknown, unknown); directions that the data do not
             fix, and that do not move the motion, are left out of it; NaN for parameters of which none is
             determined.

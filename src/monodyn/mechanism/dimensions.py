@@ -71,6 +71,7 @@ DIMENSIONS = {
     "armature": Dimensions(mass=1, length=2),
     "drag": Dimensions(mass=1, length=2),
     "air": Dimensions(mass=1, length=2),
+    "lead": Dimensions(time=1),
     "torque": _TORQUE,
     "gravity": Dimensions(length=1, time=-2),
     "time_scale": Dimensions(time=1),
@@ -88,6 +89,7 @@ SLIDE_DIMENSIONS = {
     "armature": Dimensions(mass=1),
     "drag": Dimensions(mass=1, length=-1),
     "air": Dimensions(mass=1, length=-1),
+    "lead": Dimensions(time=1),
     "torque": _FORCE,
 }
 """Dimensions of the kinds that are forces at a slide where they are torques at a hinge."""

@@ -44,6 +44,7 @@ from monodyn.mechanism.tree import (
     DRAG,
     FRICTION,
     INERTIA,
+    LEAD,
     MASS,
     REST,
     STIFFNESS,
@@ -52,6 +53,8 @@ from monodyn.mechanism.tree import (
 FIRM = {"solreffriction": "0.002 1", "solimpfriction": "0.999 0.9999 0.001"}
 """What makes MuJoCo's friction loss turn where the rate does: by default it does so 10 ms ahead, and lets a
 joint that it holds creep at degrees a second. The first is twice its step [s], the least that it takes."""
+MOST_FIRM, LEAST_SOFT = 0.9999, 0.002
+"""The second number of ``solimpfriction``, and that first one."""
 
 SERIES = (
     "Not applied by MuJoCo itself: the control [N m or N] of the motor of each joint at data.time t [s] is "
@@ -61,6 +64,10 @@ SERIES = (
 HATS = (
     "Not applied by MuJoCo itself: the controls [N m or N] of the motors at the times in the numeric "
     "torque.times [s of data.time] are those in <joint>.torque, linear in between and zero outside."
+)
+LED = (
+    "Dry friction turns ahead of the rate, as a soft constraint of MuJoCo does and no bearing: by "
+    "<joint>.lead [s], half of solreffriction."
 )
 AIRED = "Not simulated by MuJoCo: the drag of the air on links, -c |z| z."
 INTEGRATOR = (
@@ -116,8 +123,9 @@ def write_mjcf(
     """Write the mechanism as an MJCF file.
 
     The motion in MuJoCo is that of ``simulate`` except where friction loss holds a joint: there each creeps
-    in its own way, neither visibly; and except for the drag of the air on links, which MJCF has no place for:
-    it stands in custom numerics, that MuJoCo does not look at, and a comment says so. Each joint of a driven
+    in its own way, neither visibly, and a lead of less than a millisecond is one of that; and except for the
+    drag of the air on links, which MJCF has no place for: it stands in custom numerics, that MuJoCo does not
+    look at, and a comment says so. Each joint of a driven
     mechanism has a motor, whose control is the torque [N m or N]; a drive stands in custom numerics, and a
     comment gives its formula.
 
@@ -165,12 +173,15 @@ def write_mjcf(
 
 
 def _customs(mechanism: Mechanism) -> list[ET.Element]:
-    """Return what MJCF has no place for, as numbers: the drag of the air on the links, and the drive."""
+    """Return what MJCF has no place for, as numbers: the drag of the air on the links, leads of dry friction,
+    which follow from none of its attributes to the last digit, and the drive."""
     custom, said = ET.Element("custom"), []
-    for joint, c in zip(mechanism.joints, mechanism.tree.links[:, AIR], strict=True):
-        if c:
-            ET.SubElement(custom, "numeric", name=f"{joint.name}.air", data=numbers(c))
-            said = [AIRED]
+    for kind, column, about in (("air", AIR, AIRED), ("lead", LEAD, LED)):
+        rows = mechanism.tree.links[:, column]
+        for joint, value in zip(mechanism.joints, rows, strict=True):
+            if value:
+                ET.SubElement(custom, "numeric", name=f"{joint.name}.{kind}", data=numbers(value))
+        said += [about] if np.any(rows) else []
     drive = mechanism.drive
     if drive.mode in (FOURIER, KNOTS):
         series = drive.mode == FOURIER
@@ -226,6 +237,8 @@ def _body(mechanism: Mechanism, group: list[int], parent: ET.Element, digits: in
                 element.set(name, numbers(row[DAMPING], row[DRAG]))
             elif row[column]:
                 element.set(name, numbers(row[column]))
+        if row[FRICTION] and row[LEAD]:
+            element.set("solreffriction", numbers(max(2.0 * row[LEAD] / MOST_FIRM, LEAST_SOFT), 1))
         if row[REST]:
             element.set("springref", numbers(row[REST]))
         if joint.lower > -math.inf or joint.upper < math.inf:

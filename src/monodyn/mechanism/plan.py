@@ -43,6 +43,8 @@ from monodyn.mechanism.tree import (
     FRICTION,
     HINGE,
     INERTIA,
+    LEAD,
+    LONGEST_LEAD,
     MASS,
     REST,
     SLIDE,
@@ -77,6 +79,7 @@ JOINT = {
     "armature": JointTerm(ARMATURE, "kg m^2", "kg"),
     "drag": JointTerm(DRAG, "N m s^2/rad^2", "N s^2/m^2"),
     "air": JointTerm(AIR, "N m s^2/rad^2", "N s^2/m^2"),
+    "lead": JointTerm(LEAD, "s", "s"),
 }
 """The parameters of every joint by kind, in the order in which they are entered."""
 JOINT_COLUMNS = [term.column for term in JOINT.values()]
@@ -314,12 +317,14 @@ def _enter_inertia(link: Link, table: Table, reach: float) -> None:
 
 def _enter_joint(link: Link, table: Table) -> list[str]:
     """Enter the parameters of a joint: what the file has is free, and damping always is; armature never, nor
-    where a spring is slack."""
+    where a spring is slack, nor the lead of dry friction."""
     name, names = link.joint.name, []
     for kind, term in JOINT.items():
         start = link.terms[kind]
-        free = kind == "damping" or (start > 0 and kind not in ("armature", "rest"))
+        free = kind == "damping" or (start > 0 and kind not in ("armature", "rest", "lead"))
         limits, sign = (_rests(link), ANY) if kind == "rest" else ((0.0, math.inf), NOT_NEGATIVE)
+        if kind == "lead":
+            limits = (0.0, LONGEST_LEAD)
         if kind == "damping":
             start = start or START_DAMPING
         unit = term.at_hinge if link.joint.kind == "hinge" else term.at_slide

@@ -18,8 +18,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.mechanism.ahead import smoothed_sign, turn_ahead
 from monodyn.mechanism.branches import factor, solve
 from monodyn.mechanism.drive import NONE, torque
+from monodyn.mechanism.reversals import part_of_step, turns
 from monodyn.mechanism.tree import (
     AIR,
     ANCHOR_X,
@@ -36,6 +38,7 @@ from monodyn.mechanism.tree import (
     FRICTION,
     HINGE,
     INERTIA,
+    LEAD,
     MASS,
     REST,
     STIFFNESS,
@@ -45,35 +48,6 @@ C, S, PHI, OX, OY, SW, SX, SY, VW, VX, VY, M, MX, MY, J, FN, FX, FY, AW, AX, AY 
 """Columns of the scratch ``w``, one row a link: cosine, sine and angle of its frame; its origin; the motion
 that a unit rate of its joint is (S), its own motion (V), inertia (M to J), force (F), acceleration (A)."""
 WORK = 21
-SETTLED = 4.0
-"""Rate over that of creep beyond which dry friction no longer changes (to 1e-3)."""
-AHEAD = 1.5
-"""The time in which a rate comes near zero by the acceleration of now is divided by this."""
-RESOLVED = 1.0
-"""Largest change of a rate in a part of a step through zero, in units of the rate of creep."""
-MOST_PARTS = 1024
-"""The shortest part of a step is that share of it, a power of two."""
-STABLE = 2.0
-"""Longest part of a step in which a joint is held, in units of the time in which it comes to rest: a
-Runge-Kutta step of order four leaves that state beyond 2.8."""
-MOST_HELD, FASTEST = 64, 3e4
-"""Such parts of a step at most, and the largest rate at which a joint comes to rest [1/s] ..."""
-SHARE = 0.5
-"""... and how much of what friction would take off the rate in a longer one is added to the inertia, by the
-rate: the way to rest is then gone by two thirds at most, for any length."""
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _friction(rate, creep):  # pragma: no cover - compiled
-    """Return the smoothed sign of ``rate``, tanh(rate / creep), without overflow for complex rates."""
-    x = rate / creep
-    if x.real > 20.0:
-        return x * 0.0 + 1.0
-    if x.real < -20.0:
-        return x * 0.0 - 1.0
-    # tanh(x) by exp(-2 x), which serves both real and complex rates
-    e = np.exp(-2.0 * x)
-    return (1.0 - e) / (1.0 + e)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -218,6 +192,7 @@ def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: 
     place(parent, kind, links, q, v, w)
     _bias(parent, gravity, v, w)
     resist(kind, links, w)
+    leading = False
     # Inward: when link i is reached, all of its subtree has been added to it, so that its inertia and its
     # force are those of the whole subtree that its joint carries.
     for i in range(parent.size - 1, -1, -1):
@@ -228,7 +203,10 @@ def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: 
             - (w[i, SW] * w[i, FN] + w[i, SX] * w[i, FX] + w[i, SY] * w[i, FY])
         )
         if links[i, FRICTION] != 0.0:
-            a[i] -= links[i, FRICTION] * _friction(v[i], CREEP[kind[i]])
+            if links[i, LEAD] != 0.0:
+                leading = True
+            else:
+                a[i] -= links[i, FRICTION] * smoothed_sign(v[i], CREEP[kind[i]])
         if links[i, DRAG] != 0.0:
             # as in ``resist``
             a[i] -= links[i, DRAG] * (v[i] * v[i] if v[i].real > 0.0 else -v[i] * v[i])
@@ -251,77 +229,11 @@ def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: 
         while j >= 0:
             h[i, j] = w[j, SW] * turn + w[j, SX] * px + w[j, SY] * py
             j = parent[j]
-    factor(parent, h)
-    solve(parent, h, a)
-
-
-@njit(cache=True, error_model="numpy")
-def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no cover - compiled
-    """Return how far to go at once of what is ``left`` of a step, where dry friction may change its sign.
-
-    A step over the change misses it by its own length times the friction, however smooth all else is; so one
-    goes up to it, and through it by parts in which a rate changes by at most ``RESOLVED`` widths of the
-    friction's own transition. A joint that is held has no acceleration, but comes to rest so fast that longer
-    parts than ``STABLE`` would leave that state, and still more its derivatives. Where that takes more than
-    ``MOST_HELD`` of them, or goes faster than ``FASTEST``, under a friction that hardly anything overcomes,
-    the joint is not followed to its rest: ``hold`` (dof,) is filled by what is added to its inertia, so that
-    it goes a share of the way to rest in a part of any length. Derivatives leave out how that changes.
-
-    ``v`` and ``a`` (dof,) are rates and accelerations now, ``h`` (dof, dof) the factored inertia matrix.
-
-    Source:
-        Hairer and Wanner, Solving Ordinary Differential Equations II, 1996, section IV.7 (linearly implicit
-        methods with an inexact Jacobian).
-    """
-    longest, held, forth = abs(left), 0.0, 1.0 if step > 0.0 else -1.0
-    for i in range(links.shape[0]):
-        hold[i] = 0.0
-        rate, change, creep = v[i].real, abs(a[i].real), CREEP[kind[i]]
-        beyond = abs(rate) - SETTLED * creep
-        if links[i, FRICTION].real == 0.0 or (beyond > 0.0 and not forth * rate * a[i].real < 0.0):
-            continue
-        alone = links[i, FRICTION].real * _yield(parent, h, i)
-        if alone > FASTEST * creep or alone * abs(step) > STABLE * MOST_HELD * creep:
-            hold[i] = alone
-        elif beyond > 0.0:
-            longest = min(longest, (beyond / AHEAD + RESOLVED * creep) / change)
-        else:
-            held += alone / creep
-            longest = min(longest, RESOLVED * creep / max(change, 1e-300))
-    if held > 0.0:
-        longest = min(longest, STABLE / held)
-    part = left
-    # a power of two: parts are the same for motions nearby then, and derivatives those of this very motion;
-    # of a motion without bounds nothing is a number
-    if longest < abs(left):
-        share = max(longest / abs(step), 1.0 / MOST_PARTS)
-        part = step * 2.0 ** np.floor(np.log2(share))
-    for i in range(links.shape[0]):
-        if hold[i] > 0.0:
-            # what friction takes off by the rate; the least rate stands for rest
-            rate = max(abs(v[i].real), 1e-3 * CREEP[kind[i]])
-            share = abs(_friction(rate, CREEP[kind[i]])) / rate
-            # backward in time nothing comes to rest
-            slow = part * hold[i] * share > STABLE
-            hold[i] = SHARE * part * links[i, FRICTION].real * share if slow else 0.0
-    return part
-
-
-@njit(cache=True, error_model="numpy")
-def _yield(parent, h, i):  # pragma: no cover - compiled
-    """Return the acceleration of joint i by a unit force at it: a diagonal entry of the inverse of M."""
-    x = np.zeros(h.shape[0])
-    x[i] = 1.0
-    total = 0.0
-    while i >= 0:
-        # D L x = L^-T e: entries toward the root alone; their squares over D add up
-        j = parent[i]
-        while j >= 0:
-            x[j] -= h[i, j].real * x[i]
-            j = parent[j]
-        total += x[i] * x[i] / h[i, i].real
-        i = parent[i]
-    return total
+    if leading:
+        turn_ahead(parent, kind, links, v, h, a)
+    else:
+        factor(parent, h)
+        solve(parent, h, a)
 
 
 @njit(cache=True, error_model="numpy")
@@ -367,7 +279,8 @@ def rollout(
             begin = times[f - 1] + s * step
             left, length, ended = step, step, False
             while not ended:
-                for k in range(4):
+                k = 0
+                while k < 4:
                     part = 0.0 if k == 0 else length if k == 3 else 0.5 * length
                     if k > 0:
                         for i in range(n):
@@ -385,6 +298,9 @@ def rollout(
                         length = part_of_step(parent, kind, links, u[0], a[0], h, left, step, hold)
                         if hold.any():
                             forward(parent, kind, links, gravity, x[0], u[0], tau, hold, w, h, a[0])
+                    k += 1
+                    if k == 4 and turns(kind, links, u, a, length, step):
+                        k, length = 1, 0.5 * length
                 for i in range(n):
                     x[0, i] += length / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
                     u[0, i] += length / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])

@@ -16,7 +16,7 @@ from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Geom, Given, Joint, Link, Site
 from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, make_plan
 from monodyn.mechanism.plane import Plane, find_plane
-from monodyn.mechanism.supported import refuse_unsupported, stated_air
+from monodyn.mechanism.supported import refuse_unsupported, stated
 from monodyn.mechanism.torques import make_torques
 from monodyn.mechanism.tree import INERTIA, MASS
 
@@ -213,7 +213,8 @@ class _File:
                 "rest": float(model.qpos_spring[j]),
                 "armature": float(model.dof_armature[j]),
                 "drag": float(model.dof_dampingpoly[j, 0]) if damper else 0.0,
-                "air": float(stated_air(model, self.joint_names[j])[0]),
+                "air": float(stated(model, self.joint_names[j], "air")[0]),
+                "lead": float(stated(model, self.joint_names[j], "lead")[0]),
             },
             sites=self._sites(body, frame) if carries else (),
         )

@@ -13,9 +13,16 @@ from typing import Any
 import numpy as np
 
 from monodyn.errors import MechanismError
+from monodyn.mechanism.tree import LONGEST_LEAD
 
 WILD = 1e9
 """Largest number [SI] that a mechanism file may hold."""
+
+STATED = (
+    ("air", WILD, "the drag of the air on its link"),
+    ("lead", LONGEST_LEAD, "how far ahead of the rate its dry friction turns [s]"),
+)
+"""Kinds of parameter of a joint that MJCF has no attribute for, the largest each may be, and what it is."""
 
 RESERVED = ("time", "frame", "seen", "record")
 """Columns of the tables of positions that no joint may be named after."""
@@ -87,19 +94,20 @@ def _refuse_joint(model: Any, j: int, shown: str, *, reserved: bool) -> None:
         )
 
 
-def stated_air(model: Any, joint: str) -> np.ndarray:
-    """Return what a custom numeric ``<joint>.air`` of a file states, for which MJCF has no attribute.
+def stated(model: Any, joint: str, kind: str) -> np.ndarray:
+    """Return what a custom numeric ``<joint>.<kind>`` of a file states, for which MJCF has no attribute.
 
     Args:
         model: The compiled model.
         joint: Name of the joint.
+        kind: Kind of the parameter.
 
     Returns:
         Its numbers, (entry,); one 0 where the file has none.
     """
     for n in range(model.nnumeric):
         numeric = model.numeric(n)
-        if numeric.name == f"{joint}.air":
+        if numeric.name == f"{joint}.{kind}":
             return np.array(numeric.data, dtype=float)
     return np.zeros(1)
 
@@ -129,12 +137,13 @@ def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
                 "correct it."
             )
     for name in joints:
-        air = stated_air(model, name)
-        if len(air) != 1 or not 0.0 <= air[0] <= WILD:
-            raise MechanismError(
-                f"{where}: custom numeric '{name}.air': expected one number from 0 to {WILD:g}, "
-                f"the drag of the air on its link, got {' '.join(f'{value:g}' for value in air)}; correct it."
-            )
+        for kind, most, what in STATED:
+            number = stated(model, name, kind)
+            if len(number) != 1 or not 0.0 <= number[0] <= most:
+                raise MechanismError(
+                    f"{where}: custom numeric '{name}.{kind}': expected one number from 0 to {most:g}, "
+                    f"{what}, got {' '.join(f'{value:g}' for value in number)}; correct it."
+                )
     for name, axis in zip(joints, model.jnt_axis, strict=True):
         if abs(float(axis @ axis) - 1) > 1e-6:
             raise MechanismError(

@@ -3,8 +3,8 @@
 With tau = M(q) a + bias(q, v) solved for a, a direction d obeys M da = dtau - (dM a + dbias): the inverse
 dynamics at fixed a, differentiated by hand, then one solve with the factors already at hand. The same
 Runge-Kutta steps are taken for the motion and its derivatives, so these are the exact derivatives of what
-``rollout`` returns (but for joints under a friction that hardly anything overcomes, `planar.part_of_step`).
-A direction costs time only from where it begins to change the motion: that of a knot of the drive from the
+``rollout`` returns (but for joints under a friction that hardly anything overcomes: ``part_of_step``). A
+direction costs time only from where it begins to change the motion: that of a knot of the drive from the
 knot before on.
 
 Names: ``d...`` is a derivative, with the direction as its last axis; ``entry``, ``load`` and ``clock`` are
@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.mechanism.ahead import smoothed_sign
 from monodyn.mechanism.branches import solve_all
 from monodyn.mechanism.drive import NONE, torque
 from monodyn.mechanism.planar import (
@@ -42,10 +43,10 @@ from monodyn.mechanism.planar import (
     S,
     air_direction,
     forward,
-    part_of_step,
     place,
     resist,
 )  # fmt: skip
+from monodyn.mechanism.reversals import part_of_step, turns
 from monodyn.mechanism.tree import (
     AIR,
     ANCHOR_X,
@@ -62,6 +63,7 @@ from monodyn.mechanism.tree import (
     FRICTION,
     HINGE,
     INERTIA,
+    LEAD,
     MASS,
     REST,
     STIFFNESS,
@@ -256,18 +258,11 @@ def gather(parent, kind, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pra
     """
     for i in range(parent.size - 1, -1, -1):
         p = parent[i]
-        # the smoothed sign of the rate and its slope; beyond 20 both are constant to rounding
-        slope = 0.0
-        grip = 0.0
+        # where friction leads, ``h`` has what its slope by the acceleration adds
         creep = CREEP[kind[i]]
-        x = v[i] / creep
-        if x > 20.0:
-            grip = 1.0
-        elif x < -20.0:
-            grip = -1.0
-        else:
-            grip = np.tanh(x)
-            slope = links[i, FRICTION] * (1.0 - grip * grip) / creep
+        grip = smoothed_sign(v[i] + links[i, LEAD] * a[i], creep)
+        slope = links[i, FRICTION] * (1.0 - grip * grip) / creep
+        ahead = slope * a[i]
         if links[i, DRAG] != 0.0:
             slope += 2.0 * links[i, DRAG] * abs(v[i])
         for k in range(live):
@@ -281,6 +276,7 @@ def gather(parent, kind, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pra
                 + dlinks[i, DAMPING, k] * v[i]
                 + (links[i, DAMPING] + slope) * dv[i, k]
                 + dlinks[i, FRICTION, k] * grip
+                + dlinks[i, LEAD, k] * ahead
                 + dlinks[i, DRAG, k] * abs(v[i]) * v[i]
                 + dlinks[i, STIFFNESS, k] * (q[i] - links[i, REST])
                 + links[i, STIFFNESS] * (dq[i, k] - dlinks[i, REST, k])
@@ -384,7 +380,8 @@ def rollout_tangents(
             begin = times[f - 1] + s * step
             left, length, ended = step, step, False
             while not ended:
-                for r in range(4):
+                r = 0
+                while r < 4:
                     part = 0.0 if r == 0 else length if r == 3 else 0.5 * length
                     if r > 0:
                         _to_stage(r, part, x, u, a, dx, du, da, many)
@@ -415,6 +412,9 @@ def rollout_tangents(
                         )
                     # da holds dtau - (dM a + dbias); M is that of this stage
                     solve_all(parent, h, da[r], many)
+                    r += 1
+                    if r == 4 and turns(kind, links, u, a, length, step):
+                        r, length = 1, 0.5 * length
                 _to_end(length / 6.0, x, u, a, dx, du, da, many)
                 ended = not abs(length) < abs(left)
                 left -= length

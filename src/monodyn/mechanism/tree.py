@@ -18,8 +18,8 @@ HINGE = 0
 SLIDE = 1
 
 ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, MASS, COM_X, COM_Y, INERTIA = range(9)
-DAMPING, FRICTION, STIFFNESS, REST, ARMATURE, DRAG, AIR = range(9, 16)
-COLUMNS = 16
+DAMPING, FRICTION, STIFFNESS, REST, ARMATURE, DRAG, AIR, LEAD = range(9, 17)
+COLUMNS = 17
 PASSIVE = (DAMPING, FRICTION, STIFFNESS, DRAG, AIR)
 """Columns of what acts at a single joint, or of the air on its link, in proportion to the column."""
 BRAKES = {"friction": 0, "damping": 1, "drag": 2, "air": 2}
@@ -30,6 +30,8 @@ CREEP = (0.004, 0.002)
 14 times that, smooth at zero. A joint that it holds creeps, as it does in its own way in MuJoCo, whose
 friction loss is a constraint: less than what a camera or an encoder shows, also of a cart that a pendulum
 pulls at."""
+LONGEST_LEAD = 0.05
+"""Time by which dry friction turns ahead of the rate, at most [s]: five times that of MuJoCo's default."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,8 @@ class Tree:
     * ``MASS`` [kg], ``COM_X, COM_Y`` centre of mass in the link's frame [m], ``INERTIA`` about it [kg m^2];
     * ``DAMPING`` [N m s/rad or N s/m], ``FRICTION`` [N m or N], ``STIFFNESS`` [N m/rad or N/m] about ``REST``
       [rad or m], ``ARMATURE`` [kg m^2 or kg], ``DRAG`` c of the torque -c |v| v [N m s^2/rad^2 or N s^2/m^2],
-      ``AIR`` c of the same law of the link's motion through the air, whatever carries it (``planar``).
+      ``AIR`` c of the same law of the link's motion through the air, whatever carries it (``planar``),
+      ``LEAD`` how far ahead of the rate dry friction turns [s], as the soft constraint of a simulator does.
 
     Attributes:
         parent: Row of the parent link, -1 for the world, int64 (dof,); a parent comes before its children.

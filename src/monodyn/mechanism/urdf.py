@@ -45,7 +45,7 @@ from monodyn.mechanism.tree import (
 FAR = 1000.0
 """Limit [m] written for a slide without limits, because URDF requires one."""
 
-NOT_IN_URDF = ("stiffness", "armature", "drag", "air")
+NOT_IN_URDF = ("stiffness", "armature", "drag", "air", "lead")
 """Kinds of parameters of a joint that URDF has no place for."""
 
 MASSLESS = 1e-14

@@ -255,8 +255,8 @@ def origin(estimate: Estimate, fit: Fit) -> str:
     """
     if estimate.free:
         return "estimated"
-    if estimate.name in {size for size, _ in fit.tied}:
-        return "assumed"
+    if estimate.name in {name for name, _ in fit.tied}:
+        return "derived" if fit.mechanism.parameter(estimate.name).kind == "lead" else "assumed"
     return "derived" if estimate.name in fit.spread[0] else "given"
 
 

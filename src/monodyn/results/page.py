@@ -49,6 +49,7 @@ MEANINGS = {
     "friction": "dry friction: the same at all rates",
     "drag": "friction by the square of the rate",
     "air": "drag of the air on its link",
+    "lead": "time by which dry friction turns ahead of the rate",
     "stiffness": "of a spring at the joint",
     "rest": "where that spring is slack",
     "armature": "inertia of a rotor at the joint",

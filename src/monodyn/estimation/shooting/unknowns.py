@@ -51,6 +51,9 @@ FORCES = ("damping", "friction", "stiffness", "drag", "air")
 WEIGHTS = ("density", "thickness", "mass")
 """Kinds that stand for that scale, the first that there is."""
 
+ONE_FOR_ALL = ("density", "lead")
+"""Kinds of which all that are free without the user's choice keep their proportion."""
+
 MEASURED = 16.0
 """Information of the logarithm above which a picture has measured a size: it determines it to a quarter."""
 LONGEST_STEP = 1.5
@@ -73,7 +76,8 @@ class Unknowns:
             what is no ratio, (param,).
         lower: Lower bounds of the coordinates, (param,).
         upper: Upper bounds of the coordinates, (param,).
-        tied: Sizes that keep their proportion to a length, densities that keep theirs to the first one.
+        tied: Sizes that keep their proportion to a length, densities and leads that keep theirs to the first
+            one.
         tied_to: For each of them the unknown it follows, (tied,).
         tied_start: Their start values, (tied,).
     """
@@ -203,10 +207,9 @@ class Unknowns:
         count = len(self)
         chain = np.zeros((count + len(self.tied), count))
         chain[:count] = self.slope(x)
-        # a tied size is s = (s0 / l0) l: its slope by the length's logarithm is s itself
-        values = self.values(x)
+        # what is tied is s = (s0 / l0) l
         follow = self.tied_start / self.start[self.tied_to]
-        chain[count + np.arange(len(self.tied)), self.tied_to] = follow * values[self.tied_to]
+        chain[count:] = follow[:, None] * chain[self.tied_to]
         return chain
 
     def carried(self, x: np.ndarray, other: Unknowns, begun: Mapping[str, float] | None = None) -> np.ndarray:
@@ -251,12 +254,12 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, near: b
     """
     assumed = {p.name for p in assumed_sizes(mechanism)} if near else set()
     known = _measured_names(mechanism) | assumed
-    material = _one_material(mechanism)
+    followed = _followed(mechanism)
     # what follows from other parameters is not itself an unknown, and neither is what nothing depends on
     chosen = [
         p
         for p in mechanism.parameters
-        if p.free and not p.follows and _wanted(p, known) and p.name not in material[1:]
+        if p.free and not p.follows and _wanted(p, known) and p.name not in followed
     ]
     if torques_only:
         chosen = [p for p in chosen if p.kind == "torque"]
@@ -282,9 +285,9 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, near: b
         if p.free and p.kind in SEEN_ONLY and p.kind != "turn" and p.name not in names and p.owner in lengths
     ]
     tied_to = [lengths[p.owner] for p in tied]
-    for name in material[1:] if not torques_only else ():
+    for name, first in followed.items() if not torques_only else ():
         tied.append(mechanism.parameter(name))
-        tied_to.append(names.index(material[0]))
+        tied_to.append(names.index(first))
     values = mechanism.values
     against = [
         names.index(p.against) if is_ratio and p.against in names else -1
@@ -328,13 +331,18 @@ def _mass_unknown(mechanism: Mechanism, chosen: list[Parameter], log: np.ndarray
     return next((i for k in WEIGHTS for i, kind in enumerate(kinds) if kind == k and log[i]), -1)
 
 
-def _one_material(mechanism: Mechanism) -> list[str]:
-    """Names of the densities that are free without the user's choice: they keep their proportion."""
-    return [
-        p.name
-        for p in mechanism.parameters
-        if p.kind == "density" and p.free and p.name not in mechanism.chosen
-    ]
+def _followed(mechanism: Mechanism) -> dict[str, str]:
+    """Return what keeps its proportion to the first of its kind: densities, and leads of dry friction, that
+    are free without the user's choice. The bodies are of one material, and one simulator has one setting."""
+    found = {}
+    for kind in ONE_FOR_ALL:
+        alike = [
+            p.name
+            for p in mechanism.parameters
+            if p.kind == kind and p.free and p.name not in mechanism.chosen
+        ]
+        found |= dict.fromkeys(alike[1:], alike[0] if alike else "")
+    return found
 
 
 def assumed_sizes(mechanism: Mechanism) -> list[Parameter]:

@@ -30,6 +30,7 @@ from monodyn.estimation.torque.free import fit_free_torques, residual_rms
 from monodyn.estimation.torque.friction import (
     far_off,
     fit_friction,
+    led,
     near_proportions,
     settled,
     with_dry_friction,
@@ -285,10 +286,12 @@ def _undragged(
     mechanism: Mechanism, problem: Problem, optimum: Optimum, route: Route
 ) -> tuple[Problem, Optimum] | None:
     """Return the fit of dry friction without the drag that led to it; None where the drag explains more."""
-    rubbing = [p.name for p in problem.mechanism.parameters if p.kind == "friction" and p.free]
+    free = [p for p in problem.mechanism.parameters if p.free]
+    rubbing = [p.name for p in free if p.kind == "friction"]
     if not rubbing:
         return None
-    smaller = problem.of(mechanism.with_torque("friction").with_choices(free=rubbing))
+    undragged = mechanism.with_torque("friction").with_choices(free=rubbing)
+    smaller = problem.of(led(undragged, [p.name for p in free if p.kind == "lead"]))
     x = smaller.unknowns.carried(optimum.x, problem.unknowns)
     found = fit_pieces(smaller, optimum.trial.at(x, optimum.trial.states), route, route.fine)
     return (smaller, found) if likeliest([(problem, optimum), (smaller, found)]) == 1 else None

@@ -73,8 +73,19 @@ def pays(before: Optimum, after: Optimum, added: int) -> bool:
         after: The optimum with them.
         added: Their number.
     """
+    return after.complete and gains(before, after, added)
+
+
+def gains(before: Optimum, after: Optimum, added: int) -> bool:
+    """Return the same as ``pays`` of fits to pieces of the records, the same of both.
+
+    Args:
+        before: The optimum without the unknowns.
+        after: The optimum with them.
+        added: Their number.
+    """
     gain = 2.0 * (before.cost - after.cost)
-    return after.complete and gain > EVIDENCE * added * max(after.sigma, 1.0) ** 2
+    return gain > EVIDENCE * added * max(after.sigma, 1.0) ** 2
 
 
 def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:

@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from monodyn.estimation.record.samples import cut
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
-from monodyn.estimation.shooting.shoot import Optimum, fit_pieces, relative_difference, with_proportions
-from monodyn.estimation.torque.evidence import at_noise, pays, with_more_unknowns
+from monodyn.estimation.shooting.shoot import (
+    ROUGH,
+    Optimum,
+    fit_pieces,
+    multiple_shooting,
+    relative_difference,
+    with_proportions,
+)
+from monodyn.estimation.torque.evidence import at_noise, gains, pays, with_more_unknowns
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
 
 FAR_SHARE, FAR_NOISE = 0.02, 10.0
 """Typical difference, as a share of the motion and in units of the noise, above which the motion may be
 another one altogether."""
+LEAD = 5e-3
+"""Where the search for how far ahead of the rate dry friction turns begins [s]: half of MuJoCo's default."""
+FEW_RECORDS = 1
+"""Records of which it is sought, at most: the fits of many take too long."""
+PIECES = 4
+"""Length of the pieces in which it has to show first, in units of the first ones of a search."""
 
 
 def fit_friction(mechanism: Mechanism, task: Task) -> TorqueSolution:
@@ -96,7 +113,8 @@ def near_proportions(problem: Problem, optimum: Optimum, task: Task) -> tuple[Pr
 
 
 def with_dry_friction(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
-    """Free the dry frictions that the user did not choose, and keep those that the motion shows.
+    """Free the dry frictions that the user did not choose, and keep those that the motion shows; then how far
+    ahead of the rate they turn, where that is left over.
 
     Args:
         problem: The problem with dry friction held.
@@ -106,6 +124,16 @@ def with_dry_friction(problem: Problem, optimum: Optimum, task: Task) -> tuple[P
     Returns:
         The problem with them free and its optimum, or both as they were.
     """
+    rubbing, found = _with_frictions(problem, optimum, task)
+    leading, ahead = _with_leads(rubbing, found, task)
+    if leading is rubbing or ahead is found:
+        return rubbing, found
+    # a friction that explains nothing while it turns with the rate may do so where it turns ahead
+    return with_dry_friction(leading, ahead, task)
+
+
+def _with_frictions(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
+    """Free the dry frictions that the user did not choose, and keep those that the motion shows."""
     mechanism = problem.mechanism
     names = [
         p.name
@@ -154,3 +182,74 @@ def _not_zero(problem: Problem, optimum: Optimum, names: list[str]) -> list[str]
     """Return the frictions that do not end at zero; one that does explains nothing, but is an unknown."""
     values = problem.unknowns.named(optimum.x)
     return [name for name in names if values[name] > 0.0]
+
+
+def _with_leads(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
+    """Free how far ahead of the rate dry friction turns, where something is left over and it pays.
+
+    No bearing does that, but the soft constraint by which a simulator has dry friction does.
+    """
+    if not optimum.complete or at_noise(problem, optimum) or problem.data.records > FEW_RECORDS:
+        return problem, optimum
+    names = _leading(problem, optimum, task)
+    if not names:
+        return problem, optimum
+    larger, search = problem.of(led(problem.mechanism, names)), task.search(problem)
+    # in pieces, for a motion in which friction turns earlier soon leaves the one before; where they show no
+    # lead neither does the whole
+    pieces, x = (
+        cut(problem.data, PIECES * search.route.piece),
+        larger.unknowns.carried(optimum.x, problem.unknowns),
+    )
+    before, after = (
+        fit_pieces(one, one.started(at, pieces, task.smoothed), search.route, ROUGH)
+        for one, at in ((problem, optimum.x), (larger, x))
+    )
+    if not gains(before, after, 1):
+        return problem, optimum
+    found = multiple_shooting(larger, after.x, task.smoothed, search.route, search.report)
+    ends = found.at_bound[larger.unknowns.of_kind("lead")]
+    if ends.any() or not pays(optimum, found, 1):
+        return problem, optimum
+    return _unless_found_without(problem, larger, found, task)
+
+
+def led(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
+    """Return a mechanism in which dry friction turns ahead of the rate, by a time to be estimated.
+
+    Args:
+        mechanism: The mechanism.
+        names: Leads that are free, together unless the user has chosen one.
+    """
+    values, free = mechanism.values, mechanism.free.copy()
+    free[[mechanism.row(name) for name in names]] = True
+    return replace(mechanism.with_values({name: values[name] or LEAD for name in names}), free=free)
+
+
+def _leading(problem: Problem, optimum: Optimum, task: Task) -> list[str]:
+    """Return the leads of the joints that dry friction acts at, but for the chosen; none where all are free,
+    or no joint moves both ways."""
+    values, mechanism = problem.unknowns.named(optimum.x), problem.mechanism
+    names, shown = [], False
+    for i, joint in enumerate(mechanism.joints):
+        lead = mechanism.parameter(f"{joint.name}.lead")
+        if values.get(f"{joint.name}.friction", 0.0) > 0.0 and lead.name not in mechanism.chosen:
+            names.append(lead.name)
+            shown = shown or _reverses(i, task)
+    return names if shown and not all(mechanism.parameter(name).free for name in names) else []
+
+
+def _unless_found_without(
+    problem: Problem, larger: Problem, found: Optimum, task: Task
+) -> tuple[Problem, Optimum]:
+    """Return an optimum with leads, or what is found from there without them if they explain no more."""
+    route = task.search(problem).route
+    x = problem.unknowns.carried(found.x, larger.unknowns)
+    without = fit_pieces(problem, found.trial.at(x, found.trial.states), route, route.fine)
+    return (larger, found) if pays(without, found, 1) or not without.complete else (problem, without)
+
+
+def _reverses(joint: int, task: Task) -> bool:
+    """Return whether a joint moves both ways."""
+    rates = [one.velocity[:, joint] for one in task.smoothed]
+    return any(bool(np.any(rate > 0.0) and np.any(rate < 0.0)) for rate in rates)

@@ -338,6 +338,27 @@ def starts_tried(tried: int) -> list[str]:
     return [f"{tried} starts were tried; the best of them is reported."] if tried > 1 else []
 
 
+def turning_ahead(mechanism: Mechanism, unknowns: Unknowns) -> list[str]:
+    """Say of dry friction that turns ahead of the rate where that is a matter of course, and where not.
+
+    Args:
+        mechanism: The identified mechanism.
+        unknowns: What was estimated.
+
+    Returns:
+        One sentence where a lead was estimated, or none.
+    """
+    found = [p for p in mechanism.parameters if p.kind == "lead" and p.name in unknowns.names and p.value > 0]
+    if not found:
+        return []
+    times = listed([f"{1e3 * p.value:.3g} ms ({p.name})" for p in found])
+    return [
+        f"Dry friction turns ahead of the rate, by {times}: so does the soft constraint of a simulator (of "
+        f"MuJoCo, by half of solreffriction, about 10 ms unless a file says otherwise), but no bearing. In a "
+        f"record of a real mechanism it stands for something else that acts where the motion reverses."
+    ]
+
+
 def zero_frictions(mechanism: Mechanism, unknowns: Unknowns) -> list[str]:
     """Name the dry frictions that are zero and were not estimated.
 

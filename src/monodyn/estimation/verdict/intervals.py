@@ -13,7 +13,7 @@ import numpy as np
 from monodyn.estimation.fit import Estimate
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum
-from monodyn.estimation.shooting.unknowns import PICTURE_ONLY, Unknowns
+from monodyn.estimation.shooting.unknowns import LOGARITHMIC, ONE_FOR_ALL, PICTURE_ONLY, Unknowns
 from monodyn.estimation.verdict.posterior import Posterior
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Parameter
@@ -75,7 +75,7 @@ def estimates(
             std = ROLL_STD
         elif p.kind == "roll" and p.name not in mechanism.chosen and p.value == 0.0:
             continue  # there is no camera
-        elif p.name in tied and p.kind == "density":  # as well known as the one it keeps its proportion to
+        elif p.name in tied and p.kind in ONE_FOR_ALL:  # as well known as the one it keeps its proportion to
             std = _std_along(chain[len(unknowns) + tied[p.name]], p.value, known)
         elif p.name in tied or (p.free and (held or p.kind in PICTURE_ONLY)):
             std = np.inf
@@ -101,7 +101,7 @@ def errs_by_factor(unknowns: Unknowns, p: Parameter) -> bool:
     if p.name in unknowns.names:
         i = unknowns.names.index(p.name)
         return bool(unknowns.log[i] and not unknowns.ratio[i] and unknowns.against[i] < 0)
-    return p.value > 0.0 and (p.follows or p.name in unknowns.tied)
+    return p.value > 0.0 and (p.follows or (p.name in unknowns.tied and p.kind in LOGARITHMIC))
 
 
 def determined(value: float, std: float, *, by_factor: bool) -> bool:

@@ -322,6 +322,7 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
     sentences += advice.stamps(found.noise.stamps)
     sentences += advice.limits(mechanism, problem.simulated(optimum.trial))
     sentences += advice.contradictions(problem.prior.negative)
+    sentences += advice.turning_ahead(problem.mechanism_at(optimum.x), unknowns)
     if ROLL in unknowns.names:
         sentences += advice.one_roll(int(problem.data.by_roll.any(axis=1).sum()))
     if fit.ok:
