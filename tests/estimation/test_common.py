@@ -13,7 +13,15 @@ from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.search import Search
-from monodyn.estimation.verdict.common import UNSURE, by_record, common_error, left_open, less, unknown_errors
+from monodyn.estimation.verdict.common import (
+    ALIKE,
+    UNSURE,
+    by_record,
+    common_error,
+    left_open,
+    less,
+    unknown_errors,
+)
 from monodyn.stages import identify
 from swings import NOISE, TIMES, motion, record
 
@@ -43,7 +51,7 @@ def test_the_errors_are_those_of_least_squares_over_all_unknowns(truth, double) 
         values, vectors = np.linalg.eigh(problem.prior.information)
         away = problem.prior.away(point[:count] - problem.unknowns.x0)
         known = np.sqrt(np.maximum(values, 0.0)) * (vectors.T @ away)
-        return np.concatenate((rows, known, point[count + 4 :]))
+        return np.concatenate((rows, known, np.sqrt(ALIKE) * point[count + 4 :]))
 
     point = np.concatenate((trial.x, trial.states.ravel(), so_far))
     step = 1e-6 * np.maximum(1.0, np.abs(point))
@@ -55,7 +63,7 @@ def test_the_errors_are_those_of_least_squares_over_all_unknowns(truth, double) 
     # columns of one length: what nothing shows is then told from what is in small units
     size = np.linalg.norm(jacobian, axis=0)
     inverse = np.linalg.pinv(jacobian / size, rcond=1e-5) / size[:, None]
-    best, covariance = point - inverse @ residuals(point), inverse @ inverse.T
+    best, covariance = point - inverse @ residuals(point), ALIKE * inverse @ inverse.T
     np.testing.assert_allclose(found.mean, best[-2:], atol=1e-3)
     left = (found.covariance - UNSURE**2 * np.eye(2)) / (1.0 - UNSURE**2)
     np.testing.assert_allclose(left, covariance[-2:, -2:], rtol=1e-3, atol=1e-5)

@@ -405,7 +405,7 @@ class Fit:
         count, values = len(self.shared), self.mechanism.values
         chain = np.eye(count + len(self.tied))[:, :count]
         for k, (size, length) in enumerate(self.tied):
-            chain[count + k, self.shared.index(length)] = values[size] / values[length]
+            chain[count + k, self.shared.index(length)] = values[size] / (values[length] or 1.0)
         return chain
 
     def check(self) -> Fit:

@@ -130,7 +130,7 @@ def _directions(fit: Fit, mechanism: Mechanism) -> Directions:
     count, values = len(fit.shared), mechanism.values
     chain = np.eye(count + len(fit.tied))[:, :count]
     for k, (size, length) in enumerate(fit.tied):
-        chain[count + k, fit.shared.index(length)] = values[size] / values[length]
+        chain[count + k, fit.shared.index(length)] = values[size] / (values[length] or 1.0)
     found = mechanism.directions((*fit.shared, *(size for size, _ in fit.tied)))
     # a table of torques is not looked at, and could not be chained
     none = np.full((len(mechanism.joints), 0), -1)

@@ -19,6 +19,8 @@ from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.uncertainty import whitened_shifts, without_states
 from monodyn.types import Poses
 
+ALIKE = 10.0
+"""Frames that tell as much of such errors as one: in poses nearby edges are off alike, by what no shift has."""
 UNSURE = 0.3
 """Deviations of each direction that no motion takes away: how the outline follows sizes and camera is linear
 about what was found alone, and edges have errors of other shapes."""
@@ -65,9 +67,9 @@ def common_error(problem: Problem, trial: Trial, so_far: np.ndarray) -> Common:
     unknowns, moved, left = stacked[:, :count], stacked[:, count:-1], stacked[:, -1]
     basis = _span(unknowns)
     moved, left = moved - basis @ (basis.T @ moved), left - basis @ (basis.T @ left)
-    information = moved.T @ moved
+    information = moved.T @ moved / ALIKE
     # the residuals are those of positions less ``so_far``
-    pull = information @ so_far - moved.T @ left
+    pull = information @ so_far - moved.T @ left / ALIKE
     nothing = np.eye(len(so_far))
     covariance = np.linalg.inv(nothing + information)
     return Common(covariance @ pull, covariance + UNSURE**2 * (nothing - covariance))
