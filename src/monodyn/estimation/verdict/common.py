@@ -20,7 +20,7 @@ from monodyn.estimation.verdict.uncertainty import whitened_shifts, without_stat
 from monodyn.types import Poses
 
 ALIKE = 10.0
-"""Frames that tell as much of such errors as one: in poses nearby edges are off alike, by what no shift has."""
+"""Frames that tell as much of such errors as one: in poses nearby edges are off alike, as no shift has it."""
 UNSURE = 0.3
 """Deviations of each direction that no motion takes away: how the outline follows sizes and camera is linear
 about what was found alone, and edges have errors of other shapes."""
