@@ -13,7 +13,7 @@ from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.torque.task import TorqueSolution
-from monodyn.estimation.verdict.summary import _undetermined, summarize
+from monodyn.estimation.verdict.summary import _hardly_scaled, _scale_alone, _undetermined, summarize
 from monodyn.mechanism import Measured, load
 from swings import motion, record, white
 
@@ -119,6 +119,27 @@ def test_a_length_of_a_body_that_slides_on_one_that_turns_may_not(tmp_path):
     lengths = ("a.length", "bead.length")
     hardly = [SimpleNamespace(name=name, free=True, std=1.0, identifiable=False) for name in lengths]
     assert _undetermined(SimpleNamespace(parameters=hardly), mechanism) == list(lengths)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_scale_that_is_hardly_seen_is_said_and_no_reason_to_refuse(fit):
+    """Lengths that are wrong by one factor are in the ratio that they have."""
+    names = ["link1.length", "link2.length"]
+    at = [fit.shared.index(name) for name in names]
+    values = np.array([fit.parameter(name).value for name in names])
+    parameters = tuple(replace(p, identifiable=p.name not in names) for p in fit.parameters)
+    covariance = np.zeros_like(fit.covariance)
+    covariance[np.ix_(at, at)] = 1.2**2 * np.outer(values, values)
+    open_scale = replace(fit, parameters=parameters, covariance=covariance)
+    assert _scale_alone(open_scale, names)
+    assert not _scale_alone(open_scale, names[:1])
+    assert _hardly_scaled(open_scale, fit.mechanism) == [
+        "The motion hardly shows how large the mechanism is: link1.length and link2.length are uncertain by "
+        "as much as their values, in ratios they are known; a measured length, given with --fix, fixes the "
+        "scale."
+    ]
+    assert not _hardly_scaled(fit, fit.mechanism)
+    covariance[at[1], at[1]] += (0.2 * values[1]) ** 2
+    assert not _scale_alone(open_scale, names)
 
 
 @pytest.mark.slow

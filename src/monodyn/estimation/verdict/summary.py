@@ -43,6 +43,8 @@ UNSTABLE = (
     "motion still grows beyond all bounds, as with a joint that is damped so much that it hardly turns; "
     "check that the mechanism is the one in the record, without joints that it has not."
 )
+SAME_SCALE = 0.1
+"""Standard deviation of the logarithm of a ratio of lengths up to which their scale is all that is open."""
 CLEAR_SHARE = 0.01
 """Residuals below this share of the motion are too small for bodies or dry friction to be the reason."""
 
@@ -116,6 +118,7 @@ def _doubts(found: Refined, fit: Fit, settings: IdentifySettings, missed: Doubt 
     if reason := _unlikely(found, fit):
         return [Doubt("refused", reason), *doubts]
     found_so = [
+        *_hardly_scaled(fit, found.problem.mechanism),
         *advice.integration(found.substeps, found.error, settings.error_bound),
         *advice.bounds_met(fit.parameters),
         *advice.search_end(found.optimum.converged),
@@ -135,7 +138,8 @@ def _unlikely(found: Refined, fit: Fit) -> str | None:
             f"{listed(ended)} ended at the limit of what is tried: the motion is not that of the mechanism, "
             "or does not determine its size; check the mechanism file, or set the limits with --bounds."
         )
-    if unsure := _undetermined(fit, mechanism):
+    unsure = _undetermined(fit, mechanism)
+    if unsure and not _scale_alone(fit, unsure):
         return (
             f"The motion does not determine {listed(unsure)}: the error is as large as the value. A longer "
             "record or a livelier motion would help, or a measured length, given with --fix."
@@ -169,6 +173,27 @@ def _undetermined(fit: Fit, mechanism: Mechanism) -> list[str]:
     hardly = [p.name for p in fit.parameters if p.free and np.isfinite(p.std) and not p.identifiable]
     sizes = [mechanism.parameter(name) for name in hardly]
     return [p.name for p in sizes if p.kind == "length" and p.owner in turning]
+
+
+def _scale_alone(fit: Fit, names: list[str]) -> bool:
+    """Return whether of lengths that are hardly determined the common scale alone is not: it moves nothing
+    where gravity hardly pulls, and is no more a reason than one that nothing determines."""
+    at = [fit.shared.index(name) for name in names]
+    values = np.array([fit.parameter(name).value for name in names])
+    relative = fit.covariance[np.ix_(at, at)] / np.outer(values, values)
+    variance = np.diag(relative) + relative[0, 0] - 2.0 * relative[0]
+    return len(names) > 1 and bool(np.all(variance < SAME_SCALE**2))
+
+
+def _hardly_scaled(fit: Fit, mechanism: Mechanism) -> list[str]:
+    """Say that lengths are hardly determined but for their ratios."""
+    unsure = _undetermined(fit, mechanism)
+    if not unsure:
+        return []
+    return [
+        f"The motion hardly shows how large the mechanism is: {listed(unsure)} are uncertain by as much as "
+        "their values, in ratios they are known; a measured length, given with --fix, fixes the scale."
+    ]
 
 
 def refused(problem: Problem, status: str, records: tuple[Poses, ...], seconds: float) -> Fit:
