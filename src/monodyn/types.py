@@ -142,6 +142,8 @@ class Poses:
             frame is wrong if sizes and camera are wrong by one standard deviation along one of several
             independent directions; None where nothing is said of it.
         torques: Torques that are known to have acted, or None.
+        cleared: True where what moves all positions together was told from an identified motion and taken
+            off; ``shifts`` are what is left of it, and are not looked for again.
     """
 
     joints: tuple[str, ...]
@@ -155,6 +157,7 @@ class Poses:
     roll: float | None = field(default=0.0)
     shifts: np.ndarray | None = field(default=None)
     torques: TorqueLog | None = field(default=None)
+    cleared: bool = field(default=False)
 
     def __post_init__(self) -> None:
         frames, dofs = len(self.time), len(self.joints)
@@ -204,6 +207,7 @@ class Poses:
             self.joints, self.frame[rows], self.time[rows], self.position[rows], self.covariance[rows],
             self.seen[rows], self.metric, None if self.joint_seen is None else self.joint_seen[rows],
             self.roll, None if self.shifts is None else self.shifts[:, rows], self.torques,
+            self.cleared,
         )  # fmt: skip
 
 

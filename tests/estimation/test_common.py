@@ -25,6 +25,8 @@ from monodyn.estimation.verdict.common import (
 from monodyn.stages import identify
 from swings import NOISE, TIMES, motion, record
 
+VISCOUS = IdentifySettings(torque="friction", starts=1)
+
 
 def leaning(position: np.ndarray) -> np.ndarray:
     """Return what two ways of a camera to stand wrong would do, (direction, frame, dof)."""
@@ -93,6 +95,23 @@ def test_what_the_motion_shows_of_a_camera_is_taken_off(truth, double) -> None:
 
 def _ratio(fit) -> float:
     return fit.parameter("link1.length").value / fit.parameter("link2.length").value
+
+
+def test_what_was_told_once_is_not_looked_for_again(poses, double) -> None:
+    shifts = np.ones((1, 60, 2))
+    cleared = replace(poses, shifts=shifts, cleared=True)
+    assert prepare([cleared], double).shifts is None
+    assert by_record(Common(np.zeros(0), np.zeros((0, 0))), [cleared]) == (None,)
+    assert cleared.part(3, 9).cleared
+
+
+@pytest.mark.slow
+def test_a_motion_that_is_not_followed_tells_nothing_of_a_camera(truth, double) -> None:
+    position = motion(truth, TIMES, [0.3, 0.5], [0.0, 1.0])
+    other = position + 0.3 * np.sin(7.0 * TIMES)[:, None] ** 3
+    fit = identify(replace(record(truth, TIMES, other), shifts=leaning(other)), double, VISCOUS)
+    assert fit.grade == "refused"
+    assert fit.common == ()
 
 
 def test_each_record_has_its_own_directions(poses) -> None:

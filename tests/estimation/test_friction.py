@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from driven import DOUBLE, GEOM, STIFF, THICKNESS, simulated, started
+from monodyn.estimation.torque import friction
 from monodyn.results.predict import predict
 from monodyn.stages import identify
 
@@ -60,3 +61,11 @@ def test_friction_that_turns_ahead_is_that_of_a_soft_constraint(firm, tmp_path):
         assert found.parameter("joint1.friction").value == pytest.approx(0.004, rel=0.05)
         held = identify(record, started(DOUBLE, tmp_path, 0.5, **THICKNESS, **{"joint1.lead": 0.0}))
         assert not held.parameter("joint1.lead").free
+
+
+def test_what_is_found_again_without_a_lead_is_kept(monkeypatch):
+    """A lead may lead out of a poor optimum to one that is as good without it."""
+    problem, before, better = object(), object(), object()
+    monkeypatch.setattr(friction, "_with_frictions", lambda *_: (problem, before))
+    monkeypatch.setattr(friction, "_with_leads", lambda *_: (problem, better))
+    assert friction.with_dry_friction(None, None, None) == (problem, better)  # pyright: ignore[reportArgumentType]

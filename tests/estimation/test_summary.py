@@ -133,9 +133,8 @@ def test_a_scale_that_is_hardly_seen_is_said_and_no_reason_to_refuse(fit):
     assert _scale_alone(open_scale, names)
     assert not _scale_alone(open_scale, names[:1])
     assert _hardly_scaled(open_scale, fit.mechanism) == [
-        "The motion hardly shows how large the mechanism is: link1.length and link2.length are uncertain by "
-        "as much as their values, in ratios they are known; a measured length, given with --fix, fixes the "
-        "scale."
+        "The motion hardly shows how large link1.length and link2.length are, each uncertain by as much as "
+        "its value, and well what ratio they are in; a measured length, given with --fix, fixes the scale."
     ]
     assert not _hardly_scaled(fit, fit.mechanism)
     covariance[at[1], at[1]] += (0.2 * values[1]) ** 2

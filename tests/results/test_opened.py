@@ -171,6 +171,21 @@ def test_the_mechanism_file_of_a_run_has_to_be_there(tmp_path):
         monodyn.remembered(folder)
 
 
+def test_a_run_that_leads_back_to_itself_is_refused(tmp_path):
+    table, folder = tmp_path / "poses.csv", tmp_path / "run"
+    monodyn.write_poses(pushed("single")[0], table)
+    identified_from("single", folder, table, identify=IdentifySettings(torque="friction"))
+    log = json.loads((folder / "run.json").read_text())
+    log["inputs"]["model"] = {"name": str(folder)}
+    (folder / "run.json").write_text(json.dumps(log))
+    with refuses(
+        SettingsError,
+        f"model '{folder}': expected a run that leads back to a mechanism file, got one that leads to "
+        f"'{folder}' again; give the file itself with --model.",
+    ):
+        monodyn.remembered(folder)
+
+
 def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
     folder = tmp_path / "run"
     monodyn.report(identified(), to=folder)

@@ -10,7 +10,8 @@ import pytest
 import monodyn
 from fits import identified
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Unmodelled
+from monodyn.estimation.fit import Common, Unmodelled
+from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.results.fill import fill
 from monodyn.results.predict import predict
@@ -127,6 +128,24 @@ def test_a_parameter_without_effect_on_the_motion_is_refused():
             f"{it} out.",
         ):
             restart(fit, fix=fix)
+
+
+def test_a_lead_acts_where_there_is_friction():
+    mechanism = load("double").with_values({"joint1.friction": 0.01})
+    for lead in (0.0, 5e-3):
+        led = mechanism.with_values({"joint1.lead": lead, "joint2.lead": lead})
+        assert acting(led, ["joint1.lead", "joint2.lead"]) == {"joint1.lead"}
+
+
+def test_a_record_keeps_what_its_own_positions_have_in_common():
+    fit = identified()
+    common = (Common(np.zeros(1), np.eye(1)), None)
+    two = replace(
+        fit, starts=fit.starts * 2, time=fit.time * 2, residual=fit.residual * 2, common=common,
+        covariance=np.zeros((len(fit.shared) + 8,) * 2),
+    )  # fmt: skip
+    assert restart(two, record=0).common == common[:1]
+    assert restart(two, record=1).common == (None,)
 
 
 def test_what_cannot_be_is_refused():

@@ -30,6 +30,16 @@ SLIDE = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="sled">
 <geom type="box" size="0.05 0.02 0.02" density="1000"/></body></worldbody></mujoco>"""
 
 
+def test_a_fit_without_residuals_is_not_smoothed() -> None:
+    fit = replace(identified(), residual=())
+    with refuses(
+        SettingsError,
+        "smooth: expected a fit with its residuals, got one that was read back from a run folder; states.csv "
+        "holds its motion, gaps filled, or identify poses.csv again.",
+    ):
+        smooth(fit, record(fit.mechanism, fit.time[0], np.zeros((len(fit.time[0]), 1))))
+
+
 def known(mechanism: Mechanism, poses: Poses, state: np.ndarray, density: np.ndarray, seed: int = 0) -> Fit:
     """Return the fit of a mechanism that is known, pushed at random: only its start is not known exactly."""
     dofs = len(poses.joints)

@@ -14,7 +14,7 @@ from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating import oblique
 from monodyn.vision.locating.advice import twin_advice
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
-from monodyn.vision.locating.doubt import doubt_of
+from monodyn.vision.locating.doubt import doubt_of, edge_errors
 from monodyn.vision.locating.oblique import Looking, from_other_sides, looking, open_turns, with_camera
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.variables import scene_variables
@@ -215,6 +215,32 @@ def test_doubt_moves_all_poses_by_what_the_camera_may_be_wrong() -> None:
     assert again is not None
     assert not again[:, 3].any()
     np.testing.assert_allclose(np.delete(again, 3, axis=1), np.delete(shifts, 3, axis=1))
+
+
+def test_edges_that_are_off_turn_one_link_each(tmp_path) -> None:
+    """Of links on one another, with a slide between two of them and a hinge the other way round."""
+    geom = '<geom type="box" size=".1 .01 .01" pos=".1 0 0"/>'
+    joints = (
+        '<joint name="a" axis="0 -1 0"/>', '<joint name="b" axis="0 1 0"/>',
+        '<joint name="s" type="slide" axis="1 0 0"/>', '<joint name="c" axis="0 -1 0"/>',
+    )  # fmt: skip
+    text = ""
+    for name, joint in reversed(list(zip("abdc", joints, strict=True))):
+        place = "" if name == "a" else ' pos=".2 0 0"'
+        text = f'<body name="{name}"{place}>{joint}{geom}{text}</body>'
+    (tmp_path / "chain.xml").write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
+    mechanism = load(tmp_path / "chain.xml")
+    names, signs = [j.name for j in mechanism.joints], np.array([j.sign for j in mechanism.joints])
+    assert names == ["a", "b", "s", "c"]
+    position = np.random.default_rng(0).uniform(-2.0, 2.0, (9, 4))
+    moved = edge_errors(mechanism, position, 1e-3)
+    assert not moved[:, :, 2].any()
+    turned = np.cumsum(moved * np.where(np.array(names) == "s", 0.0, signs), axis=2)[:, :, [0, 1, 3]]
+    # each direction turns one link alone, the three in turn by five waves each
+    several = np.abs(turned).max(axis=1) > 1e-12
+    np.testing.assert_array_equal(several, np.repeat(np.eye(3, dtype=bool), 5, axis=0))
+    # both ends are off: by the root of two over the length
+    np.testing.assert_allclose(np.sum(turned**2, axis=0), 2.0 * (1e-3 / 0.2) ** 2)
 
 
 def test_what_hides_a_joint_leaves_the_doubt_of_the_others() -> None:

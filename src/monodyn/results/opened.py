@@ -66,7 +66,7 @@ def _changed(file: Path, error: Exception) -> SettingsError:
     )
 
 
-def remembered(folder: str | Path) -> Mechanism:
+def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) -> Mechanism:
     """Return the mechanism of a run as the start of another one: what its picture knows of it goes along.
 
     It is the mechanism file of that run with the identified values, the user's choices, and what the pictures
@@ -76,6 +76,7 @@ def remembered(folder: str | Path) -> Mechanism:
 
     Args:
         folder: The run folder.
+        through: The run folders that led here.
 
     Returns:
         The mechanism.
@@ -86,12 +87,17 @@ def remembered(folder: str | Path) -> Mechanism:
     """
     folder = Path(folder)
     document = _document(folder)
-    log = _json(folder / "run.json")
+    log, through = _json(folder / "run.json"), through | {folder.resolve()}
     try:
         model, settings = log["inputs"]["model"], log["settings"]
         source = _same(model, folder)
         # a run that went on with the mechanism of another one leads back to that one's file
-        mechanism = remembered(source) if Path(source).is_dir() else load(source)
+        if Path(source).resolve() in through:
+            raise SettingsError(
+                f"model '{folder}': expected a run that leads back to a mechanism file, got one that leads "
+                f"to '{source}' again; give the file itself with --model."
+            )
+        mechanism = remembered(source, through=through) if Path(source).is_dir() else load(source)
         known = {row["name"]: float(row["value"]) for row in document["parameters"]}
         given = {n: float(v) for n, v in settings["fix"].items() if n in mechanism.values}
         mechanism = mechanism.with_choices(

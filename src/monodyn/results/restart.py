@@ -91,6 +91,7 @@ def restart(
         time=(stamps - stamps[-1] + time,),
         residual=(),
         torques=fit.torques[record : record + 1],
+        common=fit.common[record : record + 1],
         unmodelled=None if lacks is None else lacks._replace(off=0.0 * lacks.off),
     )
     return _changed(begun, fix or {})
@@ -172,5 +173,9 @@ def acting(mechanism: Mechanism, names: Sequence[str], *, logged: bool = False) 
     moved = np.any(slopes != 0.0, axis=(0, 1)) | (directions.clock != 0.0)
     moved[directions.entry[directions.entry >= 0]] = True
     moved |= logged & (directions.lag != 0.0)
-    # another clock of the stamps is another motion on theirs
-    return {name for name, moves in zip(names, moved, strict=True) if moves or name == "time_scale"}
+    # at such rates friction has long turned, whatever its lead is; another clock of the stamps is another
+    # motion on theirs
+    values = mechanism.values
+    turning = {f"{j.name}.lead" for j in mechanism.joints if values[f"{j.name}.friction"] > 0.0}
+    always = {"time_scale", *turning}
+    return {name for name, moves in zip(names, moved, strict=True) if moves or name in always}

@@ -84,6 +84,11 @@ def smooth(fit: Fit, poses: Poses, times: np.ndarray | None = None, *, record: i
 
 def _seen(fit: Fit, poses: Poses, record: int) -> Seen:
     """Collect what is measured that the fit has not used, and where the model lacks something all of it."""
+    if not fit.residual:
+        raise SettingsError(
+            "smooth: expected a fit with its residuals, got one that was read back from a run folder; "
+            "states.csv holds its motion, gaps filled, or identify poses.csv again."
+        )
     first, stop = fitted_rows(fit, poses, record)
     poses = metric(poses, fit.mechanism, fit.scale, fit.common_of(record))
     rows, residual = slice(first, stop), fit.residual[record]

@@ -240,12 +240,12 @@ def metric(poses: Poses, mechanism: Mechanism, scale: float, common: Common | No
         common: Errors that the positions have in common, which are taken off; None for none.
     """
     if poses.roll is not None:
-        position = poses.position + by_roll(mechanism) * (mechanism.values[ROLL] - poses.roll)
-        shifts = poses.shifts
-        if common is not None and shifts is not None:
-            position = position - np.tensordot(common.mean, shifts, axes=1)
-            shifts = np.tensordot(common.root.T, shifts, axes=1)
-        poses = replace(poses, position=position, shifts=shifts, roll=None)
+        more = by_roll(mechanism) * (mechanism.values[ROLL] - poses.roll)
+        poses = replace(poses, position=poses.position + more, roll=None)
+    if common is not None and poses.shifts is not None and not poses.cleared:
+        off = np.tensordot(common.mean, poses.shifts, axes=1)
+        left = np.tensordot(common.root.T, poses.shifts, axes=1)
+        poses = replace(poses, position=poses.position - off, shifts=left, cleared=True)
     if poses.metric:
         return poses
     factor = np.array([scale if joint.kind == "slide" else 1.0 for joint in mechanism.joints])

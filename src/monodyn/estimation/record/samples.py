@@ -234,7 +234,7 @@ def _shifts(records: Sequence[Poses], first: np.ndarray, source: np.ndarray) -> 
     """Lay end to end what moves the positions of each record together, (direction, row, dof)."""
     parts = []
     for k, record in enumerate(records):
-        if record.shifts is not None:
+        if record.shifts is not None and not record.cleared:
             rows = np.arange(first[k], first[k + 1])[source[first[k] : first[k + 1]] >= 0]
             # what is not known of one scene says nothing of another
             own = np.zeros((len(record.shifts), len(source), record.shifts.shape[2]))

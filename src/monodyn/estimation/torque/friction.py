@@ -126,8 +126,8 @@ def with_dry_friction(problem: Problem, optimum: Optimum, task: Task) -> tuple[P
     """
     rubbing, found = _with_frictions(problem, optimum, task)
     leading, ahead = _with_leads(rubbing, found, task)
-    if leading is rubbing or ahead is found:
-        return rubbing, found
+    if leading is rubbing:
+        return rubbing, ahead
     # a friction that explains nothing while it turns with the rate may do so where it turns ahead
     return with_dry_friction(leading, ahead, task)
 

@@ -107,7 +107,7 @@ def by_record(common: Common, records: Sequence[Poses]) -> tuple[Common | None, 
     """
     found, first = [], 0
     for record in records:
-        count = 0 if record.shifts is None else len(record.shifts)
+        count = 0 if record.shifts is None or record.cleared else len(record.shifts)
         found.append(common.of(slice(first, first + count)) if count else None)
         first += count
     return tuple(found)

@@ -84,6 +84,10 @@ def summarize(
     missed = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
     # a motion that is refused is that of another mechanism: neither intervals nor twins are any use
     lost = missed is not None and missed.grade == "refused"
+    if lost and found.common is not None:
+        # nor does it tell anything of the camera
+        unshifted = problem.with_data(replace(problem.data, shifts=None))
+        return summarize(replace(solution, problem=unshifted), records, settings, began, progress)
     by_gravity = gravity_share(found)
     for more in (by_gravity,) if lost else (by_gravity, repeating_share(found)):
         parameters, ratios = with_share(
@@ -191,8 +195,8 @@ def _hardly_scaled(fit: Fit, mechanism: Mechanism) -> list[str]:
     if not unsure:
         return []
     return [
-        f"The motion hardly shows how large the mechanism is: {listed(unsure)} are uncertain by as much as "
-        "their values, in ratios they are known; a measured length, given with --fix, fixes the scale."
+        f"The motion hardly shows how large {listed(unsure)} are, each uncertain by as much as its value, "
+        "and well what ratio they are in; a measured length, given with --fix, fixes the scale."
     ]
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
 from monodyn.vision.drawing.camera import PARAMETERS
 from monodyn.vision.drawing.gains import pose_gains
@@ -54,35 +55,48 @@ class Doubt:
         where = _filled(poses)
         gains = pose_gains(rig, shifts, where * unit)
         moved = np.einsum("fdp,pk->kfd", gains, self.root) / unit
-        moved = np.concatenate((moved, self._edges(where)))
+        px = camera.focal / camera.depth
+        moved = np.concatenate((moved, edge_errors(mechanism, where, self.bundle.systematic_px / px)))
         return replace(poses, shifts=np.where(np.isfinite(poses.position), moved, 0.0))
 
-    def _edges(self, position: np.ndarray) -> np.ndarray:
-        """Return what edges that are off do to poses whatever the scene is, (direction, frame, dof).
 
-        They are off in the same way whenever a link points in the same direction: its ends are, by the
-        systematic error of an edge each, so that it seems to be turned, and the links on it the other way.
-        """
-        mechanism, px = self.bundle.mechanism, self.bundle.camera.focal / self.bundle.camera.depth
-        values, parents = mechanism.values, mechanism.tree.parent.tolist()
-        pointing = np.zeros_like(position)
-        for i, joint in enumerate(mechanism.joints):
-            pointing[:, i] = pointing[:, parents[i]] if parents[i] >= 0 else 0.0
-            pointing[:, i] += joint.sign * position[:, i] * (joint.kind == "hinge")
-        found = []
-        for i, joint in enumerate(mechanism.joints):
-            length = values.get(f"{joint.body}.length", 0.0) * px
-            if joint.kind != "hinge" or length <= 0.0:
-                continue
-            std = np.sqrt(2.0 / len(HARMONICS)) * self.bundle.systematic_px / length
-            for wave in (w for k in HARMONICS for w in _waves(k, pointing[:, i])):
-                moved = np.zeros_like(position)
-                moved[:, i] = joint.sign * std * wave
-                for k, child in enumerate(mechanism.joints):
-                    if parents[k] == i and child.kind == "hinge":
-                        moved[:, k] = -child.sign * std * wave
-                found.append(moved)
-        return np.array(found).reshape(-1, *position.shape)
+def edge_errors(mechanism: Mechanism, position: np.ndarray, off: float) -> np.ndarray:
+    """Return what edges that are off do to poses, whatever the scene is.
+
+    They are off in the same way whenever a link points in the same direction: its ends are, so that it seems
+    to be turned, and the links on it the other way.
+
+    Args:
+        mechanism: The mechanism.
+        position: Joint positions [rad or m], (frame, dof).
+        off: Standard deviation of the place of an edge [m].
+
+    Returns:
+        One deviation of each of them [rad], (direction, frame, dof); none at slides.
+    """
+    values, parents = mechanism.values, mechanism.tree.parent.tolist()
+    pointing, inward, found = np.zeros_like(position), [], []
+    for i, joint in enumerate(mechanism.joints):
+        at = parents[i]
+        pointing[:, i] = pointing[:, at] if at >= 0 else 0.0
+        pointing[:, i] += joint.sign * position[:, i] * (joint.kind == "hinge")
+        # the hinge that a link's angle counts from: slides between do not turn
+        while at >= 0 and mechanism.joints[at].kind != "hinge":
+            at = parents[at]
+        inward.append(at)
+    for i, joint in enumerate(mechanism.joints):
+        length = values.get(f"{joint.body}.length", 0.0)
+        if joint.kind != "hinge" or length <= 0.0:
+            continue
+        std = np.sqrt(2.0 / len(HARMONICS)) * off / length
+        for wave in (w for k in HARMONICS for w in _waves(k, pointing[:, i])):
+            moved = np.zeros_like(position)
+            moved[:, i] = joint.sign * std * wave
+            for k, child in enumerate(mechanism.joints):
+                if inward[k] == i and child.kind == "hinge":
+                    moved[:, k] = -child.sign * std * wave
+            found.append(moved)
+    return np.array(found).reshape(-1, *position.shape)
 
 
 def _waves(harmonic: int, angle: np.ndarray) -> list[np.ndarray]:
@@ -132,4 +146,4 @@ def doubt_of(bundle: Bundle, known: Bundle, off: np.ndarray, metre: float, *, sc
             covariance[i, i] += shifted_turn(bundle, name) ** 2
     values, vectors = np.linalg.eigh(covariance + np.outer(off, off))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return Doubt(replace(bundle, variables=variables), root, metre)
+    return Doubt(replace(bundle, variables=variables, unsettled=known.unsettled), root, metre)

@@ -74,7 +74,10 @@ class Looking:
         """
         if bundle.variables.names == self.doubted.variables.names:
             return bundle
-        return replace(bundle, variables=self.doubted.variables, information=self.doubted.information)
+        doubted = self.doubted
+        return replace(
+            bundle, variables=doubted.variables, information=doubted.information, unsettled=doubted.unsettled
+        )
 
     def off(self, bundle: Bundle) -> np.ndarray:
         """Return how far the camera would turn, and all else with it, if it were free to, (param,).
