@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import io
 import os
@@ -132,16 +133,23 @@ def missing() -> None:
         raise SettingsError("control: expected the package, got none; install it.") from None
 
 
-@pytest.mark.parametrize("stopped", [dropped, uncompiled, unloaded, missing])
+def swallowed() -> None:
+    """Press Ctrl-C while a library of C is loaded that reports another error, and not what is behind it."""
+    with contextlib.suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    raise ImportError("failed to import")
+
+
+@pytest.mark.parametrize("stopped", [dropped, uncompiled, unloaded, missing, swallowed])
 def test_ctrl_c_is_one_line_in_whatever_form_it_comes(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stopped: Callable[[], None]
 ) -> None:
     monkeypatch.setattr(show, "show_models", lambda **_: stopped())
-    begun, hook = time.monotonic(), sys.unraisablehook
+    begun, hook, handler = time.monotonic(), sys.unraisablehook, signal.getsignal(signal.SIGINT)
     assert main(["models"]) == 130
     assert capsys.readouterr().err == INTERRUPTED
     assert time.monotonic() - begun < 10.0
-    assert sys.unraisablehook is hook
+    assert (sys.unraisablehook, signal.getsignal(signal.SIGINT)) == (hook, handler)
 
 
 def test_another_error_in_a_callback_is_reported_as_ever() -> None:

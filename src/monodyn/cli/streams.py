@@ -5,6 +5,7 @@ from __future__ import annotations
 import _thread
 import contextlib
 import os
+import signal
 import sys
 import tempfile
 import threading
@@ -74,15 +75,15 @@ def safe() -> Iterator[None]:
 
 @contextlib.contextmanager
 def never_lost() -> Iterator[None]:
-    """Have Ctrl-C end the program also where Python drops it, with a traceback on the error stream.
+    """Have Ctrl-C end the program also where Python drops it, or a library makes another error of it.
 
-    That is in callbacks: of its own at the end of every import, of which there are thousands in the first
-    second, and of the compiler of numba.
+    Python drops it in callbacks, with a traceback on the error stream: of its own at the end of every
+    import, of which there are thousands in the first second, and of the compiler of numba.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C was lost, and something failed for the want of what it stopped.
+        KeyboardInterrupt: Ctrl-C was pressed, and something failed for the want of what it stopped.
     """
-    usual, waiting = sys.unraisablehook, []
+    usual, pressed, waiting = sys.unraisablehook, [], []
 
     def hook(lost: Any) -> None:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
@@ -94,15 +95,29 @@ def never_lost() -> Iterator[None]:
         waiting.append(again)
         again.start()
 
+    def press(number: int, frame: Any) -> None:
+        pressed.append(number)
+        signal.default_int_handler(number, frame)
+
+    # whoever calls us from a thread, or has a handler of their own, has other ways to end us
+    ours = (
+        threading.current_thread() is threading.main_thread()
+        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    )
     sys.unraisablehook = hook
     try:
+        if ours:
+            signal.signal(signal.SIGINT, press)
         yield
     except Exception as error:
-        if waiting:
+        # where a library written in C was loaded, the error does not tell what is behind it
+        if pressed or waiting:
             raise KeyboardInterrupt from error
         raise
     finally:
         sys.unraisablehook = usual
+        if ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         for again in waiting:
             again.cancel()
 
