@@ -175,11 +175,12 @@ class Follower:
         self._incomplete = 0
         self._usual, self._usual_std = USUAL_SCORE, np.full(len(self._lower), np.nan)
 
-    def step(self, mask: Mask) -> Sighting:
+    def step(self, mask: Mask, expected: np.ndarray | None = None) -> Sighting:
         """Find the pose in the next frame.
 
         Args:
             mask: The next mask, in the order of time.
+            expected: Where the dynamics have the joints, (dof,), if they are known: it is tried first.
 
         Returns:
             What was found.
@@ -189,7 +190,7 @@ class Follower:
             self._rig = shutter.of(self._still, mask.index)
         # without measured colours there is one plane for all geoms, whatever a mask has
         mask = replace(mask, planes=planes_for(mask, self._view))
-        found = self._along(mask)
+        found = self._along(mask, expected)
         usual = found is not None and found.whole and found.score > self._usual - SCORE_SLACK
         if not usual:
             if self._incomplete % self._settings.patience == 0:
@@ -219,12 +220,14 @@ class Follower:
         added = 0.5 * path.std[mask.index] ** 2 * (gain @ gain.T)
         return replace(found, covariance=found.covariance + np.where(seen[:, None] & seen, added, 0.0))
 
-    def _along(self, mask: Mask) -> Sighting | None:
+    def _along(self, mask: Mask, expected: np.ndarray | None = None) -> Sighting | None:
         """Follow the mechanism from where its motion goes on; None where there is no such place."""
         found = None
         starts = [np.clip(q, self._lower, self._upper) for q in self._motion.predictions(mask.time)]
         if not self._motion.begun and mask.index in self._known:
             starts = [self._known[mask.index]]
+        if expected is not None:
+            starts = [np.clip(expected, self._lower, self._upper), *starts]
         shutter = self.scene.shutter
         if shutter is not None and mask.index < len(shutter.position):
             # where the mechanism was when the clip was followed before

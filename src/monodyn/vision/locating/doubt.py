@@ -7,13 +7,16 @@ frames together, which no number of frames averages out.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
 from monodyn.vision.drawing.camera import PARAMETERS
+from monodyn.vision.drawing.edges import Shifts
 from monodyn.vision.drawing.gains import pose_gains
+from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.locating.bundle import Bundle, shifted_rigs
 from monodyn.vision.locating.knowledge import covariance_of, shifted_turn
 from monodyn.vision.locating.variables import springs
@@ -47,17 +50,32 @@ class Doubt:
             poses: Poses tracked in the scene.
             slides: True for slides, (dof,).
         """
-        variables, mechanism, camera = self.bundle.variables, self.bundle.mechanism, self.bundle.camera
-        x = variables.read(mechanism, camera)
-        rig, shifts = shifted_rigs(variables, x, mechanism, camera, 1.0)
-        unit = np.where(slides, self.metre, 1.0)
         # what hides a joint does not make the others any surer: it is taken to be where it went meanwhile
-        where = _filled(poses)
-        gains = pose_gains(rig, shifts, where * unit)
+        moved = self.shifts_at(_filled(poses), slides)
+        return replace(poses, shifts=np.where(np.isfinite(poses.position), moved, 0.0))
+
+    def shifts_at(self, position: np.ndarray, slides: np.ndarray) -> np.ndarray:
+        """Return by how much poses are wrong if sizes and camera are, by one deviation of each direction.
+
+        Args:
+            position: Joint positions [rad; m in the start scale], (frame, dof).
+            slides: True for slides, (dof,).
+
+        Returns:
+            What is added to the positions, (direction, frame, dof).
+        """
+        camera, unit = self.bundle.camera, np.where(slides, self.metre, 1.0)
+        gains = pose_gains(*self._turned, position * unit)
         moved = np.einsum("fdp,pk->kfd", gains, self.root) / unit
         px = camera.focal / camera.depth
-        moved = np.concatenate((moved, edge_errors(mechanism, where, self.bundle.systematic_px / px)))
-        return replace(poses, shifts=np.where(np.isfinite(poses.position), moved, 0.0))
+        edges = edge_errors(self.bundle.mechanism, position, self.bundle.systematic_px / px)
+        return np.concatenate((moved, edges))
+
+    @cached_property
+    def _turned(self) -> tuple[Rig, Shifts]:
+        """The mechanism before its camera, and the same with each variable shifted."""
+        variables, mechanism, camera = self.bundle.variables, self.bundle.mechanism, self.bundle.camera
+        return shifted_rigs(variables, variables.read(mechanism, camera), mechanism, camera, 1.0)
 
 
 def edge_errors(mechanism: Mechanism, position: np.ndarray, off: float) -> np.ndarray:

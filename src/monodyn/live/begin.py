@@ -1,0 +1,174 @@
+"""The first seconds of a stream: watched until enough has moved, then searched for the mechanism.
+
+What was watched is a clip in memory, so that the search is the one of a whole run: background and colours,
+camera and sizes, poses, parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from monodyn.checks import camera_choices, left_out
+from monodyn.doubtful import doubtful_sight
+from monodyn.errors import VideoError
+from monodyn.estimation.fit import Doubt, Fit
+from monodyn.mechanism import Mechanism
+from monodyn.mechanism.dots import shows_dots
+from monodyn.results.sight import Sight
+from monodyn.settings import RunSettings
+from monodyn.stages import identify, locate, segment, track_freely
+from monodyn.types import Frame, Poses
+from monodyn.vision.clip.video import Video
+from monodyn.vision.foreground.thumbnails import Window
+from monodyn.vision.locating.scene import Scene
+
+CELL_PX = 8
+"""Every so many pixels along a side one is looked at for motion."""
+MOVED_GREY = 10.0
+"""Change from one frame to the next by which a pixel moved [grey levels] ..."""
+MOVED_NOISE = 6.0
+"""... in standard deviations of what all of them change by."""
+LEAST_MOVED = 3
+"""Pixels that have to move for a frame to count as motion."""
+STILL_KEPT = 1.0
+"""Seconds before the first motion that are kept: they show the background."""
+AGAIN = 1.5
+"""Factor by which more motion is watched after a search in vain."""
+MOST_HELD = 256_000_000
+"""Bytes of pictures that are held at most; then the oldest give way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the first seconds show.
+
+    Attributes:
+        scene: Mechanism and camera; its masks cover the whole picture, wherever the mechanism goes.
+        poses: The poses of those of the frames in which nothing holds the mechanism.
+        fit: The mechanism as identified from these.
+        notes: What people should know, in sentences.
+    """
+
+    scene: Scene
+    poses: Poses
+    fit: Fit
+    notes: tuple[str, ...]
+
+
+class Beginning:
+    """What has been watched so far.
+
+    Args:
+        seconds: Of motion that are watched before the first search.
+
+    Attributes:
+        frames: The frames, in the order of time.
+        moving: Seconds of motion among them.
+        needed: Seconds of motion that the next search waits for.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.frames: list[Frame] = []
+        self.moving, self.needed = 0.0, seconds
+        self._held, self._last = 0, np.zeros(0, dtype=np.float32)
+
+    @property
+    def ready(self) -> bool:
+        """True where enough has moved for a search."""
+        return self.moving >= self.needed
+
+    def add(self, frame: Frame) -> None:
+        """Take the next frame.
+
+        Args:
+            frame: The frame, on the stream's clock.
+        """
+        small = frame.luma[CELL_PX // 2 :: CELL_PX, CELL_PX // 2 :: CELL_PX].astype(np.float32)
+        if self._last.shape == small.shape and self.frames:
+            change = np.abs(small - self._last)
+            # most of a picture stands still: its median change is that of noise
+            level = max(MOVED_GREY, MOVED_NOISE * float(np.median(change)) / 0.67)
+            if int(np.sum(change > level)) >= LEAST_MOVED:
+                self.moving += frame.time - self.frames[-1].time
+        self._last = small
+        self.frames.append(frame)
+        self._held += _size(frame)
+        while self._too_many():
+            self._held -= _size(self.frames.pop(0))
+
+    def in_vain(self) -> None:
+        """Wait for more motion after a search that found nothing."""
+        self.needed = AGAIN * self.moving
+
+    def _too_many(self) -> bool:
+        """Return whether the oldest frame gives way: nothing moved since, or there is no room."""
+        first, last = self.frames[0], self.frames[-1]
+        still = self.moving == 0.0 and last.time - first.time > STILL_KEPT
+        return still or (self._held > MOST_HELD and len(self.frames) > 2)
+
+
+def search(frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: RunSettings) -> Found:
+    """Look for the mechanism in what was watched, follow it there and identify it.
+
+    Args:
+        frames: The frames.
+        name: Name of the stream.
+        mechanism: The mechanism with the user's choices.
+        settings: How each stage goes.
+
+    Returns:
+        What was found; its fit says how far it can be relied on.
+
+    Raises:
+        MonodynError: the mechanism is not found, or the camera moves.
+    """
+    video = as_clip(frames, name)
+    masks = segment(video, settings.segment, background=settings.background)
+    if masks.video.camera_path is not None:
+        raise VideoError(f"{name}: expected a camera that stands still, got one that moves; fasten it.")
+    if shows_dots(mechanism):
+        raise VideoError(
+            f"{name}: expected a mechanism that shows its outline, got '{mechanism.name}', which is followed "
+            "by its dots; record a clip and take monodyn run."
+        )
+    fix, free = camera_choices(settings)
+    scene = locate(masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free)
+    poses, span = track_freely(scene.masks, scene, settings.track)
+    part = poses.part(*np.searchsorted(poses.frame, span[:2]))
+    sight = Sight(video, masks=masks, scene=scene, poses=poses, fit_frames=span[:2], free_frames=span[:2])
+    fit = identify(part, scene.mechanism, settings.identify)
+    if why := doubtful_sight(sight, part):
+        fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
+    others = left_out(scene.masks.background, given=settings.segment.roi is not None)
+    return Found(_everywhere(scene), part, fit, (*scene.advice, *others, *span.notes))
+
+
+def as_clip(frames: Sequence[Frame], name: str) -> Video:
+    """Return frames in memory as a clip.
+
+    Args:
+        frames: The frames, in the order of time.
+        name: Its name.
+    """
+    first = frames[0].luma
+    numbered = [replace(frame, index=number) for number, frame in enumerate(frames)]
+    times = np.array([frame.time for frame in frames])
+    height, width = first.shape
+    return Video(Path(name), width, height, times, lambda start, stop: iter(numbered[start:stop]))
+
+
+def _everywhere(scene: Scene) -> Scene:
+    """Return the scene with masks of the whole picture: what did not move yet may do so later."""
+    masks = scene.masks
+    height, width = masks.background.luma.shape
+    whole = replace(masks.background, window=Window(0, height, 0, width))
+    return replace(scene, masks=replace(masks, background=whole))
+
+
+def _size(frame: Frame) -> int:
+    """Return how many bytes a frame takes."""
+    return frame.luma.nbytes + sum(plane.nbytes for plane in frame.chroma or ())

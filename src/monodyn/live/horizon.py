@@ -1,0 +1,236 @@
+"""Parameters and state at every frame: a window of the last frames, and a belief that stands for all before.
+
+A fit of the first seconds begins it. From then on each frame is one more row of a least-squares problem that
+starts at the solution of the frame before; rows that leave the window become part of the belief about
+parameters and state at its first row (``estimation.window``). Every now and then the last seconds are
+identified anew from nothing, by the stage that a whole run has, and it goes on from there: so an error of one
+linearization does not stay, and the verdict is that of a run. ``docs/live.md`` has the derivation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from monodyn.estimation.fit import Doubt, Fit, Grade, Start
+from monodyn.estimation.verdict.uncertainty import noise_factors
+from monodyn.estimation.window import Belief, Refitted, Window, refit, slid, start_of, window_of
+from monodyn.mechanism import Mechanism
+from monodyn.results.fill import random_push
+from monodyn.results.predict import Prediction
+from monodyn.types import Poses
+
+MEMORY = 60.0
+"""Seconds in which what left the window is forgotten to 1 / e: a bearing warms up, a camera is touched."""
+PULL = 5.0
+"""Whitened residual from which on the pull of a row no longer grows."""
+ASTRAY = 4.0
+"""Size of the residuals of a window, in standard deviations of the noise as the fit before has found it, from
+which on the motion is no longer that of the mechanism."""
+SURELY = 1.96
+"""Half width of a 95 % interval in standard deviations."""
+LONGEST_GAP = 1.0
+"""Seconds out of sight over which the motion is carried on: after more it is begun anew."""
+LEAST_ROWS = 6
+"""Measured frames from which on a motion that broke off is taken up again."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What was identified at one frame.
+
+    Attributes:
+        base: The last fit of a whole stretch, whose verdict holds until the next.
+        found: The optimum of the window.
+        time: Time stamps of the window [s], (row,).
+        covariance: Covariance of unknowns and state at its first row in the units of the parameters,
+            (unknown, unknown).
+        future: The motion from the last frame on.
+        astray: Why the motion is no longer that of the mechanism, a sentence; empty where it is.
+    """
+
+    base: Fit
+    found: Refitted = field(repr=False)
+    time: np.ndarray
+    covariance: np.ndarray
+    future: Prediction
+    astray: str = ""
+
+    @property
+    def grade(self) -> Grade:
+        """How far it can be relied on."""
+        return "refused" if self.astray else self.base.grade
+
+    @cached_property
+    def std(self) -> dict[str, float]:
+        """Standard deviations of the estimated parameters by name; infinite where the data do not fix one."""
+        known = np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist()
+        stds = dict(zip(self.base.shared, known, strict=False))
+        return {p.name: p.std if np.isinf(p.std) else stds[p.name] for p in self.base.parameters if p.free}
+
+    @cached_property
+    def fit(self) -> Fit:
+        """The same as a fit, with the window as its record."""
+        mechanism, values = self.found.mechanism, self.found.mechanism.values
+        parameters = []
+        for p in self.base.parameters:
+            value, std = values[p.name], self.std.get(p.name, p.std)
+            if p.free and np.isfinite(std):
+                half = SURELY * std
+                p = replace(p, value=value, std=std, lower=value - half, upper=value + half)
+            parameters.append(replace(p, value=value))
+        dofs = len(mechanism.joints)
+        position, velocity = np.split(self.found.state, 2)
+        own = self.covariance[-2 * dofs :, -2 * dofs :]
+        unit = np.where(self.found.window.problem.data.slide[0], self.found.scale, 1.0)
+        residual = self.found.residual * unit
+        rms = np.sqrt(np.nanmean(residual**2, axis=0)).tolist()
+        fit = replace(
+            self.base, mechanism=mechanism, parameters=tuple(parameters), combinations=(),
+            starts=(Start(float(self.time[0]), position, velocity, own),), covariance=self.covariance,
+            residual=(residual,), time=(self.time,), scale=self.found.scale,
+            rms=dict(zip((joint.name for joint in mechanism.joints), rms, strict=True)),
+            common=(), unmodelled=None if self.base.unmodelled is None else self.base.unmodelled,
+        )  # fmt: skip
+        return fit.doubted([Doubt("refused", self.astray)]) if self.astray else fit
+
+
+class Horizon:
+    """The estimate of a stream, frame by frame.
+
+    Args:
+        fit: A fit of the poses that begins it.
+        mechanism: What that fit began with, as the picture has measured it.
+        poses: The fitted poses, one record.
+        window: Seconds of motion that are fitted again at every frame.
+        ahead: How far ahead the motion is predicted [s].
+
+    Raises:
+        FitError: a torque over time acts in the fit.
+    """
+
+    def __init__(self, fit: Fit, mechanism: Mechanism, poses: Poses, *, window: float, ahead: float) -> None:
+        self._base, self._seconds, self._ahead = fit, window, ahead
+        self._common, self._rows = fit.common_of(0), poses
+        self._window = window_of(fit, mechanism, poses)
+        count = len(self._window.problem.unknowns)
+        x, state = start_of(fit, self._window)
+        self._noise = np.ones(len(mechanism.joints))
+        stated = refit(self._with(poses), self._window.picture, x, state)
+        noise = noise_factors(stated.window.problem.data, stated.residual, count + len(state))
+        self._noise = noise.size * noise.correlation
+        self._prior = self._window.picture
+        self._found: Refitted | None = refit(self._with(poses), self._prior, stated.x, stated.state)
+        self._x = self._found.x
+        self._slide()
+
+    def add(self, poses: Poses) -> Estimate | None:
+        """Take the next poses and estimate anew.
+
+        Args:
+            poses: One row or more.
+
+        Returns:
+            What is known with them; None where nothing was seen, or too little of a motion that has broken
+            off to take it up again.
+        """
+        poses = _measured(poses)
+        if not len(poses):
+            return None
+        since = float(poses.time[0] - self._rows.time[-1]) if len(self._rows) else np.inf
+        if since > LONGEST_GAP:
+            self._break_off()
+        self._rows = joined([self._rows, poses]) if len(self._rows) else poses
+        if self._found is None and len(self._rows) < LEAST_ROWS:
+            return None
+        window = self._with(self._rows)
+        state = self._begun(window) if self._found is None else self._found.state
+        self._found = refit(window, self._prior, self._x, state, limit=PULL)
+        self._x = self._found.x
+        estimate = self._estimated()
+        self._slide()
+        return estimate
+
+    def broken_off(self) -> Horizon:
+        """Return what goes on after a break over which no motion goes on: what is known of the parameters
+        stays, the state is open."""
+        other = copy(self)
+        other._break_off()
+        return other
+
+    def _break_off(self) -> None:
+        """Forget the state."""
+        if self._found is not None:
+            self._prior = moved(self._found, -1).without_state(len(self._x))
+        self._found, self._rows = None, self._rows.part(0, 0)
+
+    def _with(self, poses: Poses) -> Window:
+        """Return the window with rows."""
+        return self._window.on(poses, self._noise, self._common)
+
+    def _begun(self, window: Window) -> np.ndarray:
+        """Return the state at the first row that smooth motion has, positions then rates, (2 dof,)."""
+        problem = window.problem
+        pieces = Pieces(np.array([0, len(window.times)]), np.array([0]))
+        return problem.started(self._x, pieces, (smooth(self._rows),)).states[0]
+
+    def _slide(self) -> None:
+        """Let the rows that are too old leave the window; the belief takes in what they say."""
+        found, rows = self._found, self._rows
+        assert found is not None
+        stays = int(np.searchsorted(rows.time, rows.time[-1] - self._seconds - 1e-9))
+        if stays == 0:
+            return
+        data = found.window.problem.data
+        belief = slid(found, int(np.searchsorted(data.times, rows.time[stays])))
+        seconds = float(rows.time[stays] - rows.time[0])
+        self._prior = self._lost(belief, seconds)
+        self._rows = rows.part(stays, len(rows))
+        self._found = replace(found, belief=replace(found.belief, point=belief.point))
+
+    def _lost(self, belief: Belief, seconds: float) -> Belief:
+        """Return a belief after some time: what the model lacks has moved the state, and the rest is a little
+        out of date."""
+        lacks, count = self._base.unmodelled, len(self._x)
+        if lacks is not None:
+            noise = np.zeros_like(belief.information)
+            noise[count:, count:] = random_push(lacks.density, seconds)
+            belief = belief.widened(noise)
+        return belief.faded(float(np.exp(-seconds / MEMORY)))
+
+    def _estimated(self) -> Estimate:
+        """Return what is known at the optimum."""
+        found = self._found
+        assert found is not None
+        count, unknowns = len(self._x), found.window.problem.unknowns
+        slope = np.eye(len(found.belief.point))
+        slope[:count, :count] = unknowns.slope(found.x)
+        covariance = slope @ found.belief.covariance @ slope.T
+        size = found.sigma
+        astray = ""
+        if size > ASTRAY and len(self._rows) >= LEAST_ROWS:
+            astray = (
+                f"The motion of the last {self._rows.time[-1] - self._rows.time[0]:.1f} s is not that of the "
+                f"mechanism as identified before: {size:.1f} times as far off as the noise; something "
+                "touches it, or it has changed. It is identified anew."
+            )
+        return Estimate(self._base, found, self._rows.time, covariance, self._future(found), astray)
+
+    def _future(self, found: Refitted) -> Prediction:
+        """Return the motion from the last row on."""
+        step = float(np.median(np.diff(self._rows.time))) if len(self._rows) > 1 else self._ahead
+        count = max(int(np.ceil(self._ahead / step - 1e-9)), 2)
+        times = self._rows.time[-1] + step * np.arange(count + 1)
+        q, v, slopes, belief = ahead_of(found, times)
+        variance = np.einsum("fip,pr,fir->fi", slopes, belief.covariance, slopes, optimize=True)
+        std = np.sqrt(np.maximum(variance, 0.0))
+        dofs = q.shape[1]
+        return Prediction(times, q, v, std[:, :dofs], std[:, dofs:])
+
+
+def _measured(poses: Poses) -> Poses:
+    """Return the rows in which any joint was measured."""
+    rows = np.flatnonzero(poses.measured.any(axis=1))
+    return poses if len(rows) == len(poses) else joined([poses.part(int(k), int(k) + 1) for k in rows])

@@ -1,0 +1,195 @@
+"""Poses in as they come, what is identified out: at every frame, and anew from nothing every now and then."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from typing import NamedTuple
+
+from monodyn.errors import MonodynError
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.live.begin import Found
+from monodyn.live.horizon import Estimate, Horizon
+from monodyn.live.record import Record, joined
+from monodyn.live.settings import LiveSettings
+from monodyn.mechanism import Mechanism
+from monodyn.stages import identify
+from monodyn.types import Poses
+
+GROWTH = 2.0
+"""How much longer the next stretch that is identified anew is, until it is as long as it may be."""
+
+
+class Reviewed(NamedTuple):
+    """A stretch identified anew.
+
+    Attributes:
+        fit: The fit.
+        horizon: What goes on from it; None where the fit cannot be used.
+        until: Time of its last row [s].
+    """
+
+    fit: Fit
+    horizon: Horizon | None
+    until: float
+
+
+class Identifier:
+    """Identifies while poses come.
+
+    Args:
+        live: How long the window is, how far ahead is predicted, how long a stretch is at most.
+        settings: How a stretch is identified.
+        in_order: Whether every pose waits for what is identified with it, so that the same poses give the
+            same numbers.
+
+    Attributes:
+        record: The poses so far.
+        fit: The last fit of a whole stretch; None before one.
+        estimate: What was identified last at a frame; None before that, and while no fit can be used.
+    """
+
+    def __init__(self, live: LiveSettings, settings: IdentifySettings, *, in_order: bool) -> None:
+        self.record, self.fit, self.estimate = Record(live.review), None, None
+        self._live, self._settings, self._in_order = live, settings, in_order
+        # one worker for what every frame needs, one for what takes longer
+        self._quick, self._long = ThreadPoolExecutor(1, "identify"), ThreadPoolExecutor(1, "review")
+        self._mechanism: Mechanism | None = None
+        self._horizon: Horizon | None = None
+        self._pending: list[Poses] = []
+        self._estimating: Future[Estimate | None] | None = None
+        self._review: Future[Reviewed] | None = None
+        self._since, self._next = -math.inf, math.inf
+
+    def begin(self, found: Found, horizon: Horizon | None) -> None:
+        """Begin with what the first seconds have shown.
+
+        Args:
+            found: It.
+            horizon: What goes on from its fit; None where that cannot be used.
+        """
+        self._mechanism, rows = found.scene.mechanism, found.poses
+        self.record.add(rows)
+        self._since = float(rows.time[0])
+        self._take_up(Reviewed(found.fit, horizon, float(rows.time[-1])))
+
+    def take(self, pose: Poses, *, broken: bool = False) -> None:
+        """Take the next pose, and identify with it as soon as the one before is done.
+
+        Args:
+            pose: One row.
+            broken: True where it is not known how much time has passed since the one before.
+        """
+        if broken:
+            # no motion goes on across it
+            self._since = float(pose.time[0])
+            self._horizon = None if self._horizon is None else self._horizon.broken_off()
+        self.record.add(pose)
+        if self._horizon is not None:
+            self._pending.append(pose)
+        self._collect()
+        self._submit()
+        self._look_again(float(pose.time[0]))
+        if self._in_order:
+            self._wait_for_all()
+
+    def settle(self, give_up: Callable[[Future[object]], None]) -> bool:
+        """Wait for what is being identified.
+
+        Args:
+            give_up: Waits for the future or until there is something better to do.
+
+        Returns:
+            Whether what is known is that of the last pose.
+        """
+        while self._estimating is not None:
+            give_up(self._estimating)
+            if not self._estimating.done():
+                return False
+            self._collect()
+            self._submit()
+        return self.estimate is not None and not self._pending
+
+    def close(self) -> None:
+        """End the work that goes on."""
+        for worker in (self._quick, self._long):
+            worker.shutdown(wait=True, cancel_futures=True)
+
+    def _submit(self) -> None:
+        """Hand the pending poses to the worker that identifies frame by frame, once it is free."""
+        if self._horizon is None or self._estimating is not None or not self._pending:
+            return
+        rows, self._pending = joined(self._pending), []
+        self._estimating = self._quick.submit(self._horizon.add, rows)
+
+    def _collect(self) -> None:
+        """Take what the workers have finished."""
+        if self._estimating is not None and self._estimating.done():
+            self.estimate, self._estimating = self._estimating.result(), None
+            if self.estimate is not None and self.estimate.astray:
+                # what came before tells nothing of what moves now
+                self._since, self._horizon = float(self.estimate.time[0]), None
+                self._next = self._since + self._live.begin
+        if self._review is not None and self._review.done() and self._estimating is None:
+            done, self._review = self._review.result(), None
+            self._take_up(done)
+
+    def _take_up(self, done: Reviewed) -> None:
+        """Go on from a stretch that was identified anew."""
+        self.fit, self._horizon = done.fit, done.horizon
+        length = done.until - self._since
+        self._next = done.until + min((GROWTH - 1.0) * length, self._live.review)
+        # what came while it was looked at is still to be taken
+        later = self.record.since(done.until, after=True)
+        self._pending = [] if later is None else [later]
+
+    def _look_again(self, now: float) -> None:
+        """Begin to identify a stretch anew where it is time to."""
+        if self._review is not None or now < self._next or self._mechanism is None:
+            return
+        rows = self.record.since(max(self._since, now - self._live.review))
+        if rows is not None:
+            self._review = self._long.submit(review, rows, self._mechanism, self._live, self._settings)
+
+    def _wait_for_all(self) -> None:
+        """Wait for all that is being identified."""
+        while self._estimating is not None or self._review is not None:
+            for job in (self._estimating, self._review):
+                if job is not None:
+                    wait([job])
+            self._collect()
+            self._submit()
+
+
+def review(
+    poses: Poses, mechanism: Mechanism, live: LiveSettings, settings: IdentifySettings
+) -> Reviewed:
+    """Identify a stretch from nothing.
+
+    Args:
+        poses: Its rows.
+        mechanism: The mechanism as the picture has measured it.
+        live: How what goes on from it looks.
+        settings: How it is identified.
+    """
+    fit = identify(poses, mechanism, settings)
+    return Reviewed(fit, horizon_of(fit, mechanism, poses, live), float(poses.time[-1]))
+
+
+def horizon_of(fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings) -> Horizon | None:
+    """Return what goes on from a fit; None where it cannot be used, or has a torque over time.
+
+    Args:
+        fit: The fit.
+        mechanism: What it began with.
+        poses: Its rows.
+        live: How long the window is, how far ahead is predicted.
+    """
+    if not fit.ok:
+        return None
+    try:
+        return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead)
+    except MonodynError:
+        return None

@@ -1,0 +1,94 @@
+"""The poses of a stream: the last ones with all that is known of them, all of them as a few numbers each."""
+
+from __future__ import annotations
+
+from array import array
+from collections import deque
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from monodyn.types import Poses
+
+
+class Record:
+    """Takes poses row by row.
+
+    Args:
+        seconds: How long a row is kept with what moves all positions together.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._recent: deque[Poses] = deque()
+        self._numbers = array("d")
+        self._kind: Poses | None = None
+
+    def add(self, poses: Poses) -> None:
+        """Take the next rows.
+
+        Args:
+            poses: Rows after all before.
+        """
+        self._kind = poses
+        joints = poses.measured
+        for row in range(len(poses)):
+            self._recent.append(poses.part(row, row + 1))
+            for part in (poses.frame[row], poses.time[row], joints[row], poses.position[row]):
+                self._numbers.extend(np.ravel(part).astype(float))
+            self._numbers.extend(np.ravel(poses.covariance[row]))
+        while self._recent[-1].time[0] - self._recent[0].time[0] > self._seconds:
+            self._recent.popleft()
+
+    @property
+    def last(self) -> Poses | None:
+        """The last row; None where there is none."""
+        return self._recent[-1] if self._recent else None
+
+    def since(self, time: float, *, after: bool = False) -> Poses | None:
+        """Return the rows from a time on; None where there are none.
+
+        Args:
+            time: The time [s].
+            after: Leave out a row of just that time.
+        """
+        rows = [row for row in self._recent if row.time[0] > time or (row.time[0] == time and not after)]
+        return joined(rows) if rows else None
+
+    @property
+    def whole(self) -> Poses | None:
+        """All rows, without what moves all positions together; None where there are none."""
+        if self._kind is None:
+            return None
+        joints = self._kind.joints
+        dofs = len(joints)
+        table = np.frombuffer(self._numbers, dtype=np.float64).reshape(-1, 2 + 2 * dofs + dofs * dofs)
+        frame, time, seen, position, covariance = np.split(table, [1, 2, 2 + dofs, 2 + 2 * dofs], axis=1)
+        seen = seen > 0.0
+        return Poses(
+            joints, frame[:, 0].astype(np.int64), time[:, 0], position, covariance.reshape(-1, dofs, dofs),
+            seen.all(axis=1), self._kind.metric, seen, self._kind.roll,
+        )  # fmt: skip
+
+
+def joined(rows: Iterable[Poses]) -> Poses:
+    """Return rows as one record.
+
+    Args:
+        rows: Records of one scene, one after the other.
+    """
+    parts: Sequence[Poses] = list(rows)
+    first = parts[0]
+    shifts = [part.shifts for part in parts if part.shifts is not None]
+    return Poses(
+        first.joints,
+        np.concatenate([part.frame for part in parts]),
+        np.concatenate([part.time for part in parts]),
+        np.concatenate([part.position for part in parts]),
+        np.concatenate([part.covariance for part in parts]),
+        np.concatenate([part.measured.all(axis=1) for part in parts]),
+        first.metric,
+        np.concatenate([part.measured for part in parts]),
+        first.roll,
+        np.concatenate(shifts, axis=1) if len(shifts) == len(parts) else None,
+    )
