@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -103,31 +103,53 @@ def run(
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
         mechanism = _chosen(job, video, models) if models else mechanism
-        scene, poses, span = locate_and_track(job, video, mechanism)
-        poses = replace(poses, torques=torques)
-        frames = free_range(settings.fit_frames, wanted, span)
-        sight.fit_frames = frames
-        # the motion may have shown that the stamps are not the times
-        times = prediction_times(video.timed(poses.frame, poses.time).times, frames[1], settings.until)
-        # the fit must not see the frames that it will be compared with
-        first, stop = np.searchsorted(poses.frame, frames).tolist()
-        check_tracked(poses.part(first, stop), video, log.notes)
-        with log.stage("identify"):
-            fit, poses = _identified(job, sight, scene, poses, (first, stop), mechanism)
-        with log.stage("predict"):
-            traces = predicted(fit, poses, times, video.path.name)
-            if fit.ok:
-                fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
-        log.notes += [*how_to_film(fit, sight), *nearest(fit, log.comparison), *known_before(model, fit)]
-        # only the fit has the metric scale: the poses are written again with their slides in metres
-        filmed = filmed_of(fit, scene, poses, sight)
-        findings = Findings(
-            fit, traces, sight.name, _about(video, mechanism), log.notes,
-            record=filmed.tracked, filmed=filmed, fit_frames=frames, log=log,
-            tolerance=settings.tolerance, drawn=settings.ensemble,
-        )  # fmt: skip
-        with log.stage("results"):
-            document = write_results(folder, findings, progress=progress)
+        found = locate_and_track(job, video, mechanism)
+        found = found._replace(poses=replace(found.poses, torques=torques))
+        return concluded(job, found, mechanism, model, folder)
+
+
+def concluded(
+    job: Job, tracked: Tracked, mechanism: Mechanism, model: str | Path, folder: RunFolder
+) -> Outcome:
+    """Identify on some frames of a tracked clip, predict the others, write the run folder.
+
+    Args:
+        job: The run; its sight has the clip and the frames that are wanted for the fit.
+        tracked: What was seen in the clip.
+        mechanism: The mechanism with the user's choices.
+        model: Where it was loaded from, or ``auto``.
+        folder: Takes the files.
+
+    Returns:
+        What was found.
+    """
+    settings, log, sight = job.settings, job.log, job.sight
+    assert sight is not None
+    assert sight.fit_frames is not None
+    (scene, poses, span), video = tracked, sight.video
+    frames = free_range(settings.fit_frames, sight.fit_frames, span)
+    sight.fit_frames = frames
+    # the motion may have shown that the stamps are not the times
+    times = prediction_times(video.timed(poses.frame, poses.time).times, frames[1], settings.until)
+    # the fit must not see the frames that it will be compared with
+    first, stop = np.searchsorted(poses.frame, frames).tolist()
+    check_tracked(poses.part(first, stop), video, log.notes)
+    with log.stage("identify"):
+        fit, poses = _identified(job, sight, scene, poses, (first, stop), mechanism)
+    with log.stage("predict"):
+        traces = predicted(fit, poses, times, video.path.name)
+        if fit.ok:
+            fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+    log.notes += [*how_to_film(fit, sight), *nearest(fit, log.comparison), *known_before(model, fit)]
+    # only the fit has the metric scale: the poses are written again with their slides in metres
+    filmed = filmed_of(fit, scene, poses, sight)
+    findings = Findings(
+        fit, traces, sight.name, _about(video, mechanism), log.notes,
+        record=filmed.tracked, filmed=filmed, fit_frames=frames, log=log,
+        tolerance=settings.tolerance, drawn=settings.ensemble,
+    )  # fmt: skip
+    with log.stage("results"):
+        document = write_results(folder, findings, progress=job.progress)
     return job.outcome(document, filmed.tracked, findings)
 
 
@@ -292,9 +314,21 @@ def _chosen(job: Job, video: Video, models: dict[str, Mechanism]) -> Mechanism:
     return mechanism
 
 
-def locate_and_track(
-    job: Job, video: Video, mechanism: Mechanism
-) -> tuple[Scene | PointScene, Poses, FreeSpan]:
+class Tracked(NamedTuple):
+    """What was seen in a clip.
+
+    Attributes:
+        scene: Mechanism and camera.
+        poses: The poses of the whole clip.
+        span: The frames in which the mechanism moves freely.
+    """
+
+    scene: Scene | PointScene
+    poses: Poses
+    span: FreeSpan
+
+
+def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> Tracked:
     """Go from the clip, or from tracked points, to poses, and write them.
 
     Args:
@@ -303,7 +337,7 @@ def locate_and_track(
         mechanism: The mechanism with the user's choices.
 
     Returns:
-        The scene, the poses of the whole clip, and the frames in which the mechanism moves freely.
+        What was seen in the clip.
     """
     sight = job.sight or Sight(video)
     if sight.tracks is not None:
@@ -337,7 +371,7 @@ def locate_and_track(
     log.notes += [*scene.advice, *others, *notes]
     log.free_frames, log.region = span[:2], scene.masks.background.window
     job.write_poses(poses)
-    return scene, poses, span
+    return Tracked(scene, poses, span)
 
 
 def _segmented(job: Job, sight: Sight, mechanism: Mechanism) -> Masks:
@@ -358,9 +392,7 @@ def _segmented(job: Job, sight: Sight, mechanism: Mechanism) -> Masks:
     return masks
 
 
-def _locate_and_track_points(
-    job: Job, sight: Sight, tracks: PointTracks, mechanism: Mechanism
-) -> tuple[PointScene, Poses, FreeSpan]:
+def _locate_and_track_points(job: Job, sight: Sight, tracks: PointTracks, mechanism: Mechanism) -> Tracked:
     """Go from tracked points to poses, and write them."""
     settings, log, progress = job.settings, job.log, job.progress
     fix, free = camera_choices(settings)
@@ -379,7 +411,7 @@ def _locate_and_track_points(
     log.notes += [*tracks.notes, *scene.advice, *notes, *span.notes, *unshown(moving)]
     log.free_frames = span[:2]
     job.write_poses(poses)
-    return scene, poses, span
+    return Tracked(scene, poses, span)
 
 
 def _clip_notes(video: Video, masks: Video | None) -> list[str]:
