@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation.record.smooth import Smoothed
-from monodyn.estimation.shooting.problem import Instance, Problem
+from monodyn.estimation.shooting.instance import Instance
+from monodyn.estimation.shooting.problem import Problem
 from monodyn.mechanism.simulate import accelerations
 
 COORDINATE_STEP = 1e-6

@@ -16,48 +16,17 @@ import numpy as np
 from monodyn.arrays import plain
 from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.record.smooth import Smoothed
+from monodyn.estimation.shooting.instance import Instance
 from monodyn.estimation.shooting.prior import Prior, size_prior
 from monodyn.estimation.shooting.trial import Run, Trial, for_each_run
 from monodyn.estimation.shooting.unknowns import Unknowns, choose_unknowns
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import power
 from monodyn.mechanism.drive import Drive
-from monodyn.mechanism.plan import JOINT
 from monodyn.mechanism.simulate import rollout, rollout_derivatives
 from monodyn.mechanism.torques import LAG
-from monodyn.mechanism.tree import Directions, Tree
 from monodyn.mechanism.upright import ROLL, with_roll
 from monodyn.optimize import Arrow
-
-
-@dataclass(frozen=True, eq=False)
-class Instance:
-    """The mechanism at one set of shared unknowns, with its derivatives by coordinate.
-
-    Attributes:
-        tree: The joint tree.
-        drive: Torque over time.
-        directions: What each coordinate changes in both, the time scale in the drive alone.
-        size: Metric scale of slides.
-        dsize: Derivative of its logarithm, (param,).
-        stretch: Seconds per stamped second.
-        dstretch: Derivative of its logarithm, (param,).
-        roll: Roll of the camera [rad].
-        droll: Its derivative, (param,).
-        lag: How much later than in their log known torques act [s].
-    """
-
-    tree: Tree
-    drive: Drive
-    directions: Directions
-    size: float
-    dsize: np.ndarray
-    stretch: float
-    dstretch: np.ndarray
-    roll: float
-    droll: np.ndarray
-    lag: float
-
 
 ALONG = 0.1
 """Share of a step at which its bend is measured."""
@@ -179,11 +148,12 @@ class Problem:
         cost += 0.5 * float(change @ pull)
         return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope, rows)
 
-    def rows(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
+    def rows(self, trial: Trial, instance: Instance | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Return whitened residuals and their Jacobian.
 
         Args:
             trial: Unknowns and start states.
+            instance: The mechanism at its unknowns, where that is known.
 
         Returns:
             Residuals (row, dof) and Jacobian (row, dof, param + 2 dof), whose last columns belong to the
@@ -191,32 +161,54 @@ class Problem:
         """
         from monodyn.estimation.shooting.kernels import whitened_rows
 
-        instance, data, pieces = self.at(trial.x), self.data, trial.pieces
-        clock, starts = data.times * instance.stretch, plain(trial.states)
-        tree, directions = instance.tree, _slowed(instance)
-        dofs, params = data.position.shape[1], len(trial.x)
+        data, pieces, params = self.data, trial.pieces, len(trial.x)
+        there = instance or self.at(trial.x)
 
         def of_piece(run: Run) -> tuple[np.ndarray, np.ndarray]:
-            first, stop, state = run
-            q0, v0 = state[:dofs], state[dofs:]
-            drive = self.driven(instance.drive, instance.lag, instance.stretch, first, stop)
-            q, _, dq, _ = rollout_derivatives(
-                tree, directions, clock[first:stop], q0, v0, substeps=trial.substeps, drive=drive
-            )
-            # start rates are by true time: a slower clock is like larger ones, at the same stamps
-            # of a motion that grows beyond all bounds nothing is finite, which the search rejects
-            with np.errstate(invalid="ignore", over="ignore"):
-                dq[:, :, :params] += (dq[:, :, params + dofs :] @ v0)[:, :, None] * instance.dstretch
+            q, _, dq, _ = self.tangents(there, trial.substeps, run)
             return q, dq
 
-        runs = list(zip(pieces.first[:-1].tolist(), pieces.first[1:].tolist(), starts, strict=True))
+        states = plain(trial.states)
+        runs = list(zip(pieces.first[:-1].tolist(), pieces.first[1:].tolist(), states, strict=True))
         q, dq = (np.concatenate(part) for part in zip(*for_each_run(of_piece, runs), strict=True))
         slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
         # the picture of a rolled camera lacks the roll: it is added to what was measured, and its derivative
         # is that of the simulated less the measured position
-        dq[:, :, :params] -= turned[:, :, None] * instance.droll
-        position = data.position + turned * instance.roll
-        return whitened_rows(q, dq, position, data.white, slide, instance.size, instance.dsize)
+        dq[:, :, :params] -= turned[:, :, None] * there.droll
+        position = data.position + turned * there.roll
+        return whitened_rows(q, dq, position, data.white, slide, there.size, there.dsize)
+
+    def tangents(
+        self, instance: Instance, substeps: int, run: Run
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Simulate one run of rows with its derivatives.
+
+        Args:
+            instance: The mechanism.
+            substeps: Integration steps between two time stamps.
+            run: First row, one past the last row and start state (2 dof,).
+
+        Returns:
+            Positions and rates in metres and true time, each (row, dof), and their derivatives, each (row,
+            dof, param + 2 dof): by coordinate, then by start state.
+        """
+        first, stop, state = run
+        dofs, params = self.data.position.shape[1], len(instance.dsize)
+        q0, v0 = state[:dofs], state[dofs:]
+        drive = self.driven(instance.drive, instance.lag, instance.stretch, first, stop)
+        clock = self.data.times[first:stop] * instance.stretch
+        q, v, dq, dv = rollout_derivatives(
+            instance.tree, instance.slowed, clock, q0, v0, substeps=substeps, drive=drive
+        )
+        if instance.dstretch.any():
+            # start rates are by true time: a slower clock is like larger ones, at the same stamps
+            # of a motion that grows beyond all bounds nothing is finite, which the search rejects
+            with np.errstate(invalid="ignore", over="ignore"):
+                for part in (dq, dv):
+                    part[:, :, :params] += (part[:, :, params + dofs :] @ v0)[:, :, None] * instance.dstretch
+                # and so are those of every row, which the change of forces has by the stamps
+                dv[:, :, :params] -= v[:, :, None] * instance.dstretch
+        return q, v, dq, dv
 
     def bend(
         self, model: Arrow, trial: Trial, step: tuple[np.ndarray, np.ndarray], limit: float
@@ -402,24 +394,3 @@ def posed(mechanism: Mechanism, data: Data, *, torques_only: bool = False, near:
         mechanism = with_roll(mechanism, mechanism.values[ROLL], free=False)
     unknowns = choose_unknowns(mechanism, torques_only=torques_only, near=near)
     return Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data, near=near)
-
-
-def _slowed(instance: Instance) -> Directions:
-    """Add what a change of the time scale does, written as a change of forces at the same stamps.
-
-    q(s t; gravity, stiffness, friction, damping, v0) = q(t; s^2 gravity, s^2 stiffness, s^2 friction,
-    s damping, s v0) holds for the integrated motion as well, step by step, so that the derivative is exact
-    and a time scale that lengths can make up for is seen to be open. The rate within which friction changes
-    sign is part of the method and not of the mechanism: it goes along with the scale. The derivative of the
-    start rates is the caller's.
-    """
-    directions, dstretch = instance.directions, instance.dstretch
-    if not dstretch.any():
-        return directions
-    powers = np.zeros(instance.tree.links.shape[1])
-    for kind, term in JOINT.items():
-        powers[term.column] = power(kind, time=-1.0)
-    links = directions.links + (powers * instance.tree.links)[:, :, None] * dstretch
-    by_gravity = power("gravity", time=-1.0) * instance.tree.gravity[:, None]
-    gravity = directions.gravity + by_gravity * dstretch
-    return replace(directions, links=plain(links), gravity=plain(gravity))

@@ -101,10 +101,34 @@ def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: 
     moved = covariance @ np.sum(pulls, axis=0)
     full = _with_states(covariance, moved, local)
     covariance = covariance + moved @ moved.T
-    relative = relative_change(problem.unknowns, x)
-    unfixed, loaded = _open_directions(blind, relative)
-    std = np.where(loaded, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
-    return Knowledge(covariance, unfixed, relative, std, full)
+    return _known(problem.unknowns, x, covariance, blind, full)
+
+
+def knowledge_of(unknowns: Unknowns, x: np.ndarray, information: np.ndarray) -> Knowledge:
+    """Compute covariance and identifiability from the information about the unknowns and one start state.
+
+    Args:
+        unknowns: The unknowns.
+        x: Coordinates of the optimum, (param,).
+        information: Second derivatives of the cost by unknowns and start state, (unknown, unknown).
+
+    Returns:
+        What is known; open directions are those of ``knowledge_at``, but for what rounding hides in squares.
+    """
+    count = len(unknowns)
+    states, cross = information[count:, count:], information[count:, :count]
+    size = np.sqrt(np.maximum(np.diag(states), 1e-300))
+    inverse = np.linalg.pinv(states / np.outer(size, size), rcond=1e-14, hermitian=True) / np.outer(
+        size, size
+    )
+    gain = inverse @ cross
+    left = information[:count, :count] - cross.T @ gain
+    size = np.sqrt(np.maximum(np.diag(left), 1e-300))
+    values, vectors = np.linalg.eigh(left / np.outer(size, size))
+    covariance, blind = _split(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size, unknowns)
+    nothing = np.zeros((count, 0))
+    full = _with_states(covariance, nothing, [_Local(inverse, gain, np.zeros((len(states), 0)))])
+    return _known(unknowns, x, covariance, blind, full)
 
 
 def without_states(jacobian: np.ndarray, count: int, pieces: Pieces) -> np.ndarray:
@@ -124,6 +148,16 @@ def without_states(jacobian: np.ndarray, count: int, pieces: Pieces) -> np.ndarr
         shared, (q, _) = rows[:, :count], np.linalg.qr(rows[:, count:])
         found.append(shared - q @ (q.T @ shared))
     return np.concatenate(found)
+
+
+def _known(
+    unknowns: Unknowns, x: np.ndarray, covariance: np.ndarray, blind: np.ndarray, full: np.ndarray
+) -> Knowledge:
+    """Say which parameters what is not fixed moves; ``blind`` is a basis of that, (param, direction)."""
+    relative = relative_change(unknowns, x)
+    unfixed, loaded = _open_directions(blind, relative)
+    std = np.where(loaded, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    return Knowledge(covariance, unfixed, relative, std, full)
 
 
 class _Local(NamedTuple):
