@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from monodyn.errors import MonodynError
 from monodyn.estimation.fit import Fit
@@ -95,7 +95,7 @@ class Identifier:
         if self._in_order:
             self._wait_for_all()
 
-    def settle(self, give_up: Callable[[Future[object]], None]) -> bool:
+    def settle(self, give_up: Callable[[Future[Any]], None]) -> bool:
         """Wait for what is being identified.
 
         Args:
@@ -156,16 +156,13 @@ class Identifier:
     def _wait_for_all(self) -> None:
         """Wait for all that is being identified."""
         while self._estimating is not None or self._review is not None:
-            for job in (self._estimating, self._review):
-                if job is not None:
-                    wait([job])
+            jobs: list[Future[Any]] = [job for job in (self._estimating, self._review) if job is not None]
+            wait(jobs)
             self._collect()
             self._submit()
 
 
-def review(
-    poses: Poses, mechanism: Mechanism, live: LiveSettings, settings: IdentifySettings
-) -> Reviewed:
+def review(poses: Poses, mechanism: Mechanism, live: LiveSettings, settings: IdentifySettings) -> Reviewed:
     """Identify a stretch from nothing.
 
     Args:
