@@ -16,12 +16,14 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.arrays import plain
+from monodyn.errors import MonodynError
 from monodyn.estimation.fit import Doubt, Fit, Grade, Start
 from monodyn.estimation.record.samples import Pieces
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.estimation.window import Arrival, Refitted, Window, ahead, refit, slid, start_of, window_of
 from monodyn.live.record import joined
+from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
 from monodyn.results.fill import random_push
 from monodyn.results.predict import Prediction
@@ -251,6 +253,23 @@ class Horizon:
         variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
         std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]
         return Prediction(times, q, v, std[:, :dofs], std[:, dofs:])
+
+
+def horizon_of(fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings) -> Horizon | None:
+    """Return what goes on from a fit; None where it cannot be used, or has a torque over time.
+
+    Args:
+        fit: The fit.
+        mechanism: What it began with.
+        poses: Its rows.
+        live: How long the window is, how far ahead is predicted.
+    """
+    if not fit.ok:
+        return None
+    try:
+        return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead)
+    except MonodynError:
+        return None
 
 
 def _measured(poses: Poses) -> Poses:

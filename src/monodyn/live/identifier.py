@@ -7,11 +7,10 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any, NamedTuple
 
-from monodyn.errors import MonodynError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.live.begin import Found
-from monodyn.live.horizon import Estimate, Horizon
+from monodyn.live.begin import Begun
+from monodyn.live.horizon import Estimate, Horizon, horizon_of
 from monodyn.live.record import Record, joined
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
@@ -63,17 +62,19 @@ class Identifier:
         self._review: Future[Reviewed] | None = None
         self._since, self._next = -math.inf, math.inf
 
-    def begin(self, found: Found, horizon: Horizon | None) -> None:
+    def begin(self, begun: Begun) -> None:
         """Begin with what the first seconds have shown.
 
         Args:
-            found: It.
-            horizon: What goes on from its fit; None where that cannot be used.
+            begun: It.
         """
-        self._mechanism, rows = found.scene.mechanism, found.poses
-        self.record.add(rows)
-        self._since = float(rows.time[0])
-        self._take_up(Reviewed(found.fit, horizon, float(rows.time[-1])))
+        found, self._mechanism = begun.found, begun.found.scene.mechanism
+        self.record.add(found.poses)
+        self._since = float(found.poses.time[0])
+        self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
+        if begun.later is not None:
+            self.record.add(begun.later)
+        self.estimate = begun.estimate
 
     def take(self, pose: Poses, *, broken: bool = False) -> None:
         """Take the next pose, and identify with it as soon as the one before is done.
@@ -173,20 +174,3 @@ def review(poses: Poses, mechanism: Mechanism, live: LiveSettings, settings: Ide
     """
     fit = identify(poses, mechanism, settings)
     return Reviewed(fit, horizon_of(fit, mechanism, poses, live), float(poses.time[-1]))
-
-
-def horizon_of(fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings) -> Horizon | None:
-    """Return what goes on from a fit; None where it cannot be used, or has a torque over time.
-
-    Args:
-        fit: The fit.
-        mechanism: What it began with.
-        poses: Its rows.
-        live: How long the window is, how far ahead is predicted.
-    """
-    if not fit.ok:
-        return None
-    try:
-        return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead)
-    except MonodynError:
-        return None

@@ -9,21 +9,19 @@ a pose is shown when it is there, with what was identified last.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.checks import drawn_mechanism
 from monodyn.errors import MonodynError
-from monodyn.live.begin import Beginning, Found, search
+from monodyn.live.begin import Beginning, Begun, Setup, begin
 from monodyn.live.clock import Clock
 from monodyn.live.feed import Arrival, Feed
 from monodyn.live.foreseen import Foreseen
-from monodyn.live.horizon import Horizon
-from monodyn.live.identifier import Identifier, horizon_of
+from monodyn.live.identifier import Identifier
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import Pictures, Source, open_source
 from monodyn.live.step import Step
@@ -91,12 +89,11 @@ class Session:
     ) -> None:
         self.source, self.found = source, None
         self.identifier = Identifier(live, settings.identify, in_order=not source.live)
-        self._mechanism, self._live, self._settings = mechanism, live, settings
+        self._live, self._setup = live, Setup(mechanism, live, settings)
         self._feed, self._clock = Feed(source, live.queue), Clock()
         self._beginning = Beginning(live.begin)
         self._worker = ThreadPoolExecutor(1, "search")
         self._search: Future[Begun | MonodynError] | None = None
-        self._searched = -1
         self._tracker: Tracker | None = None
         self._foreseen = Foreseen(live.ahead)
         self._said = "Waiting for motion."
@@ -149,31 +146,24 @@ class Session:
 
     def _watch(self, frame: Frame) -> None:
         """Take a frame before the mechanism is found; look for it when enough has moved."""
-        self._beginning.add(frame)
-        if self._search is None and self._beginning.ready:
-            frames = tuple(self._beginning.frames)
-            self._searched = frames[-1].index
-            job = (frames, self.source.name, self._mechanism, self._settings, self._live)
-            self._search = self._worker.submit(begin, *job)
-            self._said = f"Looking for the mechanism in the last {frames[-1].time - frames[0].time:.1f} s."
+        watched = self._beginning
+        watched.add(frame)
+        if self._search is None and watched.ready:
+            watched.hold()
+            self._search = self._worker.submit(begin, watched, self.source.name, self._setup)
+            seconds = watched.frames[-1].time - watched.frames[0].time
+            self._said = f"Looking for the mechanism in the last {seconds:.1f} s."
         if self._search is None or not (self._search.done() or not self.source.live):
             return
         begun, self._search = self._search.result(), None
         if isinstance(begun, MonodynError):
-            self._beginning.in_vain()
+            watched.in_vain()
             self._said = str(begun)
             return
-        self._follow(begun)
-
-    def _follow(self, begun: Begun) -> None:
-        """Follow the mechanism from now on, what came during the search first."""
-        watched = self._beginning.frames
-        seen = [frame for frame in watched if frame.index <= self._searched]
-        self.found = begun.found
-        self.identifier.begin(begun.found, begun.horizon)
-        self._tracker = Tracker(begun.found.scene, self._settings.track, seen)
-        for frame in watched[len(seen) :]:
-            self.identifier.take(self._tracker.follow(frame))
+        self.found, self._tracker = begun.found, begun.tracker
+        self.identifier.begin(begun)
+        for later in watched.frames[begun.count :]:
+            self.identifier.take(self._tracker.follow(later, self._expected(later.time)))
         self._beginning = Beginning(self._live.begin)
 
     def _sentence(self, pose: Poses | None) -> str:
@@ -184,34 +174,3 @@ class Session:
         if pose is not None and not pose.measured.any():
             return "The mechanism is not in sight."
         return estimate.astray if estimate is not None and estimate.astray else fit.status
-
-
-class Begun(NamedTuple):
-    """What the first seconds have shown, and what goes on from it.
-
-    Attributes:
-        found: Scene, poses, fit.
-        horizon: What goes on from the fit; None where that cannot be used.
-    """
-
-    found: Found
-    horizon: Horizon | None
-
-
-def begin(
-    frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: RunSettings, live: LiveSettings
-) -> Begun | MonodynError:
-    """Look for the mechanism in the first seconds; return why in vain where it was not found.
-
-    Args:
-        frames: What was watched.
-        name: Name of the stream.
-        mechanism: The mechanism with the user's choices.
-        settings: How each stage goes.
-        live: How it goes on.
-    """
-    try:
-        found = search(frames, name, mechanism, settings)
-    except MonodynError as error:
-        return error
-    return Begun(found, horizon_of(found.fit, found.scene.mechanism, found.poses, live))
