@@ -223,6 +223,7 @@ def search(frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: R
     fit = identify(part, scene.mechanism, settings.identify)
     if why := doubtful_sight(sight, part):
         fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
+    part = replace(part, frame=np.array([frames[number].index for number in part.frame]))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
     return Found(_everywhere(scene), part, fit, (*scene.advice, *others, *span.notes))
 

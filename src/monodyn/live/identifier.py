@@ -47,6 +47,7 @@ class Identifier:
     Attributes:
         record: The poses so far.
         fit: The last fit of a whole stretch; None before one.
+        since: Begin of the motion that goes on without a break [s].
         estimate: What was identified last at a frame; None before that, and while no fit can be used.
     """
 
@@ -60,7 +61,7 @@ class Identifier:
         self._pending: list[Poses] = []
         self._estimating: Future[Estimate | None] | None = None
         self._review: Future[Reviewed] | None = None
-        self._since, self._next = -math.inf, math.inf
+        self.since, self._next = -math.inf, math.inf
 
     def begin(self, begun: Begun) -> None:
         """Begin with what the first seconds have shown.
@@ -70,7 +71,7 @@ class Identifier:
         """
         found, self._mechanism = begun.found, begun.found.scene.mechanism
         self.record.add(found.poses)
-        self._since = float(found.poses.time[0])
+        self.since = float(found.poses.time[0])
         self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
         if begun.later is not None:
             self.record.add(begun.later)
@@ -85,7 +86,7 @@ class Identifier:
         """
         if broken:
             # no motion goes on across it
-            self._since = float(pose.time[0])
+            self.since = float(pose.time[0])
             self._horizon = None if self._horizon is None else self._horizon.broken_off()
         self.record.add(pose)
         if self._horizon is not None:
@@ -131,8 +132,8 @@ class Identifier:
             self.estimate, self._estimating = self._estimating.result(), None
             if self.estimate is not None and self.estimate.astray:
                 # what came before tells nothing of what moves now
-                self._since, self._horizon = float(self.estimate.time[0]), None
-                self._next = self._since + self._live.begin
+                self.since, self._horizon = float(self.estimate.time[0]), None
+                self._next = self.since + self._live.begin
         if self._review is not None and self._review.done() and self._estimating is None:
             done, self._review = self._review.result(), None
             self._take_up(done)
@@ -140,7 +141,7 @@ class Identifier:
     def _take_up(self, done: Reviewed) -> None:
         """Go on from a stretch that was identified anew."""
         self.fit, self._horizon = done.fit, done.horizon
-        length = done.until - self._since
+        length = done.until - self.since
         self._next = done.until + min((GROWTH - 1.0) * length, self._live.review)
         # what came while it was looked at is still to be taken
         later = self.record.since(done.until, after=True)
@@ -150,7 +151,7 @@ class Identifier:
         """Begin to identify a stretch anew where it is time to."""
         if self._review is not None or now < self._next or self._mechanism is None:
             return
-        rows = self.record.since(max(self._since, now - self._live.review))
+        rows = self.record.since(max(self.since, now - self._live.review))
         if rows is not None:
             self._review = self._long.submit(review, rows, self._mechanism, self._live, self._settings)
 

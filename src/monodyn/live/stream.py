@@ -9,7 +9,7 @@ a pose is shown when it is there, with what was identified last.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from monodyn.checks import drawn_mechanism
 from monodyn.errors import MonodynError
-from monodyn.live.begin import Beginning, Begun, Setup, begin
+from monodyn.live.begin import Beginning, Begun, Found, Setup, begin
 from monodyn.live.clock import Clock
 from monodyn.live.feed import Arrival, Feed
 from monodyn.live.foreseen import Foreseen
@@ -82,21 +82,30 @@ class Session:
         source: The source.
         found: What the first seconds have shown; None before that.
         identifier: Poses, and what was identified from them.
+        said: What there is to say at this moment.
+        notes: What people should know, in sentences.
+        recorded: Number in its recording of each frame, by its number in the stream; None where the source
+            is a clip itself.
     """
 
     def __init__(
         self, source: Source, mechanism: Mechanism, live: LiveSettings, settings: RunSettings
     ) -> None:
-        self.source, self.found = source, None
+        self.source: Source = source
+        self.found: Found | None = None
+        self.notes: list[str] = []
+        self.recorded: Mapping[int, int] | None = None
         self.identifier = Identifier(live, settings.identify, in_order=not source.live)
         self._live, self._setup = live, Setup(mechanism, live, settings)
-        self._feed, self._clock = Feed(source, live.queue), Clock()
+        # a clip keeps its clock, which its tables and its film have too
+        self._feed, self._clock = Feed(source, live.queue), Clock(None if source.video else 0.0)
         self._beginning = Beginning(live.begin)
         self._worker = ThreadPoolExecutor(1, "search")
         self._search: Future[Begun | MonodynError] | None = None
         self._tracker: Tracker | None = None
         self._foreseen = Foreseen(live.ahead)
-        self._said = "Waiting for motion."
+        self.said = "Waiting for motion."
+        self._stopped = False
 
     def __enter__(self) -> Session:
         return self
@@ -106,9 +115,13 @@ class Session:
         self.identifier.close()
         self._worker.shutdown(wait=True, cancel_futures=True)
 
+    def stop(self) -> None:
+        """End the stream: the step that is being made is the last one."""
+        self._stopped = True
+
     def steps(self) -> Iterator[Step]:
-        """Yield what is known at each frame, until the source ends."""
-        while True:
+        """Yield what is known at each frame, until the source ends or somebody stops it."""
+        while not self._stopped:
             try:
                 arrival = self._feed.next(TICK)
             except StopIteration:
@@ -152,13 +165,13 @@ class Session:
             watched.hold()
             self._search = self._worker.submit(begin, watched, self.source.name, self._setup)
             seconds = watched.frames[-1].time - watched.frames[0].time
-            self._said = f"Looking for the mechanism in the last {seconds:.1f} s."
+            self.said = f"Looking for the mechanism in the last {seconds:.1f} s."
         if self._search is None or not (self._search.done() or not self.source.live):
             return
         begun, self._search = self._search.result(), None
         if isinstance(begun, MonodynError):
             watched.in_vain()
-            self._said = str(begun)
+            self.said = str(begun)
             return
         self.found, self._tracker = begun.found, begun.tracker
         self.identifier.begin(begun)
@@ -169,8 +182,8 @@ class Session:
     def _sentence(self, pose: Poses | None) -> str:
         """Return what there is to say."""
         fit, estimate = self.identifier.fit, self.identifier.estimate
-        if self._tracker is None or fit is None:
-            return self._said
-        if pose is not None and not pose.measured.any():
-            return "The mechanism is not in sight."
-        return estimate.astray if estimate is not None and estimate.astray else fit.status
+        if self._tracker is not None and fit is not None:
+            self.said = estimate.astray if estimate is not None and estimate.astray else fit.status
+            if pose is not None and not pose.measured.any():
+                self.said = "The mechanism is not in sight."
+        return self.said
