@@ -163,9 +163,7 @@ class Identifier:
             self._submit()
 
 
-def review(
-    poses: Poses, mechanism: Mechanism, live: LiveSettings, settings: IdentifySettings
-) -> Reviewed:
+def review(poses: Poses, mechanism: Mechanism, live: LiveSettings, settings: IdentifySettings) -> Reviewed:
     """Identify a stretch from nothing.
 
     Args:

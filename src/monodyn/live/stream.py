@@ -84,12 +84,13 @@ class Session:
         source: The source.
         found: What the first seconds have shown; None before that.
         identifier: Poses, and what was identified from them.
+        stopped: True once no more frames are wanted.
     """
 
     def __init__(
         self, source: Source, mechanism: Mechanism, live: LiveSettings, settings: RunSettings
     ) -> None:
-        self.source, self.found = source, None
+        self.source, self.found, self.stopped = source, None, False
         self.identifier = Identifier(live, settings.identify, in_order=not source.live)
         self._mechanism, self._live, self._settings = mechanism, live, settings
         self._feed, self._clock = Feed(source, live.queue), Clock()
@@ -110,14 +111,18 @@ class Session:
         self._worker.shutdown(wait=True, cancel_futures=True)
 
     def steps(self) -> Iterator[Step]:
-        """Yield what is known at each frame, until the source ends."""
-        while True:
+        """Yield what is known at each frame, until the source ends or ``stop`` was called."""
+        while not self.stopped:
             try:
                 arrival = self._feed.next(TICK)
             except StopIteration:
                 return
             if arrival is not None:
                 yield self._step(arrival)
+
+    def stop(self) -> None:
+        """Take no more frames; what is being done with the last one is done. May be called by a signal."""
+        self.stopped = True
 
     def _step(self, arrival: Arrival) -> Step:
         """Return what is known with one more frame."""
