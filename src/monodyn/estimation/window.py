@@ -26,15 +26,15 @@ import numpy as np
 from monodyn.arrays import plain
 from monodyn.errors import FitError
 from monodyn.estimation.fit import Common, Fit
-from monodyn.estimation.record.samples import Pieces, prepare
+from monodyn.estimation.record.samples import Data, Pieces, prepare
 from monodyn.estimation.shooting.instance import Instance
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.shoot import choose_substeps
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.verdict.common import less
+from monodyn.estimation.verdict.common import left_open, less
 from monodyn.estimation.verdict.regrouped import Trees, features
 from monodyn.estimation.verdict.surrogate import BESIDES, STEP, UNEXPLAINED
-from monodyn.estimation.verdict.uncertainty import Knowledge, knowledge_of
+from monodyn.estimation.verdict.uncertainty import Knowledge, knowledge_of, whitened_shifts
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
 from monodyn.types import Poses
@@ -57,11 +57,14 @@ class Arrival:
         point: Where d is zero, (feature + 2 dof,).
         information: H, (feature + 2 dof, feature + 2 dof).
         gradient: g, (feature + 2 dof,).
+        pulled: How g follows what moves all positions together, by one deviation of each direction, (feature
+            + 2 dof, direction).
     """
 
     point: np.ndarray
     information: np.ndarray
     gradient: np.ndarray
+    pulled: np.ndarray
 
     def at(self, point: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the cost at a point and its gradient there, (feature + 2 dof,).
@@ -85,7 +88,33 @@ class Arrival:
         change[count:, count:] = noise
         # (H^-1 + Q)^-1 = H (1 + Q H)^-1, which needs no inverse of H
         gain = np.linalg.inv(np.eye(len(change)) + change @ self.information)
-        return Arrival(self.point, _symmetric(self.information @ gain), gain.T @ self.gradient)
+        known = _symmetric(self.information @ gain)
+        return Arrival(self.point, known, gain.T @ self.gradient, gain.T @ self.pulled)
+
+    def faded(self, share: float) -> Arrival:
+        """Return the cost with a share of its weight, as of what may have changed since.
+
+        Args:
+            share: What is left of it, up to 1.
+        """
+        return Arrival(self.point, share * self.information, share * self.gradient, share * self.pulled)
+
+    def broken_off(self, dofs: int) -> Arrival:
+        """Return what it says of the mechanism alone: the state has become another one.
+
+        Args:
+            dofs: Number of joints.
+        """
+        known, count = self.information, len(self.point) - 2 * dofs
+        size = np.sqrt(np.maximum(np.diag(known)[count:], 1e-300))
+        inverse = np.linalg.pinv(known[count:, count:] / np.outer(size, size), rcond=1e-14, hermitian=True)
+        onto = known[:count, count:] @ (inverse / np.outer(size, size))
+        left = np.zeros_like(known)
+        left[:count, :count] = _symmetric(known[:count, :count] - onto @ known[count:, :count])
+        gradient, pulled = np.zeros_like(self.gradient), np.zeros_like(self.pulled)
+        gradient[:count] = self.gradient[:count] - onto @ self.gradient[count:]
+        pulled[:count] = self.pulled[:count] - onto @ self.pulled[count:]
+        return Arrival(self.point, left, gradient, pulled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,14 +143,15 @@ class Window:
         Args:
             poses: The rows of the window.
             noise: Factors of the stated noise, by joint (dof,) or one for all, as a fit has found them.
-            common: Errors that all positions have in common, which are taken off.
+            common: Errors that all positions have in common, as a fit has found them: they are taken off,
+                and less of them is open.
 
         Raises:
             VideoError: From ``prepare``: nothing was measured, or a covariance is none.
         """
         data = prepare([poses], self.problem.mechanism)
         if common is not None:
-            data = less(data, common.mean)
+            data = left_open(less(data, common.mean), common.root)
         factors = np.broadcast_to(np.asarray(noise, dtype=float), data.position.shape[1:])
         return replace(self, problem=self.problem.with_data(data.scaled(factors)))
 
@@ -161,6 +191,8 @@ class Refitted:
         state: State at the first row, (2 dof,).
         information: Second derivatives of the cost by unknowns and that state, by Gauss and Newton,
             (param + 2 dof, param + 2 dof): rows, arrival and picture together.
+        pulled: How the gradient follows what moves all positions together, by one deviation of each
+            direction, (param + 2 dof, direction).
         residual: Measured less simulated positions in the record's units, NaN in gaps [rad or m], (row, dof).
         sigma: Root mean square of the whitened residuals: 1 where noise is as it was stated.
         cost: Half the sum of their squares, with the costs of arrival and picture.
@@ -173,11 +205,17 @@ class Refitted:
     x: np.ndarray
     state: np.ndarray
     information: np.ndarray
+    pulled: np.ndarray
     residual: np.ndarray
     sigma: float
     cost: float
     evaluations: int
     converged: bool
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of length of the start."""
+        return self.window.problem.size(self.x)
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -192,8 +230,10 @@ class Refitted:
     @property
     def covariance(self) -> np.ndarray:
         """Covariance of unknowns and state at the first row, (param + 2 dof, param + 2 dof); directions that
-        nothing determines are left out of it."""
-        return self.known.full
+        nothing determines are left out of it. What moves all positions together is no noise: it moves the
+        optimum as a whole."""
+        moved = self.known.full @ self.pulled
+        return self.known.full + moved @ moved.T
 
 
 class Ahead(NamedTuple):
@@ -298,13 +338,18 @@ def refit(
         evaluate, begun.x, begun.states, (unknowns.lower, unknowns.upper), settings=settings,
         reach=unknowns.reach,
     )  # fmt: skip
-    whitened, _ = found.model.kept
+    whitened, jacobian = found.model.kept
+    pulled = _pulled(problem.data, jacobian)
+    if arrival is not None:
+        _, slopes = window.shown(problem.at(found.shared), found.shared)
+        pulled += _chain(slopes, begun.states.shape[1]).T @ arrival.pulled
     return Refitted(
         window=window,
         arrival=arrival,
         x=found.shared,
         state=found.local[0],
         information=_whole(found.model),
+        pulled=pulled,
         residual=problem.differences(begun.at(found.shared, found.local)),
         sigma=float(np.sqrt(np.sum(whitened**2) / max(problem.data.samples, 1))),
         cost=found.model.cost,
@@ -334,7 +379,9 @@ def slid(found: Refitted, row: int) -> Arrival:
     rows = jacobian.reshape(residual.size, -1)
     rows = np.hstack((rows[:, :count] @ back, rows[:, count:]))
     known, gradient = rows.T @ rows, rows.T @ residual.ravel()
+    pulled = _pulled(part.problem.data, rows.reshape(*residual.shape, -1))
     if found.arrival is not None:
+        pulled = pulled + found.arrival.pulled
         known = known + found.arrival.information
         gradient = gradient + found.arrival.at(np.concatenate((shown, found.state)))[1]
     state, tangents = _reached(found, row, instance)
@@ -344,7 +391,8 @@ def slid(found: Refitted, row: int) -> Arrival:
     turn = np.eye(width + len(state))
     turn[width:, width:] = np.linalg.inv(tangents[:, count:])
     turn[width:, :width] = -turn[width:, width:] @ (tangents[:, :count] @ back)
-    return Arrival(np.concatenate((shown, state)), _symmetric(turn.T @ known @ turn), turn.T @ gradient)
+    point = np.concatenate((shown, state))
+    return Arrival(point, _symmetric(turn.T @ known @ turn), turn.T @ gradient, turn.T @ pulled)
 
 
 def ahead(found: Refitted, row: int) -> Ahead:
@@ -373,8 +421,7 @@ def _model(window: Window, arrival: Arrival | None, trial: Trial, limit: float) 
         return model
     shown, slopes = window.shown(instance, trial.x)
     cost, pull = arrival.at(np.concatenate((shown, trial.states[0])))
-    chain = np.zeros((len(pull), count + trial.states.shape[1]))
-    chain[: len(shown), :count], chain[len(shown) :, count:] = slopes, np.eye(trial.states.shape[1])
+    chain = _chain(slopes, trial.states.shape[1])
     known, pull = chain.T @ arrival.information @ chain, chain.T @ pull
     return replace(
         model,
@@ -385,6 +432,21 @@ def _model(window: Window, arrival: Arrival | None, trial: Trial, limit: float) 
         local_hessian=model.local_hessian + known[None, count:, count:],
         local_gradient=model.local_gradient + pull[None, count:],
     )
+
+
+def _chain(slopes: np.ndarray, width: int) -> np.ndarray:
+    """Return the derivatives of what the motion depends on and the state by unknowns and the state."""
+    features, count = slopes.shape
+    chain = np.zeros((features + width, count + width))
+    chain[:features, :count], chain[features:, count:] = slopes, np.eye(width)
+    return chain
+
+
+def _pulled(data: Data, jacobian: np.ndarray) -> np.ndarray:
+    """Return how the gradient of rows (row, dof, column) follows what moves all of their positions, (column,
+    direction)."""
+    # a residual is the simulated less the measured position
+    return -np.einsum("fip,fik->pk", jacobian, whitened_shifts(data))
 
 
 def _reached(found: Refitted, row: int, instance: Instance) -> tuple[np.ndarray, np.ndarray]:

@@ -9,13 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.checks import camera_choices, left_out
 from monodyn.doubtful import doubtful_sight
-from monodyn.errors import VideoError
+from monodyn.errors import MonodynError, VideoError
 from monodyn.estimation.fit import Doubt, Fit
+from monodyn.live.horizon import Estimate, Horizon, horizon_of
+from monodyn.live.record import joined
+from monodyn.live.settings import LiveSettings
+from monodyn.live.tracker import Tracker
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dots import shows_dots
 from monodyn.results.sight import Sight
@@ -23,6 +28,7 @@ from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track_freely
 from monodyn.types import Frame, Poses
 from monodyn.vision.clip.video import Video
+from monodyn.vision.foreground.soft import SoftMasks
 from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.locating.scene import Scene
 
@@ -38,6 +44,8 @@ STILL_KEPT = 1.0
 """Seconds before the first motion that are kept: they show the background."""
 AGAIN = 1.5
 """Factor by which more motion is watched after a search in vain."""
+FEW, ROUNDS = 2, 10
+"""Frames that are left to whoever takes the next ones, and how often it is looked how many came meanwhile."""
 MOST_HELD = 256_000_000
 """Bytes of pictures that are held at most; then the oldest give way."""
 
@@ -69,12 +77,13 @@ class Beginning:
         frames: The frames, in the order of time.
         moving: Seconds of motion among them.
         needed: Seconds of motion that the next search waits for.
+        left_out: Frames for which there was no room while the mechanism was looked for.
     """
 
     def __init__(self, seconds: float) -> None:
         self.frames: list[Frame] = []
-        self.moving, self.needed = 0.0, seconds
-        self._held, self._last = 0, np.zeros(0, dtype=np.float32)
+        self.moving, self.needed, self.left_out = 0.0, seconds, 0
+        self._held, self._last, self._holds = 0, np.zeros(0, dtype=np.float32), False
 
     @property
     def ready(self) -> bool:
@@ -95,20 +104,91 @@ class Beginning:
             if int(np.sum(change > level)) >= LEAST_MOVED:
                 self.moving += frame.time - self.frames[-1].time
         self._last = small
+        if self._holds and self._held > MOST_HELD:
+            self.left_out += 1
+            return
         self.frames.append(frame)
         self._held += _size(frame)
-        while self._too_many():
+        while not self._holds and self._too_many():
             self._held -= _size(self.frames.pop(0))
+
+    def hold(self) -> None:
+        """Keep what is there while it is looked at; what there is no room for is left out."""
+        self._holds = True
 
     def in_vain(self) -> None:
         """Wait for more motion after a search that found nothing."""
-        self.needed = AGAIN * self.moving
+        self.needed, self._holds = AGAIN * self.moving, False
 
     def _too_many(self) -> bool:
         """Return whether the oldest frame gives way: nothing moved since, or there is no room."""
         first, last = self.frames[0], self.frames[-1]
         still = self.moving == 0.0 and last.time - first.time > STILL_KEPT
         return still or (self._held > MOST_HELD and len(self.frames) > 2)
+
+
+class Setup(NamedTuple):
+    """What is looked for, and how.
+
+    Attributes:
+        mechanism: The mechanism with the user's choices.
+        live: How the stream is followed.
+        settings: How each stage goes.
+    """
+
+    mechanism: Mechanism
+    live: LiveSettings
+    settings: RunSettings
+
+
+class Begun(NamedTuple):
+    """What the first seconds have shown, and what goes on from it.
+
+    Attributes:
+        found: Scene, poses and fit.
+        tracker: Follows from the last frame on.
+        later: Poses of what came while the mechanism was looked for; None for nothing.
+        horizon: What goes on from the fit; None where that cannot be used.
+        estimate: What was identified with these poses; None without any.
+        count: How many of the frames that were watched have been followed.
+    """
+
+    found: Found
+    tracker: Tracker
+    later: Poses | None
+    horizon: Horizon | None
+    estimate: Estimate | None
+    count: int
+
+
+def begin(watched: Beginning, name: str, setup: Setup) -> Begun | MonodynError:
+    """Look for the mechanism in the first seconds, and follow it through what comes meanwhile.
+
+    Args:
+        watched: What was watched; more frames may come to it while it is looked at.
+        name: Name of the stream.
+        setup: What is looked for, and how.
+
+    Returns:
+        What was found, or why nothing was.
+    """
+    frames = tuple(watched.frames)
+    try:
+        found = search(frames, name, setup.mechanism, setup.settings)
+    except MonodynError as error:
+        return error
+    horizon = horizon_of(found.fit, found.scene.mechanism, found.poses, setup.live)
+    tracker, count, rows = Tracker(found.scene, setup.settings.track, frames), len(frames), list[Poses]()
+    rounds = 0
+    # what came meanwhile is followed faster than frames come, or it never ends
+    while len(watched.frames) - count > FEW and rounds < ROUNDS:
+        rounds += 1
+        for frame in watched.frames[count:]:
+            rows.append(tracker.follow(frame))
+            count += 1
+    later = joined(rows) if rows else None
+    estimate = horizon.add(later) if horizon is not None and later is not None else None
+    return Begun(found, tracker, later, horizon, estimate, count)
 
 
 def search(frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: RunSettings) -> Found:
@@ -143,6 +223,7 @@ def search(frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: R
     fit = identify(part, scene.mechanism, settings.identify)
     if why := doubtful_sight(sight, part):
         fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
+    part = replace(part, frame=np.array([frames[number].index for number in part.frame]))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
     return Found(_everywhere(scene), part, fit, (*scene.advice, *others, *span.notes))
 
@@ -164,6 +245,8 @@ def as_clip(frames: Sequence[Frame], name: str) -> Video:
 def _everywhere(scene: Scene) -> Scene:
     """Return the scene with masks of the whole picture: what did not move yet may do so later."""
     masks = scene.masks
+    if not isinstance(masks, SoftMasks):
+        return scene
     height, width = masks.background.luma.shape
     whole = replace(masks.background, window=Window(0, height, 0, width))
     return replace(scene, masks=replace(masks, background=whole))

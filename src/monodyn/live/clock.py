@@ -34,13 +34,17 @@ class Timed(NamedTuple):
 class Clock:
     """Puts frames on one clock.
 
+    Args:
+        begin: Time of the first frame [s]; None keeps its stamp.
+
     Attributes:
         step: Usual time between two frames [s].
         breaks: How often the stamps broke off so far.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, begin: float | None = None) -> None:
         self.step, self.breaks = USUAL_STEP, 0
+        self._begin = begin
         self._last: float | None = None
         self._offset, self._count = 0.0, 0
 
@@ -50,10 +54,12 @@ class Clock:
         Args:
             frame: The next frame, with the stamp of its source.
         """
+        if self._last is None and self._begin is not None:
+            self._offset = self._begin - frame.time
         time = frame.time + self._offset
         if self._last is None:
             self._last = time
-            return Timed(frame, False)
+            return Timed(replace(frame, time=time), False)
         passed = time - self._last
         broken = not 0.0 < passed <= LONGEST
         if broken:

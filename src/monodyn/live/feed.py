@@ -74,7 +74,8 @@ class Feed:
             if self._waiting:
                 taken = self._waiting.popleft()
                 self._change.notify_all()
-                return taken
+                # what waits for us was there as soon as we wanted it
+                return taken if self._source.live else Arrival(taken.frame, time.perf_counter())
             if self._error is not None:
                 raise self._error
             if self._ended:
@@ -82,7 +83,7 @@ class Feed:
             return None
 
     def waits(self, job: Future[Any]) -> None:
-        """Wait until a job is done, or there is something better to do: a frame waits, or the source has ended.
+        """Wait until a job is done, or there is something better to do: a frame waits, or there are no more.
 
         Args:
             job: The job.

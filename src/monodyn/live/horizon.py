@@ -1,22 +1,29 @@
-"""Parameters and state at every frame: a window of the last frames, and a belief that stands for all before.
+"""Parameters and state at every frame: a window of the last frames, and a cost that stands for all before.
 
 A fit of the first seconds begins it. From then on each frame is one more row of a least-squares problem that
-starts at the solution of the frame before; rows that leave the window become part of the belief about
-parameters and state at its first row (``estimation.window``). Every now and then the last seconds are
+starts at the solution of the frame before; what rows say that leave the window is kept as a cost of the
+parameters and the state at its first row (``estimation.window``). Every now and then the last seconds are
 identified anew from nothing, by the stage that a whole run has, and it goes on from there: so an error of one
 linearization does not stay, and the verdict is that of a run. ``docs/live.md`` has the derivation.
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from monodyn.arrays import plain
+from monodyn.errors import MonodynError
 from monodyn.estimation.fit import Doubt, Fit, Grade, Start
+from monodyn.estimation.record.samples import Pieces
+from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.verdict.uncertainty import noise_factors
-from monodyn.estimation.window import Belief, Refitted, Window, refit, slid, start_of, window_of
+from monodyn.estimation.window import Arrival, Refitted, Window, ahead, refit, slid, start_of, window_of
+from monodyn.live.record import joined
+from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
 from monodyn.results.fill import random_push
 from monodyn.results.predict import Prediction
@@ -62,6 +69,27 @@ class Estimate:
     def grade(self) -> Grade:
         """How far it can be relied on."""
         return "refused" if self.astray else self.base.grade
+
+    def expected(self, time: float) -> np.ndarray:
+        """Return where the dynamics have the joints, as pictures have them.
+
+        Args:
+            time: A time [s]; beyond the prediction its end counts.
+
+        Returns:
+            Joint positions [rad; m in the start scale], (dof,).
+        """
+        future, data = self.future, self.found.window.problem.data
+        at = int(np.clip(np.searchsorted(future.time, time) - 1, 0, len(future.time) - 2))
+        step = float(future.time[at + 1] - future.time[at])
+        u = min(max((time - float(future.time[at])) / step, 0.0), 1.0)
+        q, v = future.position[at : at + 2], step * future.velocity[at : at + 2]
+        # cubic through positions and rates at either side (Hermite)
+        position = q[0] + u * (v[0] + u * (3.0 * (q[1] - q[0]) - 2.0 * v[0] - v[1]))
+        position = position + u**3 * (2.0 * (q[0] - q[1]) + v[0] + v[1])
+        roll = self.found.window.problem.roll(self.found.x)
+        unit = np.where(data.slide[0], self.found.scale, 1.0)
+        return (position - roll * data.by_roll[0]) / unit
 
     @cached_property
     def std(self) -> dict[str, float]:
@@ -113,17 +141,16 @@ class Horizon:
 
     def __init__(self, fit: Fit, mechanism: Mechanism, poses: Poses, *, window: float, ahead: float) -> None:
         self._base, self._seconds, self._ahead = fit, window, ahead
-        self._common, self._rows = fit.common_of(0), poses
-        self._window = window_of(fit, mechanism, poses)
-        count = len(self._window.problem.unknowns)
+        self._common, self._rows = fit.common_of(0), _measured(poses)
+        self._window = window_of(fit, mechanism, self._rows)
+        self._noise: np.ndarray | float = 1.0
         x, state = start_of(fit, self._window)
-        self._noise = np.ones(len(mechanism.joints))
-        stated = refit(self._with(poses), self._window.picture, x, state)
-        noise = noise_factors(stated.window.problem.data, stated.residual, count + len(state))
+        stated = refit(self._with(self._rows), None, x, state)
+        noise = noise_factors(stated.window.problem.data, stated.residual, len(x) + len(state))
         self._noise = noise.size * noise.correlation
-        self._prior = self._window.picture
-        self._found: Refitted | None = refit(self._with(poses), self._prior, stated.x, stated.state)
-        self._x = self._found.x
+        self._arrival: Arrival | None = None
+        self._found: Refitted | None = refit(self._with(self._rows), None, stated.x, stated.state)
+        self._x, self._state = self._found.x, self._found.state
         self._slide()
 
     def add(self, poses: Poses) -> Estimate | None:
@@ -146,15 +173,15 @@ class Horizon:
         if self._found is None and len(self._rows) < LEAST_ROWS:
             return None
         window = self._with(self._rows)
-        state = self._begun(window) if self._found is None else self._found.state
-        self._found = refit(window, self._prior, self._x, state, limit=PULL)
-        self._x = self._found.x
-        estimate = self._estimated()
+        state = self._begun(window) if self._found is None else self._state
+        self._found = refit(window, self._arrival, self._x, state, limit=PULL)
+        self._x, self._state = self._found.x, self._found.state
+        estimate = self._estimated(self._found)
         self._slide()
         return estimate
 
     def broken_off(self) -> Horizon:
-        """Return what goes on after a break over which no motion goes on: what is known of the parameters
+        """Return what goes on after a break over which no motion goes on: what is known of the mechanism
         stays, the state is open."""
         other = copy(self)
         other._break_off()
@@ -162,8 +189,9 @@ class Horizon:
 
     def _break_off(self) -> None:
         """Forget the state."""
-        if self._found is not None:
-            self._prior = moved(self._found, -1).without_state(len(self._x))
+        if self._found is not None and len(self._rows) > 1:
+            last = len(self._found.window.times) - 1
+            self._arrival = slid(self._found, last).broken_off(len(self._state) // 2)
         self._found, self._rows = None, self._rows.part(0, 0)
 
     def _with(self, poses: Poses) -> Window:
@@ -177,57 +205,71 @@ class Horizon:
         return problem.started(self._x, pieces, (smooth(self._rows),)).states[0]
 
     def _slide(self) -> None:
-        """Let the rows that are too old leave the window; the belief takes in what they say."""
+        """Let the rows that are too old leave the window; what they say is kept."""
         found, rows = self._found, self._rows
         assert found is not None
         stays = int(np.searchsorted(rows.time, rows.time[-1] - self._seconds - 1e-9))
         if stays == 0:
             return
-        data = found.window.problem.data
-        belief = slid(found, int(np.searchsorted(data.times, rows.time[stays])))
-        seconds = float(rows.time[stays] - rows.time[0])
-        self._prior = self._lost(belief, seconds)
-        self._rows = rows.part(stays, len(rows))
-        self._found = replace(found, belief=replace(found.belief, point=belief.point))
+        row = int(np.searchsorted(found.window.times, rows.time[stays]))
+        self._arrival = self._aged(slid(found, row), float(rows.time[stays] - rows.time[0]))
+        self._state, self._rows = ahead(found, row).state, rows.part(stays, len(rows))
 
-    def _lost(self, belief: Belief, seconds: float) -> Belief:
-        """Return a belief after some time: what the model lacks has moved the state, and the rest is a little
-        out of date."""
-        lacks, count = self._base.unmodelled, len(self._x)
+    def _aged(self, arrival: Arrival, seconds: float) -> Arrival:
+        """Return what is known after some time: what the model lacks has moved the state, and the rest is a
+        little out of date."""
+        lacks = self._base.unmodelled
         if lacks is not None:
-            noise = np.zeros_like(belief.information)
-            noise[count:, count:] = random_push(lacks.density, seconds)
-            belief = belief.widened(noise)
-        return belief.faded(float(np.exp(-seconds / MEMORY)))
+            arrival = arrival.widened(random_push(lacks.density, seconds))
+        return arrival.faded(float(np.exp(-seconds / MEMORY)))
 
-    def _estimated(self) -> Estimate:
+    def _estimated(self, found: Refitted) -> Estimate:
         """Return what is known at the optimum."""
-        found = self._found
-        assert found is not None
-        count, unknowns = len(self._x), found.window.problem.unknowns
-        slope = np.eye(len(found.belief.point))
-        slope[:count, :count] = unknowns.slope(found.x)
-        covariance = slope @ found.belief.covariance @ slope.T
-        size = found.sigma
+        count = len(found.x)
+        slope = np.eye(len(found.information))
+        slope[:count, :count] = found.window.problem.unknowns.slope(found.x)
+        covariance = slope @ found.covariance @ slope.T
         astray = ""
-        if size > ASTRAY and len(self._rows) >= LEAST_ROWS:
+        if found.sigma > ASTRAY and len(self._rows) >= LEAST_ROWS:
+            seconds = float(self._rows.time[-1] - self._rows.time[0])
             astray = (
-                f"The motion of the last {self._rows.time[-1] - self._rows.time[0]:.1f} s is not that of the "
-                f"mechanism as identified before: {size:.1f} times as far off as the noise; something "
-                "touches it, or it has changed. It is identified anew."
+                f"The motion of the last {seconds:.1f} s is not that of the mechanism as identified before: "
+                f"{found.sigma:.1f} times as far off as the noise; something touches it, or it has changed. "
+                "It is identified anew."
             )
         return Estimate(self._base, found, self._rows.time, covariance, self._future(found), astray)
 
     def _future(self, found: Refitted) -> Prediction:
         """Return the motion from the last row on."""
+        last, now = float(self._rows.time[-1]), ahead(found, -1)
         step = float(np.median(np.diff(self._rows.time))) if len(self._rows) > 1 else self._ahead
-        count = max(int(np.ceil(self._ahead / step - 1e-9)), 2)
-        times = self._rows.time[-1] + step * np.arange(count + 1)
-        q, v, slopes, belief = ahead_of(found, times)
-        variance = np.einsum("fip,pr,fir->fi", slopes, belief.covariance, slopes, optimize=True)
-        std = np.sqrt(np.maximum(variance, 0.0))
-        dofs = q.shape[1]
+        count = max(int(np.ceil(self._ahead / step - 1e-6)), 2)
+        times = last + step * np.arange(count + 1)
+        problem = found.window.problem
+        coming = problem.with_data(replace(problem.data, times=times))
+        run = (0, count + 1, plain(now.state))
+        q, v, dq, dv = coming.tangents(problem.at(found.x), found.window.substeps, run)
+        slopes = np.concatenate((dq, dv), axis=1)
+        variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
+        std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]
         return Prediction(times, q, v, std[:, :dofs], std[:, dofs:])
+
+
+def horizon_of(fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings) -> Horizon | None:
+    """Return what goes on from a fit; None where it cannot be used, or has a torque over time.
+
+    Args:
+        fit: The fit.
+        mechanism: What it began with.
+        poses: Its rows.
+        live: How long the window is, how far ahead is predicted.
+    """
+    if not fit.ok:
+        return None
+    try:
+        return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead)
+    except MonodynError:
+        return None
 
 
 def _measured(poses: Poses) -> Poses:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from monodyn.errors import MonodynError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.live.begin import Found
-from monodyn.live.horizon import Estimate, Horizon
+from monodyn.live.begin import Begun
+from monodyn.live.horizon import Estimate, Horizon, horizon_of
 from monodyn.live.record import Record, joined
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
@@ -48,6 +47,7 @@ class Identifier:
     Attributes:
         record: The poses so far.
         fit: The last fit of a whole stretch; None before one.
+        since: Begin of the motion that goes on without a break [s].
         estimate: What was identified last at a frame; None before that, and while no fit can be used.
     """
 
@@ -61,19 +61,21 @@ class Identifier:
         self._pending: list[Poses] = []
         self._estimating: Future[Estimate | None] | None = None
         self._review: Future[Reviewed] | None = None
-        self._since, self._next = -math.inf, math.inf
+        self.since, self._next = -math.inf, math.inf
 
-    def begin(self, found: Found, horizon: Horizon | None) -> None:
+    def begin(self, begun: Begun) -> None:
         """Begin with what the first seconds have shown.
 
         Args:
-            found: It.
-            horizon: What goes on from its fit; None where that cannot be used.
+            begun: It.
         """
-        self._mechanism, rows = found.scene.mechanism, found.poses
-        self.record.add(rows)
-        self._since = float(rows.time[0])
-        self._take_up(Reviewed(found.fit, horizon, float(rows.time[-1])))
+        found, self._mechanism = begun.found, begun.found.scene.mechanism
+        self.record.add(found.poses)
+        self.since = float(found.poses.time[0])
+        self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
+        if begun.later is not None:
+            self.record.add(begun.later)
+        self.estimate = begun.estimate
 
     def take(self, pose: Poses, *, broken: bool = False) -> None:
         """Take the next pose, and identify with it as soon as the one before is done.
@@ -84,7 +86,7 @@ class Identifier:
         """
         if broken:
             # no motion goes on across it
-            self._since = float(pose.time[0])
+            self.since = float(pose.time[0])
             self._horizon = None if self._horizon is None else self._horizon.broken_off()
         self.record.add(pose)
         if self._horizon is not None:
@@ -95,7 +97,7 @@ class Identifier:
         if self._in_order:
             self._wait_for_all()
 
-    def settle(self, give_up: Callable[[Future[object]], None]) -> bool:
+    def settle(self, give_up: Callable[[Future[Any]], None]) -> bool:
         """Wait for what is being identified.
 
         Args:
@@ -130,8 +132,8 @@ class Identifier:
             self.estimate, self._estimating = self._estimating.result(), None
             if self.estimate is not None and self.estimate.astray:
                 # what came before tells nothing of what moves now
-                self._since, self._horizon = float(self.estimate.time[0]), None
-                self._next = self._since + self._live.begin
+                self.since, self._horizon = float(self.estimate.time[0]), None
+                self._next = self.since + self._live.begin
         if self._review is not None and self._review.done() and self._estimating is None:
             done, self._review = self._review.result(), None
             self._take_up(done)
@@ -139,7 +141,7 @@ class Identifier:
     def _take_up(self, done: Reviewed) -> None:
         """Go on from a stretch that was identified anew."""
         self.fit, self._horizon = done.fit, done.horizon
-        length = done.until - self._since
+        length = done.until - self.since
         self._next = done.until + min((GROWTH - 1.0) * length, self._live.review)
         # what came while it was looked at is still to be taken
         later = self.record.since(done.until, after=True)
@@ -149,16 +151,15 @@ class Identifier:
         """Begin to identify a stretch anew where it is time to."""
         if self._review is not None or now < self._next or self._mechanism is None:
             return
-        rows = self.record.since(max(self._since, now - self._live.review))
+        rows = self.record.since(max(self.since, now - self._live.review))
         if rows is not None:
             self._review = self._long.submit(review, rows, self._mechanism, self._live, self._settings)
 
     def _wait_for_all(self) -> None:
         """Wait for all that is being identified."""
         while self._estimating is not None or self._review is not None:
-            for job in (self._estimating, self._review):
-                if job is not None:
-                    wait([job])
+            jobs: list[Future[Any]] = [job for job in (self._estimating, self._review) if job is not None]
+            wait(jobs)
             self._collect()
             self._submit()
 
@@ -174,20 +175,3 @@ def review(poses: Poses, mechanism: Mechanism, live: LiveSettings, settings: Ide
     """
     fit = identify(poses, mechanism, settings)
     return Reviewed(fit, horizon_of(fit, mechanism, poses, live), float(poses.time[-1]))
-
-
-def horizon_of(fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings) -> Horizon | None:
-    """Return what goes on from a fit; None where it cannot be used, or has a torque over time.
-
-    Args:
-        fit: The fit.
-        mechanism: What it began with.
-        poses: Its rows.
-        live: How long the window is, how far ahead is predicted.
-    """
-    if not fit.ok:
-        return None
-    try:
-        return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead)
-    except MonodynError:
-        return None

@@ -67,7 +67,7 @@ class Record:
         seen = seen > 0.0
         return Poses(
             joints, frame[:, 0].astype(np.int64), time[:, 0], position, covariance.reshape(-1, dofs, dofs),
-            seen.all(axis=1), self._kind.metric, seen, self._kind.roll,
+            np.asarray(seen.all(axis=1)), self._kind.metric, seen, self._kind.roll,
         )  # fmt: skip
 
 

@@ -9,21 +9,19 @@ a pose is shown when it is there, with what was identified last.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.checks import drawn_mechanism
 from monodyn.errors import MonodynError
-from monodyn.live.begin import Beginning, Found, search
+from monodyn.live.begin import Beginning, Begun, Found, Setup, begin
 from monodyn.live.clock import Clock
 from monodyn.live.feed import Arrival, Feed
 from monodyn.live.foreseen import Foreseen
-from monodyn.live.horizon import Horizon
-from monodyn.live.identifier import Identifier, horizon_of
+from monodyn.live.identifier import Identifier
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import Pictures, Source, open_source
 from monodyn.live.step import Step
@@ -84,23 +82,30 @@ class Session:
         source: The source.
         found: What the first seconds have shown; None before that.
         identifier: Poses, and what was identified from them.
-        stopped: True once no more frames are wanted.
+        said: What there is to say at this moment.
+        notes: What people should know, in sentences.
+        recorded: Number in its recording of each frame, by its number in the stream; None where the source
+            is a clip itself.
     """
 
     def __init__(
         self, source: Source, mechanism: Mechanism, live: LiveSettings, settings: RunSettings
     ) -> None:
-        self.source, self.found, self.stopped = source, None, False
+        self.source: Source = source
+        self.found: Found | None = None
+        self.notes: list[str] = []
+        self.recorded: Mapping[int, int] | None = None
         self.identifier = Identifier(live, settings.identify, in_order=not source.live)
-        self._mechanism, self._live, self._settings = mechanism, live, settings
-        self._feed, self._clock = Feed(source, live.queue), Clock()
+        self._live, self._setup = live, Setup(mechanism, live, settings)
+        # a clip keeps its clock, which its tables and its film have too
+        self._feed, self._clock = Feed(source, live.queue), Clock(None if source.video else 0.0)
         self._beginning = Beginning(live.begin)
         self._worker = ThreadPoolExecutor(1, "search")
         self._search: Future[Begun | MonodynError] | None = None
-        self._searched = -1
         self._tracker: Tracker | None = None
         self._foreseen = Foreseen(live.ahead)
-        self._said = "Waiting for motion."
+        self.said = "Waiting for motion."
+        self._stopped = False
 
     def __enter__(self) -> Session:
         return self
@@ -110,19 +115,19 @@ class Session:
         self.identifier.close()
         self._worker.shutdown(wait=True, cancel_futures=True)
 
+    def stop(self) -> None:
+        """End the stream: the step that is being made is the last one."""
+        self._stopped = True
+
     def steps(self) -> Iterator[Step]:
-        """Yield what is known at each frame, until the source ends or ``stop`` was called."""
-        while not self.stopped:
+        """Yield what is known at each frame, until the source ends or somebody stops it."""
+        while not self._stopped:
             try:
                 arrival = self._feed.next(TICK)
             except StopIteration:
                 return
             if arrival is not None:
                 yield self._step(arrival)
-
-    def stop(self) -> None:
-        """Take no more frames; what is being done with the last one is done. May be called by a signal."""
-        self.stopped = True
 
     def _step(self, arrival: Arrival) -> Step:
         """Return what is known with one more frame."""
@@ -154,69 +159,31 @@ class Session:
 
     def _watch(self, frame: Frame) -> None:
         """Take a frame before the mechanism is found; look for it when enough has moved."""
-        self._beginning.add(frame)
-        if self._search is None and self._beginning.ready:
-            frames = tuple(self._beginning.frames)
-            self._searched = frames[-1].index
-            job = (frames, self.source.name, self._mechanism, self._settings, self._live)
-            self._search = self._worker.submit(begin, *job)
-            self._said = f"Looking for the mechanism in the last {frames[-1].time - frames[0].time:.1f} s."
+        watched = self._beginning
+        watched.add(frame)
+        if self._search is None and watched.ready:
+            watched.hold()
+            self._search = self._worker.submit(begin, watched, self.source.name, self._setup)
+            seconds = watched.frames[-1].time - watched.frames[0].time
+            self.said = f"Looking for the mechanism in the last {seconds:.1f} s."
         if self._search is None or not (self._search.done() or not self.source.live):
             return
         begun, self._search = self._search.result(), None
         if isinstance(begun, MonodynError):
-            self._beginning.in_vain()
-            self._said = str(begun)
+            watched.in_vain()
+            self.said = str(begun)
             return
-        self._follow(begun)
-
-    def _follow(self, begun: Begun) -> None:
-        """Follow the mechanism from now on, what came during the search first."""
-        watched = self._beginning.frames
-        seen = [frame for frame in watched if frame.index <= self._searched]
-        self.found = begun.found
-        self.identifier.begin(begun.found, begun.horizon)
-        self._tracker = Tracker(begun.found.scene, self._settings.track, seen)
-        for frame in watched[len(seen) :]:
-            self.identifier.take(self._tracker.follow(frame))
+        self.found, self._tracker = begun.found, begun.tracker
+        self.identifier.begin(begun)
+        for later in watched.frames[begun.count :]:
+            self.identifier.take(self._tracker.follow(later, self._expected(later.time)))
         self._beginning = Beginning(self._live.begin)
 
     def _sentence(self, pose: Poses | None) -> str:
         """Return what there is to say."""
         fit, estimate = self.identifier.fit, self.identifier.estimate
-        if self._tracker is None or fit is None:
-            return self._said
-        if pose is not None and not pose.measured.any():
-            return "The mechanism is not in sight."
-        return estimate.astray if estimate is not None and estimate.astray else fit.status
-
-
-class Begun(NamedTuple):
-    """What the first seconds have shown, and what goes on from it.
-
-    Attributes:
-        found: Scene, poses, fit.
-        horizon: What goes on from the fit; None where that cannot be used.
-    """
-
-    found: Found
-    horizon: Horizon | None
-
-
-def begin(
-    frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: RunSettings, live: LiveSettings
-) -> Begun | MonodynError:
-    """Look for the mechanism in the first seconds; return why in vain where it was not found.
-
-    Args:
-        frames: What was watched.
-        name: Name of the stream.
-        mechanism: The mechanism with the user's choices.
-        settings: How each stage goes.
-        live: How it goes on.
-    """
-    try:
-        found = search(frames, name, mechanism, settings)
-    except MonodynError as error:
-        return error
-    return Begun(found, horizon_of(found.fit, found.scene.mechanism, found.poses, live))
+        if self._tracker is not None and fit is not None:
+            self.said = estimate.astray if estimate is not None and estimate.astray else fit.status
+            if pose is not None and not pose.measured.any():
+                self.said = "The mechanism is not in sight."
+        return self.said

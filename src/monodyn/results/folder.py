@@ -30,6 +30,7 @@ FILES = (
     "fit.json",
     "model.xml",
     "model.urdf",
+    "clip.mp4",
     "overlay.mp4",
     "diagnosis.png",
     "report.html",
