@@ -1,4 +1,4 @@
-"""Frames of a stream with what is known at them, made up from a small fit; for the tests of what shows them."""
+"""Frames of a stream with what is known at them, made up from a small fit, for tests of what shows them."""
 
 from __future__ import annotations
 

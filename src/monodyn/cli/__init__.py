@@ -1,5 +1,5 @@
-"""The commands: ``run``, ``live``, ``track``, ``identify``, ``predict``, ``control``, ``models``, ``reproduce``. The
-only place that prints.
+"""The commands: ``run``, ``live``, ``track``, ``identify``, ``predict``, ``control``, ``models``,
+``reproduce``. The only place that prints.
 
 ``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error

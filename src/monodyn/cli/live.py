@@ -7,40 +7,33 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from monodyn.errors import MonodynError, SettingsError
+from monodyn.errors import SettingsError
 
 if TYPE_CHECKING:
     from monodyn.cli.options import LiveOptions
+    from monodyn.job import Outcome
     from monodyn.live.lines import Lines
     from monodyn.live.meter import Meter
     from monodyn.live.server import Address
-    from monodyn.live.sources import Source
     from monodyn.live.step import Step
     from monodyn.live.stream import Session
-    from monodyn.live.terminal import PlainLines, Terminal
     from monodyn.live.view import View
+    from monodyn.types import Progress
 
 STANDARD = "-"
 """What stands for a standard stream in place of a file."""
 
 
-class Output(Protocol):
-    """What takes every frame."""
-
-    def add(self, step: Step) -> None:
-        """Take the newest frame."""
-
-
-def follow(options: LiveOptions) -> int:
+def go_live(options: LiveOptions) -> int:
     """Follow a stream until it ends, or Ctrl-C; return the exit code.
 
     Args:
         options: What the user wants.
 
     Raises:
-        MonodynError: an option, the mechanism, the source or a place for results cannot be used.
+        SettingsError: an option, or a place for results, cannot be used.
     """
     settings, live = options.settings(), options.live_settings()
     if options.ndjson == STANDARD and options.json:
@@ -48,98 +41,147 @@ def follow(options: LiveOptions) -> int:
             "ndjson: expected a file next to --json, got the standard output, which that takes; name a file, "
             "or leave one of them out."
         )
-    address = _address(options)
-    from monodyn.checks import drawn_mechanism
-    from monodyn.live.ended import ended
-    from monodyn.live.meter import Meter
-    from monodyn.live.sources import open_source
-    from monodyn.live.stream import Session
-    from monodyn.results.folder import RunFolder
-
-    mechanism, meter = drawn_mechanism(options.model, settings), Meter()
-    with contextlib.ExitStack() as stack:
-        view = stack.enter_context(_served(options, address, meter))
-        source = open_source(options.source, live, rate=settings.rate)
-        folder = None
-        if options.out is not None:
-            folder = RunFolder(options.out, force=options.force, inputs=[options.source, settings.background])
-        lines = stack.enter_context(_lines(options, source))
-        screen = stack.enter_context(_screen(options, source, meter))
-        outputs = [output for output in (meter, view, lines, screen) if output is not None]
-        with Session(source, mechanism, live, settings) as session:
-            last, notes = _followed(session, outputs, screen)
-    if lines is not None and lines.lost:
-        notes.append(f"The reader of the lines was too slow: {lines.lost} of them were left out.")
-    found = ended(session, last, folder, notes)
-    if found is None:
-        _nothing(last, notes, options)
-        return 1
-    # lines alone are on the standard output where it was asked for them
-    if options.ndjson == STANDARD:
-        print(f"monodyn: {found.document['grade']}. {found.document['status']}", file=sys.stderr)
-        return 0 if last.fit is not None and last.fit.ok else 1
-    return options.show(found)
-
-
-def _followed(
-    session: Session, outputs: list[Any], screen: Terminal | PlainLines | None
-) -> tuple[Step, list[str]]:
-    """Hand every frame to all that show it; return the last one, and notes."""
     from monodyn.cli.streams import first_press
+    from monodyn.live.meter import Meter
 
-    def stop() -> None:
-        session.stop()
-        if screen is not None:
-            screen.stopping = True
+    meter = Meter()
+    with contextlib.ExitStack() as stack:
+        # what cannot be used is refused before anything starts
+        view = stack.enter_context(_served(options, live.ahead, meter))
+        lines = stack.enter_context(_lines(options))
+        watch = stack.enter_context(_Watch(options, live.ahead, meter, view, lines))
+        from monodyn.live.run import follow
 
-    last, notes = None, []
-    with first_press(stop):
-        try:
-            for last in session.steps():
-                for output in outputs:
-                    output.add(last)
-        except MonodynError as error:
-            # a camera that vanishes ends the stream, and what it has shown is kept
-            if last is None:
-                raise
-            notes.append(f"The stream ended: {error}")
-    if last is None:
-        raise KeyboardInterrupt
-    return last, notes
+        stack.enter_context(first_press(watch.stop))
+        outcome = follow(
+            options.source, options.model, options.out, live, settings, shown=watch.shown,
+            force=options.force, progress=watch.progress,
+        )  # fmt: skip
+    return _printed(options, outcome, watch)
 
 
-def _nothing(last: Step, notes: list[str], options: LiveOptions) -> None:
-    """Say that nothing was identified, and why."""
+class _Watch:
+    """What takes every frame while a stream goes on, and then shows how far the results are.
+
+    Args:
+        options: What the user wants.
+        ahead: How far ahead the motion is predicted [s].
+        meter: How fast the stream goes.
+        view: The page, or None.
+        lines: Lines of JSON, or None.
+    """
+
+    def __init__(
+        self, options: LiveOptions, ahead: float, meter: Meter, view: View | None, lines: Lines | None
+    ) -> None:
+        self.session: Session | None = None
+        self.last: Step | None = None
+        self.lines = lines
+        self._outputs = [output for output in (meter, view) if output is not None]
+        self._screens = contextlib.ExitStack()
+        self._quiet, self._progress = options.quiet, None
+        self._screen: Any = _screen(options, ahead, meter)
+
+    def __enter__(self) -> _Watch:
+        if self._screen is not None:
+            self._screens.enter_context(self._screen)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._screens.close()
+
+    def shown(self, session: Session, step: Step) -> None:
+        """Hand a frame to all that show it."""
+        self.session, self.last = session, step
+        for output in self._outputs:
+            output.add(step)
+        if self.lines is not None:
+            self.lines.add(step, wait=not session.source.live)
+        if self._screen is not None:
+            self._screen.add(step)
+
+    def stop(self) -> None:
+        """End the stream; before its first frame there is nothing to keep."""
+        if self.session is None:
+            raise KeyboardInterrupt
+        self.session.stop()
+        if self._screen is not None:
+            self._screen.stopping = True
+
+    def progress(self, step: str, done: int, total: int | None) -> None:
+        """Show how far the results are: a bar where the frames were shown before."""
+        if self._quiet:
+            return
+        if self._progress is None:
+            from monodyn.cli.show import progress_on
+
+            self._screens.close()
+            self._screen = None
+            self._progress: Progress | None = self._screens.enter_context(
+                progress_on(sys.stderr, quiet=False)
+            )
+        if self._progress is not None:
+            self._progress(step, done, total)
+
+
+def _printed(options: LiveOptions, outcome: Outcome | None, watch: _Watch) -> int:
+    """Print what was found, and return the exit code."""
+    notes, lost = [], 0 if watch.lines is None else watch.lines.lost
+    if lost:
+        notes.append(f"The reader of the lines was too slow: {lost} of them were left out.")
+    found = outcome or _found(watch)
+    if found is None:
+        return _nothing(options, watch, notes)
+    for note in notes:
+        print(f"monodyn: {note}", file=sys.stderr)
+    # lines alone are on the standard output where they were asked for there
+    if options.ndjson != STANDARD:
+        return options.show(found)
+    if not options.quiet:
+        print(f"monodyn: {found.document['grade']}. {found.document['status']}", file=sys.stderr)
+    return 0 if found.fit is not None and found.fit.ok else 1
+
+
+def _found(watch: _Watch) -> Outcome | None:
+    """Return what was found where no folder took it; None where nothing was identified."""
+    from monodyn.job import Outcome
+    from monodyn.results.findings import Findings, fit_document
+
+    session, last = watch.session, watch.last
+    if session is None or last is None or last.fit is None or session.found is None:
+        return None
+    poses = session.identifier.record.whole
+    assert poses is not None
+    findings = Findings(last.fit, notes=[*session.source.remarks, *session.notes, *session.found.notes])
+    return Outcome(None, fit_document(findings), poses, last.fit, (), findings.notes)
+
+
+def _nothing(options: LiveOptions, watch: _Watch, notes: list[str]) -> int:
+    """Say that nothing was identified, and why; return the exit code."""
+    from monodyn.cli.streams import printing
     from monodyn.live.document import step_document
 
-    said = f"nothing was identified in {last.time:.1f} s. {last.said}"
-    print(f"monodyn: {' '.join([said, *notes])}", file=sys.stderr)
-    if options.json:
-        from monodyn.cli.streams import printing
-
+    last = watch.last
+    said = "the stream gave no picture." if last is None else f"in {last.time:.1f} s. {last.said}"
+    print(f"monodyn: nothing was identified: {' '.join([said, *notes])}", file=sys.stderr)
+    if options.json and last is not None:
         with printing():
             print(json.dumps(step_document(last), indent=2, allow_nan=False))
-
-
-def _address(options: LiveOptions) -> Address | None:
-    """Return where the page is to be served; None where nowhere."""
-    if options.view is None:
-        return None
-    from monodyn.live.server import address_of
-
-    return address_of(options.view)
+    return 1
 
 
 @contextlib.contextmanager
-def _served(options: LiveOptions, address: Address | None, meter: Meter) -> Iterator[View | None]:
+def _served(options: LiveOptions, ahead: float, meter: Meter) -> Iterator[View | None]:
     """Serve the page while the block runs."""
-    if address is None:
+    if options.view is None:
         yield None
         return
-    from monodyn.live.server import Server
+    from monodyn.live.server import Server, address_of
+
+    address: Address = address_of(options.view)
     from monodyn.live.view import View
 
-    view = View(options.name, options.live_settings().ahead, meter, address.hosts)
+    view = View(options.name, ahead, meter, address.hosts)
     server = Server(view, address)
     if not options.quiet:
         print(f"view: {address.url}", file=sys.stderr, flush=True)
@@ -151,64 +193,56 @@ def _served(options: LiveOptions, address: Address | None, meter: Meter) -> Iter
 
 
 @contextlib.contextmanager
-def _lines(options: LiveOptions, source: Source) -> Iterator[Lines | None]:
+def _lines(options: LiveOptions) -> Iterator[Lines | None]:
     """Write lines while the block runs."""
-    if options.ndjson is None:
+    name = options.ndjson
+    if name is None:
         yield None
         return
     from monodyn.live.lines import Lines
 
-    name = options.ndjson
-    if name == STANDARD:
-        stream: Any = sys.stdout
-    else:
-        if Path(name).exists() and not Path(name).is_char_device() and not Path(name).is_fifo():
-            _spare(Path(name), options)
-        try:
-            stream = open(name, "w", encoding="ascii")  # noqa: SIM115 (closed by ``Lines``)
-        except OSError as error:
-            raise SettingsError(
-                f"ndjson '{name}': cannot be written ({error.strerror or error}); name another file."
-            ) from None
-    lines = Lines(stream, live=source.live, owned=name != STANDARD)
+    stream: Any = sys.stdout if name == STANDARD else _opened(name, options)
+    lines = Lines(stream, owned=name != STANDARD)
     try:
         yield lines
     finally:
         lines.close()
     if lines.error is not None:
         raise SettingsError(
-            f"ndjson '{name}': cannot be written any more ({lines.error}); the lines before that are there."
+            f"ndjson '{name}': cannot be written ({lines.error}); give it another place. What came before is "
+            "there."
         )
 
 
-def _spare(path: Path, options: LiveOptions) -> None:
-    """Refuse to write over a file that is not ours to replace."""
-    if path.is_dir() or not options.force:
+def _opened(name: str, options: LiveOptions) -> Any:
+    """Return a new file for the lines; one that is there is replaced with ``--force`` alone."""
+    path = Path(name)
+    # a pipe or a terminal is there, and is no file to be lost
+    if path.is_dir() or (path.is_file() and not options.force):
         got = "a folder" if path.is_dir() else "one that is there"
         raise SettingsError(
             f"ndjson '{path}': expected the name of a new file, got {got}; give another, or --force to "
             "replace a file."
         )
-    if Path(options.source).exists() and path.samefile(options.source):
+    if path.is_file() and Path(options.source).exists() and path.samefile(options.source):
         raise SettingsError(f"ndjson '{path}': expected another file than the source; give another.")
+    try:
+        return path.open("w", encoding="ascii")
+    except OSError as error:
+        raise SettingsError(
+            f"ndjson '{path}': cannot be written ({error.strerror or error}); name another file."
+        ) from None
 
 
-@contextlib.contextmanager
-def _screen(options: LiveOptions, source: Source, meter: Meter) -> Iterator[Terminal | PlainLines | None]:
-    """Show what is known on the error stream while the block runs."""
+def _screen(options: LiveOptions, ahead: float, meter: Meter) -> Any:
+    """Return what shows on the error stream what is known; None for nothing."""
     # lines of JSON on the same terminal would be drawn over
-    mixed = options.ndjson == STANDARD and sys.stdout.isatty()
-    if options.quiet or mixed:
-        yield None
-        return
+    if options.quiet or (options.ndjson == STANDARD and sys.stdout.isatty()):
+        return None
     from monodyn.live.terminal import PlainLines, Terminal
 
-    if sys.stderr.isatty():
-        from rich.console import Console
+    if not sys.stderr.isatty():
+        return PlainLines(sys.stderr, options.name, meter)
+    from rich.console import Console
 
-        ahead = options.live_settings().ahead
-        with Terminal(Console(file=sys.stderr, stderr=True), source.name, ahead, meter) as screen:
-            yield screen
-    else:
-        with PlainLines(sys.stderr, source.name, meter) as screen:
-            yield screen
+    return Terminal(Console(file=sys.stderr, stderr=True), options.name, ahead, meter)

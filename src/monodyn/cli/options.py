@@ -263,9 +263,9 @@ class LiveOptions(CommonOptions):
 
     def go(self) -> int:
         """Return the exit code after running the command."""
-        from monodyn.cli.live import follow
+        from monodyn.cli.live import go_live
 
-        return follow(self)
+        return go_live(self)
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,10 @@ LAST_WAIT = 5.0
 
 
 class Lines:
-    """Writes a line for every frame, flushed line by line; a reader that goes away ends this and nothing else.
+    """Writes a line for every frame, flushed line by line; a reader that goes away ends nothing else.
 
     Args:
-        stream: A text stream to write to; it is closed at the end where ``owned``.
-        live: True where frames come whether or not anybody takes them: then lines for which a slow reader
-            leaves no room are left out and counted. Else a line waits for its room.
+        stream: A text stream to write to.
         owned: Close the stream at the end.
 
     Attributes:
@@ -30,24 +28,25 @@ class Lines:
         error: Why no more can be written; None while all is well, and where the reader went away.
     """
 
-    def __init__(self, stream: Any, *, live: bool, owned: bool = False) -> None:
+    def __init__(self, stream: Any, *, owned: bool = False) -> None:
         self.lost, self.error = 0, None
-        self._stream, self._live, self._owned = stream, live, owned
+        self._stream, self._owned = stream, owned
         self._open, self._queue = True, queue.Queue[str | None](WAITING)
         self._thread = threading.Thread(target=self._write, name="lines", daemon=True)
         self._thread.start()
 
-    def add(self, step: Step) -> None:
+    def add(self, step: Step, *, wait: bool) -> None:
         """Write the line of a frame.
 
         Args:
             step: What is known at it.
+            wait: Wait where a slow reader leaves no room for it; else it is left out and counted.
         """
         if not self._open:
             return
         text = json.dumps(step_document(step), allow_nan=False, separators=(",", ":"))
         try:
-            self._queue.put(text, block=not self._live)
+            self._queue.put(text, block=wait)
         except queue.Full:
             self.lost += 1
 

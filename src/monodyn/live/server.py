@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import re
 import socket
 import threading
@@ -79,8 +80,8 @@ class Server:
 
     def __init__(self, application: Any, address: Address) -> None:
         try:
-            import waitress
             from waitress import wasyncore
+            from waitress.server import create_server
         except ImportError:
             raise SettingsError(
                 "view: expected the package waitress, it is not installed; pip install 'monodyn[live]'."
@@ -91,8 +92,10 @@ class Server:
         except OSError as error:
             raise SettingsError(_cannot(address, error)) from None
         self.port = int(listening.getsockname()[1])
+        # it warns of answers that wait for a thread: more pages than threads are no error
+        logging.getLogger("waitress.queue").setLevel(logging.ERROR)
         # its own loop, so that it can be ended; waitress' way to end is to end the program
-        self._server = waitress.create_server(
+        self._server = create_server(
             application, map=self._sockets, sockets=[listening], threads=THREADS, ident=None,
             outbuf_high_watermark=HELD, send_bytes=1, clear_untrusted_proxy_headers=True,
             max_request_body_size=0, max_request_header_size=16_384, connection_limit=64,

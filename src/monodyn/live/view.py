@@ -140,11 +140,7 @@ class View:
         shown: Step | None = None
         yield f"--{BOUNDARY}".encode()
         while not self._closed:
-            began = time.monotonic()
-            with self._change:
-                last = shown
-                self._change.wait_for(lambda: self._closed or self._step is not last, REPEATED)
-                shown = self._step
+            began, shown = time.monotonic(), self._after(shown)
             if shown is None:
                 continue
             picture = self._jpeg(shown)
@@ -152,6 +148,12 @@ class View:
             # a browser shows a picture once it sees where the next one begins
             yield head.encode() + picture + f"\r\n--{BOUNDARY}".encode()
             time.sleep(max(1.0 / FASTEST - (time.monotonic() - began), 0.0))
+
+    def _after(self, last: Step | None) -> Step | None:
+        """Return the newest frame once it is another one, or after a while the same."""
+        with self._change:
+            self._change.wait_for(lambda: self._closed or self._step is not last, REPEATED)
+            return self._step
 
     def _jpeg(self, step: Step) -> bytes:
         """Return the picture of a frame, drawn once for all who watch."""
@@ -162,7 +164,7 @@ class View:
 
 
 class _Film:
-    """Parts of an answer; ``close`` is called when it ends, also where its client has gone before it began."""
+    """Parts of an answer; ``close`` is called when it ends, also where its client left before it began."""
 
     def __init__(self, parts: Iterator[bytes], left: Callable[[], None]) -> None:
         self._parts, self._left = parts, left
