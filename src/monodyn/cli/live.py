@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -201,8 +202,7 @@ def _lines(options: LiveOptions) -> Iterator[Lines | None]:
         return
     from monodyn.live.lines import Lines
 
-    stream: Any = sys.stdout if name == STANDARD else _opened(name, options)
-    lines = Lines(stream, owned=name != STANDARD)
+    lines = Lines(*(_standard() if name == STANDARD else (_opened(name, options), True)))
     try:
         yield lines
     finally:
@@ -212,6 +212,16 @@ def _lines(options: LiveOptions) -> Iterator[Lines | None]:
             f"ndjson '{name}': cannot be written ({lines.error}); give it another place. What came before is "
             "there."
         )
+
+
+def _standard() -> tuple[Any, bool]:
+    """Return the standard output, and whether it is ours to close."""
+    try:
+        sys.stdout.flush()
+        # by a number of its own: at the end the program must not wait for what a stalled reader leaves there
+        return os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="ascii"), True
+    except (OSError, ValueError):
+        return sys.stdout, False
 
 
 def _opened(name: str, options: LiveOptions) -> Any:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import queue
 import threading
+from collections.abc import Callable
 from typing import Any
 
 from monodyn.live.document import step_document
@@ -28,7 +30,7 @@ class Lines:
         error: Why no more can be written; None while all is well, and where the reader went away.
     """
 
-    def __init__(self, stream: Any, *, owned: bool = False) -> None:
+    def __init__(self, stream: Any, owned: bool = False) -> None:
         self.lost, self.error = 0, None
         self._stream, self._owned = stream, owned
         self._open, self._queue = True, queue.Queue[str | None](WAITING)
@@ -52,28 +54,37 @@ class Lines:
 
     def close(self) -> None:
         """Write what is left, as far as the reader takes it soon."""
-        try:
+        with contextlib.suppress(queue.Full):
             self._queue.put(None, timeout=LAST_WAIT)
             self._thread.join(LAST_WAIT)
-        except queue.Full:
-            pass
-        self.lost += sum(1 for line in list(self._queue.queue) if line is not None)
+        if not self._thread.is_alive():
+            return
+        # a reader that has stalled: what waits for it is lost, and the thread ends once it is let go
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self.lost += self._queue.get_nowait() is not None
+        self._queue.put(None)
 
     def _write(self) -> None:
         """Write lines as they come; once nobody reads them take them all the same, so that nothing waits."""
         while (line := self._queue.get()) is not None:
-            if not self._open:
-                continue
-            try:
-                self._stream.write(line + "\n")
-                self._stream.flush()
-            except BrokenPipeError:
-                self._open = False
-            # a full disk, or a stream that was closed
-            except (OSError, ValueError) as error:
-                self.error, self._open = error, False
+            self._open = self._open and self._tried(self._put, line)
         if self._owned:
-            try:
-                self._stream.close()
-            except OSError as error:
-                self.error = self.error or error
+            self._tried(self._stream.close)
+
+    def _put(self, line: str) -> None:
+        self._stream.write(line + "\n")
+        self._stream.flush()
+
+    def _tried(self, work: Callable[..., object], *given: str) -> bool:
+        """Return whether something could be done with the stream."""
+        try:
+            work(*given)
+        # the reader has gone
+        except BrokenPipeError:
+            return False
+        # a full disk, or a stream that was closed
+        except (OSError, ValueError) as error:
+            self.error = self.error or error
+            return False
+        return True

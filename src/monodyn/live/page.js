@@ -31,7 +31,12 @@ function fill(table, rows) {
 }
 
 const facts = (state, step) => {
-  const ms = (pair) => pair.map((s) => Number((1000 * s).toPrecision(3))).join("/") + " ms";
+  const one = (s) => (s < 0.9995 ? [1000 * s, "ms"] : [s, "s"]);
+  const ms = (pair) => {
+    const [[low, unit], [high, other]] = pair.map(one);
+    const short = (x) => Number(x.toPrecision(3));
+    return short(low) + (unit === other ? "" : " " + unit) + "/" + short(high) + " " + other;
+  };
   const parts = [step.time.toFixed(2) + " s"];
   if (state.rate) parts.push(state.rate.toFixed(1) + " frames/s");
   if (state.pose_latency) parts.push("pose " + ms(state.pose_latency));

@@ -19,7 +19,7 @@ HELD = 65_536
 """Bytes that wait for a client, about a picture: a slow one gets fewer pictures, and no old ones."""
 TICK = 0.5
 """Longest wait for something to do [s]."""
-LAST_WAIT = 2.0
+LAST_WAIT = 2
 """How long answers that are being made may take at the end [s]."""
 
 
@@ -95,7 +95,7 @@ class Server:
         # it warns of answers that wait for a thread: more pages than threads are no error
         logging.getLogger("waitress.queue").setLevel(logging.ERROR)
         # its own loop, so that it can be ended; waitress' way to end is to end the program
-        self._server = create_server(
+        self._server: Any = create_server(
             application, map=self._sockets, sockets=[listening], threads=THREADS, ident=None,
             outbuf_high_watermark=HELD, send_bytes=1, clear_untrusted_proxy_headers=True,
             max_request_body_size=0, max_request_header_size=16_384, connection_limit=64,

@@ -221,7 +221,13 @@ def _speed(pace: Pace) -> list[str]:
 
 
 def _latency(spread: Spread) -> str:
-    return f"{1e3 * spread.median:.3g}/{1e3 * spread.worst:.3g} ms"
+    """Return the median and the 99th percentile, with one unit where it is the same."""
+    (low, unit), (high, other) = map(_seconds, spread)
+    return f"{low}/{high} {other}" if unit == other else f"{low} {unit}/{high} {other}"
+
+
+def _seconds(seconds: float) -> tuple[str, str]:
+    return (f"{1e3 * seconds:.3g}", "ms") if seconds < 0.9995 else (f"{seconds:.3g}", "s")
 
 
 def _wrapped(facts: list[str], width: int) -> Any:
