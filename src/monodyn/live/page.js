@@ -5,12 +5,12 @@ const minus = (text) => String(text).replace("-", "\u2212");
 const phases = { watching: "waiting for motion", searching: "looking for the mechanism", following: "following" };
 const shown = { rad: [180 / Math.PI, "deg"], m: [1000, "mm"] };
 
-// A value with the digits that its standard deviation leaves: two of it, and all of the value down to there.
-function digits(value, std) {
-  if (value === null) return "unknown";
-  if (!std || !value) return minus(Number(value.toPrecision(5)));
-  const count = Math.floor(Math.log10(Math.abs(value))) - Math.floor(Math.log10(std)) + 2;
-  return minus(value.toPrecision(Math.min(Math.max(count, 2), 8)).replace(/e\+?/, "e"));
+// A value with half its interval: two digits of that, and the value down to there.
+function interval(value, half) {
+  if (half === null || half === 0) return minus(Number(value.toPrecision(5))) + " \u00b1 " + (half ?? "?");
+  const decimals = 1 - Math.floor(Math.log10(half));
+  if (decimals < 0 || decimals > 7) return minus(value.toPrecision(3)) + " \u00b1 " + minus(half.toPrecision(2));
+  return minus(value.toFixed(decimals)) + " \u00b1 " + half.toFixed(decimals);
 }
 
 function fill(table, rows) {
@@ -56,7 +56,7 @@ const parameter = ([name, row]) => {
   if (row.std === null) return [[name], ["not determined", "open"], [row.unit, "unit"], [""], [null, "bar"]];
   const half = row.upper === null || row.lower === null ? null : (row.upper - row.lower) / 2;
   const share = half === null || !row.value ? null : half / Math.abs(row.value);
-  const text = digits(row.value, row.std) + " \u00b1 " + (half === null ? "?" : Number(half.toPrecision(2)));
+  const text = interval(row.value, half);
   // by the logarithm: full at 100 %, empty at 0.1 %
   const bar = share === null ? null : Math.min(Math.max((Math.log10(share) + 3) / 3, 0), 1);
   const percent = share === null ? "" : share < 9.995 ? Number((100 * share).toPrecision(share < 1 ? 2 : 3)) : "> 999";

@@ -97,7 +97,7 @@ class Server:
         # its own loop, so that it can be ended; waitress' way to end is to end the program
         self._server: Any = create_server(
             application, map=self._sockets, sockets=[listening], threads=THREADS, ident=None,
-            outbuf_high_watermark=HELD, send_bytes=1, clear_untrusted_proxy_headers=True,
+            outbuf_high_watermark=HELD, clear_untrusted_proxy_headers=True,
             max_request_body_size=0, max_request_header_size=16_384, connection_limit=64,
         )  # fmt: skip
         self._loop, self._closed = wasyncore, False

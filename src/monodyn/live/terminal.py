@@ -27,6 +27,8 @@ SIDE_BY_SIDE = 100
 """Columns from which on joints and parameters stand next to each other."""
 NARROW = 60
 """Columns below which bars and the standard deviations of poses are left out."""
+MOST_DECIMALS = 7
+"""Decimals of a number, at most; a smaller one is written with its power of ten."""
 NARROW_UNIT = 5
 """Columns of a unit, at most, where it is narrow."""
 BAR = 10
@@ -197,8 +199,9 @@ def drawn(shown: Shown, width: int, height: int) -> RenderableType:
         facts = [f"{step.time:.2f} s", *_speed(pace), f"{step.skipped} skipped"]
         rows.append(_wrapped(facts, width))
         rows += _verdict(step)
-        left = height - 4 - sum(len(Text(str(row)).wrap(_plain(width), width)) for row in rows[1:])
-        rows += _tables(step, shown.ahead, width, max(left, 3))
+        # the last row of a terminal stays free for its cursor
+        used = 1 + sum(len(text.wrap(_plain(width), width)) for text in rows if isinstance(text, Text))
+        rows += _tables(step, shown.ahead, width, max(height - used - 2 * shown.stopping, 6))
     if shown.stopping:
         rows.append(
             Text("What has been found is being kept; Ctrl-C again stops at once, without it.", "bold")
@@ -271,18 +274,20 @@ def _verdict(step: Step) -> list[RenderableType]:
 def _tables(step: Step, ahead: float, width: int, height: int) -> list[RenderableType]:
     """Return joints and parameters, below or next to each other, in so many rows."""
     from rich.table import Table
+    from rich.text import Text
 
     pose, fit = shown_pose(step), step.fit
     if pose is None:
         return []
     joints = _joints(step, ahead, width)
     if fit is None:
-        return [joints]
+        return [Text(), joints]
     if width >= SIDE_BY_SIDE:
         both = Table.grid(padding=(0, 4))
         both.add_row(joints, _parameters(fit, width, height - 2))
-        return [both]
-    return [joints, _parameters(fit, width, max(height - 4 - joints.row_count, 1))]
+        return [Text(), both]
+    # a blank line and a head each
+    return [Text(), joints, Text(), _parameters(fit, width, max(height - 4 - joints.row_count, 2))]
 
 
 def _joints(step: Step, ahead: float, width: int) -> Table:
@@ -293,7 +298,7 @@ def _joints(step: Step, ahead: float, width: int) -> Table:
     units = {} if mechanism is None else {joint.name: shown_in(joint) for joint in mechanism.joints}
     wide = width >= NARROW
     off = f"off after {ahead:g} s" if wide else f"off, {ahead:g} s"
-    table = _table("joint", "position", *(["std"] if wide else []), off, "unit")
+    table = _table("joint", "position", *(["std"] if wide else []), off, "unit", wide=wide)
     for dof, joint in enumerate(pose.joints):
         scale, unit = units.get(joint, (1.0, ""))
         seen = bool(pose.measured[0, dof])
@@ -308,7 +313,7 @@ def _joints(step: Step, ahead: float, width: int) -> Table:
 def _parameters(fit: Fit, width: int, most: int) -> Table:
     """Return the table of the parameters with their 95 % intervals, in at most so many rows."""
     bars = width >= NARROW
-    table = _table("parameter", "95 % interval", "unit", *(["%", ""] if bars else []))
+    table = _table("parameter", "95 % interval", "unit", *(["%", ""] if bars else []), wide=bars)
     rows = listed_rows(fit)
     # what gives way where it is narrow: units, then names, and no number
     table.columns[1].min_width = max((len(_value(row)) for row in rows), default=0)
@@ -325,13 +330,12 @@ def _parameters(fit: Fit, width: int, most: int) -> Table:
     return table
 
 
-def _table(*columns: str) -> Table:
+def _table(*columns: str, wide: bool) -> Table:
     """Return an empty table; names, units and bars stand to the left."""
-    from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0) if wide else (0, 1, 0, 0))
     for column in columns:
         left = column in ("joint", "parameter", "unit", "")
         table.add_column(
@@ -356,8 +360,13 @@ def _value(row: Estimate) -> str:
     if not math.isfinite(row.std):
         return "not determined"
     half = _half(row)
-    spread = f"{half:.2g}" if math.isfinite(half) and half > 0.0 else "0" if half == 0.0 else "?"
-    return f"{number(row.value, row.std or None)} ± {spread}"
+    if not 0.0 < half < math.inf:
+        return f"{number(row.value, row.std or None)} ± {'0' if half == 0.0 else '?'}"
+    # two digits of the interval, and the value down to there
+    decimals = 1 - math.floor(math.log10(half))
+    if not 0 <= decimals <= MOST_DECIMALS:
+        return f"{number(row.value, half)} ± {half:.2g}"
+    return f"{row.value:.{decimals}f} ± {half:.{decimals}f}".replace("-", "−")
 
 
 def _percent(share: float) -> str:

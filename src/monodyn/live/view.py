@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 from monodyn.live.document import hardly_known, step_document
 from monodyn.live.meter import Meter, Spread
@@ -57,7 +57,7 @@ class View:
         self._name, self._ahead, self._meter, self._hosts = name, ahead, meter, hosts
         self._change, self._drawing = threading.Condition(), threading.Lock()
         self._step: Step | None = None
-        self._drawn: tuple[Step, bytes] | None = None
+        self._drawn: _Drawn | None = None
         self._watchers, self._closed = 0, False
 
     def add(self, step: Step) -> None:
@@ -140,7 +140,7 @@ class View:
         shown: Step | None = None
         yield f"--{BOUNDARY}".encode()
         while not self._closed:
-            began, shown = time.monotonic(), self._after(shown)
+            shown, began = self._after(shown), time.monotonic()
             if shown is None:
                 continue
             picture = self._jpeg(shown)
@@ -156,11 +156,20 @@ class View:
             return self._step
 
     def _jpeg(self, step: Step) -> bytes:
-        """Return the picture of a frame, drawn once for all who watch."""
+        """Return the picture of a frame, or for one of several who watch the one of a moment ago."""
         with self._drawing:
-            if self._drawn is None or self._drawn[0] is not step:
-                self._drawn = step, jpeg_of(step)
-            return self._drawn[1]
+            drawn, now = self._drawn, time.monotonic()
+            if drawn is None or (drawn.step is not step and now - drawn.at >= 1.0 / FASTEST):
+                drawn = self._drawn = _Drawn(step, now, jpeg_of(step))
+            return drawn.picture
+
+
+class _Drawn(NamedTuple):
+    """A picture, of which frame it is, and when it was drawn [s]."""
+
+    step: Step
+    at: float
+    picture: bytes
 
 
 class _Film:
