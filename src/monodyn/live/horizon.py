@@ -275,4 +275,6 @@ def horizon_of(fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings)
 def _measured(poses: Poses) -> Poses:
     """Return the rows in which any joint was measured."""
     rows = np.flatnonzero(poses.measured.any(axis=1))
-    return poses if len(rows) == len(poses) else joined([poses.part(int(k), int(k) + 1) for k in rows])
+    if len(rows) in (0, len(poses)):
+        return poses.part(0, len(rows))
+    return joined([poses.part(k, k + 1) for k in rows.tolist()])
