@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from monodyn.estimation.fit import Estimate, Fit
 
-REDRAWS = 8.0
+REDRAWS = 5.0
 """Redraws a second."""
 EVERY = 1.0
 """Seconds between two plain lines."""
