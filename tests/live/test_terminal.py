@@ -171,5 +171,6 @@ def test_a_plain_line_has_speed_lengths_and_verdict():
     step = followed(base=made_fit(), estimate=None)
     pace = Pace(30.0, Spread(0.0042, 12.0), None)
     assert plain_line(step, pace) == (
-        "1.5 s, following, 30.0 frames/s, pose 4.2 ms/12 s, 2 skipped, link1.length 0.2000 ± 0.0020 m, trusted"
+        "1.5 s, following, 30.0 frames/s, pose 4.2 ms/12 s, 2 skipped, link1.length 0.2000 ± 0.0020 m, "
+        "trusted"
     )
