@@ -63,8 +63,11 @@ def play(monkeypatch):
 
 
 def test_options_become_the_settings_of_the_stream():
-    found = parsed("live", [*WORDS[1:], "--pace", "real", "--ahead", "0.5", "--live.size", "640,480",
-                            "--live.pixels", "rgb24", "--fix", "gravity=9.8", "--track.reach", "5"])  # fmt: skip
+    words = [
+        *WORDS[1:], "--pace", "real", "--ahead", "0.5", "--live.size", "640,480", "--live.pixels", "rgb24",
+        "--fix", "gravity=9.8", "--track.reach", "5",
+    ]  # fmt: skip
+    found = parsed("live", words)
     assert found.live_settings() == LiveSettings(pace="real", ahead=0.5, size=(640, 480), pixels="rgb24")
     assert found.settings().fix == {"gravity": 9.8}
     assert found.settings().track.reach == 5.0
@@ -84,8 +87,8 @@ def test_what_is_missing_or_cannot_be_used_is_named():
          "live.begin: expected 0.2 to 60 s, got 0; give a number in between."),
         (("0", "--model", "single", "--live.size", "640x480"),
          "live.size: expected W,H with whole numbers of pixels, got '640x480'; e.g. 1280,720."),
-        (("0", "--model", "single", "--points", "x.csv"), "live: expected known options, got --points, x.csv; "
-         "see monodyn live --help."),
+        (("0", "--model", "single", "--points", "x.csv"), "live: expected known options, got --points, "
+         "x.csv; see monodyn live --help."),
         (("0", "--model", "single", "--ndjson", "-", "--json"),
          "ndjson: expected a file next to --json, got the standard output, which that takes; name a file, or "
          "leave one of them out."),
@@ -168,8 +171,8 @@ def test_a_disk_that_is_full_is_said_at_the_end(play):
     done = command(*WORDS, "--ndjson", "/dev/full", "--quiet")
     assert done.code == 2
     assert done.err == (
-        "monodyn: ndjson '/dev/full': cannot be written ([Errno 28] No space left on device); give it another "
-        "place. What came before is there.\n"
+        "monodyn: ndjson '/dev/full': cannot be written ([Errno 28] No space left on device); give it "
+        "another place. What came before is there.\n"
     )
 
 

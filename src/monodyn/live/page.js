@@ -55,7 +55,8 @@ const joint = (state, step, name) => {
 const parameter = ([name, row]) => {
   if (row.std === null) return [[name], ["not determined", "open"], [row.unit, "unit"], [""], [null, "bar"]];
   const half = row.upper === null || row.lower === null ? null : (row.upper - row.lower) / 2;
-  const share = half === null || !row.value ? null : half / Math.abs(row.value);
+  // an angle may be about zero
+  const share = half === null || !row.value || row.unit === "rad" ? null : half / Math.abs(row.value);
   const text = interval(row.value, half);
   // by the logarithm: full at 100 %, empty at 0.1 %
   const bar = share === null ? null : Math.min(Math.max((Math.log10(share) + 3) / 3, 0), 1);

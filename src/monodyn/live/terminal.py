@@ -350,9 +350,11 @@ def _half(row: Estimate) -> float:
 
 
 def _share(row: Estimate) -> float | None:
-    """Return half the width of an interval as a share of the value; None where there is none."""
+    """Return half the width of an interval as a share of the value; None where there is none, and of an
+    angle, which may be about zero."""
     half = _half(row)
-    return half / abs(row.value) if row.value and math.isfinite(half) and math.isfinite(row.std) else None
+    known = row.value and row.unit != "rad" and math.isfinite(half) and math.isfinite(row.std)
+    return half / abs(row.value) if known else None
 
 
 def _value(row: Estimate) -> str:
