@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from monodyn.errors import SettingsError
 
 if TYPE_CHECKING:
-    from monodyn.cli.options import LiveOptions
     from monodyn.job import Outcome
     from monodyn.live.lines import Lines
     from monodyn.live.meter import Meter
@@ -27,11 +26,11 @@ STANDARD = "-"
 """What stands for a standard stream in place of a file."""
 
 
-def go_live(options: LiveOptions) -> int:
-    """Follow a stream until it ends, or Ctrl-C; return the exit code.
+def go_live(options: Any) -> int:
+    """Return the exit code after following a stream until it ends, or Ctrl-C.
 
     Args:
-        options: What the user wants.
+        options: What the user wants, as ``options.LiveOptions`` has it.
 
     Raises:
         SettingsError: an option, or a place for results, cannot be used.
@@ -73,7 +72,7 @@ class _Watch:
     """
 
     def __init__(
-        self, options: LiveOptions, ahead: float, meter: Meter, view: View | None, lines: Lines | None
+        self, options: Any, ahead: float, meter: Meter, view: View | None, lines: Lines | None
     ) -> None:
         self.session: Session | None = None
         self.last: Step | None = None
@@ -125,7 +124,7 @@ class _Watch:
             self._progress(step, done, total)
 
 
-def _printed(options: LiveOptions, outcome: Outcome | None, watch: _Watch) -> int:
+def _printed(options: Any, outcome: Outcome | None, watch: _Watch) -> int:
     """Print what was found, and return the exit code."""
     notes, lost = [], 0 if watch.lines is None else watch.lines.lost
     if lost:
@@ -157,7 +156,7 @@ def _found(watch: _Watch) -> Outcome | None:
     return Outcome(None, fit_document(findings), poses, last.fit, (), findings.notes)
 
 
-def _nothing(options: LiveOptions, watch: _Watch, notes: list[str]) -> int:
+def _nothing(options: Any, watch: _Watch, notes: list[str]) -> int:
     """Say that nothing was identified, and why; return the exit code."""
     from monodyn.cli.streams import printing
     from monodyn.live.document import step_document
@@ -172,7 +171,7 @@ def _nothing(options: LiveOptions, watch: _Watch, notes: list[str]) -> int:
 
 
 @contextlib.contextmanager
-def _served(options: LiveOptions, ahead: float, meter: Meter) -> Iterator[View | None]:
+def _served(options: Any, ahead: float, meter: Meter) -> Iterator[View | None]:
     """Serve the page while the block runs."""
     if options.view is None:
         yield None
@@ -194,7 +193,7 @@ def _served(options: LiveOptions, ahead: float, meter: Meter) -> Iterator[View |
 
 
 @contextlib.contextmanager
-def _lines(options: LiveOptions) -> Iterator[Lines | None]:
+def _lines(options: Any) -> Iterator[Lines | None]:
     """Write lines while the block runs."""
     name = options.ndjson
     if name is None:
@@ -224,7 +223,7 @@ def _standard() -> tuple[Any, bool]:
         return sys.stdout, False
 
 
-def _opened(name: str, options: LiveOptions) -> Any:
+def _opened(name: str, options: Any) -> Any:
     """Return a new file for the lines; one that is there is replaced with ``--force`` alone."""
     path = Path(name)
     # a pipe or a terminal is there, and is no file to be lost
@@ -244,7 +243,7 @@ def _opened(name: str, options: LiveOptions) -> Any:
         ) from None
 
 
-def _screen(options: LiveOptions, ahead: float, meter: Meter) -> Any:
+def _screen(options: Any, ahead: float, meter: Meter) -> Any:
     """Return what shows on the error stream what is known; None for nothing."""
     # lines of JSON on the same terminal would be drawn over
     if options.quiet or (options.ndjson == STANDARD and sys.stdout.isatty()):

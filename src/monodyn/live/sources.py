@@ -141,6 +141,9 @@ def pictures_of(pictures: Pictures, rate: float) -> Source:
     Args:
         pictures: `Frame`, or uint8 arrays (height, width), grey, or (height, width, 3), red, green, blue.
         rate: Pictures a second where they have no time stamps [Hz].
+
+    Raises:
+        VideoError: there is none, or one is no picture, or of another shape than the first.
     """
     each = iter(pictures)
     first = next(each, None)
