@@ -1,5 +1,5 @@
-"""The commands: ``run``, ``track``, ``identify``, ``predict``, ``control``, ``models``, ``reproduce``. The
-only place that prints.
+"""The commands: ``run``, ``live``, ``track``, ``identify``, ``predict``, ``control``, ``models``,
+``reproduce``. The only place that prints.
 
 ``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
@@ -19,6 +19,7 @@ A clip of a planar mechanism in, a simulator of it out.
 
 commands:
   run       track a clip, identify the mechanism, predict, write the run folder
+  live      follow and identify a mechanism while a camera, a stream or a clip plays
   track     track a clip and write poses.csv
   identify  identify a mechanism from tables of joint positions
   predict   predict how the mechanism of a run moves, from any state or moment
@@ -29,6 +30,7 @@ commands:
 examples:
   monodyn run clip.mp4 --model double.xml --out run
   monodyn run clip.mp4 --model chain:3 --out run --fit-frames 0:120 --fix gravity=9.81
+  monodyn live 0 --model double.xml --view 8000 --out run
   monodyn identify run/poses.csv --model run --out fit
   monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead --film
   monodyn control run --at joint1=1.5708 --actuated slide --out balance

@@ -22,6 +22,7 @@ from monodyn.cli.forms import FORMS
 from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
+from monodyn.live.settings import LiveSettings
 from monodyn.settings import SHARED, RunSettings, settings_classes
 
 if TYPE_CHECKING:
@@ -32,6 +33,9 @@ Word = Annotated[conf.Positional[Path | None], conf.arg(metavar="CLIP")]
 Clip = Annotated[Path | None, conf.arg(metavar="CLIP")]
 Tables = Annotated[conf.Positional[tuple[Path, ...]], conf.arg(metavar="POSES.csv ...")]
 Model = Annotated[str, conf.arg(metavar="MODEL")]
+Origin = Annotated[conf.Positional[str], conf.arg(metavar="SOURCE")]
+Lines = Annotated[str | None, conf.arg(metavar="FILE")]
+Where = Annotated[str | None, conf.arg(metavar="[HOST:]PORT")]
 Folder = Annotated[Path, conf.arg(metavar="DIR")]
 MaybeFolder = Annotated[Path | None, conf.arg(metavar="DIR")]
 
@@ -198,6 +202,72 @@ class IdentifyOptions(CommonOptions):
         return self.show(outcome)
 
 
+def _live_group() -> type[Any]:
+    """Return the settings of a stream as a group of options, each in the form of its type."""
+    hints, made = get_type_hints(LiveSettings), []
+    for setting in fields(LiveSettings):
+        kind, usual = _option(setting, hints[setting.name])
+        short = (f"--{setting.name}",) if setting.name in SHORT else ()
+        made.append((setting.name, Annotated[kind, conf.arg(aliases=short)] if short else kind, usual))
+    return make_dataclass("Live", made, frozen=True, namespace={"__doc__": LiveSettings.__doc__})
+
+
+SHORT = ("pace", "ahead")
+"""Settings of a stream that have a short name, too: ``--pace`` for ``--live.pace``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveOptions(CommonOptions):
+    """Follow and identify a mechanism while a camera, a stream or a clip plays.
+
+    Attributes:
+        source: Number of a camera, address of a stream, video file or folder of pictures, or - for raw frames
+            on the standard input (with --live.size).
+        model: Mechanism file (MJCF, URDF), bundled name (see monodyn models), or folder of a run that goes on
+            with its mechanism.
+        out: Folder for the results, written when the stream ends or at Ctrl-C; nothing is written when left
+            out.
+        ndjson: One JSON object a frame, in a file, or with - on the standard output.
+        view: Serve a page with the stream, the mechanism drawn over it, at this port of this machine (needs
+            monodyn[live]); with HOST: to other machines, too.
+        force: Replace a run that is already in DIR, and FILE.
+        quiet: Show nothing, no table.
+        json: The result as JSON on the standard output.
+        live: How the stream is read and followed.
+    """
+
+    source: Origin
+    model: Model = field()
+    out: MaybeFolder = None
+    ndjson: Lines = None
+    view: Where = None
+    live: Any = None
+
+    @property
+    def name(self) -> str:
+        """What the source is called before it is opened."""
+        address = "://" in self.source or self.source == "-" or self.source.isdigit()
+        return self.source if address else Path(self.source).name
+
+    def live_settings(self) -> LiveSettings:
+        """Return the settings of the stream that the options stand for.
+
+        Raises:
+            SettingsError: an option cannot be read, or has a value that the settings refuse.
+        """
+        given = {}
+        for name, kind in get_type_hints(LiveSettings).items():
+            value = getattr(self.live, name)
+            given[name] = FORMS[kind].read(f"live.{name}", value) if kind in FORMS else value
+        return LiveSettings(**given)
+
+    def go(self) -> int:
+        """Return the exit code after running the command."""
+        from monodyn.cli.live import go_live
+
+        return go_live(self)
+
+
 @dataclass(frozen=True)
 class ModelsOptions:
     """List the bundled mechanisms with their joints and sizes.
@@ -268,6 +338,26 @@ COMMANDS: dict[str, Command] = {
         "monodyn identify run/poses.csv --model run --out fit",
         without=_OF_CLIP,
     ),
+    "live": Command(
+        LiveOptions,
+        "monodyn live 0 --model double.xml --view 8000 --out run",
+        without=(
+            "fit_frames",
+            "time_range",
+            "until",
+            "tolerance",
+            "masks",
+            "points",
+            "points_map",
+            "points_size",
+            "points_axis",
+            "distortion",
+            "torques",
+            "ensemble",
+            "uncertainty",
+            "method",
+        ),
+    ),
     "predict": Command(
         PredictOptions, "monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead"
     ),
@@ -292,6 +382,9 @@ def options_class(command: Command) -> type[Any]:
     # the classes are looked up at each call, because they depend on which methods are installed
     hints, stages = get_type_hints(RunSettings), settings_classes()
     made = []
+    if issubclass(command.options, LiveOptions):
+        group = _live_group()
+        made.append(("live", group, field(default_factory=group)))
     for setting in taken:
         kind = hints[setting.name]
         if setting.name in stages:

@@ -77,7 +77,7 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
     if text.startswith("Required options"):
         wanted = [
             name
-            for name in ("CLIP", "POSES.csv", "RUN", "--model", "--out")
+            for name in ("CLIP", "SOURCE", "POSES.csv", "RUN", "--model", "--out")
             if re.search(rf"(^|\s){name}\b", text)
         ]
         return f"{command}: expected {', '.join(wanted)}, got {' '.join(words) or 'nothing'}; {see}"

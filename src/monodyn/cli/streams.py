@@ -9,7 +9,7 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +120,29 @@ def never_lost() -> Iterator[None]:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         for again in waiting:
             again.cancel()
+
+
+@contextlib.contextmanager
+def first_press(stop: Callable[[], None]) -> Iterator[None]:
+    """Have the first Ctrl-C in the block be its normal end; the next one ends the program, as ever.
+
+    Args:
+        stop: What to do then, at once; it must not wait for anything.
+    """
+    usual = signal.getsignal(signal.SIGINT)
+
+    def press(*_: object) -> None:
+        signal.signal(signal.SIGINT, usual)
+        stop()
+
+    ours = threading.current_thread() is threading.main_thread() and callable(usual)
+    if ours:
+        signal.signal(signal.SIGINT, press)
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGINT, usual)
 
 
 @contextlib.contextmanager

@@ -42,6 +42,7 @@ class Feed:
 
     def __init__(self, source: Source, capacity: int) -> None:
         self.skipped = 0
+        source.closing.clear()
         self._source, self._capacity = source, capacity
         self._waiting: deque[Arrival] = deque()
         self._change = threading.Condition()
@@ -101,6 +102,7 @@ class Feed:
 
     def close(self) -> None:
         """End the reading; a frame that is being read is the last one."""
+        self._source.closing.set()
         with self._change:
             self._closed = True
             self._waiting.clear()
@@ -112,8 +114,9 @@ class Feed:
 
     def _read(self) -> None:
         """Read frames until there are no more, or nobody wants them."""
-        frames = self._source.opened()
+        frames: Any = ()
         try:
+            frames = self._source.opened()
             for frame in frames:
                 if not self._put(Arrival(frame, time.perf_counter())):
                     break
@@ -121,7 +124,7 @@ class Feed:
             self._error = error
         finally:
             if hasattr(frames, "close"):
-                frames.close()  # pyright: ignore[reportAttributeAccessIssue]
+                frames.close()
             with self._change:
                 self._ended = True
                 self._change.notify_all()

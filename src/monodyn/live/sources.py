@@ -7,7 +7,10 @@ one kind alone (a stream that is opened again, a file at its own pace) happens h
 from __future__ import annotations
 
 import itertools
+import os
+import select
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -33,6 +36,8 @@ PROTOCOLS = "rtsp,rtsps,rtp,srtp,rtmp,http,https,tcp,tls,udp,srt,crypto"
 """What such a stream may open in turn: no file of this machine."""
 OPENS = 5.0
 """Seconds within which a stream has to answer."""
+TICK = 0.2
+"""Longest wait for bytes before it is looked whether they are still wanted [s]."""
 SAME_SHAPE = 0.01
 """Share by which the shape of a frame of another size may differ for it to be the same picture."""
 
@@ -50,6 +55,7 @@ class Source:
         direct: True where a frame may depend on what was done with the ones before: none is read ahead.
         video: The clip, where it is a file.
         remarks: Where notes are collected while frames come.
+        closing: Set when no more frames are wanted: whatever waits for the next one stops waiting.
     """
 
     name: str
@@ -60,6 +66,7 @@ class Source:
     direct: bool = False
     video: Video | None = None
     remarks: list[str] = field(default_factory=list)
+    closing: threading.Event = field(default_factory=threading.Event, repr=False)
 
 
 Pictures = Iterable[Any]
@@ -105,25 +112,26 @@ def file_at(path: Path, settings: LiveSettings, rate: float | None) -> Source:
         rate: Frames a second [Hz] in place of its stamps, or None.
     """
     video = read(path, rate=rate)
-    paced = settings.pace == "real"
-    remarks = video.remarks
+    paced, closing = settings.pace == "real", threading.Event()
     return Source(
         path.name, video.width, video.height,
-        (lambda: in_time(video.frames())) if paced else video.frames,
-        live=paced, video=video, remarks=remarks,
+        (lambda: in_time(video.frames(), closing)) if paced else video.frames,
+        live=paced, video=video, remarks=video.remarks, closing=closing,
     )  # fmt: skip
 
 
-def in_time(frames: Iterable[Frame]) -> Iterator[Frame]:
+def in_time(frames: Iterable[Frame], closing: threading.Event) -> Iterator[Frame]:
     """Yield frames when it is their time, the first at once.
 
     Args:
         frames: The frames, in the order of time.
+        closing: Ends the waiting, and the frames.
     """
     begun = None
     for frame in frames:
         begun = time.monotonic() - frame.time if begun is None else begun
-        time.sleep(max(begun + frame.time - time.monotonic(), 0.0))
+        if closing.wait(max(begun + frame.time - time.monotonic(), 0.0)):
+            return
         yield frame
 
 
@@ -133,19 +141,33 @@ def pictures_of(pictures: Pictures, rate: float) -> Source:
     Args:
         pictures: `Frame`, or uint8 arrays (height, width), grey, or (height, width, 3), red, green, blue.
         rate: Pictures a second where they have no time stamps [Hz].
+
+    Raises:
+        VideoError: there is none, or one is no picture, or of another shape than the first.
     """
     each = iter(pictures)
     first = next(each, None)
     if first is None:
         raise VideoError("stream: expected pictures, got none; give at least a few seconds of motion.")
     planes = _Planes()
-    frames = (
-        picture if isinstance(picture, Frame) else planes.frame(number, number / rate, picture)
-        for number, picture in enumerate(itertools.chain([first], each))
-    )
-    height, width = (first.luma if isinstance(first, Frame) else np.asarray(first)).shape[:2]
+    begin = first if isinstance(first, Frame) else planes.frame(0, 0.0, first)
+    height, width = begin.luma.shape
     _large_enough("stream", width, height)
-    return Source("pictures", width, height, lambda: frames, live=False, direct=True)
+
+    def frames() -> Iterator[Frame]:
+        yield begin
+        for number, picture in enumerate(each, start=1):
+            frame = picture if isinstance(picture, Frame) else planes.frame(number, number / rate, picture)
+            sized = _sized(frame, width, height)
+            if sized is None:
+                rows, columns = frame.luma.shape
+                raise VideoError(
+                    f"stream: expected pictures of {width}x{height} px, as the first, got {columns}x{rows} "
+                    f"at {frame.time:.2f} s; give all of them in one shape."
+                )
+            yield sized
+
+    return Source("pictures", width, height, frames, live=False, direct=True)
 
 
 def raw_frames(pipe: BinaryIO, settings: LiveSettings, rate: float) -> Source:
@@ -169,19 +191,40 @@ def raw_frames(pipe: BinaryIO, settings: LiveSettings, rate: float) -> Source:
         raise SettingsError(f"live.size: expected an even size for yuv420p, got {width},{height}.")
     shapes = {"gray": (height, width), "yuv420p": (height * 3 // 2, width)}
     shape = shapes.get(kind, (height, width, 3))
-    remarks: list[str] = []
+    remarks, closing = [], threading.Event()
 
     def frames() -> Iterator[Frame]:
         planes, whole = _Planes(), int(np.prod(shape))
         for number in itertools.count():
-            data = pipe.read(whole)
+            data = _taken(pipe, whole, closing)
             if len(data) < whole:
-                if data:
+                if data and not closing.is_set():
                     remarks.append("The last frame on the pipe is cut short; it is left out.")
                 return
             yield planes.frame(number, number / rate, np.frombuffer(data, np.uint8).reshape(shape), kind)
 
-    return Source("standard input", width, height, frames, live=settings.pace == "real", remarks=remarks)
+    live = settings.pace == "real"
+    return Source("standard input", width, height, frames, live=live, remarks=remarks, closing=closing)
+
+
+def _taken(pipe: BinaryIO, count: int, closing: threading.Event) -> bytes:
+    """Return so many bytes of a pipe; fewer where it ends, or where they are no longer wanted."""
+    try:
+        number = pipe.fileno()
+    # a pipe of a program
+    except (AttributeError, OSError):
+        return pipe.read(count)
+    # past Python's own buffer, whose lock a thread that waits in it would keep to the end of the program
+    data = bytearray()
+    while len(data) < count and not closing.is_set():
+        # what is no file to the system's ``select`` (Windows) is waited for as long as it takes
+        if os.name == "posix" and not select.select([number], [], [], TICK)[0]:
+            continue
+        part = os.read(number, min(count - len(data), 1 << 20))
+        if not part:
+            break
+        data += part
+    return bytes(data)
 
 
 def camera(number: int, rate: float | None) -> Source:
@@ -212,10 +255,14 @@ def camera(number: int, rate: float | None) -> Source:
             "program has it."
         )
 
+    closing = threading.Event()
+
     def frames() -> Iterator[Frame]:
         planes, begun, pending = _Planes(), time.monotonic(), picture
         try:
             for index in itertools.count():
+                if closing.is_set():
+                    return
                 yield planes.frame(index, time.monotonic() - begun, pending, "bgr24")
                 shown, pending = device.read()
                 if not shown:
@@ -223,7 +270,8 @@ def camera(number: int, rate: float | None) -> Source:
         finally:
             device.release()
 
-    return Source(f"camera {number}", picture.shape[1], picture.shape[0], frames, live=True)
+    height, width = picture.shape[:2]
+    return Source(f"camera {number}", width, height, frames, live=True, closing=closing)
 
 
 def stream_at(address: str, settings: LiveSettings, rate: float | None) -> Source:
@@ -237,7 +285,7 @@ def stream_at(address: str, settings: LiveSettings, rate: float | None) -> Sourc
     Raises:
         VideoError: it cannot be opened, or gives no picture.
     """
-    remarks: list[str] = []
+    remarks, closing = [], threading.Event()
     first = next(_received(address, rate, _Planes()), None)
     if first is None:
         raise VideoError(
@@ -246,21 +294,30 @@ def stream_at(address: str, settings: LiveSettings, rate: float | None) -> Sourc
     height, width = first.luma.shape
     _large_enough(f"stream '{address}'", width, height)
 
+    def note(text: str) -> None:
+        if text not in remarks:
+            remarks.append(text)
+
     def frames() -> Iterator[Frame]:
         planes, number, wait, last = _Planes(), itertools.count(), BACK_OFF[0], time.monotonic()
-        while time.monotonic() - last < settings.patience:
+        broken = False
+        while not closing.is_set() and time.monotonic() - last < settings.patience:
             for frame in _received(address, rate, planes):
                 sized = _sized(frame, width, height)
-                if sized is not None:
-                    wait, last = BACK_OFF[0], time.monotonic()
-                    yield replace(sized, index=next(number))
-            note = f"The stream '{address}' ended or broke off; it was opened again."
-            if note not in remarks:
-                remarks.append(note)
-            time.sleep(min(wait, max(settings.patience - (time.monotonic() - last), 0.0)))
+                if closing.is_set() or time.monotonic() - last > settings.patience:
+                    break
+                if sized is None:
+                    note(f"The stream '{address}' has pictures of another shape, which are left out.")
+                    continue
+                if broken:
+                    note(f"The stream '{address}' broke off; it was opened again.")
+                broken, wait, last = False, BACK_OFF[0], time.monotonic()
+                yield replace(sized, index=next(number))
+            broken = True
+            closing.wait(min(wait, max(settings.patience - (time.monotonic() - last), 0.0)))
             wait = min(2.0 * wait, BACK_OFF[1])
 
-    return Source(address, width, height, frames, live=True, remarks=remarks)
+    return Source(address, width, height, frames, live=True, remarks=remarks, closing=closing)
 
 
 def _received(address: str, rate: float | None, planes: _Planes) -> Iterator[Frame]:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from monodyn.estimation.fit import Fit, Grade
-from monodyn.live.horizon import Estimate
 from monodyn.results.predict import Prediction
 from monodyn.types import Frame, Poses
 from monodyn.vision.locating.scene import Scene
+
+if TYPE_CHECKING:
+    from monodyn.live.horizon import Estimate
 
 Phase = Literal["watching", "searching", "following"]
 """Waiting for motion; looking for the mechanism in what was watched; following it."""
