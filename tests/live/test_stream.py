@@ -1,4 +1,4 @@
-"""A stream followed and identified frame by frame, against the truth of a painted pendulum and a batch fit."""
+"""A stream followed and identified frame by frame, against the truth of a painted pendulum, and a batch."""
 
 from __future__ import annotations
 
@@ -73,9 +73,9 @@ def test_poses_and_predictions_are_those_of_the_truth(filmed, steps):
         last = step.index + len(future.time) - 1
         if last < len(truth.position):
             ahead.append((future.position[-1] - truth.position[last]) / future.std[-1])
+            assert np.degrees(future.std[-1]).max() < 1.0
     assert np.degrees(np.sqrt(np.mean(np.square(off)))) < 0.15
-    # errors a second later are as large as they are said to be
-    assert 0.3 < np.sqrt(np.mean(np.square(ahead))) < 1.5
+    assert np.mean(np.abs(ahead) < 1.96) > 0.95
     assert np.degrees(steps[-1].error).max() < 0.5
 
 
@@ -91,7 +91,7 @@ def test_the_window_knows_what_a_batch_fit_knows(session, steps):
     for row in batch.parameters:
         if row.free and np.isfinite(row.std):
             assert abs(ended.fit.parameter(row.name).value - row.value) < 0.3 * row.std, row.name
-            assert ended.fit.parameter(row.name).std == pytest.approx(row.std, rel=0.3), row.name
+            assert ended.fit.parameter(row.name).std == pytest.approx(row.std, rel=0.4), row.name
 
 
 def test_the_same_frames_give_the_same_numbers(filmed, steps):

@@ -254,7 +254,7 @@ def window_of(fit: Fit, mechanism: Mechanism, poses: Poses) -> Window:
     """Return a window with the unknowns that a fit has ended with.
 
     Args:
-        fit: The fit, without a torque over time.
+        fit: The fit, without a torque over time but those that are known.
         mechanism: What it began with, as the picture has measured it.
         poses: The first rows that were fitted; the integration steps are chosen by them.
 
@@ -265,13 +265,13 @@ def window_of(fit: Fit, mechanism: Mechanism, poses: Poses) -> Window:
         FitError: There is a torque over time; or, from ``check``, the fit cannot be used.
     """
     fit.check()
-    if fit.torque != "friction":
+    if fit.torque not in ("friction", "known"):
         raise FitError(
-            f"window: expected a fit of friction alone, got the torque {fit.torque!r}; identify the first "
-            "seconds with --identify.torque friction."
+            f"window: expected a fit of friction, or of known torques, got the torque {fit.torque!r}; "
+            "identify the first seconds with --identify.torque friction."
         )
     # what was free, and what was found to act, is that of the fit; sizes start where the picture has them
-    begun, ended = mechanism.with_torque("friction"), fit.mechanism
+    begun, ended = mechanism.with_torque(fit.torque), fit.mechanism
     numbers = np.where(ended.free, begun.numbers, ended.numbers)
     begun = replace(begun, numbers=numbers, free=ended.free, own=ended.own, chosen=ended.chosen)
     problem = posed(begun, prepare([poses], begun), near=True)

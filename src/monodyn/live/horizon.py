@@ -9,6 +9,8 @@ linearization does not stay, and the verdict is that of a run. ``docs/live.md`` 
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -27,7 +29,7 @@ from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
 from monodyn.results.fill import random_push
 from monodyn.results.predict import Prediction
-from monodyn.types import Poses
+from monodyn.types import Poses, TorqueLog
 
 MEMORY = 60.0
 """Seconds in which what left the window is forgotten to 1 / e: a bearing warms up, a camera is touched."""
@@ -38,6 +40,8 @@ ASTRAY = 4.0
 which on the motion is no longer that of the mechanism."""
 SURELY = 1.96
 """Half width of a 95 % interval in standard deviations."""
+Acting = Callable[[float, float], TorqueLog | None]
+"""Returns the torques that are known to have acted from one time to another [s]; None for none."""
 LONGEST_GAP = 1.0
 """Seconds out of sight over which the motion is carried on: after more it is begun anew."""
 LEAST_ROWS = 6
@@ -55,6 +59,8 @@ class Estimate:
         covariance: Covariance of unknowns and state at its first row in the units of the parameters,
             (unknown, unknown).
         future: The motion from the last frame on.
+        added: What the last fit of a whole stretch has added to the variance of its parameters for what the
+            model lacks, by name.
         astray: Why the motion is no longer that of the mechanism, a sentence; empty where it is.
     """
 
@@ -63,6 +69,7 @@ class Estimate:
     time: np.ndarray
     covariance: np.ndarray
     future: Prediction
+    added: Mapping[str, float] = field(default_factory=dict)
     astray: str = ""
 
     @property
@@ -94,9 +101,13 @@ class Estimate:
     @cached_property
     def std(self) -> dict[str, float]:
         """Standard deviations of the estimated parameters by name; infinite where the data do not fix one."""
-        known = np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist()
-        stds = dict(zip(self.base.shared, known, strict=False))
-        return {p.name: p.std if np.isinf(p.std) else stds[p.name] for p in self.base.parameters if p.free}
+        variance = np.maximum(np.diag(self.covariance), 0.0).tolist()
+        known = dict(zip(self.base.shared, variance, strict=False))
+        return {
+            p.name: p.std if np.isinf(p.std) else math.sqrt(known[p.name] + self.added.get(p.name, 0.0))
+            for p in self.base.parameters
+            if p.free
+        }
 
     @cached_property
     def fit(self) -> Fit:
@@ -134,13 +145,17 @@ class Horizon:
         poses: The fitted poses, one record.
         window: Seconds of motion that are fitted again at every frame.
         ahead: How far ahead the motion is predicted [s].
+        acting: Returns the torques that are known to have acted from one time to another [s]; None for none.
 
     Raises:
-        FitError: a torque over time acts in the fit.
+        FitError: a torque over time that is not known acts in the fit.
     """
 
-    def __init__(self, fit: Fit, mechanism: Mechanism, poses: Poses, *, window: float, ahead: float) -> None:
-        self._base, self._seconds, self._ahead = fit, window, ahead
+    def __init__(
+        self, fit: Fit, mechanism: Mechanism, poses: Poses, *, window: float, ahead: float,
+        acting: Acting = lambda *_: None,
+    ) -> None:  # fmt: skip
+        self._base, self._seconds, self._ahead, self._acting = fit, window, ahead, acting
         self._common, self._rows = fit.common_of(0), _measured(poses)
         self._window = window_of(fit, mechanism, self._rows)
         self._noise: np.ndarray | float = 1.0
@@ -151,6 +166,13 @@ class Horizon:
         self._arrival: Arrival | None = None
         self._found: Refitted | None = refit(self._with(self._rows), None, stated.x, stated.state)
         self._x, self._state = self._found.x, self._found.state
+        known = np.diag(_natural(self._found))
+        stds = {p.name: p.std for p in fit.parameters}
+        self._added = {
+            name: max(stds[name] ** 2 - float(variance), 0.0)
+            for name, variance in zip(fit.shared, known, strict=False)
+            if np.isfinite(stds[name])
+        }
         self._slide()
 
     def add(self, poses: Poses) -> Estimate | None:
@@ -195,8 +217,9 @@ class Horizon:
         self._found, self._rows = None, self._rows.part(0, 0)
 
     def _with(self, poses: Poses) -> Window:
-        """Return the window with rows."""
-        return self._window.on(poses, self._noise, self._common)
+        """Return the window with rows, and with what acted meanwhile."""
+        acted = self._acting(float(poses.time[0]), float(poses.time[-1]))
+        return self._window.on(replace(poses, torques=acted), self._noise, self._common)
 
     def _begun(self, window: Window) -> np.ndarray:
         """Return the state at the first row that smooth motion has, positions then rates, (2 dof,)."""
@@ -225,10 +248,6 @@ class Horizon:
 
     def _estimated(self, found: Refitted) -> Estimate:
         """Return what is known at the optimum."""
-        count = len(found.x)
-        slope = np.eye(len(found.information))
-        slope[:count, :count] = found.window.problem.unknowns.slope(found.x)
-        covariance = slope @ found.covariance @ slope.T
         astray = ""
         if found.sigma > ASTRAY and len(self._rows) >= LEAST_ROWS:
             seconds = float(self._rows.time[-1] - self._rows.time[0])
@@ -237,7 +256,9 @@ class Horizon:
                 f"{found.sigma:.1f} times as far off as the noise; something touches it, or it has changed. "
                 "It is identified anew."
             )
-        return Estimate(self._base, found, self._rows.time, covariance, self._future(found), astray)
+        return Estimate(
+            self._base, found, self._rows.time, _natural(found), self._future(found), self._added, astray
+        )
 
     def _future(self, found: Refitted) -> Prediction:
         """Return the motion from the last row on."""
@@ -255,7 +276,9 @@ class Horizon:
         return Prediction(times, q, v, std[:, :dofs], std[:, dofs:])
 
 
-def horizon_of(fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings) -> Horizon | None:
+def horizon_of(
+    fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings, acting: Acting = lambda *_: None
+) -> Horizon | None:
     """Return what goes on from a fit; None where it cannot be used, or has a torque over time.
 
     Args:
@@ -263,13 +286,22 @@ def horizon_of(fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings)
         mechanism: What it began with.
         poses: Its rows.
         live: How long the window is, how far ahead is predicted.
+        acting: Returns the torques that are known to have acted from one time to another.
     """
     if not fit.ok:
         return None
     try:
-        return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead)
+        return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead, acting=acting)
     except MonodynError:
         return None
+
+
+def _natural(found: Refitted) -> np.ndarray:
+    """Return the covariance of unknowns and state in the units of the parameters, (unknown, unknown)."""
+    count = len(found.x)
+    slope = np.eye(len(found.information))
+    slope[:count, :count] = found.window.problem.unknowns.slope(found.x)
+    return slope @ found.covariance @ slope.T
 
 
 def _measured(poses: Poses) -> Poses:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.live.begin import Begun
-from monodyn.live.horizon import Estimate, Horizon, horizon_of
+from monodyn.live.horizon import LONGEST_GAP, Acting, Estimate, Horizon, horizon_of
 from monodyn.live.record import Record, joined
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
@@ -43,6 +44,7 @@ class Identifier:
         settings: How a stretch is identified.
         in_order: Whether every pose waits for what is identified with it, so that the same poses give the
             same numbers.
+        acting: Returns the torques that are known to have acted from one time to another.
 
     Attributes:
         record: The poses so far.
@@ -51,9 +53,12 @@ class Identifier:
         estimate: What was identified last at a frame; None before that, and while no fit can be used.
     """
 
-    def __init__(self, live: LiveSettings, settings: IdentifySettings, *, in_order: bool) -> None:
+    def __init__(
+        self, live: LiveSettings, settings: IdentifySettings, *, in_order: bool,
+        acting: Acting = lambda *_: None,
+    ) -> None:  # fmt: skip
         self.record, self.fit, self.estimate = Record(live.review), None, None
-        self._live, self._settings, self._in_order = live, settings, in_order
+        self._live, self._settings, self._in_order, self._acting = live, settings, in_order, acting
         # one worker for what every frame needs, one for what takes longer
         self._quick, self._long = ThreadPoolExecutor(1, "identify"), ThreadPoolExecutor(1, "review")
         self._mechanism: Mechanism | None = None
@@ -61,6 +66,7 @@ class Identifier:
         self._pending: list[Poses] = []
         self._estimating: Future[Estimate | None] | None = None
         self._review: Future[Reviewed] | None = None
+        self._seen = -math.inf
         self.since, self._next = -math.inf, math.inf
 
     def begin(self, begun: Begun) -> None:
@@ -71,7 +77,7 @@ class Identifier:
         """
         found, self._mechanism = begun.found, begun.found.scene.mechanism
         self.record.add(found.poses)
-        self.since = float(found.poses.time[0])
+        self.since, self._seen = float(found.poses.time[0]), float(found.poses.time[-1])
         self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
         if begun.later is not None:
             self.record.add(begun.later)
@@ -84,16 +90,20 @@ class Identifier:
             pose: One row.
             broken: True where it is not known how much time has passed since the one before.
         """
+        now = float(pose.time[0])
         if broken:
-            # no motion goes on across it
-            self.since = float(pose.time[0])
             self._horizon = None if self._horizon is None else self._horizon.broken_off()
+        if pose.measured.any():
+            # no motion goes on across a break, or while it is out of sight for long
+            if broken or now - self._seen > LONGEST_GAP:
+                self.since, self._next = now, now + self._live.begin
+            self._seen = now
         self.record.add(pose)
         if self._horizon is not None:
             self._pending.append(pose)
         self._collect()
         self._submit()
-        self._look_again(float(pose.time[0]))
+        self._look_again(now)
         if self._in_order:
             self._wait_for_all()
 
@@ -153,7 +163,14 @@ class Identifier:
             return
         rows = self.record.since(max(self.since, now - self._live.review))
         if rows is not None:
-            self._review = self._long.submit(review, rows, self._mechanism, self._live, self._settings)
+            self._review = self._long.submit(self._reviewed, rows, self._mechanism)
+
+    def _reviewed(self, poses: Poses, mechanism: Mechanism) -> Reviewed:
+        """Identify a stretch from nothing."""
+        acted = self._acting(float(poses.time[0]), float(poses.time[-1]))
+        fit = identify(replace(poses, torques=acted), mechanism, self._settings)
+        horizon = horizon_of(fit, mechanism, poses, self._live, self._acting)
+        return Reviewed(fit, horizon, float(poses.time[-1]))
 
     def _wait_for_all(self) -> None:
         """Wait for all that is being identified."""
@@ -162,16 +179,3 @@ class Identifier:
             wait(jobs)
             self._collect()
             self._submit()
-
-
-def review(poses: Poses, mechanism: Mechanism, live: LiveSettings, settings: IdentifySettings) -> Reviewed:
-    """Identify a stretch from nothing.
-
-    Args:
-        poses: Its rows.
-        mechanism: The mechanism as the picture has measured it.
-        live: How what goes on from it looks.
-        settings: How it is identified.
-    """
-    fit = identify(poses, mechanism, settings)
-    return Reviewed(fit, horizon_of(fit, mechanism, poses, live), float(poses.time[-1]))

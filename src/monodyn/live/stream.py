@@ -9,7 +9,7 @@ a pose is shown when it is there, with what was identified last.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from monodyn.checks import drawn_mechanism
 from monodyn.errors import MonodynError
+from monodyn.live.applied import Applied
 from monodyn.live.begin import Beginning, Begun, Found, Setup, begin
 from monodyn.live.clock import Clock
 from monodyn.live.feed import Arrival, Feed
@@ -30,6 +31,10 @@ from monodyn.mechanism import Mechanism
 from monodyn.settings import RunSettings
 from monodyn.types import Frame, Poses
 
+Apply = Callable[[Step], Mapping[str, float] | None]
+"""Applies torques at a frame, and returns them by joint; None for none."""
+FORGOTTEN = 2.0
+"""How long torques are kept, in stretches that are identified anew."""
 TICK = 0.2
 """Longest wait at a time, so that an interrupt gets through [s]."""
 
@@ -39,6 +44,8 @@ def stream(
     mechanism: Mechanism | str | Path,
     live: LiveSettings | None = None,
     settings: RunSettings | None = None,
+    *,
+    apply: Apply | None = None,
 ) -> Iterator[Step]:
     """Follow and identify a mechanism while frames come.
 
@@ -49,6 +56,8 @@ def stream(
         mechanism: The mechanism, a file, or a bundled name.
         live: How the stream is read and followed.
         settings: How each stage goes; ``fix``, ``free`` and ``bounds`` as in a run.
+        apply: Called with each step before it is yielded. What it returns, torques by joint [N m; a slide's
+            N] that it has applied from this frame on until the next, is part of the dynamics.
 
     Yields:
         What is known at each frame, in their order. The same frames give the same numbers, unless the source
@@ -65,7 +74,7 @@ def stream(
     if not isinstance(mechanism, Mechanism):
         mechanism = drawn_mechanism(mechanism, settings)
     opened = source if isinstance(source, Source) else open_source(source, live, rate=settings.rate)
-    with Session(opened, mechanism, live, settings) as session:
+    with Session(opened, mechanism, live, settings, apply) as session:
         yield from session.steps()
 
 
@@ -77,6 +86,7 @@ class Session:
         mechanism: The mechanism with the user's choices.
         live: How the stream is read and followed.
         settings: How each stage goes.
+        apply: Applies torques at each frame, or None.
 
     Attributes:
         source: The source.
@@ -89,13 +99,17 @@ class Session:
     """
 
     def __init__(
-        self, source: Source, mechanism: Mechanism, live: LiveSettings, settings: RunSettings
-    ) -> None:
+        self, source: Source, mechanism: Mechanism, live: LiveSettings, settings: RunSettings,
+        apply: Apply | None = None,
+    ) -> None:  # fmt: skip
         self.source: Source = source
         self.found: Found | None = None
         self.notes: list[str] = []
         self.recorded: Mapping[int, int] | None = None
-        self.identifier = Identifier(live, settings.identify, in_order=not source.live)
+        self._applied, self._apply = Applied([joint.name for joint in mechanism.joints]), apply
+        self.identifier = Identifier(
+            live, settings.identify, in_order=not source.live, acting=self._applied.between
+        )
         self._live, self._setup = live, Setup(mechanism, live, settings)
         # a clip keeps its clock, which its tables and its film have too
         self._feed, self._clock = Feed(source, live.queue), Clock(None if source.video else 0.0)
@@ -127,7 +141,11 @@ class Session:
             except StopIteration:
                 return
             if arrival is not None:
-                yield self._step(arrival)
+                step = self._step(arrival)
+                if self._apply is not None:
+                    self._applied.add(step.time, self._apply(step))
+                    self._applied.forget(step.time - FORGOTTEN * self._live.review)
+                yield step
 
     def _step(self, arrival: Arrival) -> Step:
         """Return what is known with one more frame."""
