@@ -232,85 +232,12 @@ def damped_step(
         Shared step (shared,), local step (block, local), and the decrease of the cost that the model
         predicts; that is NaN where there is no such step.
     """
-    # With A the shared, C the local and B the cross block, the local step is -C^-1 (c + B' d), so that the
-    # shared step solves the Schur complement (A - B C^-1 B') d = -(a - B C^-1 c): C is inverted by blocks.
-    hessian = model.hessian + np.diag(damping * scale[0])
-    local = model.local_hessian + (damping * scale[1])[:, :, None] * np.eye(scale[1].shape[1])
-    right = np.concatenate((np.swapaxes(model.cross, 1, 2), model.local_gradient[:, :, None]), axis=2)
-    size = len(model.gradient)
-    try:
-        solved = np.linalg.solve(local, right) if local.size else right
-    except np.linalg.LinAlgError:
-        # as good as no damping leaves a block singular whose start state nothing determines
-        return np.zeros(size), np.zeros_like(model.local_gradient), np.nan
-    reduced = hessian - np.einsum("bsl,blt->st", model.cross, solved[:, :, :size])
-    gradient = model.gradient - np.einsum("bsl,bl->s", model.cross, solved[:, :, size])
-    step = _bounded_solve(reduced, gradient, room_below, room_above)
-    # The local unknowns have no bounds, so that they follow the bounded shared step exactly.
-    local_step = -solved[:, :, size] - solved[:, :, :size] @ step
-    # The prediction is that of the undamped model: the damping is no part of the cost.
-    predicted = -(model.gradient @ step + np.sum(model.local_gradient * local_step)) - 0.5 * (
-        step @ model.hessian @ step
-        + 2.0 * np.einsum("s,bsl,bl->", step, model.cross, local_step)
-        + np.einsum("bl,blm,bm->", local_step, model.local_hessian, local_step)
-    )
-    return step, local_step, float(predicted)
+    from monodyn.optimize.arrow import damped_step as solved
 
-
-def _bounded_solve(
-    hessian: np.ndarray, gradient: np.ndarray, room_below: np.ndarray, room_above: np.ndarray
-) -> np.ndarray:
-    """Minimize g.d + 1/2 d.H.d over room_below <= d <= room_above, from 0 and downhill all the way.
-
-    Source:
-        Primal active sets: Nocedal and Wright, Numerical Optimization, 2006, section 16.5.
-    """
-    step = np.zeros_like(gradient)
-    # Unknowns that lie on a bound and are pulled outward begin in the active set, all others are free.
-    held = ((room_below >= 0) & (gradient > 0)) | ((room_above <= 0) & (gradient < 0))
-    # Slopes of unknowns in different units compare only after division by the root of their curvature. The
-    # number of changes of the active set is bounded, because rounding could make it cycle.
-    unit = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    for _ in range(4 * len(gradient) + 1):
-        inside = np.flatnonzero(~held)
-        move = np.zeros_like(step)
-        if len(inside):
-            slope = gradient + hessian @ step
-            move[inside] = _scaled_solve(hessian[np.ix_(inside, inside)], -slope[inside])
-        bound = np.where(move > 0, room_above, room_below)
-        moving = move != 0
-        share = np.full_like(step, np.inf)
-        share[moving] = (bound[moving] - step[moving]) / move[moving]
-        first = float(share.min(initial=np.inf))
-        if first < 1.0:
-            # The free minimum lies beyond a bound: go as far as the nearest one and hold it from there on.
-            # The value has not risen, because the way leads toward the minimum of a convex function.
-            step += max(first, 0.0) * move
-            step[share <= first] = bound[share <= first]
-            held |= share <= first
-            continue
-        step += move
-        # At the minimum of this active set, release the held unknown that is pulled inward most; when there
-        # is none, the multipliers have the right sign and the step is the best one of the whole box.
-        slope = (gradient + hessian @ step) / unit
-        # an unknown without any room would be released and held again for ever
-        fixed = room_below == room_above
-        inward = np.where(held & ~fixed, np.where(step <= room_below, -slope, slope), 0.0)
-        if not inward.max(initial=0.0) > 1e-9 * np.abs(gradient / unit).max(initial=0.0):
-            break
-        held[int(np.argmax(inward))] = False
-    return step
-
-
-def _scaled_solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve a positive semidefinite system after scaling its diagonal to one."""
-    # Lengths, masses and dampings differ by many powers of ten; scaled, the condition is that of the data.
-    root = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix / np.outer(root, root)
-    try:
-        return np.linalg.solve(scaled, right / root) / root
-    except np.linalg.LinAlgError:
-        return np.linalg.lstsq(scaled, right / root, rcond=1e-12)[0] / root
+    blocks = (model.hessian, model.gradient, model.cross, model.local_hessian, model.local_gradient)
+    rows = (np.ascontiguousarray(part, dtype=float) for part in blocks)
+    rooms = (np.ascontiguousarray(part, dtype=float) for part in (*scale, room_below, room_above))
+    return solved(*rows, float(damping), *rooms)
 
 
 def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:
