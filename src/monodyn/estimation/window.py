@@ -298,7 +298,7 @@ def refit(
         evaluate, begun.x, begun.states, (unknowns.lower, unknowns.upper), settings=settings,
         reach=unknowns.reach,
     )  # fmt: skip
-    whitened, _ = found.model.kept
+    whitened = found.model.kept[0]
     return Refitted(
         window=window,
         arrival=arrival,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from monodyn.arrays import plain
 from monodyn.mechanism.plan import JOINT_COLUMNS, Plan
 from monodyn.mechanism.solids import BLOCK, CYLINDER, SPHERE, Solid
 from monodyn.mechanism.tree import (
@@ -195,10 +196,12 @@ def derivatives(
     Source: complex-step differentiation; Squire and Trapp, Using complex variables to estimate derivatives of
         real functions, 1998.
     """
+    from monodyn.mechanism.assembled import links_of_many
+
     # One column of values for each parameter, stepped in that parameter alone; all are computed at once.
     steps = np.repeat(values[:, None].astype(complex), len(rows), axis=1)
     steps[rows, np.arange(len(rows))] += 1j * STEP
-    links = np.moveaxis(np.imag(links_of(plan, steps, own)) / STEP, -1, 0)
+    links = np.moveaxis(np.imag(links_of_many(plan.packed, steps, plain(own))) / STEP, -1, 0)
     gravity = np.zeros((len(rows), 2))
     gravity[rows == plan.index["gravity"], 1] = -1.0
     return np.ascontiguousarray(links), gravity

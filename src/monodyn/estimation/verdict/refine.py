@@ -132,7 +132,9 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
             common = common_error(_weighted(stated, noise), optimum.trial, common.mean)
             stated = whole.with_data(less(whole.data, common.mean))
         weighted = _weighted(stated, noise)
-        optimum = fit_pieces(weighted, optimum.trial, route, route.fine, robust=False)
+        optimum = fit_pieces(
+            weighted, optimum.trial, route, route.fine, robust=False, substeps=substeps or None
+        )
         evaluations, rounds = evaluations + optimum.evaluations, rounds + 1
         substeps, error = choose_substeps(stated, optimum.trial, settings.error_bound)
         if route.share:

@@ -12,13 +12,14 @@ from functools import cached_property
 
 import numpy as np
 
+from monodyn.arrays import plain
 from monodyn.estimation.shooting.prior import PROPORTION_STD, size_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.shooting.unknowns import FORCES
 from monodyn.estimation.verdict.regrouped import Trees, features
 from monodyn.estimation.verdict.uncertainty import whitened_shifts
-from monodyn.mechanism.assemble import links_of
+from monodyn.mechanism.assembled import links_of_many
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.plan import JOINT_COLUMNS
 from monodyn.optimize import SearchSettings, minimize
@@ -99,7 +100,9 @@ class Sizes:
         rows = np.array([mechanism.row(name) for name in (*unknowns.names, *unknowns.tied)])
         values[rows[rows < count]] = found[rows < count]
         gravity = np.array([0.0 * values[0], -values[plan.index["gravity"]]])
-        trees = Trees(plan.parent, plan.kind, links_of(plan, values, mechanism.own), gravity)
+        trees = Trees(
+            plan.parent, plan.kind, links_of_many(plan.packed, values, plain(mechanism.own)), gravity
+        )
         if self.unit is not None:
             moved = rows[: len(unknowns)][self.relative]
             unit = features(trees, absolute=False)[1] / self.unit
