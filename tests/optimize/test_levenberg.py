@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monodyn.optimize import Arrow, SearchSettings, minimize, minimize_arrow
+from monodyn.optimize import Arrow, SearchSettings, dense, minimize, minimize_arrow, minimize_together
 from monodyn.optimize.levenberg import damped_step
 
 
@@ -155,3 +155,27 @@ def test_a_system_without_one_solution_takes_the_shortest():
     far = np.full(2, 9.0)
     step, _, _ = damped_step(model, 0.0, (np.ones(2), np.zeros((0, 0))), -far, far)
     assert np.allclose(step, [-0.5, -0.5])
+
+
+def test_searches_together_are_those_one_by_one():
+    """Rosenbrock's valley and a wall of numbers that are none, from many starts."""
+
+    def rows(x):
+        residual = np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]])
+        return (residual if x[0] > -3.0 else residual * np.nan), np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]])
+
+    starts = [np.array(start) for start in ([-1.2, 1.0], [2.0, -4.0], [0.0, 30.0], [-4.0, 1.0], [1.0, 1.0])]
+    settings = SearchSettings(evaluations=60)
+    asked = []
+
+    def models(points):
+        asked.append(len(points))
+        return [dense(*rows(point)) for point in points]
+
+    together = minimize_together(models, starts, settings=settings, reach=2.0)
+    for start, found in zip(starts, together, strict=True):
+        alone = minimize(rows, start, settings=settings, reach=2.0)
+        assert np.array_equal(alone.x, found.shared)
+        assert (alone.status, alone.evaluations) == (found.status, found.evaluations)
+    assert asked[0] == len(starts) > asked[-1]
+    assert minimize_together(models, []) == []

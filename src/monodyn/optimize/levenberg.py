@@ -8,7 +8,7 @@ blocks.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -99,6 +99,8 @@ class ArrowSolution:
 
 Bend = Callable[[Arrow, np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Gives J.r'' along a step at a model and its point: (model, shared, local, step, local step)."""
+Point = tuple[np.ndarray, np.ndarray]
+"""Shared and local unknowns."""
 
 
 def minimize_arrow(
@@ -140,8 +142,26 @@ def minimize_arrow(
         the Levenberg-Marquardt algorithm for nonlinear least-squares minimization, 2012 (geodesic
         acceleration).
     """
+    search = _search(shared, local, bounds, settings, reach, bend)
+    point = next(search)
+    while True:
+        try:
+            point = search.send(evaluate(*point))
+        except StopIteration as ended:
+            return ended.value
+
+
+def _search(
+    shared: np.ndarray,
+    local: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+    settings: SearchSettings,
+    reach: np.ndarray | float,
+    bend: Bend | None,
+) -> Generator[Point, Arrow | None, ArrowSolution]:
+    """Yield the points of a search one after the other, for the model at each of them; return its end."""
     shared, local, (lower, upper) = np.array(shared, dtype=float), np.array(local, dtype=float), bounds
-    model = evaluate(shared, local)
+    model = yield shared, local
     evaluations, converged, status = 1, False, EXHAUSTED
     if model is None or not model.finite:
         model = _nowhere(len(shared), local.shape, model.kept if model else None)
@@ -161,7 +181,7 @@ def minimize_arrow(
             pull = bend(model, shared, local, step, local_step)
             step, local_step = _bent(model, damping, scale, room, (step, local_step), pull)
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
-        trial = evaluate(at, local_at) if np.isfinite(predicted) else None
+        trial = (yield at, local_at) if np.isfinite(predicted) else None
         evaluations += 1
         # The gain compares what happened with what the model promised: near 1 the model holds at this
         # length of step, and the damping may shrink toward a plain Gauss-Newton step.
@@ -176,6 +196,40 @@ def minimize_arrow(
             break
     at_bound = (shared <= lower) | (shared >= upper)
     return ArrowSolution(shared, local, model, status, converged, evaluations, at_bound)
+
+
+def minimize_together(
+    evaluate: Callable[[list[np.ndarray]], Sequence[Arrow]],
+    starts: Sequence[np.ndarray],
+    *,
+    settings: SearchSettings = USUAL_SEARCH,
+    reach: np.ndarray | float = np.inf,
+) -> list[ArrowSolution]:
+    """Minimize from many starts, each as ``minimize_arrow`` does without blocks, a step of all at a time.
+
+    Args:
+        evaluate: Gives the models at many points, (shared,) each.
+        starts: Starts, (shared,) each.
+        settings: When each search stops.
+        reach: Longest step of each unknown, (shared,) or one for all.
+
+    Returns:
+        Where each of them ended.
+    """
+    found: dict[int, ArrowSolution] = {}
+    nothing = np.zeros((0, 0))
+    free = np.full(len(starts[0]), np.inf) if starts else nothing
+    searches = [_search(start, nothing, (-free, free), settings, reach, None) for start in starts]
+    points = {k: next(search)[0] for k, search in enumerate(searches)}
+    while points:
+        models = dict(zip(points, evaluate(list(points.values())), strict=True))
+        points = {}
+        for k, model in models.items():
+            try:
+                points[k] = searches[k].send(model)[0]
+            except StopIteration as ended:
+                found[k] = ended.value
+    return [found[k] for k in range(len(starts))]
 
 
 def _nowhere(size: int, local: tuple[int, ...], kept: Any) -> Arrow:

@@ -95,8 +95,7 @@ class Problem:
             Tree and drive with their derivatives by coordinate.
         """
         mechanism, unknowns = self.mechanism_at(x), self.unknowns
-        by_parameter = mechanism.directions((*unknowns.names, *unknowns.tied))
-        directions = by_parameter.chained(unknowns.chain(x))
+        directions = mechanism.directions((*unknowns.names, *unknowns.tied), unknowns.chain(x))
         dstretch = np.array([name == "time_scale" for name in unknowns.names], dtype=float)
         if dstretch.any():
             # at the same stamps a slower clock makes torques larger, and the drive's own time run ahead
