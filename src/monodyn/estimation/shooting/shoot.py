@@ -26,6 +26,8 @@ NEAR_SHARE, NEAR_ROWS = 0.1, 0.95
 off by at most this share of the joint's motion (of 1 rad at most)."""
 NEARER = 0.5
 """Where a search ends with less than this share of its first typical residual, its steps are chosen anew."""
+NEAR_DAMPING = 1e-6
+"""First damping where a search goes on that has ended roughly."""
 MOST_RUNS = 24
 """Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
@@ -127,7 +129,7 @@ def multiple_shooting(
             break
         trial = _joined(problem, trial)
     if np.isfinite(stage.cost):
-        stage = fit_pieces(problem, trial, route, route.fine)
+        stage = fit_pieces(problem, trial, route, replace(route.fine, damping=NEAR_DAMPING))
         evaluations += stage.evaluations
     return replace(stage, evaluations=evaluations)
 
