@@ -1,5 +1,7 @@
 """Accelerations along a motion that is known: the model's own are those of the motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,13 +17,14 @@ from monodyn.estimation.shooting.accelerations import (
 from monodyn.estimation.shooting.problem import posed
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import rollout
+from monodyn.mechanism.upright import with_roll
 from swings import TIMES, record
 
 STEP = 1e-4
 """Step of the differences of the simulated rates [s]."""
 
 
-def exact(mechanism):
+def exact(mechanism, **seen):
     """Simulate a swing: its problem and its motion, the accelerations by differences of the rates."""
     dense = np.arange(-STEP, TIMES[-1] + 1.5 * STEP, STEP / 2.0)
     q0, v0 = (np.resize(values, len(mechanism.joints)) for values in ((0.3, 0.5), (0.0, 1.0)))
@@ -29,7 +32,8 @@ def exact(mechanism):
     at = np.searchsorted(dense, TIMES - STEP / 4.0)
     times, acceleration = dense[at], (v[at + 1] - v[at - 1]) / STEP
     std = np.full_like(acceleration, 0.1)
-    problem = posed(mechanism, prepare([record(mechanism, times, q[at])], mechanism))
+    poses = replace(record(mechanism, times, q[at], metric=not seen), **seen)
+    problem = posed(mechanism, prepare([poses], mechanism))
     smoothed = Smoothed(times, q[at], v[at], acceleration, std, np.ones(q.shape[1]), std > 1.0)
     return problem, smooth_motion(problem, (smoothed,))
 
@@ -43,9 +47,16 @@ def test_the_model_has_the_accelerations_of_its_own_motion(name):
     assert mismatch_cost(problem, problem.unknowns.x0, motion) < 1e-3
 
 
-def test_the_jacobian_is_that_of_the_rows():
+FILMED = load("cartpole").with_values({"time_scale": 0.8}).with_choices(free=["time_scale"])
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "seen"),
+    [(load("double"), {}), (FILMED, {"roll": 0.02}), (with_roll(FILMED, 0.1, free=True), {"roll": 0.02})],
+)
+def test_the_jacobian_is_that_of_the_rows(mechanism, seen):
     """The whole rows moved by a step of 1e-4: good to 1e-6 of the largest."""
-    problem, motion = exact(load("double"))
+    problem, motion = exact(mechanism, **seen)
     x = problem.unknowns.x0 + 0.05
     rows, jacobian = mismatch_rows(problem, x, motion)
     assert mismatch_cost(problem, x, motion) == pytest.approx(rows @ rows)

@@ -158,7 +158,7 @@ def test_a_torque_over_time_is_refused(rows):
     fit = identify(rows, load("double"), IdentifySettings(torque="friction"))
     with refuses(
         FitError,
-        "window: expected a fit of friction alone, got the torque 'free'; identify the first seconds with "
-        "--identify.torque friction.",
+        "window: expected a fit of friction, or of known torques, got the torque 'free'; identify the first "
+        "seconds with --identify.torque friction.",
     ):
         window_of(replace(fit, torque="free"), load("double"), rows)

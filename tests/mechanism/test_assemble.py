@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from models import mjcf, read
+from monodyn.arrays import plain
 from monodyn.mechanism.assemble import derivatives, links_of
+from monodyn.mechanism.assembled import links_of_many
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS
 
 SOLIDS = {
@@ -49,10 +51,26 @@ def test_complex_steps_are_central_differences(solid: str, tmp_path: Path) -> No
     mechanism = read(tmp_path, body(solid))
     plan, values = mechanism.plan, mechanism.plan_numbers
     own, rows = np.zeros(len(values), bool), np.arange(len(values))
-    links, gravity = derivatives(plan, values, own, rows)
-    assert gravity[plan.index["gravity"]].tolist() == [0.0, -1.0]
+    links, gravity = derivatives(plan, values, own, rows, np.eye(len(rows)))
+    assert gravity[:, plan.index["gravity"]].tolist() == [0.0, -1.0]
     for row in rows:
         step = 1e-6 * max(abs(values[row]), 1e-3)
         ends = [links_of(plan, values + sign * step * (rows == row), own) for sign in (1.0, -1.0)]
         slope = (ends[0] - ends[1]) / (2.0 * step)
-        np.testing.assert_allclose(links[row], slope, rtol=1e-5, atol=1e-6 * max(np.abs(slope).max(), 1e-9))
+        np.testing.assert_allclose(
+            links[..., row], slope, rtol=1e-5, atol=1e-6 * max(np.abs(slope).max(), 1e-9)
+        )
+
+
+@pytest.mark.parametrize("given", [(), ("a.mass",), ("a.mass", "a.inertia"), ("a.com_x", "a.com_y")])
+@pytest.mark.parametrize("solid", SOLIDS)
+def test_many_trees_are_those_one_by_one(solid: str, given: tuple[str, ...], tmp_path: Path) -> None:
+    mechanism, rng = read(tmp_path, body(solid)), np.random.default_rng(1)
+    plan, own = mechanism.plan, np.zeros(len(mechanism.plan_numbers), bool)
+    values = mechanism.plan_numbers[:, None] * rng.uniform(0.5, 2.0, (len(own), 5))
+    for name in given:
+        row = plan.index[name]
+        own[row], values[row] = True, rng.uniform(0.5, 2.0, 5)
+    many = links_of_many(plan.packed, values, plain(own))
+    one = np.stack([links_of(plan, draw, own) for draw in values.T], axis=-1)
+    np.testing.assert_allclose(many, one, rtol=1e-12, atol=1e-15)

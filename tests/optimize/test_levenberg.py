@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from monodyn.optimize import Arrow, SearchSettings, minimize, minimize_arrow
+from monodyn.optimize import Arrow, SearchSettings, dense, minimize, minimize_arrow, minimize_together
+from monodyn.optimize.levenberg import damped_step
 
 
 def test_a_step_that_is_no_number_is_not_tried():
@@ -124,3 +125,57 @@ def test_a_block_that_nothing_determines_is_damped():
     assert found.converged
     assert found.shared[0] == pytest.approx(3.0)
     assert not found.local.any()
+
+
+@pytest.mark.parametrize("size", [3, 80])
+def test_a_step_within_bounds_is_the_best_one(size):
+    """Against scipy's bounded least squares on the same quadratic; 80 unknowns take the library's solver."""
+    from scipy.optimize import lsq_linear
+
+    rng = np.random.default_rng(size)
+    rows, off = (
+        rng.normal(size=(2 * size, size)) * 10.0 ** rng.uniform(-2, 2, size),
+        rng.normal(size=2 * size),
+    )
+    off = 10.0 * off + rows @ rng.normal(size=size)
+    low, high = -rng.uniform(0.0, 0.5, size), rng.uniform(0.0, 0.5, size)
+    blocks = np.zeros((0, size, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0))
+    model = Arrow(0.5 * off @ off, rows.T @ rows, rows.T @ off, *blocks)
+    step, _, predicted = damped_step(model, 0.0, (np.ones(size), np.zeros((0, 0))), low, high)
+    best = lsq_linear(rows, -off, (low, high), tol=1e-14)
+    cost = 0.5 * np.sum((rows @ step + off) ** 2)
+    assert np.all((step >= low) & (step <= high))
+    assert cost <= best.cost * (1.0 + 1e-9)
+    assert np.isclose(predicted, model.cost - cost, rtol=1e-9)
+
+
+def test_a_system_without_one_solution_takes_the_shortest():
+    blocks = np.zeros((0, 2, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0))
+    model = Arrow(1.0, np.ones((2, 2)), np.ones(2), *blocks)
+    far = np.full(2, 9.0)
+    step, _, _ = damped_step(model, 0.0, (np.ones(2), np.zeros((0, 0))), -far, far)
+    assert np.allclose(step, [-0.5, -0.5])
+
+
+def test_searches_together_are_those_one_by_one():
+    """Rosenbrock's valley and a wall of numbers that are none, from many starts."""
+
+    def rows(x):
+        residual = np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]])
+        return (residual if x[0] > -3.0 else residual * np.nan), np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]])
+
+    starts = [np.array(start) for start in ([-1.2, 1.0], [2.0, -4.0], [0.0, 30.0], [-4.0, 1.0], [1.0, 1.0])]
+    settings = SearchSettings(evaluations=60)
+    asked = []
+
+    def models(points):
+        asked.append(len(points))
+        return [dense(*rows(point)) for point in points]
+
+    together = minimize_together(models, starts, settings=settings, reach=2.0)
+    for start, found in zip(starts, together, strict=True):
+        alone = minimize(rows, start, settings=settings, reach=2.0)
+        assert np.array_equal(alone.x, found.shared)
+        assert (alone.status, alone.evaluations) == (found.status, found.evaluations)
+    assert asked[0] == len(starts) > asked[-1]
+    assert minimize_together(models, []) == []

@@ -368,7 +368,7 @@ class Fit:
             The derivatives by ``shared``.
         """
         names = (*self.shared, *(size for size, _ in self.tied))
-        return self.mechanism.directions(names).chained(self._chain())
+        return self.mechanism.directions(names, self._chain())
 
     @cached_property
     def spread(self) -> tuple[tuple[str, ...], np.ndarray]:

@@ -338,7 +338,7 @@ def refit(
         evaluate, begun.x, begun.states, (unknowns.lower, unknowns.upper), settings=settings,
         reach=unknowns.reach,
     )  # fmt: skip
-    whitened, jacobian = found.model.kept
+    whitened, jacobian = found.model.kept[:2]
     pulled = _pulled(problem.data, jacobian)
     if arrival is not None:
         _, slopes = window.shown(problem.at(found.shared), found.shared)

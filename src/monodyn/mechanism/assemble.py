@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from monodyn.arrays import plain
 from monodyn.mechanism.plan import JOINT_COLUMNS, Plan
 from monodyn.mechanism.solids import BLOCK, CYLINDER, SPHERE, Solid
 from monodyn.mechanism.tree import (
@@ -179,26 +180,29 @@ def shapes_of(plan: Plan, values: np.ndarray) -> Shapes:
 
 
 def derivatives(
-    plan: Plan, values: np.ndarray, own: np.ndarray, rows: np.ndarray
+    plan: Plan, values: np.ndarray, own: np.ndarray, rows: np.ndarray, chain: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Differentiate ``Tree.links`` and gravity by parameters, with complex steps.
+    """Differentiate ``Tree.links`` and gravity by variables on which parameters depend, with complex steps.
 
     Args:
         plan: The mechanism's plan.
         values: Parameter values, (param,).
         own: As in ``links_of``, (param,).
-        rows: Rows of the parameters, int (param,).
+        rows: Rows of the parameters that depend on the variables, int (row,).
+        chain: Their derivatives by them, (row, variable).
 
     Returns:
-        Derivatives of the links, (param, dof, column), and of gravity, (param, 2).
+        Derivatives of the links, (dof, column, variable), and of gravity, (2, variable).
 
     Source: complex-step differentiation; Squire and Trapp, Using complex variables to estimate derivatives of
         real functions, 1998.
     """
-    # One column of values for each parameter, stepped in that parameter alone; all are computed at once.
-    steps = np.repeat(values[:, None].astype(complex), len(rows), axis=1)
-    steps[rows, np.arange(len(rows))] += 1j * STEP
-    links = np.moveaxis(np.imag(links_of(plan, steps, own)) / STEP, -1, 0)
-    gravity = np.zeros((len(rows), 2))
-    gravity[rows == plan.index["gravity"], 1] = -1.0
-    return np.ascontiguousarray(links), gravity
+    from monodyn.mechanism.assembled import links_of_many
+
+    # One column of values for each variable, stepped in that variable alone.
+    steps = np.repeat(values[:, None].astype(complex), chain.shape[1], axis=1)
+    steps[rows] += 1j * STEP * chain
+    links = np.imag(links_of_many(plan.packed, steps, plain(own))) / STEP
+    gravity = np.zeros((2, chain.shape[1]))
+    gravity[1] = -chain[rows == plan.index["gravity"]].sum(axis=0)
+    return links, gravity

@@ -9,6 +9,7 @@ are linear in the coefficients and need no mechanism; a test compares the two.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numba import njit
@@ -136,8 +137,9 @@ class Drive:
         return torque, slopes
 
 
+@cache
 def UNDRIVEN(dofs: int) -> Drive:
-    """Return the drive of no torque.
+    """Return the drive of no torque, one for all mechanisms with so many joints.
 
     Args:
         dofs: Number of joints.

@@ -326,29 +326,30 @@ class Mechanism:
             self.row(name)
         return replace(self, measured=measured)
 
-    def directions(self, names: Sequence[str]) -> Directions:
-        """Differentiate the tree and the drive by parameters, exactly.
+    def directions(self, names: Sequence[str], chain: np.ndarray | None = None) -> Directions:
+        """Differentiate the tree and the drive by parameters, or by what these depend on, exactly.
 
         Args:
             names: Names of the parameters; ``time_scale`` and sizes of no link change nothing.
+            chain: Their derivatives by other variables, (param, variable); a parameter that is an entry of
+                the drive's table must be the variable of the same number. None for the parameters themselves.
 
         Returns:
-            The derivatives by ``names``.
+            The derivatives by ``names``, or by the variables.
 
         Raises:
             MechanismError: The value of a parameter follows from others; or, from ``row``, a name is unknown.
         """
         rows = np.array([self.row(name) for name in names], dtype=np.int64)
-        following = [name for name, row in zip(names, rows, strict=True) if self._follows[row]]
-        if following:
+        chain = np.eye(len(rows)) if chain is None else chain
+        if self._follows[rows].any():
+            following = names[int(np.argmax(self._follows[rows]))]
             raise MechanismError(
-                f"parameter '{following[0]}': follows from the sizes of its body; fix or free it first."
+                f"parameter '{following}': follows from the sizes of its body; fix or free it first."
             )
         # Rows beyond the plan are torques: they change the drive alone.
-        links, gravity = np.zeros((len(rows), *self.plan.template.shape)), np.zeros((len(rows), 2))
         inner = rows < len(self.plan_numbers)
-        if inner.any():
-            links[inner], gravity[inner] = derivatives(self.plan, self.plan_numbers, self.own, rows[inner])
+        links, gravity = derivatives(self.plan, self.plan_numbers, self.own, rows[inner], chain[inner])
         clock = np.zeros(len(rows))
         if "torque.period" in names:  # a longer period is a slower clock of the torque
             row = self.row("torque.period")
@@ -357,8 +358,8 @@ class Mechanism:
             row = self.row("time_scale")
             clock[rows == row] = -1.0 / self.numbers[row]
         lag = np.array([name == LAG for name in names], dtype=float)
-        entry, load = self.drive_entries(names), np.zeros(len(rows))
-        return Directions(np.moveaxis(links, 0, -1), gravity.T, entry, load, clock, lag)
+        load = np.zeros(chain.shape[1])
+        return Directions(links, gravity, self.drive_entries(names), load, clock @ chain, lag @ chain)
 
     def drive_entries(self, names: Sequence[str]) -> np.ndarray:
         """Return which parameter each entry of the drive's table is.

@@ -26,6 +26,7 @@ from monodyn.mechanism.axis import (
     plus,
     profile,
 )
+from monodyn.mechanism.packed import Packed, pack
 from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Link, Table
 from monodyn.mechanism.places import Naming, half_across, main_ends, main_sides
 from monodyn.mechanism.solids import Solid, geom_solid, given_solid
@@ -157,6 +158,11 @@ class Plan:
     def follows(self) -> np.ndarray:
         """True where a value follows from others by default, bool (param,)."""
         return np.array(self.table.follows, dtype=bool)
+
+    @cached_property
+    def packed(self) -> Packed:
+        """The plan as arrays, for kernels."""
+        return pack(self, JOINT_COLUMNS)
 
 
 def make_plan(links: Sequence[Link], gravity: float) -> Plan:

@@ -265,13 +265,13 @@ def rollout_derivatives(
     _agree(tree, q0, v0, drive.table.T, directions.entry.T)
     dofs, params, f8 = len(tree.parent), directions.links.shape[2], np.float64
     times = plain(times, f8)
+    # what changes nothing is not carried along at all
     begin = np.zeros(params + 2 * dofs, dtype=np.int64)
+    begin[:params] = np.where(directions.acting, 0, len(times))
     if drive.mode == KNOTS:
         # A torque at a knot costs time only from where it begins to act: the kernel takes the directions in
         # that order, and at each frame only those that act by then.
-        always = directions.links.any(axis=(0, 1)) | directions.gravity.any(axis=0)
-        always |= (directions.load != 0) | (directions.clock != 0) | (directions.lag != 0)
-        begin[:params] = np.where(always, 0, _begins(drive.times, times, directions.entry, params))
+        begin[:params] = np.where(directions.always, 0, _begins(drive.times, times, directions.entry, params))
     lagging = np.zeros(drive.table.shape) if drive.lagging is None else drive.lagging
     # known torques have a table, but no entry of it is a parameter
     entry = directions.entry if directions.entry.size else np.full(drive.table.shape, -1)

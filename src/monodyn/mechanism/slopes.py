@@ -11,7 +11,7 @@ from numba import njit
 
 from monodyn.mechanism.branches import solve_all
 from monodyn.mechanism.planar import WORK, forward, place
-from monodyn.mechanism.tangents import TANGENT, gather, move, needed_forces, push, push_air
+from monodyn.mechanism.tangents import TANGENT, brake, gather, move, needed_forces, push, push_air
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -41,7 +41,8 @@ def acceleration_tangents(
         move(parent, kind, links, dpar, q[f], v[f], dq, dv, w, t, count)
         push(parent, links, dpar, dgpar, v[f], a[f], dv, w, t, count)
         push_air(kind, links, dpar, w, t, count)
-        gather(parent, kind, links, dpar, q[f], v[f], a[f], dq, dv, w, t, da[f], count)
+        gather(parent, links, dpar, v[f], a[f], dv, w, t, da[f], count)
+        brake(kind, links, dpar, q[f], v[f], a[f], dq, dv, da[f], count)
         for i in range(n):
             da[f, i, params + 2 * n + i] += 1.0
         solve_all(parent, h, da[f], count)

@@ -73,6 +73,8 @@ DPHI, DOX, DOY, DSX, DSY, DVW, DVX, DVY, DAW, DAX, DAY, DFN, DFX, DFY = range(14
 """Columns of the scratch ``t`` (dof, TANGENT, direction): derivatives of those columns of the scratch of
 ``planar`` that depend on the directions; SW, the sign of a hinge, does not."""
 TANGENT = 14
+BRAKED = (FRICTION, DRAG, STIFFNESS)
+"""Columns of ``brake``: leads and rests act through them."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -216,11 +218,7 @@ def push(parent, links, dlinks, dgravity, v, a, dv, w, t, live):  # pragma: no c
 def push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
     """Add the derivatives of what the air takes to those of the links' forces, as ``resist`` has them."""
     for i in range(kind.size):
-        c, met = links[i, AIR], links[i, AIR] != 0.0
-        for k in range(live):
-            met = met or dlinks[i, AIR, k] != 0.0
-        if not met:
-            continue
+        c = links[i, AIR]
         n, x, y = air_direction(i, kind, links, w)
         z = n * w[i, VW] + x * w[i, VX] + y * w[i, VY]
         law, slope = abs(z) * z, 2.0 * c * abs(z)
@@ -249,22 +247,15 @@ def push_air(kind, links, dlinks, w, t, live):  # pragma: no cover - compiled
 
 
 @njit(cache=True, error_model="numpy")
-def gather(parent, kind, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pragma: no cover - compiled
+def gather(parent, links, dlinks, v, a, dv, w, t, da, live):  # pragma: no cover - compiled
     """Sum the force derivatives inward and write the joint-space right-hand side into ``da``.
 
     Row i of the equation of motion is S_i.F_i + armature a_i = tau_i - friction(v_i) - spring(q_i) with the
     force F_i of the whole subtree; ``da`` (dof, direction) receives minus the derivative of all terms at
-    fixed ``a``, without that of the drive.
+    fixed ``a``, without those of the drive, of dry friction, drag and springs.
     """
     for i in range(parent.size - 1, -1, -1):
         p = parent[i]
-        # where friction leads, ``h`` has what its slope by the acceleration adds
-        creep = CREEP[kind[i]]
-        grip = smoothed_sign(v[i] + links[i, LEAD] * a[i], creep)
-        slope = links[i, FRICTION] * (1.0 - grip * grip) / creep
-        ahead = slope * a[i]
-        if links[i, DRAG] != 0.0:
-            slope += 2.0 * links[i, DRAG] * abs(v[i])
         for k in range(live):
             da[i, k] = -(
                 w[i, SW] * t[i, DFN, k]
@@ -274,18 +265,49 @@ def gather(parent, kind, links, dlinks, q, v, a, dq, dv, w, t, da, live):  # pra
                 + w[i, SY] * t[i, DFY, k]
                 + dlinks[i, ARMATURE, k] * a[i]
                 + dlinks[i, DAMPING, k] * v[i]
-                + (links[i, DAMPING] + slope) * dv[i, k]
+                + links[i, DAMPING] * dv[i, k]
+            )
+        # children come after their parents, so F of this link is complete, as in ``forward``
+        if p >= 0:
+            for k in range(live):
+                t[p, DFN, k] += t[i, DFN, k]
+                t[p, DFX, k] += t[i, DFX, k]
+                t[p, DFY, k] += t[i, DFY, k]
+
+
+@njit(cache=True, error_model="numpy")
+def brake(kind, links, dlinks, q, v, a, dq, dv, da, live):  # pragma: no cover - compiled
+    """Add minus the derivatives of dry friction, drag and springs to ``da`` (dof, direction)."""
+    for i in range(kind.size):
+        # where friction leads, ``h`` has what its slope by the acceleration adds
+        creep = CREEP[kind[i]]
+        grip = smoothed_sign(v[i] + links[i, LEAD] * a[i], creep)
+        slope = links[i, FRICTION] * (1.0 - grip * grip) / creep
+        ahead = slope * a[i]
+        if links[i, DRAG] != 0.0:
+            slope += 2.0 * links[i, DRAG] * abs(v[i])
+        for k in range(live):
+            da[i, k] -= (
+                slope * dv[i, k]
                 + dlinks[i, FRICTION, k] * grip
                 + dlinks[i, LEAD, k] * ahead
                 + dlinks[i, DRAG, k] * abs(v[i]) * v[i]
                 + dlinks[i, STIFFNESS, k] * (q[i] - links[i, REST])
                 + links[i, STIFFNESS] * (dq[i, k] - dlinks[i, REST, k])
             )
-            # children come after their parents, so F of this link is complete, as in ``forward``
-            if p >= 0:
-                t[p, DFN, k] += t[i, DFN, k]
-                t[p, DFX, k] += t[i, DFX, k]
-                t[p, DFY, k] += t[i, DFY, k]
+
+
+@njit(cache=True, error_model="numpy")
+def occurs(links, dlinks, columns):  # pragma: no cover - compiled
+    """Return whether one of the columns is anywhere but zero, or a direction changes it."""
+    for i in range(links.shape[0]):
+        for c in columns:
+            if links[i, c] != 0.0:
+                return True
+            for k in range(dlinks.shape[2]):
+                if dlinks[i, c, k] != 0.0:
+                    return True
+    return False
 
 
 @njit(cache=True, error_model="numpy")
@@ -363,6 +385,8 @@ def rollout_tangents(
                 for c in range(entry.shape[1]):
                     if entry[i, c] == p:
                         slot[i, c] = k
+    # most mechanisms have none of these, and what they take costs as much as all else at a joint
+    airy, resisted = occurs(links, dlinks, (AIR,)), occurs(links, dlinks, BRAKED)
     w, h, tau, slope, hold = np.empty((n, WORK)), np.empty((n, n)), np.zeros(n), np.zeros(n), np.zeros(n)
     value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
     t = np.empty((n, TANGENT, count))
@@ -404,8 +428,11 @@ def rollout_tangents(
                     needed_forces(parent, kind, links, gravity, u[r], a[r], w)
                     move(parent, kind, links, dlinks, x[r], u[r], dx[r], du[r], w, t, many)
                     push(parent, links, dlinks, dgravity, u[r], a[r], du[r], w, t, many)
-                    push_air(kind, links, dlinks, w, t, many)
-                    gather(parent, kind, links, dlinks, x[r], u[r], a[r], dx[r], du[r], w, t, da[r], many)
+                    if airy:
+                        push_air(kind, links, dlinks, w, t, many)
+                    gather(parent, links, dlinks, u[r], a[r], du[r], w, t, da[r], many)
+                    if resisted:
+                        brake(kind, links, dlinks, x[r], u[r], a[r], dx[r], du[r], da[r], many)
                     if mode != NONE:
                         _add_torque(
                             tau, slope, time, value, span, slot, loads, clocks, lagging, lags, da[r], many

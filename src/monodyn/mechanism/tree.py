@@ -8,6 +8,7 @@ that carries geoms and inertia.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -112,6 +113,19 @@ class Directions:
     load: np.ndarray
     clock: np.ndarray
     lag: np.ndarray
+
+    @cached_property
+    def always(self) -> np.ndarray:
+        """True for parameters that change more than an entry of the drive's table, bool (param,)."""
+        found = self.links.any(axis=(0, 1)) | self.gravity.any(axis=0)
+        return found | (self.load != 0) | (self.clock != 0) | (self.lag != 0)
+
+    @cached_property
+    def acting(self) -> np.ndarray:
+        """True for parameters that change anything, bool (param,)."""
+        found = self.always.copy()
+        found[self.entry[self.entry >= 0]] = True
+        return found
 
     def chained(self, chain: np.ndarray) -> Directions:
         """Return the derivatives by other variables, by the chain rule.

@@ -79,7 +79,7 @@ def minimize(
             raise SettingsError(f"unknown {i}: expected a longest step above 0, got {far:g}.")
 
     def evaluate(x: np.ndarray, _: np.ndarray) -> Arrow:
-        return _dense(*residuals_and_jacobian(x))
+        return dense(*residuals_and_jacobian(x))
 
     found = minimize_arrow(evaluate, start, np.zeros((0, 0)), (lower, upper), settings=settings, reach=reach)
     residual, jacobian = found.model.kept
@@ -89,8 +89,13 @@ def minimize(
     )  # fmt: skip
 
 
-def _dense(residual: np.ndarray, jacobian: np.ndarray) -> Arrow:
-    """Return the arrow without blocks of residuals (row,) and their Jacobian (row, param)."""
+def dense(residual: np.ndarray, jacobian: np.ndarray) -> Arrow:
+    """Return the arrow without blocks of residuals and their Jacobian.
+
+    Args:
+        residual: Residuals, (row,).
+        jacobian: Their Jacobian, (row, param).
+    """
     size = jacobian.shape[1]
     # A cost that is infinite makes the search reject the step; the blocks need only be there.
     finite = bool(np.isfinite(residual).all())

@@ -8,7 +8,7 @@ blocks.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -99,6 +99,8 @@ class ArrowSolution:
 
 Bend = Callable[[Arrow, np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Gives J.r'' along a step at a model and its point: (model, shared, local, step, local step)."""
+Point = tuple[np.ndarray, np.ndarray]
+"""Shared and local unknowns."""
 
 
 def minimize_arrow(
@@ -140,8 +142,26 @@ def minimize_arrow(
         the Levenberg-Marquardt algorithm for nonlinear least-squares minimization, 2012 (geodesic
         acceleration).
     """
+    search = _search(shared, local, bounds, settings, reach, bend)
+    point = next(search)
+    while True:
+        try:
+            point = search.send(evaluate(*point))
+        except StopIteration as ended:
+            return ended.value
+
+
+def _search(
+    shared: np.ndarray,
+    local: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+    settings: SearchSettings,
+    reach: np.ndarray | float,
+    bend: Bend | None,
+) -> Generator[Point, Arrow | None, ArrowSolution]:
+    """Yield the points of a search one after the other, for the model at each of them; return its end."""
     shared, local, (lower, upper) = np.array(shared, dtype=float), np.array(local, dtype=float), bounds
-    model = evaluate(shared, local)
+    model = yield shared, local
     evaluations, converged, status = 1, False, EXHAUSTED
     if model is None or not model.finite:
         model = _nowhere(len(shared), local.shape, model.kept if model else None)
@@ -161,7 +181,7 @@ def minimize_arrow(
             pull = bend(model, shared, local, step, local_step)
             step, local_step = _bent(model, damping, scale, room, (step, local_step), pull)
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
-        trial = evaluate(at, local_at) if np.isfinite(predicted) else None
+        trial = (yield at, local_at) if np.isfinite(predicted) else None
         evaluations += 1
         # The gain compares what happened with what the model promised: near 1 the model holds at this
         # length of step, and the damping may shrink toward a plain Gauss-Newton step.
@@ -176,6 +196,40 @@ def minimize_arrow(
             break
     at_bound = (shared <= lower) | (shared >= upper)
     return ArrowSolution(shared, local, model, status, converged, evaluations, at_bound)
+
+
+def minimize_together(
+    evaluate: Callable[[list[np.ndarray]], Sequence[Arrow]],
+    starts: Sequence[np.ndarray],
+    *,
+    settings: SearchSettings = USUAL_SEARCH,
+    reach: np.ndarray | float = np.inf,
+) -> list[ArrowSolution]:
+    """Minimize from many starts, each as ``minimize_arrow`` does without blocks, a step of all at a time.
+
+    Args:
+        evaluate: Gives the models at many points, (shared,) each.
+        starts: Starts, (shared,) each.
+        settings: When each search stops.
+        reach: Longest step of each unknown, (shared,) or one for all.
+
+    Returns:
+        Where each of them ended.
+    """
+    found: dict[int, ArrowSolution] = {}
+    nothing = np.zeros((0, 0))
+    free = np.full(len(starts[0]), np.inf) if starts else nothing
+    searches = [_search(start, nothing, (-free, free), settings, reach, None) for start in starts]
+    points = {k: next(search)[0] for k, search in enumerate(searches)}
+    while points:
+        models = dict(zip(points, evaluate(list(points.values())), strict=True))
+        points = {}
+        for k, model in models.items():
+            try:
+                points[k] = searches[k].send(model)[0]
+            except StopIteration as ended:
+                found[k] = ended.value
+    return [found[k] for k in range(len(starts))]
 
 
 def _nowhere(size: int, local: tuple[int, ...], kept: Any) -> Arrow:
@@ -232,85 +286,12 @@ def damped_step(
         Shared step (shared,), local step (block, local), and the decrease of the cost that the model
         predicts; that is NaN where there is no such step.
     """
-    # With A the shared, C the local and B the cross block, the local step is -C^-1 (c + B' d), so that the
-    # shared step solves the Schur complement (A - B C^-1 B') d = -(a - B C^-1 c): C is inverted by blocks.
-    hessian = model.hessian + np.diag(damping * scale[0])
-    local = model.local_hessian + (damping * scale[1])[:, :, None] * np.eye(scale[1].shape[1])
-    right = np.concatenate((np.swapaxes(model.cross, 1, 2), model.local_gradient[:, :, None]), axis=2)
-    size = len(model.gradient)
-    try:
-        solved = np.linalg.solve(local, right) if local.size else right
-    except np.linalg.LinAlgError:
-        # as good as no damping leaves a block singular whose start state nothing determines
-        return np.zeros(size), np.zeros_like(model.local_gradient), np.nan
-    reduced = hessian - np.einsum("bsl,blt->st", model.cross, solved[:, :, :size])
-    gradient = model.gradient - np.einsum("bsl,bl->s", model.cross, solved[:, :, size])
-    step = _bounded_solve(reduced, gradient, room_below, room_above)
-    # The local unknowns have no bounds, so that they follow the bounded shared step exactly.
-    local_step = -solved[:, :, size] - solved[:, :, :size] @ step
-    # The prediction is that of the undamped model: the damping is no part of the cost.
-    predicted = -(model.gradient @ step + np.sum(model.local_gradient * local_step)) - 0.5 * (
-        step @ model.hessian @ step
-        + 2.0 * np.einsum("s,bsl,bl->", step, model.cross, local_step)
-        + np.einsum("bl,blm,bm->", local_step, model.local_hessian, local_step)
-    )
-    return step, local_step, float(predicted)
+    from monodyn.optimize.arrow import damped_step as solved
 
-
-def _bounded_solve(
-    hessian: np.ndarray, gradient: np.ndarray, room_below: np.ndarray, room_above: np.ndarray
-) -> np.ndarray:
-    """Minimize g.d + 1/2 d.H.d over room_below <= d <= room_above, from 0 and downhill all the way.
-
-    Source:
-        Primal active sets: Nocedal and Wright, Numerical Optimization, 2006, section 16.5.
-    """
-    step = np.zeros_like(gradient)
-    # Unknowns that lie on a bound and are pulled outward begin in the active set, all others are free.
-    held = ((room_below >= 0) & (gradient > 0)) | ((room_above <= 0) & (gradient < 0))
-    # Slopes of unknowns in different units compare only after division by the root of their curvature. The
-    # number of changes of the active set is bounded, because rounding could make it cycle.
-    unit = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    for _ in range(4 * len(gradient) + 1):
-        inside = np.flatnonzero(~held)
-        move = np.zeros_like(step)
-        if len(inside):
-            slope = gradient + hessian @ step
-            move[inside] = _scaled_solve(hessian[np.ix_(inside, inside)], -slope[inside])
-        bound = np.where(move > 0, room_above, room_below)
-        moving = move != 0
-        share = np.full_like(step, np.inf)
-        share[moving] = (bound[moving] - step[moving]) / move[moving]
-        first = float(share.min(initial=np.inf))
-        if first < 1.0:
-            # The free minimum lies beyond a bound: go as far as the nearest one and hold it from there on.
-            # The value has not risen, because the way leads toward the minimum of a convex function.
-            step += max(first, 0.0) * move
-            step[share <= first] = bound[share <= first]
-            held |= share <= first
-            continue
-        step += move
-        # At the minimum of this active set, release the held unknown that is pulled inward most; when there
-        # is none, the multipliers have the right sign and the step is the best one of the whole box.
-        slope = (gradient + hessian @ step) / unit
-        # an unknown without any room would be released and held again for ever
-        fixed = room_below == room_above
-        inward = np.where(held & ~fixed, np.where(step <= room_below, -slope, slope), 0.0)
-        if not inward.max(initial=0.0) > 1e-9 * np.abs(gradient / unit).max(initial=0.0):
-            break
-        held[int(np.argmax(inward))] = False
-    return step
-
-
-def _scaled_solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve a positive semidefinite system after scaling its diagonal to one."""
-    # Lengths, masses and dampings differ by many powers of ten; scaled, the condition is that of the data.
-    root = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix / np.outer(root, root)
-    try:
-        return np.linalg.solve(scaled, right / root) / root
-    except np.linalg.LinAlgError:
-        return np.linalg.lstsq(scaled, right / root, rcond=1e-12)[0] / root
+    blocks = (model.hessian, model.gradient, model.cross, model.local_hessian, model.local_gradient)
+    rows = (np.ascontiguousarray(part, dtype=float) for part in blocks)
+    rooms = (np.ascontiguousarray(part, dtype=float) for part in (*scale, room_below, room_above))
+    return solved(*rows, float(damping), *rooms)
 
 
 def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:

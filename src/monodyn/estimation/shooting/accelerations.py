@@ -12,12 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.estimation.record.smooth import Smoothed
-from monodyn.estimation.shooting.instance import Instance
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.mechanism.simulate import accelerations
+from monodyn.mechanism.simulate import acceleration_derivatives, accelerations
+from monodyn.mechanism.tree import Tree
 
-COORDINATE_STEP = 1e-6
-"""Step of the differences by coordinate: exact enough for a start."""
 MOST_STAMPS = 400
 """Time stamps that are compared; more of them would not make the start any better."""
 MODEL_SHARE = 0.05
@@ -101,21 +99,27 @@ def mismatch_rows(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> tupl
         Mismatches (row,) and their Jacobian (row, param): those of each time stamp and joint, then the
         picture's information about the sizes.
     """
-    instance, root, weight = problem.at(x), motion.prior_root, motion.weight
-    jacobian = np.zeros((weight.size, len(x)))
+    instance, root = problem.at(x), motion.prior_root
     if problem.data.torques:
         torque, later = known_torque(problem, motion, instance.lag)
         slopes = torque[:, :, None] * instance.directions.load + later[:, :, None] * instance.directions.lag
     else:
         torque, slopes = instance.drive.derivatives(instance.directions, motion.time * instance.stretch)
-    for p in range(len(x)):
-        # the torque is linear in its coefficients: its own step is exact, the tree's is a central difference
-        ahead, behind = (
-            _moved(instance, motion, p, step, torque + step * slopes[:, :, p])
-            for step in (COORDINATE_STEP, -COORDINATE_STEP)
-        )
-        jacobian[:, p] = ((ahead - behind) * weight).ravel() / (2.0 * COORDINATE_STEP)
-    return _mismatch(problem, x, motion), np.concatenate((jacobian, root))
+    unit, velocity, position = _scaled(problem, x, motion)
+    count, dofs = len(x), position.shape[1]
+    found, by = acceleration_derivatives(instance.tree, instance.directions, position, velocity, torque)
+    jacobian, by_position, by_velocity, by_torque = np.split(
+        by, [count, count + dofs, count + 2 * dofs], axis=2
+    )
+    # what was measured is scaled, turned and timed by the unknowns before the model sees it, and scaled back
+    size = np.where(motion.slide[:, :, None], instance.dsize, 0.0)
+    away = (motion.position * unit)[:, :, None] * size + motion.by_roll[:, :, None] * instance.droll
+    faster = velocity[:, :, None] * (size - instance.dstretch)
+    jacobian = jacobian + by_position @ away + by_velocity @ faster + by_torque @ slopes
+    jacobian = jacobian + found[:, :, None] * (2.0 * instance.dstretch - size)
+    jacobian *= (instance.stretch**2 / unit * motion.weight)[:, :, None]
+    rows = _weighed(problem, x, motion, found * instance.stretch**2 / unit)
+    return rows, np.concatenate((jacobian.reshape(-1, count), root))
 
 
 def mismatch_cost(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> float:
@@ -144,11 +148,11 @@ def model_accelerations(
     Returns:
         Accelerations by time stamp [rad/s^2 or m/s^2], (frame, dof).
     """
-    instance = problem.at(x)
+    mechanism = problem.mechanism_at(x)
     if torque is None and problem.data.torques:
-        torque, _ = known_torque(problem, motion, instance.lag)
-    acting = instance.drive.at(motion.time * instance.stretch) if torque is None else torque
-    return _along(instance, motion, acting)
+        torque, _ = known_torque(problem, motion, problem.lag(mechanism))
+    acting = mechanism.drive.at(motion.time * problem.stretch(x)) if torque is None else torque
+    return _along(problem, x, mechanism.tree, motion, acting)
 
 
 def known_torque(problem: Problem, motion: SmoothMotion, lag: float) -> tuple[np.ndarray, np.ndarray]:
@@ -182,37 +186,36 @@ def torque_response(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np
         Accelerations by time stamp of each joint for a torque at each joint, (frame, dof, dof).
     """
     # accelerations are linear in the torque: one unit each, less what acts without
-    instance, none = problem.at(x), np.zeros_like(motion.position)
-    still = _along(instance, motion, none)
+    tree, none = problem.mechanism_at(x).tree, np.zeros_like(motion.position)
+    still = _along(problem, x, tree, motion, none)
     pushes = np.eye(len(problem.mechanism.joints))
-    columns = [_along(instance, motion, none + push) - still for push in pushes]
+    columns = [_along(problem, x, tree, motion, none + push) - still for push in pushes]
     return np.stack(columns, axis=2)
 
 
 def _mismatch(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np.ndarray:
-    rows = (model_accelerations(problem, x, motion) - motion.acceleration) * motion.weight
+    return _weighed(problem, x, motion, model_accelerations(problem, x, motion))
+
+
+def _weighed(problem: Problem, x: np.ndarray, motion: SmoothMotion, found: np.ndarray) -> np.ndarray:
+    """Weigh the mismatch of accelerations by time stamp, (frame, dof), and add the picture's information."""
+    rows = (found - motion.acceleration) * motion.weight
     return np.concatenate((rows.ravel(), motion.prior_root @ (x - problem.unknowns.x0)))
 
 
-def _along(instance: Instance, motion: SmoothMotion, torque: np.ndarray) -> np.ndarray:
-    """Accelerations by time stamp under a torque, (frame, dof)."""
-    unit = np.where(motion.slide, instance.size, 1.0)
-    velocity = motion.velocity * unit / instance.stretch
-    # true time is stretch times stamped time: rates divide by it once, accelerations twice
-    position = motion.position * unit + motion.by_roll * instance.roll
-    found = accelerations(instance.tree, position, velocity, torque)
-    return found * instance.stretch**2 / unit
-
-
-def _moved(
-    instance: Instance, motion: SmoothMotion, param: int, step: float, torque: np.ndarray
+def _along(
+    problem: Problem, x: np.ndarray, tree: Tree, motion: SmoothMotion, torque: np.ndarray
 ) -> np.ndarray:
-    """Accelerations by time stamp with one coordinate moved by ``step``, (frame, dof)."""
-    moved = replace(
-        instance,
-        tree=instance.tree.along(instance.directions, param, step),
-        size=instance.size * np.exp(step * instance.dsize[param]),
-        stretch=instance.stretch * np.exp(step * instance.dstretch[param]),
-        roll=instance.roll + step * instance.droll[param],
-    )
-    return _along(moved, motion, torque)
+    """Accelerations by time stamp under a torque, (frame, dof)."""
+    unit, velocity, position = _scaled(problem, x, motion)
+    return accelerations(tree, position, velocity, torque) * problem.stretch(x) ** 2 / unit
+
+
+def _scaled(
+    problem: Problem, x: np.ndarray, motion: SmoothMotion
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return metres per unit of the record, rates in true time and positions, (frame, dof) each."""
+    unit = np.where(motion.slide, problem.size(x), 1.0)
+    # true time is stretch times stamped time: rates divide by it once, accelerations twice
+    velocity = motion.velocity * unit / problem.stretch(x)
+    return unit, velocity, motion.position * unit + motion.by_roll * problem.roll(x)

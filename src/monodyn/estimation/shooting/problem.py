@@ -8,6 +8,7 @@ other.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -94,19 +95,19 @@ class Problem:
             Tree and drive with their derivatives by coordinate.
         """
         mechanism, unknowns = self.mechanism_at(x), self.unknowns
-        by_parameter = mechanism.directions((*unknowns.names, *unknowns.tied))
-        directions = by_parameter.chained(unknowns.chain(x))
+        directions = mechanism.directions((*unknowns.names, *unknowns.tied), unknowns.chain(x))
         dstretch = np.array([name == "time_scale" for name in unknowns.names], dtype=float)
-        # at the same stamps a slower clock makes torques larger, and the drive's own time run ahead
-        load = directions.load + power("torque", time=-1.0) * dstretch
-        directions = replace(directions, load=load, clock=directions.clock + dstretch)
+        if dstretch.any():
+            # at the same stamps a slower clock makes torques larger, and the drive's own time run ahead
+            load = directions.load + power("torque", time=-1.0) * dstretch
+            directions = replace(directions, load=load, clock=directions.clock + dstretch)
         # the common scale is a weighted mean of logarithms: its derivatives are the weights, whatever x is
-        size, stretch = self.size(x), mechanism.values["time_scale"]
+        size, stretch = self.size(x), self.stretch(x)
         dsize = self.prior.weights
         droll = np.array([name == ROLL for name in unknowns.names], dtype=float)
         return Instance(
             mechanism.tree, mechanism.drive, directions, size, dsize, stretch, dstretch, self.roll(x), droll,
-            mechanism.values.get(LAG, 0.0),
+            self.lag(mechanism),
         )  # fmt: skip
 
     def driven(self, drive: Drive, lag: float, stretch: float, first: int, stop: int) -> Drive:
@@ -161,8 +162,15 @@ class Problem:
         """
         from monodyn.estimation.shooting.kernels import whitened_rows
 
-        data, pieces, params = self.data, trial.pieces, len(trial.x)
-        there = instance or self.at(trial.x)
+        data, pieces, there = self.data, trial.pieces, instance or self.at(trial.x)
+        q, dq = trial.recalled("tangents", self._moving) or self._integrated(trial, there)
+        slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
+        position = data.position + turned * there.roll
+        return whitened_rows(q, dq, position, data.white, slide, there.size, there.dsize)
+
+    def _integrated(self, trial: Trial, there: Instance) -> tuple[np.ndarray, np.ndarray]:
+        """Return the positions of all rows, (row, dof), and their derivatives, (row, dof, param + 2 dof)."""
+        pieces = trial.pieces
 
         def of_piece(run: Run) -> tuple[np.ndarray, np.ndarray]:
             q, _, dq, _ = self.tangents(there, trial.substeps, run)
@@ -171,12 +179,16 @@ class Problem:
         states = plain(trial.states)
         runs = list(zip(pieces.first[:-1].tolist(), pieces.first[1:].tolist(), states, strict=True))
         q, dq = (np.concatenate(part) for part in zip(*for_each_run(of_piece, runs), strict=True))
-        slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
-        # the picture of a rolled camera lacks the roll: it is added to what was measured, and its derivative
-        # is that of the simulated less the measured position
-        dq[:, :, :params] -= turned[:, :, None] * there.droll
-        position = data.position + turned * there.roll
-        return whitened_rows(q, dq, position, data.white, slide, there.size, there.dsize)
+        if there.droll.any():
+            # the picture of a rolled camera lacks the roll: it is added to what was measured, and its
+            # derivative is that of the simulated less the measured position
+            dq[:, :, : len(trial.x)] -= pieces.by_row(self.data.by_roll)[:, :, None] * there.droll
+        return trial.remember("tangents", self._moving, (q, dq))
+
+    @property
+    def _moving(self) -> tuple[object, ...]:
+        """What a motion depends on in addition to a trial, whatever was measured of it."""
+        return self.mechanism, self.unknowns, self.data.times, self.data.by_roll, self.prior.weights
 
     def tangents(
         self, instance: Instance, substeps: int, run: Run
@@ -227,7 +239,7 @@ class Problem:
         """
         from monodyn.estimation.shooting.kernels import bent_pull
 
-        (residual, jacobian), (shared, local) = model.kept, step
+        (residual, jacobian, *_), (shared, local) = model.kept, step
         ahead = trial.at(trial.x + ALONG * shared, trial.states + ALONG * local)
         with np.errstate(invalid="ignore", over="ignore"):
             there = self.residuals(ahead)
@@ -255,7 +267,13 @@ class Problem:
         Returns:
             Positions, slides in metres of the identified scale [rad or m], (row, dof).
         """
-        return self.rollouts(trial.x, trial.runs, trial.substeps)
+        with_tangents = trial.recalled("tangents", self._moving)
+        if with_tangents is not None:
+            return with_tangents[0]
+        motion = trial.recalled("motion", self._moving)
+        if motion is not None:
+            return motion
+        return trial.remember("motion", self._moving, self.rollouts(trial.x, trial.runs, trial.substeps))
 
     def differences(self, trial: Trial) -> np.ndarray:
         """Compare the measured with the simulated positions.
@@ -314,16 +332,35 @@ class Problem:
         Returns:
             States of all runs end to end, positions then rates [rad or m, rad/s or m/s], (row, 2 dof).
         """
+        return self.moving(x)(runs, substeps)
+
+    def moving(self, x: np.ndarray) -> Callable[[list[Run], int], np.ndarray]:
+        """Return what simulates runs of rows at coordinates, as ``motions`` does, for many numbers of steps.
+
+        Args:
+            x: Coordinates, (param,).
+        """
         mechanism, stretch = self.mechanism_at(x), self.stretch(x)
-        tree, lag = mechanism.tree, mechanism.values.get(LAG, 0.0)
+        tree, drive, lag = mechanism.tree, mechanism.drive, self.lag(mechanism)
 
-        def of_run(run: Run) -> np.ndarray:
-            first, stop, state = run
-            times, (q0, v0) = self.data.times[first:stop] * stretch, np.split(state, 2)
-            drive = self.driven(mechanism.drive, lag, stretch, first, stop)
-            return np.hstack(rollout(tree, times, q0, v0, substeps=substeps, drive=drive))
+        def simulated(runs: list[Run], substeps: int) -> np.ndarray:
+            def of_run(run: Run) -> np.ndarray:
+                first, stop, state = run
+                times, (q0, v0) = self.data.times[first:stop] * stretch, np.split(state, 2)
+                driven = self.driven(drive, lag, stretch, first, stop)
+                return np.hstack(rollout(tree, times, q0, v0, substeps=substeps, drive=driven))
 
-        return np.concatenate(for_each_run(of_run, runs))
+            return np.concatenate(for_each_run(of_run, runs))
+
+        return simulated
+
+    def lag(self, mechanism: Mechanism) -> float:
+        """Return how much later than in their log known torques act [s]; 0 without any.
+
+        Args:
+            mechanism: This mechanism at some coordinates.
+        """
+        return float(mechanism.numbers[mechanism.row(LAG)]) if self.data.torques else 0.0
 
     def stretch(self, x: np.ndarray) -> float:
         """Return the true seconds per stamped second.
@@ -333,7 +370,7 @@ class Problem:
         """
         if "time_scale" not in self.unknowns.names:
             return self._time_scale
-        return self.unknowns.named(x)["time_scale"]
+        return float(np.exp(x[self.unknowns.names.index("time_scale")]))
 
     def roll(self, x: np.ndarray) -> float:
         """Return the roll of the camera [rad].

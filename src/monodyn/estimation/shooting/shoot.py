@@ -26,6 +26,8 @@ NEAR_SHARE, NEAR_ROWS = 0.1, 0.95
 off by at most this share of the joint's motion (of 1 rad at most)."""
 NEARER = 0.5
 """Where a search ends with less than this share of its first typical residual, its steps are chosen anew."""
+NEAR_DAMPING = 1e-6
+"""First damping where a search goes on that has ended roughly."""
 MOST_RUNS = 24
 """Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
@@ -127,7 +129,7 @@ def multiple_shooting(
             break
         trial = _joined(problem, trial)
     if np.isfinite(stage.cost):
-        stage = fit_pieces(problem, trial, route, route.fine)
+        stage = fit_pieces(problem, trial, route, replace(route.fine, damping=NEAR_DAMPING))
         evaluations += stage.evaluations
     return replace(stage, evaluations=evaluations)
 
@@ -164,6 +166,7 @@ def fit_pieces(
     *,
     robust: bool = True,
     held: np.ndarray | bool = False,
+    substeps: int | None = None,
 ) -> Optimum:
     """Fit shared unknowns and start states without changing how the records are cut.
 
@@ -174,23 +177,23 @@ def fit_pieces(
         search: When to stop.
         robust: Bound the pull of samples beyond four typical residuals.
         held: True for shared unknowns that stay as they are, (param,), or for all of them.
+        substeps: Integration steps that the start needs, where they have been chosen.
 
     Returns:
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
     """
-    start = replace(start, substeps=_substeps(problem, start, route))
+    start = _with_steps(start, substeps or _substeps(problem, start, route))
     # the rows of the start give the typical residual, and are then those of the search's first evaluation
-    ahead: tuple[np.ndarray, np.ndarray] | None = problem.rows(start)
-    sigma = typical(ahead[0], problem.data.measured)
+    sigma = typical(problem.rows(start)[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
     unknowns = problem.unknowns
     lower, upper = np.where(held, start.x, unknowns.lower), np.where(held, start.x, unknowns.upper)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
-        nonlocal ahead
-        rows = ahead if ahead is not None else problem.rows(start.at(at, local))
-        ahead = None
-        return problem.model(at, rows, start.pieces, limit)
+        same = np.array_equal(at, start.x) and np.array_equal(local, start.states)
+        trial = start if same else start.at(at, local)
+        model = problem.model(at, problem.rows(trial), start.pieces, limit)
+        return replace(model, kept=(*model.kept, trial))
 
     def bend(
         model: Arrow, at: np.ndarray, local: np.ndarray, step: np.ndarray, local_step: np.ndarray
@@ -201,10 +204,10 @@ def fit_pieces(
     found = minimize_arrow(
         evaluate, start.x, start.states, (lower, upper), settings=search, reach=unknowns.reach, bend=bend
     )
-    residuals = found.model.kept[0]
+    residuals, _, trial = found.model.kept
     ended = Optimum(
-        start.at(found.shared, found.local), residuals, found.model.cost,
-        typical(residuals, problem.data.measured), found.evaluations, found.converged, found.at_bound,
+        trial, residuals, found.model.cost, typical(residuals, problem.data.measured), found.evaluations,
+        found.converged, found.at_bound,
     )  # fmt: skip
     # what was exact enough for where it began may not be for where it ended, much nearer to the record
     nearer = route.share > 0.0 and ended.sigma < NEARER * sigma
@@ -212,6 +215,11 @@ def fit_pieces(
         again = fit_pieces(problem, ended.trial, route, search, robust=robust, held=held)
         return replace(again, evaluations=again.evaluations + ended.evaluations)
     return ended
+
+
+def _with_steps(trial: Trial, substeps: int) -> Trial:
+    """Return a trial with other integration steps, itself where they are the same."""
+    return trial if trial.substeps == substeps else replace(trial, substeps=substeps)
 
 
 def _substeps(problem: Problem, trial: Trial, route: Route) -> int:
@@ -303,7 +311,8 @@ def choose_substeps(problem: Problem, trial: Trial, error_bound: float) -> tuple
     # the same mechanism in other states: a few pieces, evenly chosen, stand for all
     pick = np.unique(np.linspace(0, len(runs) - 1, MOST_RUNS).astype(int))
     chosen = [runs[k] for k in pick]
+    moving, dofs = problem.moving(trial.x), problem.data.position.shape[1]
     return least_substeps(
-        lambda steps: problem.rollouts(trial.x, chosen, steps), error_bound, MOST_SHOOTING_STEPS,
+        lambda steps: moving(chosen, steps)[:, :dofs], error_bound, MOST_SHOOTING_STEPS,
         max((torque.parts for torque in problem.data.torques), default=1),
     )  # fmt: skip

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,12 +30,16 @@ class Trial:
         states: Start states, positions then rates [rad or m, rad/s or m/s], one row a piece, (piece, 2 dof).
         pieces: How the records are cut.
         substeps: Integration steps between two time stamps.
+        known: Its motions, as far as they have been integrated; see `recalled`.
     """
 
     x: np.ndarray
     states: np.ndarray
     pieces: Pieces
     substeps: int = 1
+    known: dict[str, tuple[tuple[object, ...], Any]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def at(self, x: np.ndarray, states: np.ndarray) -> Trial:
         """Return the trial at other unknowns, cut and integrated in the same way.
@@ -48,6 +52,31 @@ class Trial:
             The other trial.
         """
         return replace(self, x=x, states=states)
+
+    def recalled(self, what: str, of: tuple[object, ...]) -> Any:
+        """Return what has been integrated of this trial, None where nothing has.
+
+        A verdict asks for the same motion some ten times, weighted otherwise each time.
+
+        Args:
+            what: Name of what was integrated.
+            of: The very objects that it depends on in addition to the trial.
+        """
+        before = self.known.get(what)
+        if before is None or any(one is not other for one, other in zip(before[0], of, strict=True)):
+            return None
+        return before[1]
+
+    def remember(self, what: str, of: tuple[object, ...], integrated: Result) -> Result:
+        """Keep what has been integrated, and return it.
+
+        Args:
+            what: Name of what was integrated.
+            of: The very objects that it depends on in addition to the trial.
+            integrated: It.
+        """
+        self.known[what] = (of, integrated)
+        return integrated
 
     @property
     def runs(self) -> list[Run]:

@@ -123,18 +123,22 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     # a motion that is not followed tells nothing of the camera
     common = None if route.share else unknown_errors(stated.data)
     whole, least = stated, NOISE_ROUNDS if common is None else COMMON_ROUNDS
-    substeps, error, rounds = 0, 0.0, 0
+    needed, error, rounds = 0, 0.0, 0
     # again where the optimum needs more integration steps than the search chose; they double at least
-    while rounds < least or substeps > optimum.trial.substeps:
+    while rounds < least or needed > optimum.trial.substeps:
         noise = _noise(stated, optimum)
         if common is not None:
             # the noise is that of positions to which the motion was fitted: it has yet to follow others
             common = common_error(_weighted(stated, noise), optimum.trial, common.mean)
             stated = whole.with_data(less(whole.data, common.mean))
-        weighted = _weighted(stated, noise)
-        optimum = fit_pieces(weighted, optimum.trial, route, route.fine, robust=False)
+        # the motion hardly changes from round to round, and neither do the steps that it needs
+        steps = max(needed, optimum.trial.substeps) if rounds else None
+        optimum = fit_pieces(
+            _weighted(stated, noise), optimum.trial, route, route.fine, robust=False, substeps=steps
+        )
         evaluations, rounds = evaluations + optimum.evaluations, rounds + 1
-        substeps, error = choose_substeps(stated, optimum.trial, settings.error_bound)
+        if rounds >= least or route.share:
+            needed, error = choose_substeps(stated, optimum.trial, settings.error_bound)
         if route.share:
             break
     if common is not None:
@@ -144,7 +148,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     _, jacobian = weighted.rows(optimum.trial)
     known = knowledge_at(weighted, optimum.x, jacobian, optimum.trial.pieces)
     optimum = replace(optimum, evaluations=evaluations)
-    return Refined(stated, optimum, known, noise, rejected, substeps, error, common)
+    return Refined(stated, optimum, known, noise, rejected, needed, error, common)
 
 
 def route_of(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Route:
@@ -158,7 +162,8 @@ def route_of(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> 
     if relative_difference(problem, optimum.trial) > LOST_SHARE and optimum.sigma > LOST_NOISE:
         # it is refused, however exactly it was found
         return Route(settings.piece, settings.error_bound, ROUGH, NEGLIGIBLE)
-    fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-7, relative=1e-9)
+    # so near to the optimum all but plain Gauss-Newton steps lead there
+    fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-7, relative=1e-9, damping=1e-9)
     return Route(settings.piece, settings.error_bound, fine)
 
 
@@ -186,7 +191,10 @@ def _settled(problem: Problem, optimum: Optimum) -> Optimum:
     # not scale, so that the clock changes a little, and the search goes on from there
     steps = ((with_gravity_of_start, 1e-6), (with_clock_of_start, 1e-3), (with_masses_of_start, 1e-6))
     for settle, change in steps:
-        moved = replace(optimum, trial=_in_units_of(problem, optimum, settle(problem, optimum.x)))
+        x = settle(problem, optimum.x)
+        if np.array_equal(x, optimum.x):
+            continue
+        moved = replace(optimum, trial=_in_units_of(problem, optimum, x))
         after = float(np.sum(problem.residuals(moved.trial) ** 2))
         if abs(after - before) <= change * (1.0 + before):
             optimum, before = moved, after

@@ -10,20 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.mechanism.tree import (
-    ANCHOR_X,
-    ANCHOR_Y,
-    ARMATURE,
-    COM_X,
-    COM_Y,
-    HINGE,
-    INERTIA,
-    MASS,
-    PASSIVE,
-    REST,
-    STIFFNESS,
-    Tree,
-)
+from monodyn.arrays import plain
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, COM_X, COM_Y, HINGE, INERTIA, MASS, Tree
 
 
 class Trees(NamedTuple):
@@ -112,26 +100,13 @@ def features(trees: Trees, *, absolute: bool) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         The numbers, (feature, draw), and J or the mass by which ratios are divided, (draw,).
     """
-    links, about, carried = trees.links, regroup(trees), carried_mass(trees)
-    last = about.inertia[max(about.inertia)] if about.inertia else carried[-1]
-    unit = np.ones_like(last) if absolute else last
-    found = []
-    for i, parent in enumerate(trees.parent.tolist()):
-        hinged = i in about.inertia
-        found += [(about.inertia[i] if hinged else carried[i]) / unit]
-        # where a spring is slack counts as much as the spring does
-        found += [links[i, STIFFNESS] * links[i, REST] / unit]
-        found += [links[i, column] / unit for column in (*PASSIVE, ARMATURE)]
-        if not hinged:
-            continue
-        first = about.first_x[i] / unit, about.first_y[i] / unit
-        found += [weight * pull for weight in first for pull in trees.gravity]
-        if parent >= 0 and trees.kind[parent] == HINGE:
-            found += [weight * links[i, arm] for weight in first for arm in (ANCHOR_X, ANCHOR_Y)]
-        elif parent >= 0:
-            # on a slide the first moment couples by itself
-            found += first
-    return np.array(found), last
+    from monodyn.estimation.verdict.factors import factors
+
+    number = np.result_type(trees.links, trees.gravity)
+    return factors(
+        plain(trees.parent, np.int64), plain(trees.kind, np.int64), plain(trees.links, number),
+        plain(trees.gravity, number), absolute,
+    )  # fmt: skip
 
 
 def _carries_slide(tree: Tree | Trees, i: int) -> bool:

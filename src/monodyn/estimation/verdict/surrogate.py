@@ -12,13 +12,14 @@ from functools import cached_property
 
 import numpy as np
 
+from monodyn.arrays import plain
 from monodyn.estimation.shooting.prior import PROPORTION_STD, size_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.shooting.unknowns import FORCES
 from monodyn.estimation.verdict.regrouped import Trees, features
 from monodyn.estimation.verdict.uncertainty import whitened_shifts
-from monodyn.mechanism.assemble import links_of
+from monodyn.mechanism.assembled import links_of_many
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.plan import JOINT_COLUMNS
 from monodyn.optimize import SearchSettings, minimize
@@ -66,6 +67,19 @@ class Sizes:
         unknowns = self.problem.unknowns
         return unknowns.of_kind(*FORCES) & (self.unit is not None)
 
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """Rows of the unknowns, then of what is tied to them, in the mechanism's table, int (row,)."""
+        unknowns = self.problem.unknowns
+        return np.array([self.problem.mechanism.row(name) for name in (*unknowns.names, *unknowns.tied)])
+
+    @cached_property
+    def frictions(self) -> list[tuple[int, int]]:
+        """Link and column of the frictions that are in proportion to the inertia."""
+        moved = self.rows[: len(self.problem.unknowns)][self.relative]
+        links, terms = np.nonzero(np.isin(self.problem.mechanism.plan.joints, moved))
+        return [(i, JOINT_COLUMNS[term]) for i, term in zip(links.tolist(), terms.tolist(), strict=True)]
+
     def of(self, x: np.ndarray) -> np.ndarray:
         """Return these coordinates at the optimum, (param,).
 
@@ -96,15 +110,17 @@ class Sizes:
         plan, count = mechanism.plan, len(mechanism.plan.table.names)
         found = unknowns.with_tied(self.searched(points)).T
         values = np.repeat(mechanism.numbers[:count, None].astype(found.dtype), len(points), axis=1)
-        rows = np.array([mechanism.row(name) for name in (*unknowns.names, *unknowns.tied)])
-        values[rows[rows < count]] = found[rows < count]
+        rows, inner = self.rows, self.rows < count
+        values[rows[inner]] = found[inner]
         gravity = np.array([0.0 * values[0], -values[plan.index["gravity"]]])
-        trees = Trees(plan.parent, plan.kind, links_of(plan, values, mechanism.own), gravity)
+        trees = Trees(
+            plan.parent, plan.kind, links_of_many(plan.packed, values, plain(mechanism.own)), gravity
+        )
         if self.unit is not None:
-            moved = rows[: len(unknowns)][self.relative]
             unit = features(trees, absolute=False)[1] / self.unit
-            values[moved] *= unit
-            trees.links[:, JOINT_COLUMNS] *= np.where(np.isin(plan.joints, moved)[..., None], unit, 1.0)
+            values[rows[: len(unknowns)][self.relative]] *= unit
+            for i, column in self.frictions:
+                trees.links[i, column] *= unit
         return values, trees
 
     def unknowns(self, points: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from monodyn.estimation.verdict.refine import Refined, route_of
 from monodyn.estimation.verdict.surrogate import Surrogate, surrogate_of
 from monodyn.estimation.wording import listed
 from monodyn.mechanism.parts import PLACE_KINDS
-from monodyn.optimize import SearchSettings, minimize
+from monodyn.optimize import Arrow, SearchSettings, dense, minimize_together
 
 HIDDEN = ("thickness", "density", "mass", "inertia", *CENTRE_KINDS, *PLACE_KINDS)
 """Kinds of which several values may move alike: what no picture shows."""
@@ -128,25 +128,21 @@ def _minima(surrogate: Surrogate, hidden: np.ndarray) -> Iterator[np.ndarray]:
     log = sizes.problem.unknowns.log
     rng = np.random.default_rng(SEED)
 
-    def rows(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def models(points: list[np.ndarray]) -> list[Arrow]:
         with np.errstate(all="ignore"):
-            residuals, jacobian = surrogate.rows(point[None])
-        return residuals[0], jacobian[0]
+            return [dense(*rows) for rows in zip(*surrogate.rows(np.array(points)), strict=True)]
 
-    least = _cost(rows(peak)[0])
+    starts = []
     for _ in range(STARTS):
         drawn = rng.uniform(-1.0, 1.0, len(peak))
         moved = np.where(log, peak + FACTOR * drawn, TIMES * np.maximum(np.abs(peak), LEAST) * drawn)
-        end = minimize(rows, np.where(hidden, moved, peak), settings=LOOKED, reach=surrogate.reach).x
-        cost = _cost(rows(end)[0])
-        if cost < least + 0.5 * ALIKE:
-            yield sizes.unknowns(end[None])[0]
+        starts.append(np.where(hidden, moved, peak))
+    least = models([peak])[0].cost
+    for end in minimize_together(models, starts, settings=LOOKED, reach=surrogate.reach):
+        if end.model.cost < least + 0.5 * ALIKE:
+            yield sizes.unknowns(end.shared[None])[0]
 
 
 def _same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
     """Return whether two sets of values are one, but for what a search leaves."""
     return all(np.isclose(value, other[name], rtol=0.02, atol=1e-6) for name, value in one.items())
-
-
-def _cost(residuals: np.ndarray) -> float:
-    return 0.5 * float(np.sum(residuals**2))
