@@ -29,8 +29,8 @@ def test_queue_size_and_words():
     for size in ((640, 2), (70_000, 480)):
         with refuses(
             SettingsError,
-            f"live.size: expected W,H of 16 to 65535 px, got {size[0]},{size[1]}; give width and height of the "
-            "frames.",
+            f"live.size: expected W,H of 16 to 65535 px, got {size[0]},{size[1]}; give width and height of "
+            "the frames.",
         ):
             LiveSettings(size=size)
     with pytest.raises(SettingsError, match=r"^live\.pace: expected .*'slow'"):
