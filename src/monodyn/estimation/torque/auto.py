@@ -124,8 +124,10 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
     if not any(_explained(one.solution) for one in tried) and (bodies or len(tried) > 1):
         left = left_otherwise(first)
         tried = [tried[0], *(one for one in tried[1:] if _size(one.solution) < left)]
-        for free in _loosened(first, task) if bodies and np.isinf(left) else []:
-            tried += _with_drags(mechanism, free, task, route)
+        for free in _loosened(first, task) if bodies else []:
+            # bodies whose mass may lie anywhere take in a part of any other reason, and leave more than it
+            if _size(free.solution) < left:
+                tried += _with_drags(mechanism, free, task, route)
     best = _likeliest(tried)
     if _explained(best.solution):
         return _told(best, tried) if len(tried) > 1 else best.solution
