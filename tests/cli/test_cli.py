@@ -277,8 +277,8 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
     ("words", "message"),
     [
         (["bogus"],
-         "expected a command, got 'bogus'; commands: run, track, identify, predict, control, models, "
-         "reproduce."),
+         "expected a command, got 'bogus'; commands: run, live, track, identify, predict, control, "
+         "models, reproduce."),
         (["identify", "--model", "double"],
          "identify: expected at least one table of joint positions, got none; name a poses.csv."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--bogus"],

@@ -319,25 +319,6 @@ _OF_CLIP = (
 
 COMMANDS: dict[str, Command] = {
     "run": Command(RunOptions, "monodyn run clip.mp4 --model double.xml --out run --fit-frames 0:120"),
-    "track": Command(
-        TrackOptions,
-        "monodyn track clip.mp4 --model double.xml --out run",
-        without=(
-            "fit_frames",
-            "until",
-            "tolerance",
-            "ensemble",
-            "bounds",
-            "torques",
-            "uncertainty",
-            "identify",
-        ),
-    ),
-    "identify": Command(
-        IdentifyOptions,
-        "monodyn identify run/poses.csv --model run --out fit",
-        without=_OF_CLIP,
-    ),
     "live": Command(
         LiveOptions,
         "monodyn live 0 --model double.xml --view 8000 --out run",
@@ -357,6 +338,25 @@ COMMANDS: dict[str, Command] = {
             "uncertainty",
             "method",
         ),
+    ),
+    "track": Command(
+        TrackOptions,
+        "monodyn track clip.mp4 --model double.xml --out run",
+        without=(
+            "fit_frames",
+            "until",
+            "tolerance",
+            "ensemble",
+            "bounds",
+            "torques",
+            "uncertainty",
+            "identify",
+        ),
+    ),
+    "identify": Command(
+        IdentifyOptions,
+        "monodyn identify run/poses.csv --model run --out fit",
+        without=_OF_CLIP,
     ),
     "predict": Command(
         PredictOptions, "monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead"

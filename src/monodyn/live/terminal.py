@@ -23,10 +23,8 @@ REDRAWS = 5.0
 """Redraws a second."""
 EVERY = 1.0
 """Seconds between two plain lines."""
-SIDE_BY_SIDE = 100
-"""Columns from which on joints and parameters stand next to each other."""
-NARROW = 60
-"""Columns below which bars and the standard deviations of poses are left out."""
+MOST_COLUMNS = 1000
+"""Columns in which a table has all the room that it wants."""
 MOST_DECIMALS = 7
 """Decimals of a number, at most; a smaller one is written with its power of ten."""
 NARROW_UNIT = 5
@@ -272,47 +270,53 @@ def _verdict(step: Step) -> list[RenderableType]:
 
 
 def _tables(step: Step, ahead: float, width: int, height: int) -> list[RenderableType]:
-    """Return joints and parameters, below or next to each other, in so many rows."""
+    """Return joints and parameters, next to or below each other, in so many rows, as the width allows."""
     from rich.table import Table
     from rich.text import Text
 
-    pose, fit = shown_pose(step), step.fit
-    if pose is None:
+    fit, measure = step.fit, _plain(MOST_COLUMNS)
+    if shown_pose(step) is None:
         return []
-    joints = _joints(step, ahead, width)
+
+    def fits(table: Table) -> bool:
+        return measure.measure(table).maximum <= width
+
+    joints = _joints(step, ahead, whole=True)
+    joints = joints if fits(joints) else _joints(step, ahead, whole=False)
     if fit is None:
         return [Text(), joints]
-    if width >= SIDE_BY_SIDE:
-        both = Table.grid(padding=(0, 4))
-        both.add_row(joints, _parameters(fit, width, height - 2))
-        return [Text(), both]
     # a blank line and a head each
-    return [Text(), joints, Text(), _parameters(fit, width, max(height - 4 - joints.row_count, 2))]
+    below = max(height - 4 - joints.row_count, 2)
+    both = Table.grid(padding=(0, 4))
+    both.add_row(joints, _parameters(fit, height - 2, bars=True))
+    if fits(both):
+        return [Text(), both]
+    parameters = _parameters(fit, below, bars=True)
+    parameters = parameters if fits(parameters) else _parameters(fit, below, bars=False)
+    return [Text(), joints, Text(), parameters]
 
 
-def _joints(step: Step, ahead: float, width: int) -> Table:
-    """Return the table of the pose, with what predictions were off by."""
+def _joints(step: Step, ahead: float, *, whole: bool) -> Table:
+    """Return the table of the pose, with what predictions were off by; with standard deviations if whole."""
     pose, fit = shown_pose(step), step.fit
     assert pose is not None
     mechanism = fit.mechanism if fit is not None else step.scene.mechanism if step.scene is not None else None
     units = {} if mechanism is None else {joint.name: shown_in(joint) for joint in mechanism.joints}
-    wide = width >= NARROW
-    off = f"off after {ahead:g} s" if wide else f"off, {ahead:g} s"
-    table = _table("joint", "position", *(["std"] if wide else []), off, "unit", wide=wide)
+    off = f"off after {ahead:g} s" if whole else f"off, {ahead:g} s"
+    table = _table("joint", "position", *(["std"] if whole else []), off, "unit", wide=whole)
     for dof, joint in enumerate(pose.joints):
         scale, unit = units.get(joint, (1.0, ""))
         seen = bool(pose.measured[0, dof])
         std = math.sqrt(max(float(pose.covariance[0, dof, dof]), 0.0)) * scale
         error = float(step.error[dof]) * scale if len(step.error) else math.nan
         cells = [f"{float(pose.position[0, dof]) * scale:.2f}".replace("-", "−") if seen else "not seen"]
-        cells += [f"{std:.2g}" if seen and math.isfinite(std) else "–"] if wide else []
+        cells += [f"{std:.2g}" if seen and math.isfinite(std) else "–"] if whole else []
         table.add_row(joint, *cells, f"{error:.2g}" if math.isfinite(error) else "–", unit)
     return table
 
 
-def _parameters(fit: Fit, width: int, most: int) -> Table:
+def _parameters(fit: Fit, most: int, *, bars: bool) -> Table:
     """Return the table of the parameters with their 95 % intervals, in at most so many rows."""
-    bars = width >= NARROW
     table = _table("parameter", "95 % interval", "unit", *(["%", ""] if bars else []), wide=bars)
     rows = listed_rows(fit)
     # what gives way where it is narrow: units, then names, and no number
