@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from monodyn.estimation.record.tables import read_poses as read_poses
     from monodyn.estimation.record.tables import write_poses as write_poses
     from monodyn.estimation.settings import IdentifySettings as IdentifySettings
+    from monodyn.live.settings import LiveSettings as LiveSettings
+    from monodyn.live.sources import open_source as open_source
+    from monodyn.live.step import Step as Step
+    from monodyn.live.stream import stream as stream
     from monodyn.mechanism import Mechanism as Mechanism
     from monodyn.mechanism import load as load
     from monodyn.mechanism import write_mjcf as write_mjcf
@@ -71,6 +75,10 @@ _HOMES = {
     "errors": ("FitError", "MechanismError", "MonodynError", "SettingsError", "VideoError"),
     "choices": ("Tolerance",),
     "types": ("Camera", "Frame", "Mask", "Poses"),
+    "live.settings": ("LiveSettings",),
+    "live.sources": ("open_source",),
+    "live.step": ("Step",),
+    "live.stream": ("stream",),
     "mechanism": ("Mechanism", "load", "write_mjcf", "write_urdf"),
     "vision.clip.video": ("Video", "read"),
     "vision.dots.find": ("find_dots",),

@@ -148,12 +148,15 @@ def _found(watch: _Watch) -> Outcome | None:
     from monodyn.results.findings import Findings, fit_document
 
     session, last = watch.session, watch.last
-    if session is None or last is None or last.fit is None or session.found is None:
+    if session is None or last is None or session.found is None:
+        return None
+    fit = last.fit or session.identifier.fit
+    if fit is None:
         return None
     poses = session.identifier.record.whole
     assert poses is not None
-    findings = Findings(last.fit, notes=[*session.source.remarks, *session.notes, *session.found.notes])
-    return Outcome(None, fit_document(findings), poses, last.fit, (), findings.notes)
+    findings = Findings(fit, notes=[*session.source.remarks, *session.notes, *session.found.notes])
+    return Outcome(None, fit_document(findings), poses, fit, (), findings.notes)
 
 
 def _nothing(options: Any, watch: _Watch, notes: list[str]) -> int:

@@ -18,6 +18,8 @@ from monodyn.mechanism import Mechanism
 from monodyn.stages import identify
 from monodyn.types import Poses
 
+LEAST_POSES = 20
+"""Whole poses of a stretch that is identified anew, at least."""
 GROWTH = 2.0
 """How much longer the next stretch that is identified anew is, until it is as long as it may be."""
 
@@ -162,7 +164,7 @@ class Identifier:
         if self._review is not None or now < self._next or self._mechanism is None:
             return
         rows = self.record.since(max(self.since, now - self._live.review))
-        if rows is not None:
+        if rows is not None and int(rows.measured.all(axis=1).sum()) >= LEAST_POSES:
             self._review = self._long.submit(self._reviewed, rows, self._mechanism)
 
     def _reviewed(self, poses: Poses, mechanism: Mechanism) -> Reviewed:

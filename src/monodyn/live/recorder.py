@@ -61,8 +61,8 @@ class Recorder:
         self._thread.join()
         if self._error:
             raise SettingsError(
-                f"'{self._path}': cannot write the clip ({self._error}); free some space, or take "
-                "--no-record."
+                f"'{self._path}': cannot write the clip ({self._error}); free some space, or give another "
+                "folder with --out."
             )
 
     def _write(self) -> None:

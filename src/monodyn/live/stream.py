@@ -25,7 +25,7 @@ from monodyn.live.foreseen import Foreseen
 from monodyn.live.identifier import Identifier
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import Pictures, Source, open_source
-from monodyn.live.step import Step
+from monodyn.live.step import Phase, Step
 from monodyn.live.tracker import Tracker
 from monodyn.mechanism import Mechanism
 from monodyn.settings import RunSettings
@@ -139,44 +139,55 @@ class Session:
             try:
                 arrival = self._feed.next(TICK)
             except StopIteration:
-                return
+                break
             if arrival is not None:
                 step = self._step(arrival)
                 if self._apply is not None:
                     self._applied.add(step.time, self._apply(step))
                     self._applied.forget(step.time - FORGOTTEN * self._live.review)
                 yield step
+        # what is being looked at when the stream ends counts as well
+        if self._search is not None:
+            self._take_over(self._search.result())
 
     def _step(self, arrival: Arrival) -> Step:
         """Return what is known with one more frame."""
         frame, broken = self._clock.take(arrival.frame)
-        if self._tracker is None:
-            self._watch(frame)
-            pose = self.identifier.record.last
+        tracker, pose = self._tracker, None
+        if tracker is not None:
+            pose = tracker.follow(frame, self._expected(frame.time))
         else:
-            pose = self._tracker.follow(frame, self._expected(frame.time))
-            self.identifier.take(pose, broken=broken)
+            self._watch(frame, broken=broken)
+            if self._tracker is not None:
+                pose = self.identifier.record.last
         latency, fresh = time.perf_counter() - arrival.at, None
-        if self._tracker is None:
-            pose, phase = None, "watching" if self._search is None else "searching"
-        else:
-            phase = "following"
-            if self.identifier.settle(self._feed.waits):
-                fresh = time.perf_counter() - arrival.at
+        if tracker is not None and pose is not None:
+            self.identifier.take(pose, broken=broken)
+        if self._tracker is not None and self.identifier.settle(self._feed.waits):
+            fresh = time.perf_counter() - arrival.at
         estimate = self.identifier.estimate
         errors = self._foreseen.add(pose, estimate)
+        scene = None if self.found is None else self.found.scene
         return Step(
-            frame.index, frame.time, phase, frame, pose, None if self.found is None else self.found.scene,
+            frame.index, frame.time, self._phase, frame, pose, scene,
             estimate, self.identifier.fit, self._sentence(pose), self._feed.skipped, latency, fresh, errors,
         )  # fmt: skip
+
+    @property
+    def _phase(self) -> Phase:
+        if self._tracker is not None:
+            return "following"
+        return "watching" if self._search is None else "searching"
 
     def _expected(self, time: float) -> np.ndarray | None:
         """Return where the dynamics have the joints at a time, as pictures have them, (dof,)."""
         estimate = self.identifier.estimate
         return None if estimate is None else estimate.expected(time)
 
-    def _watch(self, frame: Frame) -> None:
+    def _watch(self, frame: Frame, *, broken: bool) -> None:
         """Take a frame before the mechanism is found; look for it when enough has moved."""
+        if broken and self._search is None:
+            self._beginning = Beginning(self._live.begin)
         watched = self._beginning
         watched.add(frame)
         if self._search is None and watched.ready:
@@ -184,9 +195,12 @@ class Session:
             self._search = self._worker.submit(begin, watched, self.source.name, self._setup)
             seconds = watched.frames[-1].time - watched.frames[0].time
             self.said = f"Looking for the mechanism in the last {seconds:.1f} s."
-        if self._search is None or not (self._search.done() or not self.source.live):
-            return
-        begun, self._search = self._search.result(), None
+        if self._search is not None and (self._search.done() or not self.source.live):
+            self._take_over(self._search.result())
+
+    def _take_over(self, begun: Begun | MonodynError) -> None:
+        """Go on from what a search has found."""
+        self._search, watched = None, self._beginning
         if isinstance(begun, MonodynError):
             watched.in_vain()
             self.said = str(begun)

@@ -355,12 +355,12 @@ class Problem:
         return simulated
 
     def lag(self, mechanism: Mechanism) -> float:
-        """Return how much later than in their log known torques act [s]; 0 without any.
+        """Return how much later than in their log known torques act [s]; 0 where that is no question.
 
         Args:
             mechanism: This mechanism at some coordinates.
         """
-        return float(mechanism.numbers[mechanism.row(LAG)]) if self.data.torques else 0.0
+        return mechanism.values.get(LAG, 0.0) if self.data.torques else 0.0
 
     def stretch(self, x: np.ndarray) -> float:
         """Return the true seconds per stamped second.
