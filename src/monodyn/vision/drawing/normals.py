@@ -47,6 +47,7 @@ from monodyn.vision.drawing.probe import (
     depth_inside,
     is_covered,
     least_trust,
+    outline_lines,
 )
 from monodyn.vision.drawing.shutter import BEGIN_X, BEGIN_Y, DURING_X, DURING_Y, END_X, END_Y, WHEN
 from monodyn.vision.drawing.silhouette import Outlines
@@ -100,9 +101,12 @@ def edge_samples(
         Number of samples.
     """
     count = 0
+    lines = outline_lines(outlines.px, outlines.hull, outlines.first)
     for g in range(outlines.first.shape[0] - 1):
         if view.part[g] >= 0 and outlines.first[g + 1] - outlines.first[g] >= 3:
-            count = _geom_samples(planes, view, outlines, swept, search, g, ends, samples, count, left_out)
+            count = _geom_samples(
+                planes, view, outlines, lines, swept, search, g, ends, samples, count, left_out
+            )
     return count
 
 
@@ -111,6 +115,7 @@ def _geom_samples(
     planes: np.ndarray,
     view: View,
     outlines: Outlines,
+    lines: np.ndarray,
     swept: np.ndarray,
     search: tuple[float, float],
     g: int,
@@ -173,11 +178,12 @@ def _geom_samples(
                 )
             if (path[2] - path[0]) ** 2 + (path[3] - path[1]) ** 2 > LEAST_SWEEP_PX * LEAST_SWEEP_PX:
                 reason = find_blurred_edge(
-                    coverage, known, shaded, px, hull, first, g, at, path, reach, ends[count], samples[count]
-                )
+                    coverage, known, shaded, px, hull, first, lines, g, at, path, reach, ends[count],
+                    samples[count],
+                )  # fmt: skip
             else:
                 reason = _find_edge(
-                    coverage, known, borders, borders_known, shaded, px, hull, first, g, at, reach, top,
+                    coverage, known, borders, borders_known, shaded, lines, first, g, at, reach, top,
                     samples[count],
                 )  # fmt: skip
             if reason == USED or left_out:
@@ -217,8 +223,7 @@ def _find_edge(
     borders: np.ndarray,
     borders_known: np.ndarray,
     shaded: bool,
-    px: np.ndarray,
-    hull: np.ndarray,
+    lines: np.ndarray,
     first: np.ndarray,
     own: int,
     at: Normal,
@@ -237,12 +242,12 @@ def _find_edge(
     sample[NORMAL_X], sample[NORMAL_Y] = nx, ny
     sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
     # no farther inwards than the middle of the body: beyond it the other side's edge would be integrated
-    inner = min(reach, 0.5 * depth_inside(px, hull, first[own], first[own + 1], at))
+    inner = min(reach, 0.5 * depth_inside(lines, first[own], first[own + 1], at))
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return OUTSIDE
     # where another geom covers the outer side the mask has no edge: it goes on in the other geom
-    if is_covered(px, hull, first, own, at, reach):
+    if is_covered(lines, first, own, at, reach):
         return HIDDEN
     weight = least_trust(known, at, inner, reach)
     border = weight < TRUSTED

@@ -23,6 +23,7 @@ from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
 from monodyn.vision.foreground.palette import Palette, choose_palette, lingering, measured_palette
 from monodyn.vision.foreground.sampling import sample_frames
+from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.registration.register import onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
 
@@ -63,20 +64,23 @@ class SoftMasks:
         for frame in self.video.frames():
             yield self.of(frame)
 
-    def of(self, frame: Frame) -> Mask:
+    def of(self, frame: Frame, window: Window | None = None) -> Mask:
         """Return the mask of one frame of the clip.
 
         Args:
             frame: A frame of ``video``.
+            window: Part of the picture that is wanted; None for all of it.
 
         Returns:
-            Its soft foreground.
+            Its soft foreground; outside of the part that is wanted the planes hold anything.
         """
         from monodyn.vision.foreground.coverage import coverage_of
 
-        even = self.light.evened(frame)
-        planes = coverage_of(even, self.background, self.palette)
-        return Mask(frame.index, frame.time, displaced(planes, -self.away(frame.index)))
+        even, away = self.light.evened(frame), self.away(frame.index)
+        # what is displaced comes from elsewhere
+        window = None if np.any(away) else window
+        planes = coverage_of(even, self.background, self.palette, window)
+        return Mask(frame.index, frame.time, displaced(planes, -away))
 
     def view(self, geoms: int) -> View:
         """Return how the planes of the masks are to be read.
