@@ -158,8 +158,9 @@ def _follow(
             right[j] += damping[j] * (start[j] - position[j])
         step = np.linalg.solve(held, right)
         position = np.minimum(np.maximum(position + step, limits.lower), limits.upper)
+        moved, weight = step @ (normal @ step), found[:, ROBUST].sum()
         # a step as small as this leaves the next one nothing, and the picture no other information
-        if reach == last and step @ (normal @ step) < SETTLED_PX * SETTLED_PX * found[:, ROBUST].sum():
+        if reach == last and moved < SETTLED_PX * SETTLED_PX * weight:
             return position, normal, found, kept
     # once more, without the spring: the information is what the picture alone knows of the pose
     if draw(rig, position, room.outlines):

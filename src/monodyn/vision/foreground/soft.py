@@ -76,11 +76,12 @@ class SoftMasks:
         """
         from monodyn.vision.foreground.coverage import coverage_of
 
-        even, away = self.light.evened(frame), self.away(frame.index)
-        # what is displaced comes from elsewhere
-        window = None if np.any(away) else window
-        planes = coverage_of(even, self.background, self.palette, window)
-        return Mask(frame.index, frame.time, displaced(planes, -away))
+        even = self.light.evened(frame)
+        if self.parallax == NO_PARALLAX:
+            return Mask(frame.index, frame.time, coverage_of(even, self.background, self.palette, window))
+        # what is displaced comes from elsewhere, of which the whole is taken
+        planes = coverage_of(even, self.background, self.palette)
+        return Mask(frame.index, frame.time, displaced(planes, -self.away(frame.index)))
 
     def view(self, geoms: int) -> View:
         """Return how the planes of the masks are to be read.
