@@ -18,7 +18,6 @@ from monodyn.vision.drawing.follow import (
     EVERYWHERE,
     EdgeSearch,
     MoveLimits,
-    follow_within,
     outline_box,
 )
 from monodyn.vision.drawing.mismatch import covered_area
@@ -33,7 +32,7 @@ from monodyn.vision.settings import TrackSettings
 from monodyn.vision.tracking.motion import PREDICTED_FRAMES, Motion
 from monodyn.vision.tracking.occluders import Occluders, without
 from monodyn.vision.tracking.registered import displaced_pose
-from monodyn.vision.tracking.sighting import Rule, lying, sure, take_as_usual, weighed
+from monodyn.vision.tracking.sighting import Rule, sighted, sure, take_as_usual
 
 USUAL_GAIN = 0.1
 """Share of a frame in the usual score."""
@@ -44,7 +43,7 @@ SCORE_SLACK = 0.15
 """A pose whose score is lower than usual by no more than this is accepted as it stands."""
 FAR = 3.0
 """Length of a long search over that of a short one."""
-NEAR_SHARE = 0.03
+NEAR_SHARE = 0.015
 """How far beyond the expected outline the mask is taken, as a share of the picture's longer side; where that
 does not suffice all of it is."""
 NOTED_FRAMES = 4
@@ -164,7 +163,7 @@ class Follower:
         self._known = dict(zip(scene.key_frames, scene.key_positions, strict=True))
         step = float(np.median(np.diff(scene.masks.video.times)))
         self._motion = Motion(np.where(self._hinge, np.pi, reach), step)
-        self._drawn = np.isin(np.arange(len(self._lower)), self._rig.link)
+        self._undrawn = ~np.isin(np.arange(len(self._lower)), self._rig.link)
         coloured = _have_own_planes(self._view.part, self._rig.link, len(self._lower))
         self._rule = Rule(settings.matched, settings.inside, self._move, coloured)
         near, far = settings.first_reach, FAR * settings.first_reach
@@ -308,22 +307,18 @@ class Follower:
         lower = np.maximum(self._lower, start - self._move)
         upper = np.minimum(self._upper, start + self._move)
         limits, search = MoveLimits(lower, upper, self._move), EdgeSearch(reaches, self._settings.spacing)
-        q, information, links, kept = follow_within(
-            mask.planes, self._view, self._rig, start, limits, search, window
+        q, covariance, joints, shown, score, kept = sighted(
+            mask.planes, self._view, self._rig, start, limits, search, window, self._rule
         )
-        shown = lying(links, self._rule)
-        whole = bool((shown | ~self._drawn).all())
-        some = whole or bool(shown.any())
-        score = weighed(information, links, self._rule)[2]
-        if not whole and some:
+        whole, some = bool((shown | self._undrawn).all()), bool(shown.any())
+        if some and not whole:
             # What a link that is hidden or elsewhere takes for its edges pulls at the others too: the pose is
             # found again by the links that lie on the mask.
             part = np.where(shown[self._rig.link], self._view.part, LEFT_OUT)
             view = self._view._replace(part=part)
-            q, information, links, kept = follow_within(
-                mask.planes, view, self._rig, start, limits, search, window
+            q, covariance, joints, _, _, kept = sighted(
+                mask.planes, view, self._rig, start, limits, search, window, self._rule
             )
-        covariance, joints, _ = weighed(information, links, self._rule)
         if not some:
             joints[:] = False
         return Sighting(q, covariance, joints, score, whole and bool(joints.all())), kept

@@ -76,36 +76,8 @@ def follow(
         Joint positions (dof,); information matrix as in ``edge_terms``, (dof, dof); and how well the
         outline lies on the mask in the end.
     """
-    position, information, found, _ = _follow(planes, view, rig, start, limits, search, EVERYWHERE)
+    position, information, found, _ = follow_kernel(planes, view, rig, start, limits, search, EVERYWHERE)
     return position, information, agreement_of(found)
-
-
-def follow_within(
-    planes: np.ndarray,
-    view: View,
-    rig: Rig,
-    start: np.ndarray,
-    limits: MoveLimits,
-    search: EdgeSearch,
-    window: Window,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
-    """Move a pose as ``follow`` does, on a mask of which only a part is known.
-
-    Args:
-        planes: Mask by colour, uint8 (colour, height, width).
-        view: How its planes are to be read.
-        rig: The mechanism and its camera, in a picture that is exposed at once.
-        start: Joint positions to start from, (dof,).
-        limits: What holds the pose.
-        search: How the edges are looked for.
-        window: The part of the mask that is known.
-
-    Returns:
-        Joint positions and their information matrix, as ``follow`` returns them; what is found on each link,
-        in the columns of ``edges``, (dof, column); and whether only that part was looked at: else the rest
-        means nothing.
-    """
-    return _follow(planes, view, rig, start, limits, search, window)
 
 
 @njit(cache=True, nogil=True)
@@ -126,7 +98,7 @@ def outline_box(rig: Rig, position: np.ndarray) -> tuple[float, float, float, fl
 
 
 @njit(cache=True, nogil=True)
-def _follow(
+def follow_kernel(
     planes: np.ndarray,
     view: View,
     rig: Rig,
@@ -135,7 +107,22 @@ def _follow(
     search: EdgeSearch,
     window: Window,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
-    """Do the work of ``follow``; a named tuple would be slow on its way back to Python."""
+    """Do the work of ``follow`` on a mask of which only a part may be known, for it and for other kernels.
+
+    Args:
+        planes: Mask by colour, uint8 (colour, height, width).
+        view: How its planes are to be read.
+        rig: The mechanism and its camera.
+        start: Joint positions to start from, (dof,).
+        limits: What holds the pose.
+        search: How the edges are looked for.
+        window: The part of the mask that is known.
+
+    Returns:
+        Joint positions (dof,); their information matrix, (dof, dof); what is found on each link, in the
+        columns of ``edges``, (dof, column); and whether only the known part of the mask was looked at, where
+        the picture is exposed at once: else the rest means nothing.
+    """
     shifts, room = no_shifts(rig), edge_room(rig)
     position, dofs = start.copy(), start.shape[0]
     normal, found, kept = np.zeros((dofs, dofs)), np.zeros((dofs, LINK_COLUMNS)), True

@@ -54,54 +54,61 @@ def coverage_of(
         ``FULL`` where the mechanism covers the whole pixel; 0 outside of the background's window, and
         anything outside of the part that is wanted.
     """
-    shape = (len(palette.colours) + palette.any_difference, *frame.luma.shape)
+    shape, inside = (len(palette.trust), *frame.luma.shape), background.window
     if window is None:
         planes = np.zeros(shape, dtype=np.uint8)
     else:
         # a picture is large and the mechanism small: to write zeros over all of it costs more than the rest
         planes = np.empty(shape, dtype=np.uint8)
-        planes[:, window.top : window.bottom, window.left : window.right] = 0
-        around = _around(palette, shape[1:])
-        background = replace(background, window=_common(background.window, _grown(window, around)))
-    if (
-        min(
-            background.window.bottom - background.window.top, background.window.right - background.window.left
-        )
-        > 0
-    ):
-        _cover(frame, background, palette, planes)
+        if not _contains(inside, window):
+            planes[:, window.top : window.bottom, window.left : window.right] = 0
+        inside = _common(inside, _grown(window, _around(palette, shape[1:])))
+    if inside.top < inside.bottom and inside.left < inside.right:
+        _cover(frame, background, palette, inside, planes)
     return planes
 
 
-def _cover(frame: Frame, background: Background, palette: Palette, planes: np.ndarray) -> None:
-    """Fill the planes within the background's window."""
+def _cover(
+    frame: Frame, background: Background, palette: Palette, window: Window, planes: np.ndarray
+) -> None:
+    """Fill the planes within a window."""
     colours = palette.colours.astype(np.float32)
-    rows, columns = _slices(background.window)
     chroma = dimmed = NOTHING
     if not (palette.grey_only or frame.chroma is None or background.chroma is None):
         dimmed = palette.dimmed[0] if palette.dimmed is not None else NOTHING
-        chroma = _chroma_part(frame.chroma, background, palette)
-    _project(frame.luma, chroma, background.luma, colours, dimmed, palette.scale, background.window, planes)
+        chroma = _chroma_part(frame.chroma, background, palette, window)
+    _project(frame.luma, chroma, background.luma, colours, dimmed, palette.scale, window, planes)
+    rows, columns = slice(window.top, window.bottom), slice(window.left, window.right)
     if palette.any_difference:
-        _any_difference(frame, background, palette, planes[-1])
+        _any_difference(frame, background, palette, window, planes[-1])
         if palette.varied:
             inside = planes[:, rows, columns]
             planes[-1, rows, columns] = _closed(inside.max(axis=0), _closing(frame.luma.shape))
     if palette.shadow is not None:
-        unshadowed(frame, background, palette.shadow, palette.colours, planes)
+        part = replace(background, window=window)
+        unshadowed(frame, part, palette.shadow, palette.colours, planes)
     if background.others is not None:
         planes[:, rows, columns][:, background.others[rows, columns]] = 0
 
 
-def _slices(window: Window) -> tuple[slice, slice]:
-    """Return rows and columns of a window."""
-    return slice(window.top, window.bottom), slice(window.left, window.right)
+def _contains(window: Window, other: Window) -> bool:
+    """Return whether one window contains another."""
+    return (
+        window.top <= other.top
+        and window.bottom >= other.bottom
+        and window.left <= other.left
+        and window.right >= other.right
+    )
 
 
 def _common(one: Window, other: Window) -> Window:
     """Return what two windows have in common; without rows or columns where that is nothing."""
-    top, left = max(one.top, other.top), max(one.left, other.left)
-    return Window(top, max(top, min(one.bottom, other.bottom)), left, max(left, min(one.right, other.right)))
+    return Window(
+        max(one.top, other.top),
+        min(one.bottom, other.bottom),
+        max(one.left, other.left),
+        min(one.right, other.right),
+    )
 
 
 def _grown(window: Window, by: int) -> Window:
@@ -132,21 +139,23 @@ def _closed(coverage: np.ndarray, by: int) -> np.ndarray:
     return cv2.morphologyEx(coverage, cv2.MORPH_CLOSE, kernel)
 
 
-def _any_difference(frame: Frame, background: Background, palette: Palette, out: np.ndarray) -> None:
-    """Fill ``out``, uint8 (height, width), with coverage from the size of the difference alone, beyond the
-    noise."""
+def _any_difference(
+    frame: Frame, background: Background, palette: Palette, window: Window, out: np.ndarray
+) -> None:
+    """Fill a window of ``out``, uint8 (height, width), with coverage from the size of the difference alone,
+    beyond the noise."""
     chroma = np.zeros((0, 0), dtype=np.float32)
     if not palette.grey_only and frame.chroma is not None and background.chroma is not None:
-        way = _enlarged(background.window, frame.luma.shape, frame.chroma[0].shape)
+        way = _enlarged(window, frame.luma.shape, frame.chroma[0].shape)
         pairs = zip(frame.chroma, background.chroma, strict=True)
         blue, red = (plane[way.part] - back[way.part] for plane, back in pairs)
         chroma = np.ascontiguousarray(way.cut(blue**2 + red**2))
     # borders that stand out more than the least contrast keep their profile up to twice the range
     full, most = (ANY_CONTRAST, FULL) if palette.varied else (2 * ANY_CONTRAST, 255)
-    rows, columns = _slices(background.window)
+    rows, columns = slice(window.top, window.bottom), slice(window.left, window.right)
     noise = np.broadcast_to(background.pixel_noise, out.shape)[rows, columns].copy()
     levels = np.array([ANY_BEYOND * palette.contrast, FULL / (full * palette.contrast), most], np.float32)
-    _differing(frame.luma, chroma, background.luma, noise, background.window, levels, out)
+    _differing(frame.luma, chroma, background.luma, noise, window, levels, out)
 
 
 class _Enlarged(NamedTuple):
@@ -187,13 +196,13 @@ def _enlarged(window: Window, shape: tuple[int, ...], small: tuple[int, ...]) ->
 
 
 def _chroma_part(
-    chroma: tuple[np.ndarray, np.ndarray], background: Background, palette: Palette
+    chroma: tuple[np.ndarray, np.ndarray], background: Background, palette: Palette, window: Window
 ) -> np.ndarray:
-    """Return the projection of the colour differences, for each colour at full size within the window."""
+    """Return the projection of the colour differences, for each colour at full size within a window."""
     assert background.chroma is not None
     behind, colours, shape = background.chroma, palette.colours.astype(np.float32), background.luma.shape
     # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
-    way = _enlarged(background.window, shape, chroma[0].shape)
+    way = _enlarged(window, shape, chroma[0].shape)
     part = way.part
     small = np.empty(
         (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32
@@ -275,13 +284,13 @@ def _project(
 
 
 @njit(cache=True, fastmath=True, inline="always")
-def _level(value: float) -> int:
+def _level(value: np.float32) -> np.uint8:
     """Return a coverage as a level of 8 bits, rounded."""
-    value += np.float32(0.5)
-    value = value if value > np.float32(0.0) else np.float32(0.0)
-    value = value if value < np.float32(255.0) else np.float32(255.0)
+    none, most, level = np.float32(0.0), np.float32(255.0), value + np.float32(0.5)
+    level = level if level > none else none
+    level = level if level < most else most
     # straight to 8 bits there is no instruction for a whole register
-    return np.uint8(np.int32(value))
+    return np.uint8(np.int32(level))
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", nogil=True)

@@ -14,6 +14,10 @@ import numpy as np
 from numba import njit
 
 from monodyn.vision.drawing.edges import BEHIND, COVERED, NEAR, SAMPLES, SQUARES, TRUST
+from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow_kernel
+from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.foreground.masks import View
+from monodyn.vision.foreground.thumbnails import Window
 
 CORRELATION = 2.0
 """Neighbouring edge samples share the codec's blocks: their errors count as if there were half as many."""
@@ -51,13 +55,41 @@ class Rule(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def lying(links: np.ndarray, rule: Rule) -> np.ndarray:
-    """Return which links lie on the mask, bool (dof,).
+def sighted(
+    planes: np.ndarray,
+    view: View,
+    rig: Rig,
+    start: np.ndarray,
+    limits: MoveLimits,
+    search: EdgeSearch,
+    window: Window,
+    rule: Rule,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, bool]:
+    """Move a pose onto a mask, and judge each link and joint.
 
     Args:
-        links: What is found on each link, in the columns of ``edges``, (dof, column).
-        rule: What they are judged by.
+        planes: Mask by colour, uint8 (colour, height, width).
+        view: How its planes are to be read.
+        rig: The mechanism and its camera.
+        start: Joint positions to start from, (dof,).
+        limits: What holds the pose.
+        search: How the edges are looked for.
+        window: The part of the mask that is known.
+        rule: What links and joints are judged by.
+
+    Returns:
+        Joint positions (dof,) and covariance (dof, dof) from all links; the joints that the mask determines
+        and the links that lie on it, each bool (dof,); how well the outline does, 0 to 2; and whether only
+        the known part of the mask was looked at, see ``follow_kernel``.
     """
+    q, information, links, kept = follow_kernel(planes, view, rig, start, limits, search, window)
+    covariance, joints, score = _weighed(information, links, rule)
+    return q, covariance, joints, _lying(links, rule), score, kept
+
+
+@njit(cache=True)
+def _lying(links: np.ndarray, rule: Rule) -> np.ndarray:
+    """Return which links lie on the mask, bool (dof,), from what is found on each (dof, column)."""
     shown = np.zeros(links.shape[0], dtype=np.bool_)
     for i in range(links.shape[0]):
         found = links[i]
@@ -72,19 +104,11 @@ def lying(links: np.ndarray, rule: Rule) -> np.ndarray:
     return shown
 
 
-@njit(cache=True, nogil=True)
-def weighed(information: np.ndarray, links: np.ndarray, rule: Rule) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return how well a picture determines each joint.
-
-    Args:
-        information: Information matrix for unit noise of a sample, (dof, dof).
-        links: What is found on each link, in the columns of ``edges``, (dof, column).
-        rule: What the joints are judged by.
-
-    Returns:
-        Covariance of the pose (dof, dof); which joints the picture determines, none where the outline as a
-        whole does not lie on the mask, bool (dof,); and how well it does, 0 to 2.
-    """
+@njit(cache=True)
+def _weighed(information: np.ndarray, links: np.ndarray, rule: Rule) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return the covariance of a pose, from its information for unit noise (dof, dof) and what is found on
+    each link (dof, column); which joints the picture determines, none where the outline as a whole does not
+    lie on the mask; and how well it does."""
     trust, near = max(links[:, TRUST].sum(), 1e-9), links[:, NEAR].sum()
     matched, inside = near / trust, links[:, COVERED].sum() / trust
     noise = CORRELATION * max(links[:, SQUARES].sum() / max(near, 1e-9), LEAST_NOISE_PX * LEAST_NOISE_PX)
