@@ -315,7 +315,7 @@ def _units(place: float) -> int:
 
 
 @njit(cache=True, inline="always")
-def _value(picture: np.ndarray, x: int, y: int) -> int:
+def _value(picture: np.ndarray, x: int, y: int) -> np.int64:
     """Return a picture's value between pixels in units of a ``VALUE``th, at a place in units of a ``ONE``th;
     the caller keeps it inside. This is ``bilinear`` in whole numbers, which takes half of the time."""
     fx, fy = x // (ONE // WEIGHTS) % WEIGHTS, y // (ONE // WEIGHTS) % WEIGHTS

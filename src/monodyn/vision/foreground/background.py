@@ -171,18 +171,26 @@ def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
         stack, masks = (np.stack([one[at] for one in ones])[:, np.newaxis] for ones in (planes, hidden))
         return [found[0] for found in masked_median(stack, masks)]
 
-    somewhere = np.logical_or.reduce(covered)
+    somewhere = _any_of(covered)
     luma[somewhere], deviation[somewhere], count[somewhere] = again(
         [frame.luma for frame in frames], covered, somewhere
     )
     if chroma is not None:
         small = [_shrink(mask, chroma[0].shape) for mask in covered]
-        somewhere = np.logical_or.reduce(small)
+        somewhere = _any_of(small)
         colours = [frame.chroma for frame in frames if frame.chroma is not None]
         chroma = (chroma[0].copy(), chroma[1].copy())
         for target, planes in zip(chroma, zip(*colours, strict=True), strict=True):
             target[somewhere] = again(planes, small, somewhere)[0]
     return Medians(luma, deviation, count, chroma)
+
+
+def _any_of(masks: Sequence[np.ndarray]) -> np.ndarray:
+    """Return where any of some masks is set, bool (height, width); they are not copied together first."""
+    somewhere = np.zeros_like(masks[0])
+    for mask in masks:
+        np.logical_or(somewhere, mask, out=somewhere)
+    return somewhere
 
 
 def _smooth_deviation(deviation: np.ndarray) -> np.ndarray:

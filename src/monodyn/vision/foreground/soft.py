@@ -204,8 +204,11 @@ def _masks_over(
     background = background_of(samples) if given is None else given
     palette = choose_palette(samples.frames, background, settings.colour, settings.contrast)
     masks = SoftMasks(video, background, palette, samples, settings)
+    if background.given:
+        return masks
     # a mechanism that rests most of the time is part of the first background: it is taken out of it once
-    return masks if background.given else masks.refined(lingering(samples.frames, background, palette))
+    covered = lingering(samples.frames, background, palette)
+    return masks.refined(covered) if any(mask.any() for mask in covered) else masks
 
 
 def _given(picture: str | Path, video: Video, samples: Samples) -> Background:
