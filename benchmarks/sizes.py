@@ -1,7 +1,7 @@
 """What decoding, background and tracking of a clip cost by the size of its pictures, side by side.
 
-Run for one clip: ``python benchmarks/sizes.py CLIP MODEL REPEATS``, which prints a JSON object; ``speed.py`` does
-so for every size, each in a process of its own, so that peak memory is that of the size.
+Run for one clip: ``python benchmarks/sizes.py CLIP MODEL REPEATS``, which prints a JSON object; ``speed.py``
+does so for every size, each in a process of its own, so that peak memory is that of the size.
 """
 
 from __future__ import annotations
