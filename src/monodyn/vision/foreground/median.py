@@ -98,7 +98,7 @@ def _fill_levels(
 
 @njit(cache=True)
 def _count_below(
-    row: np.ndarray, shown: np.ndarray, found: np.ndarray, step: int, use_hidden: bool, below: np.ndarray
+    row: np.ndarray, shown: np.ndarray, found: np.ndarray, step: np.uint8, use_hidden: bool, below: np.ndarray
 ) -> None:
     """Count the samples of a row, (frame, width), below ``found`` + ``step``, (width,)."""
     frames, width = row.shape
