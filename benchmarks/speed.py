@@ -26,6 +26,7 @@ from monodyn.vision.locating.scene import Scene
 from monodyn.vision.registration.keys import Registrar
 from monodyn.vision.registration.register import camera_path, clean_scene, sampled_path
 from monodyn.vision.track import Follower
+from sizes import SIZES, SizedClip, sized
 
 ROOT = Path(__file__).parents[1]
 FITTED = 40
@@ -36,6 +37,8 @@ SAMPLED = 8
 """Every so many of them is a sample of the motion."""
 MOVING = "double_drift"
 """Clip of ``MONODYN_DATA`` whose camera moves."""
+COLOUR = "double_pendulum.webm"
+"""Clip of ``MONODYN_DATA`` of 1280x1024 in colour."""
 BEND = (-0.1, 0.02, 0.0, 0.0)
 """Coefficients of a lens."""
 EASY = ("double_a", "single", "double_b", "triple", "bob", "cartpole")
@@ -92,7 +95,14 @@ def main() -> int:
     Returns:
         The exit code: 1 when a target is missed under ``--gate``, 2 when the clip is missing.
     """
-    parts = {"track": tracking, "fit": fitting, "camera": registering, "run": running, "import": importing}
+    parts = {
+        "track": tracking,
+        "sizes": picturing,
+        "fit": fitting,
+        "camera": registering,
+        "run": running,
+        "import": importing,
+    }
     parser = command_line(__doc__, tuple(parts))
     parser.add_argument("--repeats", type=int, default=7, metavar="N", help="repeats of everything (7)")
     parser.add_argument(
@@ -162,6 +172,7 @@ def tracking(ready: Ready, repeats: int) -> list[Figure]:
         "libav": lambda: _decode(video.path),
         "decode": lambda: sum(1 for _ in video.frames()),
         "track": lambda: monodyn.track(scene.masks, scene),
+        "background": lambda: monodyn.segment(video),
     }
     seconds = _in_turn(jobs, repeats)
     frames = [frame for frame, _ in zip(video.frames(), range(HELD), strict=False)]
@@ -178,8 +189,9 @@ def tracking(ready: Ready, repeats: int) -> list[Figure]:
     each = {name: 1e3 * values / len(frames) for name, values in parts.items()}
     ratio = float(np.median(seconds["track"] / seconds["decode"]))
     fastest = seconds["track"].min() / seconds["decode"].min()
+    background = seconds["background"] / seconds["decode"]
     return [
-        Figure(case, "tracking / decoding", ratio, "times", 3.0),
+        Figure(case, "tracking / decoding", ratio, "times", 1.3),
         Figure(case, "the same, fastest of each", float(fastest), "times"),
         Figure(
             case, "tracking / libav alone", float(np.median(seconds["track"] / seconds["libav"])), "times"
@@ -187,9 +199,29 @@ def tracking(ready: Ready, repeats: int) -> list[Figure]:
         Figure(case, "decode with libav alone", float(np.median(whole["libav"])), "ms a frame"),
         Figure(case, "decode", float(np.median(whole["decode"])), "ms a frame"),
         Figure(case, "track", float(np.median(whole["track"])), "ms a frame"),
+        Figure(case, "background / decoding", float(np.median(background)), "times"),
+        Figure(
+            case, "the same, beyond its pass of decoding", float(np.median(background)) - 1.0, "times", 0.5
+        ),
+        Figure(case, "background", float(np.median(whole["background"])), "ms a frame"),
         Figure(case, "coverage alone", float(np.median(each["coverage"])), "ms a frame"),
         Figure(case, "follow alone", float(np.median(each["follow"])), "ms a frame"),
     ]
+
+
+def picturing(clip: Clip, repeats: int) -> list[Figure]:
+    """Compare tracking and the background with decoding in pictures of several sizes.
+
+    Args:
+        clip: The clip; that of a real pendulum in colour is looked for in a folder beside its own.
+        repeats: Passes of each, at most three.
+
+    Returns:
+        Ratios to decoding, milliseconds a frame and memory by size, each in a process of its own.
+    """
+    real = clip.video.parent.parent / "real" / COLOUR
+    clips = [*SIZES, *([SizedClip(COLOUR, "double", real, 3.0)] if real.is_file() else [])]
+    return [figure for one in clips for figure in sized(one, min(repeats, 3))]
 
 
 def registering(clip: Clip, repeats: int) -> list[Figure]:

@@ -105,6 +105,21 @@ def test_a_mechanism_that_vanishes_is_not_seen_and_found_again(scene: Scene, tru
     assert all(seen[33:])
 
 
+def test_a_part_of_a_mask_gives_the_pose_that_the_whole_gives(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    near, whole, wholes = Follower(scene, TrackSettings()), Follower(scene, TrackSettings()), []
+    step = near.step
+    monkeypatch.setattr(near, "step", lambda mask: wholes.append(mask.index) or step(mask))
+    for frame in scene.masks.video.frames(0, 60):
+        found, expected = near.find(frame), whole.step(scene.masks.of(frame))
+        np.testing.assert_array_equal(found.position, expected.position)
+        np.testing.assert_array_equal(found.covariance, expected.covariance)
+    # where the mechanism is at first is looked for in the whole picture
+    assert 0 in wholes
+    assert len(wholes) < 6
+
+
 def test_a_mask_of_noise_is_not_a_mechanism(scene: Scene) -> None:
     shape = scene.masks.view(2).trust.shape
     noise = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)

@@ -98,3 +98,19 @@ def test_a_noise_that_is_one_number_counts_everywhere() -> None:
     # 30 grey levels of noise hide a difference of 70
     assert shown[1] > 0
     assert shown[30] == 0
+
+
+@pytest.mark.parametrize("window", [Window(11, 33, 23, 51), Window(0, 20, 0, 30), Window(30, 60, 40, 80)])
+@pytest.mark.parametrize("kind", ["grey", "colour", "varied"])
+def test_a_part_of_a_mask_is_that_of_the_whole(kind: str, window: Window) -> None:
+    made = wandering(colour=(90, 90, 180) if kind == "grey" else (150, 90, 180), noise=0.5)
+    background = replace(background_of(samples(made)), window=Window(5, 55, 10, 75))
+    palette = choose_palette(made, background, "grey" if kind == "grey" else "colour", 14.0)
+    part = np.array([-1 if kind == "varied" else 0])
+    palette = measured_palette(
+        palette, background, GeomColours(palette.colours, part, np.zeros(1, bool), True)
+    )
+    for frame in made[6:12:2]:
+        inside = slice(window.top, window.bottom), slice(window.left, window.right)
+        whole = coverage_of(frame, background, palette)[:, *inside]
+        np.testing.assert_array_equal(coverage_of(frame, background, palette, window)[:, *inside], whole)

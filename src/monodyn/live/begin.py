@@ -252,6 +252,17 @@ def _everywhere(scene: Scene) -> Scene:
     return replace(scene, masks=replace(masks, background=whole))
 
 
+def on_clip(scene: Scene, video: Video) -> Scene:
+    """Return a scene whose masks are those of another clip of the same stream.
+
+    Args:
+        scene: The scene.
+        video: The clip.
+    """
+    masks = scene.masks
+    return replace(scene, masks=replace(masks, video=video)) if isinstance(masks, SoftMasks) else scene
+
+
 def _size(frame: Frame) -> int:
     """Return how many bytes a frame takes."""
     return frame.luma.nbytes + sum(plane.nbytes for plane in frame.chroma or ())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from monodyn.checks import drawn_mechanism
 from monodyn.errors import FitError
 from monodyn.inputs import input_files
 from monodyn.job import Job, Outcome
+from monodyn.live.begin import on_clip
 from monodyn.live.recorder import Recorder
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import Pictures, open_source
@@ -83,7 +83,7 @@ def follow(
                 f"{opened.name}: the mechanism was not found before the stream ended: {session.said}"
             )
         log.notes += found.notes
-        scene = replace(found.scene, masks=replace(found.scene.masks, video=video))
+        scene = on_clip(found.scene, video)
         poses, span = _tracked(session, video)
         sight = Sight(video, masks=scene.masks, scene=scene, poses=poses, fit_frames=span[:2])
         sight.free_frames = log.free_frames = span[:2]

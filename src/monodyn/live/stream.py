@@ -182,7 +182,10 @@ class Session:
     def _expected(self, time: float) -> np.ndarray | None:
         """Return where the dynamics have the joints at a time, as pictures have them, (dof,)."""
         estimate = self.identifier.estimate
-        return None if estimate is None else estimate.expected(time)
+        if estimate is None or estimate.astray:
+            return None
+        expected = estimate.expected(time)
+        return expected if np.isfinite(expected).all() else None
 
     def _watch(self, frame: Frame, *, broken: bool) -> None:
         """Take a frame before the mechanism is found; look for it when enough has moved."""

@@ -32,7 +32,7 @@ class Tracker:
         # the numbers of frames in the stream are not those of the clip in which the scene was found
         self._follower = Follower(replace(scene, key_frames=(), key_positions=np.zeros((0, 0))), settings)
         for frame in watched[-LED_IN:]:
-            self._follower.step(scene.masks.of(frame))
+            self._follower.find(frame)
 
     def follow(self, frame: Frame, expected: np.ndarray | None = None) -> Poses:
         """Find the pose in the next frame.
@@ -45,7 +45,7 @@ class Tracker:
         Returns:
             One row; joints that were not seen hold NaN.
         """
-        found = self._follower.step(self.scene.masks.of(frame), expected)
+        found = self._follower.find(frame, expected)
         position = np.where(found.joints, found.position, np.nan)[None]
         whole, doubt = np.array([bool(found.joints.all())]), self.scene.doubt
         shifts = None

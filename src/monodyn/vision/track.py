@@ -13,13 +13,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.mechanism.tree import HINGE
-from monodyn.types import Mask, Poses, Progress
-from monodyn.vision.drawing.edges import BEHIND, COVERED, NEAR, SAMPLES, TRUST
-from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
+from monodyn.types import Frame, Mask, Poses, Progress
+from monodyn.vision.drawing.follow import (
+    EVERYWHERE,
+    EdgeSearch,
+    MoveLimits,
+    outline_box,
+)
 from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of
 from monodyn.vision.drawing.shutter import SLOW_PX, way
 from monodyn.vision.foreground.masks import LEFT_OUT, Masks, View, planes_for
+from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.locating.keyframes import KeyFrame, key_frame, no_frames
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import as_thick, search_pose
@@ -27,29 +32,20 @@ from monodyn.vision.settings import TrackSettings
 from monodyn.vision.tracking.motion import PREDICTED_FRAMES, Motion
 from monodyn.vision.tracking.occluders import Occluders, without
 from monodyn.vision.tracking.registered import displaced_pose
+from monodyn.vision.tracking.sighting import Rule, sighted, sure, take_as_usual
 
-CORRELATION = 2.0
-"""Neighbouring edge samples share the codec's blocks: their errors count as if there were half as many."""
-LEAST_NOISE_PX = 0.05
-"""Least standard deviation of an edge sample [px]."""
-LEAST_SAMPLES = 8
-"""Outline samples below which a link was not seen."""
-LEAST_SHOWN = 0.25
-"""Share of a link's outline that stands out from the other links below which the link was not seen: where
-they cover it, it seems to lie on the mask whatever its pose, unless it has a colour of its own."""
-OF_A_LINK = 0.8
-"""Share of ``matched`` and ``inside`` that a single link must reach: it varies more than the whole."""
-DETERMINED = 0.3
-"""A joint that the mask determines less well than this share of the move limit was not seen."""
-UNSURE = 8.0
-"""A joint whose standard deviation is this many times the usual one is mostly hidden, and was not seen."""
 USUAL_GAIN = 0.1
-"""Share of a frame in what is usual."""
+"""Share of a frame in the usual score."""
 USUAL_SCORE = 1.8
 """Score of a pose that fits as usual, before the first frames (of 2: all outline samples on edges, all
 covered inside)."""
 SCORE_SLACK = 0.15
 """A pose whose score is lower than usual by no more than this is accepted as it stands."""
+FAR = 3.0
+"""Length of a long search over that of a short one."""
+NEAR_SHARE = 0.015
+"""How far beyond the expected outline the mask is taken, as a share of the picture's longer side; where that
+does not suffice all of it is."""
 NOTED_FRAMES = 4
 """Of frames in which all is as usual, one in so many shows where the mechanism is not hidden."""
 KNOWN = 0.1
@@ -121,7 +117,7 @@ def _followed(masks: Masks, follower: Follower, progress: Progress | None) -> Po
     position, covariance = np.full((count, dofs), np.nan), np.full((count, dofs, dofs), np.nan)
     joints, rows = np.zeros((count, dofs), dtype=bool), 0
     for frame in video.within(*scene.masks.background.window).frames():
-        found = follower.step(scene.masks.of(frame))
+        found = follower.find(frame)
         position[frame.index] = np.where(found.joints, found.position, np.nan)
         covariance[frame.index], joints[frame.index] = found.covariance, found.joints
         rows = frame.index + 1
@@ -167,16 +163,33 @@ class Follower:
         self._known = dict(zip(scene.key_frames, scene.key_positions, strict=True))
         step = float(np.median(np.diff(scene.masks.video.times)))
         self._motion = Motion(np.where(self._hinge, np.pi, reach), step)
-        self._drawn = np.isin(np.arange(len(self._lower)), self._rig.link)
-        self._coloured = _have_own_planes(self._view.part, self._rig.link, len(self._lower))
+        self._undrawn = ~np.isin(np.arange(len(self._lower)), self._rig.link)
+        coloured = _have_own_planes(self._view.part, self._rig.link, len(self._lower))
+        self._rule = Rule(settings.matched, settings.inside, self._move, coloured)
+        near, far = settings.first_reach, FAR * settings.first_reach
+        self._short = np.array([near, 0.5 * (near + settings.reach), settings.reach, settings.reach])
+        self._long = np.append(np.geomspace(far, settings.reach, 6), settings.reach)
         self._reduced = replace(no_frames(scene.masks, self._view), thicker=scene.thicker)
         thick = as_thick(self._reduced, scene.mechanism, scene.camera)
         self._coarse = rig_of(thick, scene.camera, shrink=self._reduced.shrink)
         self._incomplete = 0
         self._usual, self._usual_std = USUAL_SCORE, np.full(len(self._lower), np.nan)
 
+    def find(self, frame: Frame, expected: np.ndarray | None = None) -> Sighting:
+        """Find the pose in the next frame, from as little of its mask as that takes.
+
+        Args:
+            frame: The next frame, in the order of time.
+            expected: Where the dynamics have the joints, (dof,), if they are known: it is tried first.
+
+        Returns:
+            What was found, as ``step`` finds it in the whole mask.
+        """
+        found = self._near(frame, expected)
+        return self.step(self.scene.masks.of(frame), expected) if found is None else found
+
     def step(self, mask: Mask, expected: np.ndarray | None = None) -> Sighting:
-        """Find the pose in the next frame.
+        """Find the pose in the next mask.
 
         Args:
             mask: The next mask, in the order of time.
@@ -188,26 +201,73 @@ class Follower:
         shutter = self.scene.shutter
         if shutter is not None:
             self._rig = shutter.of(self._still, mask.index)
-        # without measured colours there is one plane for all geoms, whatever a mask has
-        mask = replace(mask, planes=planes_for(mask, self._view))
+        mask = self._read(mask)
         found = self._along(mask, expected)
-        usual = found is not None and found.whole and found.score > self._usual - SCORE_SLACK
+        usual = found is not None and self._as_usual(found)
         if not usual:
             if self._incomplete % self._settings.patience == 0:
                 found = self._anywhere(mask, found)
             self._incomplete += 1
             self.unusual += self._motion.begun
         if found is not None and found.fits:
-            found = self._judged(found, mask.time)
-            # what a picture shows faintly because it moves is not hidden
-            if (not usual or mask.index % NOTED_FRAMES == 0) and not self._blurred(found.position):
-                known = np.sqrt(np.diag(found.covariance)) < KNOWN * self._move
-                self.occluders.note(mask.planes, found.position, known)
-            self._motion.add(mask.time, found.position, found.joints)
-            return self._as_registered(mask, found)
+            return self._concluded(mask, found, usual)
         dofs = len(self._lower)
         nothing = np.full((dofs, dofs), np.nan)
         return Sighting(nothing[0], nothing, np.zeros(dofs, dtype=bool), 0.0, False)
+
+    def _near(self, frame: Frame, expected: np.ndarray | None) -> Sighting | None:
+        """Follow the mechanism in the part of the picture in which its motion goes on; None where it does not
+        lie there as usual, and the whole picture is needed."""
+        starts = self._motion.predictions(frame.time)
+        # what is blurred goes beyond its outline
+        if not starts or self.scene.shutter is not None:
+            return None
+        start = starts[0] if expected is None else expected
+        start = np.minimum(np.maximum(start, self._lower), self._upper)
+        window, known = self._around(start)
+        mask = self._read(self.scene.masks.of(frame, window))
+        found, kept = self._follow(mask, start, self._settings.first_reach, known)
+        return self._concluded(mask, found, True) if kept and self._as_usual(found) else None
+
+    def _around(self, start: np.ndarray) -> tuple[Window, Window]:
+        """Return the part of the picture around a pose, and the same without end where it ends with the
+        picture: nothing is looked at beyond that."""
+        height, width = self._view.trust.shape[1:]
+        by = self._settings.first_reach + NEAR_SHARE * max(height, width)
+        top, bottom, left, right = outline_box(self._rig, start)
+        # a pose that cannot be drawn lies nowhere
+        if np.isnan(top):
+            return Window(0, 0, 0, 0), Window(0, 0, 0, 0)
+        first, last = max(int(top - by), 0), min(int(bottom + by), height)
+        begin, end = max(int(left - by), 0), min(int(right + by), width)
+        far = EVERYWHERE
+        return Window(first, last, begin, end), Window(
+            first if first > 0 else far.top,
+            last if last < height else far.bottom,
+            begin if begin > 0 else far.left,
+            end if end < width else far.right,
+        )
+
+    def _read(self, mask: Mask) -> Mask:
+        """Return a mask with the planes that the view describes."""
+        # without measured colours there is one plane for all geoms, whatever a mask has
+        if len(mask.planes) == len(self._view.trust):
+            return mask
+        return replace(mask, planes=planes_for(mask, self._view))
+
+    def _as_usual(self, found: Sighting) -> bool:
+        """Return whether all of the mechanism lies on its mask about as well as before."""
+        return found.whole and found.score > self._usual - SCORE_SLACK
+
+    def _concluded(self, mask: Mask, found: Sighting, usual: bool) -> Sighting:
+        """Judge what was found, and go on from there."""
+        found = self._judged(found, mask.time)
+        # what a picture shows faintly because it moves is not hidden
+        if (not usual or mask.index % NOTED_FRAMES == 0) and not self._blurred(found.position):
+            known = np.sqrt(np.diag(found.covariance)) < KNOWN * self._move
+            self.occluders.note(mask.planes, found.position, known)
+        self._motion.add(mask.time, found.position, found.joints)
+        return self._as_registered(mask, found)
 
     def _as_registered(self, mask: Mask, found: Sighting) -> Sighting:
         """Add what the registration of a moving camera leaves open to the covariance of a sighting."""
@@ -236,64 +296,50 @@ class Follower:
         # Every start is tried with a short search, then with a long one, until a pose fits about as well as
         # those before it. A pose that fits much worse may have locked on a wrong edge: it is kept, but the
         # other starts and the search of the whole picture have their chance to do better.
-        for first_reach in (self._settings.first_reach, 3.0 * self._settings.first_reach):
+        for first_reach in (self._settings.first_reach, FAR * self._settings.first_reach):
             for start in starts:
-                found = _better(found, self._follow(mask, start, first_reach))
-                if found.whole and found.score > self._usual - SCORE_SLACK:
+                found = _better(found, self._follow(mask, start, first_reach)[0])
+                if self._as_usual(found):
                     return found
         return found
 
-    def _follow(self, mask: Mask, start: np.ndarray, first_reach: float) -> Sighting:
-        """Move a start pose onto the mask within the move limits, and judge each link."""
-        s = self._settings
-        if first_reach > s.first_reach:
-            reaches = np.concatenate([np.geomspace(first_reach, s.reach, 6), [s.reach]])
-        else:
-            reaches = np.array([s.first_reach, 0.5 * (s.first_reach + s.reach), s.reach, s.reach])
+    def _follow(
+        self, mask: Mask, start: np.ndarray, first_reach: float, window: Window = EVERYWHERE
+    ) -> tuple[Sighting, bool]:
+        """Move a start pose onto the mask within the move limits, and judge each link; return in addition
+        whether only a window was looked at."""
+        reaches = self._long if first_reach > self._settings.first_reach else self._short
         lower = np.maximum(self._lower, start - self._move)
         upper = np.minimum(self._upper, start + self._move)
-        limits, search = MoveLimits(lower, upper, self._move), EdgeSearch(reaches, s.spacing)
-        q, information, agreement = follow(mask.planes, self._view, self._rig, start, limits, search)
-        score = float(agreement.matched + agreement.inside)
-        shown = self._lying(agreement.links)
-        whole = bool(np.all(shown | ~self._drawn))
-        if not whole and shown.any():
+        limits, search = MoveLimits(lower, upper, self._move), EdgeSearch(reaches, self._settings.spacing)
+        q, covariance, joints, shown, score, kept = sighted(
+            mask.planes, self._view, self._rig, start, limits, search, window, self._rule
+        )
+        whole, some = bool((shown | self._undrawn).all()), bool(shown.any())
+        if some and not whole:
             # What a link that is hidden or elsewhere takes for its edges pulls at the others too: the pose is
             # found again by the links that lie on the mask.
             part = np.where(shown[self._rig.link], self._view.part, LEFT_OUT)
             view = self._view._replace(part=part)
-            q, information, agreement = follow(mask.planes, view, self._rig, start, limits, search)
-        noise = CORRELATION * max(agreement.rms_px, LEAST_NOISE_PX) ** 2
-        # where the picture does not show a joint, the move limit is all that is known of it
-        covariance = np.linalg.inv(information / noise + np.diag(1.0 / self._move**2))
-        fits = shown.any() and agreement.matched >= s.matched and agreement.inside >= s.inside
-        joints = fits & (np.sqrt(np.diag(covariance)) < DETERMINED * self._move)
-        return Sighting(q, covariance, joints, score, whole and bool(joints.all()))
-
-    def _lying(self, links: np.ndarray) -> np.ndarray:
-        """Return which links lie on the mask, from what is found on each (dof, column)."""
-        s, trust = self._settings, np.maximum(links[:, TRUST], 1e-9)
-        return (
-            (links[:, SAMPLES] >= LEAST_SAMPLES)
-            & (self._coloured | (links[:, SAMPLES] >= LEAST_SHOWN * (links[:, SAMPLES] + links[:, BEHIND])))
-            & (links[:, NEAR] >= OF_A_LINK * s.matched * trust)
-            & (links[:, COVERED] >= OF_A_LINK * s.inside * trust)
-        )
+            q, covariance, joints, _, _, kept = sighted(
+                mask.planes, view, self._rig, start, limits, search, window, self._rule
+            )
+        if not some:
+            joints[:] = False
+        return Sighting(q, covariance, joints, score, whole and bool(joints.all())), kept
 
     def _judged(self, found: Sighting, time: float) -> Sighting:
         """Compare a sighting with what is usual; let joints that were not seen go on with their motion."""
-        std = np.sqrt(np.diag(found.covariance))
         blurred = self._blurred(found.position)
         # the faster, the less a picture determines the pose
-        seen = found.joints if blurred else found.joints & ~(std > UNSURE * self._usual_std)
-        if found.whole and seen.all() and blurred:
+        seen = found.joints if blurred else sure(found.covariance, found.joints, self._usual_std)
+        all_seen = bool(seen.all())
+        if found.whole and all_seen:
             self._incomplete = 0
-        elif found.whole and seen.all():
-            self._incomplete = 0
-            self._usual += USUAL_GAIN * (found.score - self._usual)
-            gain = np.where(np.isnan(self._usual_std), 1.0, USUAL_GAIN)
-            self._usual_std = np.where(gain == 1.0, std, self._usual_std + gain * (std - self._usual_std))
-        if seen.all() or not self._motion.begun:
+            if not blurred:
+                self._usual += USUAL_GAIN * (found.score - self._usual)
+                take_as_usual(found.covariance, self._usual_std)
+        if all_seen or not self._motion.begun:
             return replace(found, joints=seen)
         position = np.where(seen, found.position, self._motion.expected(time))
         spread = np.diag(self._motion.spread(time) ** 2)
@@ -313,7 +359,7 @@ class Follower:
         # a picture shows a hinge's angle but for whole turns; those come from the motion so far
         turns = np.round((expected - q) / (2.0 * np.pi))
         q = q + np.where(self._hinge & ~np.isfinite(self._lower), 2.0 * np.pi * turns, 0.0)
-        found = self._follow(mask, q, self._settings.first_reach)
+        found, _ = self._follow(mask, q, self._settings.first_reach)
         if not motion.begun:
             return _better(along, found)
         if not found.whole:

@@ -7,7 +7,7 @@ the decoder drops, and a pass may start anywhere. Frames are handed over one at 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,9 +16,13 @@ import numpy as np
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
 from monodyn.types import Frame
+from monodyn.vision.clip.ahead import made_ahead
 from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
 from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.settings import LEAST_SIDE, RATES
+
+AHEAD = 4
+"""Frames that are decoded before they are asked for, at most."""
 
 Decode = Callable[[int, int], Iterator[Frame]]
 
@@ -72,7 +76,7 @@ class Video:
         return tuple(self.remarks)
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
-        """Decode frames ``start`` to ``stop - 1``, one at a time.
+        """Decode frames ``start`` to ``stop - 1``, on a thread of its own while those before are worked on.
 
         A frame that cannot be decoded is left out (its number is skipped) and counted in ``notes``; so is one
         of ``repeats``, and one in which it is not known where a camera that moves was. A frame's arrays stay
@@ -94,11 +98,19 @@ class Video:
                 f"frames: expected a range within 0:{self.count}, got {start}:{end}; "
                 f"clip '{self.path}' has {self.count} frames."
             )
+        frames = self._shown(start, end)
+        # a few frames are sooner there than a thread
+        return made_ahead(frames, AHEAD) if end - start > AHEAD else frames
+
+    def _shown(self, start: int, end: int) -> Generator[Frame]:
+        """Yield the frames of a range that show something new, at rest."""
         left_out, path = frozenset(self.repeats.frames), self.camera_path
-        frames = (frame for frame in self.decode(start, end) if frame.index not in left_out)
-        if path is None:
-            return frames
-        return (steady for frame in frames if (steady := path.steady(frame)) is not None)
+        for frame in self.decode(start, end):
+            if frame.index in left_out:
+                continue
+            shown = frame if path is None else path.steady(frame)
+            if shown is not None:
+                yield shown
 
     @property
     def as_filmed(self) -> Video:

@@ -66,6 +66,7 @@ def find_blurred_edge(
     px: np.ndarray,
     hull: np.ndarray,
     first: np.ndarray,
+    lines: np.ndarray,
     own: int,
     at: Normal,
     path: tuple[float, float, float, float],
@@ -87,6 +88,7 @@ def find_blurred_edge(
         px: Outline points [px], (point, 2).
         hull: Corners of all geoms, indices into ``px``, (entry,).
         first: Where each geom's corners start, (geom + 1,).
+        lines: The lines along their edges, from ``outline_lines``, (entry, column).
         own: The geom.
         at: The place on its outline.
         path: Where that place is at the beginning and at the end of the exposure, against its middle: x, y
@@ -104,14 +106,14 @@ def find_blurred_edge(
     sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
     begin, end = path[0] * nx + path[1] * ny, path[2] * nx + path[3] * ny
     # no farther inwards than the middle of the geom: what is beyond counts for the normals of the other side
-    middle = 0.5 * depth_inside(px, hull, first[own], first[own + 1], at)
+    middle = 0.5 * depth_inside(lines, first[own], first[own + 1], at)
     inner, outer = min(reach - min(begin, end, 0.0), middle), reach + max(begin, end, 0.0)
     for t in (-inner, outer):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return OUTSIDE
     for there in (at, Normal(x - path[0], y - path[1], nx, ny), Normal(x - path[2], y - path[3], nx, ny)):
         # the other geoms move much the same: seen from them it is this place that moves
-        if is_covered(px, hull, first, own, there, reach):
+        if is_covered(lines, first, own, there, reach):
             return HIDDEN
     weight = least_trust(known, at, inner, outer)
     if weight < TRUSTED:

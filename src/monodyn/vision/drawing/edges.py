@@ -62,11 +62,11 @@ PHASE_PX = 0.25
 """That step: an edge that crosses several of them averages the error out [px]."""
 MOST_SAMPLES = 4096
 """Outline samples of a mechanism that are used."""
-SAMPLES, TRUST, NEAR, SQUARES, COVERED, BEHIND = range(6)
+SAMPLES, TRUST, NEAR, SQUARES, COVERED, BEHIND, ROBUST = range(7)
 """Columns of what is found on each link: number of outline samples; their trust; that of those near an edge;
 their squared distances from it, by trust [px^2]; coverage just inside, by trust; number of samples that other
-geoms cover."""
-LINK_COLUMNS = BEHIND + 1
+geoms cover; weight of the samples in the normal equations."""
+LINK_COLUMNS = ROBUST + 1
 """Number of these columns."""
 
 
@@ -97,7 +97,7 @@ def agreement_of(links: np.ndarray) -> Agreement:
     Returns:
         The agreement over all links.
     """
-    samples, trust, near, squares, covered, _ = links.sum(axis=0).tolist()
+    samples, trust, near, squares, covered, *_ = links.sum(axis=0).tolist()
     total = max(trust, 1e-9)
     return Agreement(int(samples), near / total, (squares / max(near, 1e-9)) ** 0.5, covered / total, links)
 
@@ -219,15 +219,73 @@ def edge_kernel(
         Normal matrix (dof + param, dof + param), right side (dof + param,), and what is found on each link
         (dof, column), in the columns named above.
     """
-    dofs, shared, geoms = position.shape[0], shifts.steps.shape[0], rig.radius.shape[0]
+    room = edge_room(rig)
+    if not draw(rig, position, room.outlines):
+        size = position.shape[0] + shifts.steps.shape[0]
+        return np.zeros((size, size)), np.zeros(size), np.zeros((position.shape[0], LINK_COLUMNS))
+    return drawn_edge_terms(planes, view, rig, shifts, position, room, reach, spacing)
+
+
+class EdgeRoom(NamedTuple):
+    """Room for an outline and its samples, to be used for one pose after the other.
+
+    Attributes:
+        outlines: The outlines of the pose.
+        ends: Outline points of each sample's edges, (sample, column).
+        samples: What is found, (sample, column).
+    """
+
+    outlines: Outlines
+    ends: np.ndarray
+    samples: np.ndarray
+
+
+@njit(cache=True)
+def edge_room(rig: Rig) -> EdgeRoom:
+    """Make room for the outline of a mechanism and its samples.
+
+    Args:
+        rig: The mechanism and its camera.
+
+    Returns:
+        Room to be filled by ``draw`` and ``drawn_edge_terms``.
+    """
+    ends = np.empty((MOST_SAMPLES, END_COLUMNS), dtype=np.int64)
+    samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
+    return EdgeRoom(blank_outlines(rig, rig.radius.shape[0]), ends, samples)
+
+
+@njit(cache=True)
+def drawn_edge_terms(
+    planes: np.ndarray,
+    view: View,
+    rig: Rig,
+    shifts: Shifts,
+    position: np.ndarray,
+    room: EdgeRoom,
+    reach: float,
+    spacing: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Do the work of ``edge_kernel`` for a pose whose outlines are drawn.
+
+    Args:
+        planes: Mask by colour, uint8 (colour, height, width).
+        view: How its planes are to be read.
+        rig: The mechanism and its camera.
+        shifts: The same with each shared parameter shifted.
+        position: Joint positions, (dof,).
+        room: Its outlines; the samples are filled in.
+        reach: Length of the search along the normals [px].
+        spacing: Distance between samples [px].
+
+    Returns:
+        What ``edge_kernel`` returns.
+    """
+    dofs, shared = position.shape[0], shifts.steps.shape[0]
     size = dofs + shared
     normal, right, row = np.zeros((size, size)), np.zeros(size), np.zeros(size)
     found = np.zeros((dofs, LINK_COLUMNS))
-    outlines = blank_outlines(rig, geoms)
-    if not draw(rig, position, outlines):
-        return normal, right, found
-    ends = np.empty((MOST_SAMPLES, END_COLUMNS), dtype=np.int64)
-    samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
+    outlines, ends, samples = room.outlines, room.ends, room.samples
     swept = swept_points(rig, position, outlines)
     count = edge_samples(planes, view, outlines, swept, (reach, spacing), ends, samples, True)
     px, moved = outlines.px, moved_points(rig, shifts, position, outlines)
@@ -259,6 +317,7 @@ def edge_kernel(
         w = trusted * robust_weight(away, scale)
         link[SAMPLES] += 1.0
         link[TRUST] += trusted
+        link[ROBUST] += w
         if abs(away) < MATCHED_PX:
             link[NEAR] += trusted
             link[SQUARES] += trusted * away * away

@@ -7,9 +7,27 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from monodyn.vision.drawing.edges import Agreement, agreement_of, edge_kernel, no_shifts
+from monodyn.vision.drawing.edges import (
+    LINK_COLUMNS,
+    ROBUST,
+    Agreement,
+    agreement_of,
+    drawn_edge_terms,
+    edge_room,
+    no_shifts,
+)
 from monodyn.vision.drawing.rig import Rig
+from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw
 from monodyn.vision.foreground.masks import View
+from monodyn.vision.foreground.thumbnails import Window
+
+SETTLED_PX = 0.005
+"""Step with the last search length, rms over the samples, after which no further one is made: each is less
+than a tenth of the one before [px]."""
+BESIDE_PX = 1.5
+"""How far beyond the end of a normal its value depends on the picture [px]."""
+EVERYWHERE = Window(-(1 << 30), 1 << 30, -(1 << 30), 1 << 30)
+"""Stands for a mask all of which is known."""
 
 
 class MoveLimits(NamedTuple):
@@ -58,28 +76,106 @@ def follow(
         Joint positions (dof,); information matrix as in ``edge_terms``, (dof, dof); and how well the
         outline lies on the mask in the end.
     """
-    position, information, found = _follow(planes, view, rig, start, limits, search)
+    position, information, found, _ = follow_kernel(planes, view, rig, start, limits, search, EVERYWHERE)
     return position, information, agreement_of(found)
 
 
 @njit(cache=True, nogil=True)
-def _follow(
-    planes: np.ndarray, view: View, rig: Rig, start: np.ndarray, limits: MoveLimits, search: EdgeSearch
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Do the work of ``follow``; a named tuple would be slow on its way back to Python."""
-    shifts = no_shifts(rig)
-    position = start.copy()
+def outline_box(rig: Rig, position: np.ndarray) -> tuple[float, float, float, float]:
+    """Return where the outline of a pose lies.
+
+    Args:
+        rig: The mechanism and its camera.
+        position: Joint positions, (dof,).
+
+    Returns:
+        The least row, the largest, the least column and the largest [px]; NaN where the pose cannot be drawn.
+    """
+    outlines = blank_outlines(rig, rig.radius.shape[0])
+    if not draw(rig, position, outlines):
+        return np.nan, np.nan, np.nan, np.nan
+    return _box(outlines)
+
+
+@njit(cache=True, nogil=True)
+def follow_kernel(
+    planes: np.ndarray,
+    view: View,
+    rig: Rig,
+    start: np.ndarray,
+    limits: MoveLimits,
+    search: EdgeSearch,
+    window: Window,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
+    """Do the work of ``follow`` on a mask of which only a part may be known, for it and for other kernels.
+
+    Args:
+        planes: Mask by colour, uint8 (colour, height, width).
+        view: How its planes are to be read.
+        rig: The mechanism and its camera.
+        start: Joint positions to start from, (dof,).
+        limits: What holds the pose.
+        search: How the edges are looked for.
+        window: The part of the mask that is known.
+
+    Returns:
+        Joint positions (dof,); their information matrix, (dof, dof); what is found on each link, in the
+        columns of ``edges``, (dof, column); and whether only the known part of the mask was looked at, where
+        the picture is exposed at once: else the rest means nothing.
+    """
+    shifts, room = no_shifts(rig), edge_room(rig)
+    position, dofs = start.copy(), start.shape[0]
+    normal, found, kept = np.zeros((dofs, dofs)), np.zeros((dofs, LINK_COLUMNS)), True
     # the spring also keeps the equations solvable when a link shows no edge at all
     damping = 1.0 / (limits.std * limits.std) + 1e-9
+    last = search.reaches[-1]
     # The search lengths shrink: a long one finds the edge from far away, and a short one leaves out the
     # background's structure and other bodies' edges, which a long one takes for the outline's own.
     for reach in search.reaches:
-        normal, right, _ = edge_kernel(planes, view, rig, shifts, position, reach, search.spacing)
-        for j in range(position.shape[0]):
-            normal[j, j] += damping[j]
+        if draw(rig, position, room.outlines):
+            kept = kept and _within(room.outlines, reach, window)
+            normal, right, found = drawn_edge_terms(
+                planes, view, rig, shifts, position, room, reach, search.spacing
+            )
+        else:
+            normal, right, found = np.zeros((dofs, dofs)), np.zeros(dofs), np.zeros((dofs, LINK_COLUMNS))
+        held = normal.copy()
+        for j in range(dofs):
+            held[j, j] += damping[j]
             right[j] += damping[j] * (start[j] - position[j])
-        step = np.linalg.solve(normal, right)
+        step = np.linalg.solve(held, right)
         position = np.minimum(np.maximum(position + step, limits.lower), limits.upper)
+        moved, weight = step @ (normal @ step), found[:, ROBUST].sum()
+        # a step as small as this leaves the next one nothing, and the picture no other information
+        if reach == last and moved < SETTLED_PX * SETTLED_PX * weight:
+            return position, normal, found, kept
     # once more, without the spring: the information is what the picture alone knows of the pose
-    normal, _, found = edge_kernel(planes, view, rig, shifts, position, search.reaches[-1], search.spacing)
-    return position, normal, found
+    if draw(rig, position, room.outlines):
+        kept = kept and _within(room.outlines, last, window)
+        normal, _, found = drawn_edge_terms(planes, view, rig, shifts, position, room, last, search.spacing)
+    else:
+        normal, found = np.zeros((dofs, dofs)), np.zeros((dofs, LINK_COLUMNS))
+    return position, normal, found, kept
+
+
+@njit(cache=True)
+def _box(outlines: Outlines) -> tuple[float, float, float, float]:
+    """Return the least row of some outlines, the largest, the least column and the largest [px]."""
+    top, bottom, left, right = 1e18, -1e18, 1e18, -1e18
+    for k in range(outlines.px.shape[0]):
+        x, y = outlines.px[k, 0], outlines.px[k, 1]
+        top, bottom, left, right = min(top, y), max(bottom, y), min(left, x), max(right, x)
+    return top, bottom, left, right
+
+
+@njit(cache=True)
+def _within(outlines: Outlines, reach: float, window: Window) -> bool:
+    """Return whether the normals of some outlines lie in a window, with the pixels next to them."""
+    top, bottom, left, right = _box(outlines)
+    beyond = reach + BESIDE_PX
+    return (
+        top - beyond >= window.top
+        and bottom + beyond < window.bottom
+        and left - beyond >= window.left
+        and right + beyond < window.right
+    )

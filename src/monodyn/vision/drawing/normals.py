@@ -43,10 +43,10 @@ from monodyn.vision.drawing.probe import (
     USED,
     WEIGHT,
     Normal,
-    bilinear,
     depth_inside,
     is_covered,
     least_trust,
+    outline_lines,
 )
 from monodyn.vision.drawing.shutter import BEGIN_X, BEGIN_Y, DURING_X, DURING_Y, END_X, END_Y, WHEN
 from monodyn.vision.drawing.silhouette import Outlines
@@ -62,6 +62,12 @@ SHARP = math.cos(math.radians(35.0))
 OVERFULL = 1.3
 """Coverage of a border (a side that is darker than the front), over that of the rest, from which the edge
 is taken against the border's own level."""
+OWN_LEVEL = 0.4
+"""Share of the search inwards, from its inner end, in which the coverage is that of the geom itself."""
+ONE, WEIGHTS = 1 << 20, 1 << 12
+"""Units of a pixel in which places along a normal are counted, and steps of the weights of its neighbours."""
+VALUE = WEIGHTS * WEIGHTS
+"""Units of a level of a plane in which values between pixels are counted."""
 MOST = 255.0
 """The most coverage that a mask may have."""
 BLURRED_PX2 = 0.5
@@ -100,9 +106,12 @@ def edge_samples(
         Number of samples.
     """
     count = 0
+    lines = outline_lines(outlines.px, outlines.hull, outlines.first)
     for g in range(outlines.first.shape[0] - 1):
         if view.part[g] >= 0 and outlines.first[g + 1] - outlines.first[g] >= 3:
-            count = _geom_samples(planes, view, outlines, swept, search, g, ends, samples, count, left_out)
+            count = _geom_samples(
+                planes, view, outlines, lines, swept, search, g, ends, samples, count, left_out
+            )
     return count
 
 
@@ -111,6 +120,7 @@ def _geom_samples(
     planes: np.ndarray,
     view: View,
     outlines: Outlines,
+    lines: np.ndarray,
     swept: np.ndarray,
     search: tuple[float, float],
     g: int,
@@ -173,11 +183,12 @@ def _geom_samples(
                 )
             if (path[2] - path[0]) ** 2 + (path[3] - path[1]) ** 2 > LEAST_SWEEP_PX * LEAST_SWEEP_PX:
                 reason = find_blurred_edge(
-                    coverage, known, shaded, px, hull, first, g, at, path, reach, ends[count], samples[count]
-                )
+                    coverage, known, shaded, px, hull, first, lines, g, at, path, reach, ends[count],
+                    samples[count],
+                )  # fmt: skip
             else:
                 reason = _find_edge(
-                    coverage, known, borders, borders_known, shaded, px, hull, first, g, at, reach, top,
+                    coverage, known, borders, borders_known, shaded, lines, first, g, at, reach, top,
                     samples[count],
                 )  # fmt: skip
             if reason == USED or left_out:
@@ -217,8 +228,7 @@ def _find_edge(
     borders: np.ndarray,
     borders_known: np.ndarray,
     shaded: bool,
-    px: np.ndarray,
-    hull: np.ndarray,
+    lines: np.ndarray,
     first: np.ndarray,
     own: int,
     at: Normal,
@@ -237,12 +247,12 @@ def _find_edge(
     sample[NORMAL_X], sample[NORMAL_Y] = nx, ny
     sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
     # no farther inwards than the middle of the body: beyond it the other side's edge would be integrated
-    inner = min(reach, 0.5 * depth_inside(px, hull, first[own], first[own + 1], at))
+    inner = min(reach, 0.5 * depth_inside(lines, first[own], first[own + 1], at))
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return OUTSIDE
     # where another geom covers the outer side the mask has no edge: it goes on in the other geom
-    if is_covered(px, hull, first, own, at, reach):
+    if is_covered(lines, first, own, at, reach):
         return HIDDEN
     weight = least_trust(known, at, inner, reach)
     border = weight < TRUSTED
@@ -252,37 +262,66 @@ def _find_edge(
         return FAINT
     steps = max(2, math.ceil((inner + reach) / STEP_PX))
     step = (inner + reach) / steps
-    total, deep, level = 0.0, 0, 0.0
-    most, envelope, peak, within = 0.0, 0.0, reach, 0.0
+    # places from the outer end inwards, in whole units, of which a pixel has ``ONE``
+    at_x, at_y = _units(x + reach * nx), _units(y + reach * ny)
+    by_x, by_y = round(step * nx * ONE), round(step * ny * ONE)
+    # farther inwards than this the coverage is that of the geom itself
+    deep = math.ceil(OWN_LEVEL * inner / step)
+    limit = round(top * VALUE)
+    total, outer, envelope, most, peak = 0, 0, 0, 0, steps
+    begin, most_begin, c, shown = 0, 0, 0, 0
     for k in range(steps, -1, -1):
-        t = -inner + k * step
-        c = bilinear(coverage, x + t * nx, y + t * ny)
+        c = _value(coverage, at_x, at_y)
+        at_x, at_y = at_x - by_x, at_y - by_y
         if c > most:
-            most, peak = c, t
-        envelope += 0.5 * most if k == 0 or k == steps else most
-        within = c if k == 0 else within
-        c = min(c, top)
-        if t < -0.6 * inner:
-            deep += 1
-            level += c
-        total += 0.5 * c if k == 0 or k == steps else c
+            most, peak = c, k
+        envelope += most
+        shown = min(c, limit)
+        total += shown
+        if k == steps:
+            begin, most_begin = shown, most
+        if k == deep:
+            outer = total
+    # as a fraction of the plane's own levels
+    level, within = (total - outer) / VALUE, c / VALUE
+    area = (total - 0.5 * (begin + shown)) / VALUE
     # Trapezoids: the area under c over its level is how far the covered part of the normal goes. Light and
     # shade lower the level of a geom, and against full coverage its edge would seem to lie too far inside.
     flat = shaded and inner >= FLAT_PX and level > LEAST_LEVEL * FULL * deep
     level = level / deep if flat else FULL
-    away = total * step / level - inner
+    away = area * step / level - inner
     # Where the geom looks like the background, that nothing shows says nothing; a border that shows is an
     # edge.
-    if border and most < CHANGED_LEVEL * FULL:
+    if border and most < CHANGED_LEVEL * FULL * VALUE:
         return FAINT
-    if border or most > OVERFULL * max(within, FULL):
+    if border or most > OVERFULL * max(within, FULL) * VALUE:
         # A side that stands out more than the front is narrow, and blur widens it. Half of its own level is
         # reached at ``half`` from its peak, and the edge lies nearer by what the blur has added.
-        half = envelope * step / most - inner - peak
-        away = peak + math.sqrt(max(half * half - BLURRED_PX2, 0.0))
+        farthest = peak * step - inner
+        half = (envelope - 0.5 * (most_begin + most)) * step / most - inner - farthest
+        away = farthest + math.sqrt(max(half * half - BLURRED_PX2, 0.0))
     sample[BORDER] = border
     sample[AWAY] = away
     sample[WEIGHT] = weight * weight
     sample[INNER] = inner
     sample[GAIN], sample[SHOWN], sample[FAR_X], sample[FAR_Y] = 1.0, 1.0, 0.0, 0.0
     return USED
+
+
+@njit(cache=True, inline="always")
+def _units(place: float) -> int:
+    """Return a place [px] in whole units, half of a weight's step ahead so that weights are rounded."""
+    return round(place * ONE) + ONE // (2 * WEIGHTS)
+
+
+@njit(cache=True, inline="always")
+def _value(picture: np.ndarray, x: int, y: int) -> np.int64:
+    """Return a picture's value between pixels in units of a ``VALUE``th, at a place in units of a ``ONE``th;
+    the caller keeps it inside. This is ``bilinear`` in whole numbers, which takes half of the time."""
+    fx, fy = x // (ONE // WEIGHTS) % WEIGHTS, y // (ONE // WEIGHTS) % WEIGHTS
+    # numba counts signed indices from the end where they are negative, and looks whether they are
+    ix, iy, one = np.uint64(x // ONE), np.uint64(y // ONE), np.uint64(1)
+    a, b = np.int64(picture[iy, ix]), np.int64(picture[iy, ix + one])
+    c, d = np.int64(picture[iy + one, ix]), np.int64(picture[iy + one, ix + one])
+    top, low = a * WEIGHTS + fx * (b - a), c * WEIGHTS + fx * (d - c)
+    return top * WEIGHTS + fy * (low - top)

@@ -42,6 +42,11 @@ SAMPLE_COLUMNS = FAR_Y + 1
 USED, OUTSIDE, HIDDEN, FAINT = range(4)
 """Why a sample is left out: it is not; its normal leaves the picture; another geom covers it; the
 background cannot be distinguished from the mechanism."""
+OUT_X, OUT_Y, OUT_AT = range(3)
+"""Columns of a line along an edge of an outline: its outward unit normal, and how far out along that it lies
+[px]."""
+LINE_COLUMNS = OUT_AT + 1
+"""Number of these columns."""
 COVERED_PX = 0.75
 """A place this close to another outline, or inside of it, is taken as covered by it [px]."""
 
@@ -71,22 +76,49 @@ def least_trust(known: np.ndarray, at: Normal, inner: float, reach: float) -> fl
     return weight
 
 
+@njit(cache=True)
+def outline_lines(px: np.ndarray, hull: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Return the lines along the edges of outlines, which every sample is compared with.
+
+    Args:
+        px: Outline points [px], (point, 2).
+        hull: Corners of all geoms, indices into ``px``, (entry,).
+        first: Where each geom's corners start, (geom + 1,).
+
+    Returns:
+        Of the edge from each corner to the next its outward unit normal and how far out along it the edge
+        lies [px], in the columns named above, (entry, 3).
+    """
+    lines = np.empty((first[-1], LINE_COLUMNS))
+    for g in range(first.shape[0] - 1):
+        for i in range(first[g], first[g + 1]):
+            p = hull[i]
+            q = hull[i + 1] if i + 1 < first[g + 1] else hull[first[g]]
+            ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
+            length = math.sqrt(ex * ex + ey * ey)
+            if length < 1e-9:
+                # an edge without length has nothing outside of it
+                lines[i, OUT_X], lines[i, OUT_Y], lines[i, OUT_AT] = 0.0, 0.0, 1e18
+                continue
+            # the hull turns so that (ey, -ex) points outwards
+            lines[i, OUT_X], lines[i, OUT_Y] = ey / length, -ex / length
+            lines[i, OUT_AT] = (px[p, 0] * ey - px[p, 1] * ex) / length
+    return lines
+
+
 @njit(cache=True, inline="always")
-def is_covered(
-    px: np.ndarray, hull: np.ndarray, first: np.ndarray, own: int, at: Normal, reach: float
-) -> bool:
+def is_covered(lines: np.ndarray, first: np.ndarray, own: int, at: Normal, reach: float) -> bool:
     """Return whether another geom than ``own`` covers a place or what lies outwards of it.
 
     Four places along the normal find every geom that is wider than a third of the search length.
     """
     covered = False
     for g in range(first.shape[0] - 1):
-        if g == own:
+        if g == own or _is_apart(lines, first[g], first[g + 1], at, reach):
             continue
         for k in range(4):
             t = k * reach / 3.0
-            away = outside(px, hull, first[g], first[g + 1], at.x + t * at.nx, at.y + t * at.ny)
-            if away < COVERED_PX:
+            if outside(lines, first[g], first[g + 1], at.x + t * at.nx, at.y + t * at.ny) < COVERED_PX:
                 covered = True
                 break
         if covered:
@@ -95,43 +127,48 @@ def is_covered(
 
 
 @njit(cache=True)
-def outside(px: np.ndarray, hull: np.ndarray, a: int, b: int, x: float, y: float) -> float:
-    """Return how far a point lies outside of the outline ``hull[a:b]``, negative inside [px]."""
+def _is_apart(lines: np.ndarray, a: int, b: int, at: Normal, reach: float) -> bool:
+    """Return whether one of the edges ``lines[a:b]`` has both ends of a normal, and so all of it, outside."""
+    for i in range(a, b):
+        begin = lines[i, OUT_X] * at.x + lines[i, OUT_Y] * at.y - lines[i, OUT_AT]
+        end = begin + reach * (lines[i, OUT_X] * at.nx + lines[i, OUT_Y] * at.ny)
+        if begin >= COVERED_PX and end >= COVERED_PX:
+            return True
+    return False
+
+
+@njit(cache=True)
+def outside(lines: np.ndarray, a: int, b: int, x: float, y: float) -> float:
+    """Return how far a point lies outside of the outline ``lines[a:b]``, negative inside [px]."""
     # of a convex outline: the largest of the distances from the lines through its edges
     most = -1e18
     for i in range(a, b):
-        p = hull[i]
-        q = hull[i + 1] if i + 1 < b else hull[a]
-        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
-        length = math.sqrt(ex * ex + ey * ey)
-        if length < 1e-9:
-            continue
-        most = max(most, ((x - px[p, 0]) * ey - (y - px[p, 1]) * ex) / length)
+        most = max(most, lines[i, OUT_X] * x + lines[i, OUT_Y] * y - lines[i, OUT_AT])
     return most
 
 
 @njit(cache=True)
-def depth_inside(px: np.ndarray, hull: np.ndarray, a: int, b: int, at: Normal) -> float:
-    """Return the width of the outline ``hull[a:b]`` from a place on it against the normal [px]."""
+def depth_inside(lines: np.ndarray, a: int, b: int, at: Normal) -> float:
+    """Return the width of the outline ``lines[a:b]`` from a place on it against the normal [px]."""
     far = 1e18
     for i in range(a, b):
-        p = hull[i]
-        q = hull[i + 1] if i + 1 < b else hull[a]
-        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
         # the line against the normal leaves the outline through the first edge that it crosses outwards
-        across = -at.nx * ey + at.ny * ex
+        across = -(lines[i, OUT_X] * at.nx + lines[i, OUT_Y] * at.ny)
         if across > 1e-9:
-            away = ((px[p, 0] - at.x) * ey - (px[p, 1] - at.y) * ex) / across
-            if away > 0.0:
-                far = min(far, away)
+            away = (lines[i, OUT_AT] - lines[i, OUT_X] * at.x - lines[i, OUT_Y] * at.y) / across
+            if 0.0 < away < far:
+                far = away
     return far
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def bilinear(picture: np.ndarray, x: float, y: float) -> float:
     """Return the picture's value between pixels; the caller keeps (x, y) inside."""
-    ix, iy = int(x), int(y)
-    fx, fy = x - ix, y - iy
-    top = picture[iy, ix] * (1.0 - fx) + picture[iy, ix + 1] * fx
-    low = picture[iy + 1, ix] * (1.0 - fx) + picture[iy + 1, ix + 1] * fx
-    return top * (1.0 - fy) + low * fy
+    column, row = int(x), int(y)
+    fx, fy = x - column, y - row
+    # numba counts signed indices from the end where they are negative, and looks whether they are
+    ix, iy, one = np.uint64(column), np.uint64(row), np.uint64(1)
+    a, b = float(picture[iy, ix]), float(picture[iy, ix + one])
+    c, d = float(picture[iy + one, ix]), float(picture[iy + one, ix + one])
+    top, low = a + fx * (b - a), c + fx * (d - c)
+    return top + fy * (low - top)

@@ -18,6 +18,8 @@ CHANGED_NOISE = 5.0
 """A pixel has changed only if it differs by more than this many standard deviations of its own noise."""
 SHOWN_NOISE = 4.0
 """Contrast over the noise of a pixel from which it shows whether it is covered."""
+AT_ONCE = 100_000
+"""Pixels whose samples are gathered at a time."""
 LEAST_NOISE = 0.5
 """Least standard deviation of a pixel: what rounding makes of no noise at all [grey levels]."""
 
@@ -168,21 +170,35 @@ def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
 
     def again(planes: Sequence[np.ndarray], hidden: Sequence[np.ndarray], at: np.ndarray) -> list[np.ndarray]:
         """Return median, noise and count at some of the pixels, each (pixel,)."""
-        stack, masks = (np.stack([one[at] for one in ones])[:, np.newaxis] for ones in (planes, hidden))
-        return [found[0] for found in masked_median(stack, masks)]
+        rows, columns = np.nonzero(at)
+        parts = []
+        # of a large picture the pixels of all frames would fill the memory
+        for start in range(0, max(len(rows), 1), AT_ONCE):
+            some = rows[start : start + AT_ONCE], columns[start : start + AT_ONCE]
+            stack, masks = (np.stack([one[some] for one in ones])[:, np.newaxis] for ones in (planes, hidden))
+            parts.append([found[0] for found in masked_median(stack, masks)])
+        return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
-    somewhere = np.logical_or.reduce(covered)
+    somewhere = _any_of(covered)
     luma[somewhere], deviation[somewhere], count[somewhere] = again(
         [frame.luma for frame in frames], covered, somewhere
     )
     if chroma is not None:
         small = [_shrink(mask, chroma[0].shape) for mask in covered]
-        somewhere = np.logical_or.reduce(small)
+        somewhere = _any_of(small)
         colours = [frame.chroma for frame in frames if frame.chroma is not None]
         chroma = (chroma[0].copy(), chroma[1].copy())
         for target, planes in zip(chroma, zip(*colours, strict=True), strict=True):
             target[somewhere] = again(planes, small, somewhere)[0]
     return Medians(luma, deviation, count, chroma)
+
+
+def _any_of(masks: Sequence[np.ndarray]) -> np.ndarray:
+    """Return where any of some masks is set, bool (height, width); they are not copied together first."""
+    somewhere = np.zeros_like(masks[0])
+    for mask in masks:
+        np.logical_or(somewhere, mask, out=somewhere)
+    return somewhere
 
 
 def _smooth_deviation(deviation: np.ndarray) -> np.ndarray:

@@ -73,15 +73,16 @@ def moving_pixels(
     """
     import cv2
 
-    rows = []
-    behind = full_size(background.luma, None if grey_only else background.chroma)
+    rows, part = [], _margined(background)
+    behind = [p[part] for p in full_size(background.luma, None if grey_only else background.chroma)]
     inner = np.ones((3, 3), np.uint8)
-    around, counts = surroundings(samples, background, contrast), background.counts
-    least = np.maximum(contrast, CHANGED_NOISE * background.pixel_noise) ** 2
+    around = [plane[part] for plane in surroundings(samples, background, contrast)]
+    noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[part]
+    counts, least = background.counts[part], np.maximum(contrast, CHANGED_NOISE * noise) ** 2
     picks = range(0, len(samples), max(1, len(samples) // 24))
     for i in picks:
         frame = samples[i]
-        planes = full_size(frame.luma, None if grey_only else frame.chroma)
+        planes = [p[part] for p in full_size(frame.luma, None if grey_only else frame.chroma)]
         moving = (apart(planes, behind) > least) & counts
         # Where the first background shows the mechanism itself, what moves is its absence: such a pixel is
         # more like its surroundings than the background is, and does not count.
@@ -89,7 +90,7 @@ def moving_pixels(
         shown, back, near = ([plane[y, x] for plane in picture] for picture in (planes, behind, around))
         moving[y, x] = apart(shown, near) > apart(back, near)
         if shadow is not None:
-            moving &= ~in_shadow(frame, background, shadow)
+            moving &= ~in_shadow(frame, background, shadow)[part]
         # pixels at an edge are mixed with the background; only a thin mechanism has no others
         core = cv2.erode(moving.astype(np.uint8), inner) > 0
         if core.sum() < 20:
@@ -103,6 +104,12 @@ def moving_pixels(
             columns = [columns[0], blank, blank, columns[1], blank, blank]
         rows.append(np.column_stack([*columns, np.full(len(y), i)]))
     return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, PIXEL_COLUMNS))
+
+
+def _margined(background: Background) -> tuple[slice, slice]:
+    """Return rows and columns of the part in which anything moves, and of a still pixel around it."""
+    top, bottom, left, right = background.window
+    return slice(max(0, top - 1), bottom + 1), slice(max(0, left - 1), right + 1)
 
 
 def surroundings(samples: Sequence[Frame], background: Background, contrast: float) -> list[np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,94 +28,134 @@ CLOSING = 0.004
 """Gaps up to twice this share of the picture's longer side are closed where the colours vary."""
 
 
+CHROMA_PX = 2
+"""How far around a pixel the colour planes count that are enlarged to the picture's size [px]."""
+SHADOW_PX = 8
+"""How far around a pixel a shadow is judged [px]."""
+NOTHING = np.zeros((0, 0, 0), dtype=np.float32)
+"""Stands for planes of colours that do not count."""
 GREY, BLUE, RED = range(3)
 """Columns of a colour."""
 
 
-class _Projection(NamedTuple):
-    """What stays the same from frame to frame.
-
-    Attributes:
-        background: Grey level of each pixel, float32 (height, width).
-        colours: Colours of the mechanism, float32 (colour, 3).
-        dimmed: How much of each colour is taken out of its difference from the background, float32 (colour,
-            height, width).
-        scale: ``FULL`` over the squared contrast, float32 (colour, height, width).
-        window: Part of the picture in which anything moves.
-    """
-
-    background: np.ndarray
-    colours: np.ndarray
-    dimmed: np.ndarray
-    scale: np.ndarray
-    window: Window
-
-
-def coverage_of(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
+def coverage_of(
+    frame: Frame, background: Background, palette: Palette, window: Window | None = None
+) -> np.ndarray:
     """Project each pixel's difference from the background on the mechanism's colours.
 
     Args:
         frame: The picture.
         background: What it shows without the mechanism.
         palette: Colours and scale from ``choose_palette``.
+        window: Part of the picture that is wanted; None for all of it.
 
     Returns:
         Coverage by each colour, and by any difference where they vary, uint8 (plane, height, width),
-        ``FULL`` where the mechanism covers the whole pixel; 0 outside of the background's window.
+        ``FULL`` where the mechanism covers the whole pixel; 0 outside of the background's window, and
+        anything outside of the part that is wanted.
     """
-    colours = palette.colours.astype(np.float32)
-    count = len(colours) + palette.any_difference
-    planes = np.zeros((count, *frame.luma.shape), dtype=np.uint8)
-    chroma = dimmed = np.zeros((0, 0, 0), dtype=np.float32)
-    if not (palette.grey_only or frame.chroma is None or background.chroma is None):
-        dimmed = palette.dimmed[0] if palette.dimmed is not None else _undimmed(len(colours), frame.luma)
-        chroma = _chroma_part(frame.chroma, background, palette)
-    projection = _Projection(background.luma, colours, dimmed, palette.scale, background.window)
-    _project(frame.luma, chroma, projection, planes)
-    if palette.any_difference:
-        _any_difference(frame, background, palette, planes[-1])
-        if palette.varied:
-            top, bottom, left, right = background.window
-            inside = planes[:, top:bottom, left:right]
-            planes[-1, top:bottom, left:right] = _closed(inside.max(axis=0), max(frame.luma.shape))
-    if palette.shadow is not None:
-        unshadowed(frame, background, palette.shadow, palette.colours, planes)
-    if background.others is not None:
-        planes[:, background.others] = 0
+    shape, inside = (len(palette.trust), *frame.luma.shape), background.window
+    if window is None:
+        planes = np.zeros(shape, dtype=np.uint8)
+    else:
+        # a picture is large and the mechanism small: to write zeros over all of it costs more than the rest
+        planes = np.empty(shape, dtype=np.uint8)
+        if not _contains(inside, window):
+            planes[:, window.top : window.bottom, window.left : window.right] = 0
+        inside = _common(inside, _grown(window, _around(palette, shape[1:])))
+    if inside.top < inside.bottom and inside.left < inside.right:
+        _cover(frame, background, palette, inside, planes)
     return planes
 
 
-def _undimmed(colours: int, plane: np.ndarray) -> np.ndarray:
-    """Return shares of zero: nothing is taken out of the colours, float32 (colour, height, width)."""
-    return np.zeros((colours, *plane.shape), dtype=np.float32)
+def _cover(
+    frame: Frame, background: Background, palette: Palette, window: Window, planes: np.ndarray
+) -> None:
+    """Fill the planes within a window."""
+    colours = palette.colours.astype(np.float32)
+    chroma = dimmed = NOTHING
+    if not (palette.grey_only or frame.chroma is None or background.chroma is None):
+        dimmed = palette.dimmed[0] if palette.dimmed is not None else NOTHING
+        chroma = _chroma_part(frame.chroma, background, palette, window)
+    _project(frame.luma, chroma, background.luma, colours, dimmed, palette.scale, window, planes)
+    rows, columns = slice(window.top, window.bottom), slice(window.left, window.right)
+    if palette.any_difference:
+        _any_difference(frame, background, palette, window, planes[-1])
+        if palette.varied:
+            inside = planes[:, rows, columns]
+            planes[-1, rows, columns] = _closed(inside.max(axis=0), _closing(frame.luma.shape))
+    if palette.shadow is not None:
+        part = replace(background, window=window)
+        unshadowed(frame, part, palette.shadow, palette.colours, planes)
+    if background.others is not None:
+        planes[:, rows, columns][:, background.others[rows, columns]] = 0
 
 
-def _closed(coverage: np.ndarray, longer: int) -> np.ndarray:
-    """Fill the gaps between the bright and the dark edge of a shiny rod, which look like the background, in a
-    picture whose longer side is given [px]."""
+def _contains(window: Window, other: Window) -> bool:
+    """Return whether one window contains another."""
+    return (
+        window.top <= other.top
+        and window.bottom >= other.bottom
+        and window.left <= other.left
+        and window.right >= other.right
+    )
+
+
+def _common(one: Window, other: Window) -> Window:
+    """Return what two windows have in common; without rows or columns where that is nothing."""
+    return Window(
+        max(one.top, other.top),
+        min(one.bottom, other.bottom),
+        max(one.left, other.left),
+        min(one.right, other.right),
+    )
+
+
+def _grown(window: Window, by: int) -> Window:
+    """Return a window with a margin to every side [px]."""
+    return Window(window.top - by, window.bottom + by, window.left - by, window.right + by)
+
+
+def _around(palette: Palette, shape: tuple[int, ...]) -> int:
+    """Return how far around a pixel its coverage depends on the picture [px]."""
+    around = CHROMA_PX
+    if palette.any_difference and palette.varied:
+        around += 2 * _closing(shape)
+    return around if palette.shadow is None else around + SHADOW_PX
+
+
+def _closing(shape: tuple[int, ...]) -> int:
+    """Return by how much the gaps of a picture of a height and width are closed from either side [px]."""
+    return round(CLOSING * max(shape))
+
+
+def _closed(coverage: np.ndarray, by: int) -> np.ndarray:
+    """Fill the gaps between the bright and the dark edge of a shiny rod, which look like the background, from
+    either side by so much [px]."""
     import cv2
 
-    size = 2 * round(CLOSING * longer) + 1
+    size = 2 * by + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return cv2.morphologyEx(coverage, cv2.MORPH_CLOSE, kernel)
 
 
-def _any_difference(frame: Frame, background: Background, palette: Palette, out: np.ndarray) -> None:
-    """Fill ``out``, uint8 (height, width), with coverage from the size of the difference alone, beyond the
-    noise."""
+def _any_difference(
+    frame: Frame, background: Background, palette: Palette, window: Window, out: np.ndarray
+) -> None:
+    """Fill a window of ``out``, uint8 (height, width), with coverage from the size of the difference alone,
+    beyond the noise."""
     chroma = np.zeros((0, 0), dtype=np.float32)
     if not palette.grey_only and frame.chroma is not None and background.chroma is not None:
-        way = _enlarged(background.window, frame.luma.shape, frame.chroma[0].shape)
+        way = _enlarged(window, frame.luma.shape, frame.chroma[0].shape)
         pairs = zip(frame.chroma, background.chroma, strict=True)
         blue, red = (plane[way.part] - back[way.part] for plane, back in pairs)
         chroma = np.ascontiguousarray(way.cut(blue**2 + red**2))
     # borders that stand out more than the least contrast keep their profile up to twice the range
     full, most = (ANY_CONTRAST, FULL) if palette.varied else (2 * ANY_CONTRAST, 255)
-    noise = background.pixel_noise
-    if noise.shape != out.shape:
-        noise = np.full(out.shape, noise[0, 0])
+    rows, columns = slice(window.top, window.bottom), slice(window.left, window.right)
+    noise = np.broadcast_to(background.pixel_noise, out.shape)[rows, columns].copy()
     levels = np.array([ANY_BEYOND * palette.contrast, FULL / (full * palette.contrast), most], np.float32)
-    _differing(frame.luma, chroma, (background.luma, noise), background.window, levels, out)
+    _differing(frame.luma, chroma, background.luma, noise, window, levels, out)
 
 
 class _Enlarged(NamedTuple):
@@ -155,25 +196,25 @@ def _enlarged(window: Window, shape: tuple[int, ...], small: tuple[int, ...]) ->
 
 
 def _chroma_part(
-    chroma: tuple[np.ndarray, np.ndarray], background: Background, palette: Palette
+    chroma: tuple[np.ndarray, np.ndarray], background: Background, palette: Palette, window: Window
 ) -> np.ndarray:
-    """Return the projection of the colour differences, for each colour at full size within the window."""
+    """Return the projection of the colour differences, for each colour at full size within a window."""
     assert background.chroma is not None
     behind, colours, shape = background.chroma, palette.colours.astype(np.float32), background.luma.shape
-    dimmed = palette.dimmed[1] if palette.dimmed is not None else _undimmed(len(colours), chroma[0])
     # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
-    way = _enlarged(background.window, shape, chroma[0].shape)
+    way = _enlarged(window, shape, chroma[0].shape)
     part = way.part
     small = np.empty(
         (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32
     )
-    _project_chroma(
-        chroma[0][part], chroma[1][part], behind[0][part], behind[1][part], colours, dimmed[:, *part], small
-    )
+    dimmed = NOTHING if palette.dimmed is None else palette.dimmed[1][:, *part].copy()
+    blue, red = (plane[part].copy() for plane in chroma)
+    blue_behind, red_behind = (plane[part].copy() for plane in behind)
+    _project_chroma(blue, red, blue_behind, red_behind, colours, dimmed, small)
     return np.stack([way.cut(plane) for plane in small])
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
 def _project_chroma(
     blue: np.ndarray,
     red: np.ndarray,
@@ -184,49 +225,80 @@ def _project_chroma(
     out: np.ndarray,
 ) -> None:
     """Fill ``out`` (colour, height, width) with the weighted product of (I - B) and (F - B), less what light
-    does, over both channels."""
-    weight = np.float32(CHROMA_WEIGHT)
+    does, over both channels; ``dimmed`` has length 0 where light is even."""
+    weight, share = np.float32(CHROMA_WEIGHT), np.float32(0.0)
+    even = dimmed.shape[0] == 0
     for k in range(colours.shape[0]):
         blue_light = colours[k, BLUE] - np.float32(BLACK[BLUE])
         red_light = colours[k, RED] - np.float32(BLACK[RED])
         for y in range(out.shape[1]):
             for x in range(out.shape[2]):
                 b0, r0 = blue_background[y, x], red_background[y, x]
-                share = dimmed[k, y, x]
+                if not even:
+                    share = dimmed[k, y, x]
                 b = (np.float32(blue[y, x]) - b0) * (colours[k, BLUE] - b0 - share * blue_light)
                 r = (np.float32(red[y, x]) - r0) * (colours[k, RED] - r0 - share * red_light)
                 out[k, y, x] = weight * (b + r)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
-def _project(luma: np.ndarray, chroma: np.ndarray, projection: _Projection, out: np.ndarray) -> None:
-    """Fill ``out`` with the coverage by each colour; ``chroma`` has length 0 when grey alone counts."""
-    background, colours, dimmed, scale, window = projection
-    none, most, half = np.float32(0.0), np.float32(255.0), np.float32(0.5)
-    # the two cases are separate loops, so that the common one, grey, has no branch and uses vector registers
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+def _project(
+    luma: np.ndarray,
+    chroma: np.ndarray,
+    background: np.ndarray,
+    colours: np.ndarray,
+    dimmed: np.ndarray,
+    scale: np.ndarray,
+    window: Window,
+    out: np.ndarray,
+) -> None:
+    """Fill ``out`` (colour, height, width) with the coverage by each colour within a window.
+
+    ``chroma``, the part of the colours in it, has length 0 when grey alone counts, and ``dimmed``, how much
+    of each colour is taken out, where light is even; ``scale`` is ``FULL`` over the squared contrast.
+    """
+    # Rows are cut out, and the cases are separate loops without a branch: so they use vector registers.
+    left, right = window.left, window.right
     for k in range(colours.shape[0]):
         target = colours[k, GREY]
         light = target - np.float32(BLACK[GREY])
         for y in range(window.top, window.bottom):
+            shown, behind = luma[y][left:right], background[y][left:right]
+            gain, covered = scale[k, y][left:right], out[k, y][left:right]
             if chroma.shape[0] == 0:
-                for x in range(window.left, window.right):
-                    b = background[y, x]
-                    value = (np.float32(luma[y, x]) - b) * (target - b) * scale[k, y, x]
-                    out[k, y, x] = np.uint8(min(most, max(none, value + half)))
-            else:
-                for x in range(window.left, window.right):
-                    b = background[y, x]
-                    difference = chroma[k, y - window.top, x - window.left]
-                    step = target - b - dimmed[k, y, x] * light
-                    value = (np.float32(luma[y, x]) - b) * step + difference
-                    out[k, y, x] = np.uint8(min(most, max(none, value * scale[k, y, x] + half)))
+                for x in range(right - left):
+                    b = behind[x]
+                    covered[x] = _level((np.float32(shown[x]) - b) * (target - b) * gain[x])
+                continue
+            tint = chroma[k, y - window.top]
+            if dimmed.shape[0] == 0:
+                for x in range(right - left):
+                    b = behind[x]
+                    covered[x] = _level(((np.float32(shown[x]) - b) * (target - b) + tint[x]) * gain[x])
+                continue
+            share = dimmed[k, y][left:right]
+            for x in range(right - left):
+                b = behind[x]
+                step = target - b - share[x] * light
+                covered[x] = _level(((np.float32(shown[x]) - b) * step + tint[x]) * gain[x])
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, inline="always")
+def _level(value: np.float32) -> np.uint8:
+    """Return a coverage as a level of 8 bits, rounded."""
+    none, most, level = np.float32(0.0), np.float32(255.0), value + np.float32(0.5)
+    level = level if level > none else none
+    level = level if level < most else most
+    # straight to 8 bits there is no instruction for a whole register
+    return np.uint8(np.int32(level))
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
 def _differing(
     luma: np.ndarray,
     chroma: np.ndarray,
-    behind: tuple[np.ndarray, np.ndarray],
+    background: np.ndarray,
+    noise: np.ndarray,
     window: Window,
     levels: np.ndarray,
     out: np.ndarray,
@@ -234,16 +306,22 @@ def _differing(
     """Fill ``out`` with the size of the difference beyond the least that counts, times a scale.
 
     ``chroma``, the squared difference of the colours in the window, has length 0 when grey alone counts;
-    ``behind`` holds background and noise, and ``levels`` the least difference, the scale and the most.
+    ``noise`` is that of the window, and ``levels`` holds the least difference, the scale and the most.
     """
-    background, noise = behind
     beyond, scale, most = levels[0], levels[1], levels[2]
     none, weight, counts = np.float32(0.0), np.float32(CHROMA_WEIGHT), np.float32(ANY_NOISE)
+    left, right = window.left, window.right
     for y in range(window.top, window.bottom):
-        for x in range(window.left, window.right):
-            difference = np.float32(luma[y, x]) - background[y, x]
+        shown, behind, covered = luma[y][left:right], background[y][left:right], out[y][left:right]
+        usual = noise[y - window.top]
+        for x in range(right - left):
+            difference = np.float32(shown[x]) - behind[x]
             square = difference * difference
             if chroma.shape[0] > 0:
-                square += weight * chroma[y - window.top, x - window.left]
-            share = (np.sqrt(square) - max(beyond, counts * noise[y, x])) * scale
-            out[y, x] = np.uint8(min(most, max(none, share)))
+                square += weight * chroma[y - window.top, x]
+            least = counts * usual[x]
+            least = least if least > beyond else beyond
+            share = (np.sqrt(square) - least) * scale
+            share = share if share > none else none
+            share = share if share < most else most
+            covered[x] = np.uint8(np.int32(share))

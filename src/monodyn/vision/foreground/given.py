@@ -24,6 +24,7 @@ from monodyn.vision.foreground.background import Background, Samples
 from monodyn.vision.foreground.mask_files import BLACK, WHITE, OpenedMasks, opened_masks
 from monodyn.vision.foreground.masks import GeomColours, View, plain_view
 from monodyn.vision.foreground.sampling import sample_frames
+from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.settings import SegmentSettings
 
 NOISE = 1.0
@@ -67,11 +68,12 @@ class GivenMasks:
         for frame in self.objects.frames():
             yield self._of(frame)
 
-    def of(self, frame: Frame) -> Mask:
+    def of(self, frame: Frame, window: Window | None = None) -> Mask:
         """Return the mask of one frame.
 
         Args:
             frame: A picture of ``video``.
+            window: Not used: all of it costs little.
 
         Returns:
             Coverage of every object.

@@ -18,7 +18,8 @@ from monodyn.vision.clip.steady import light_grid
 LEAST_GREY = 1.0
 """Difference of the usual grey level below which the light is the same [grey levels]."""
 UNCHANGED = 0.5
-"""Median difference below which it surely is [grey levels]."""
+"""Median difference below which it surely is, in the dark half of the places and in the bright one [grey
+levels]."""
 LEAST_RANGE = 25.0
 """Range between the mean dark and the mean bright place from which a gain differs from an offset [grey
 levels]."""
@@ -66,12 +67,13 @@ class Light:
 
     def _change(self, luma: np.ndarray) -> tuple[float, float] | None:
         """Return gain and offset of a picture; None where its light is that of the reference."""
+        from monodyn.vision.foreground.places import is_unchanged
+
+        # what stands still is most of a picture: where its median has not changed, neither has the light
+        if is_unchanged(luma, self.row, self.column, self.level, UNCHANGED):
+            return None
         level, values = self.level, luma[self.row, self.column]
         half, gain, offset = len(level) // 2, 1.0, 0.0
-        change = values - level
-        # what stands still is most of a picture: where its median has not changed, neither has the light
-        if all(abs(_median(part)) < UNCHANGED for part in (change[:half], change[half:])):
-            return None
         # The first round may take places that happen to have changed alike; about the line through them the
         # places that stand still differ by noise alone.
         for done in range(ROUNDS):
@@ -121,12 +123,6 @@ def in_one_light(frames: Sequence[Frame], reference: np.ndarray | None = None) -
         reference = frames[int(np.argsort(brightness, kind="stable")[len(frames) // 2])].luma
     light = light_of(reference)
     return tuple(light.evened(frame) for frame in frames)
-
-
-def _median(values: np.ndarray) -> float:
-    """Return the upper median; numpy's own takes ten times as long for so few."""
-    middle = len(values) // 2
-    return float(np.partition(values, middle)[middle])
 
 
 def _usual(values: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from monodyn.types import Frame, Mask
 from monodyn.vision.clip.steady import Parallax
 from monodyn.vision.clip.video import Video
 from monodyn.vision.foreground.background import Background, Samples
+from monodyn.vision.foreground.thumbnails import Window
 
 NOT_SHOWN, VARIED = -2, -1
 """Stand for the colour of a geom that the camera does not see, and of one that has no single colour."""
@@ -108,11 +109,13 @@ class Masks(Protocol):
         """By how much more the mechanism moves than the registered scene before a camera that moves."""
         ...
 
-    def of(self, frame: Frame) -> Mask:
+    def of(self, frame: Frame, window: Window | None = None) -> Mask:
         """Return the mask of one frame.
 
         Args:
             frame: A frame of the clip, or of another clip of the same camera and background.
+            window: Part of the picture that is wanted; outside of it the planes may hold anything. None for
+                all of it.
 
         Returns:
             Its soft foreground, with the planes that ``view`` describes, or any number of planes where

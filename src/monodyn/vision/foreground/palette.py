@@ -205,15 +205,24 @@ def lingering(samples: Sequence[Frame], background: Background, palette: Palette
         For each sample the pixels of such places that look like the mechanism, bool (height, width).
     """
     around = surroundings(samples, background, palette.contrast)
-    suspect = _looks_like(background.luma, background.chroma, palette, around)
-    return [suspect & _looks_like(frame.luma, frame.chroma, palette, around) for frame in samples]
+
+    def planes_of(picture: Frame | Background) -> list[np.ndarray]:
+        return full_size(picture.luma, None if palette.grey_only else picture.chroma)
+
+    suspect = _looks_like(planes_of(background), palette, around)
+    rows, columns = np.nonzero(suspect)
+    found = [np.zeros(suspect.shape, dtype=np.bool_) for _ in samples]
+    if len(rows):
+        # they are few: the rest of the pictures need not be looked at
+        near = [plane[rows, columns] for plane in around]
+        for mask, frame in zip(found, samples, strict=True):
+            shown = [plane[rows, columns] for plane in planes_of(frame)]
+            mask[rows, columns] = _looks_like(shown, palette, near)
+    return found
 
 
-def _looks_like(
-    luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None, palette: Palette, around: list[np.ndarray]
-) -> np.ndarray:
+def _looks_like(planes: list[np.ndarray], palette: Palette, around: list[np.ndarray]) -> np.ndarray:
     """Return where a picture is near a colour of the mechanism and nearer to it than to the surroundings."""
-    planes = full_size(luma, None if palette.grey_only else chroma)
     colours = palette.colours.astype(np.float32)
     near = np.min([apart(planes, list(colour)) for colour in colours], axis=0)
     return (near < (NEAR_COLOUR * palette.contrast) ** 2) & (near < 0.25 * apart(planes, around))

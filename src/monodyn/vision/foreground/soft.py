@@ -23,6 +23,7 @@ from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
 from monodyn.vision.foreground.palette import Palette, choose_palette, lingering, measured_palette
 from monodyn.vision.foreground.sampling import sample_frames
+from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.registration.register import onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
 
@@ -63,18 +64,22 @@ class SoftMasks:
         for frame in self.video.frames():
             yield self.of(frame)
 
-    def of(self, frame: Frame) -> Mask:
+    def of(self, frame: Frame, window: Window | None = None) -> Mask:
         """Return the mask of one frame of the clip.
 
         Args:
             frame: A frame of ``video``.
+            window: Part of the picture that is wanted; None for all of it.
 
         Returns:
-            Its soft foreground.
+            Its soft foreground; outside of the part that is wanted the planes hold anything.
         """
         from monodyn.vision.foreground.coverage import coverage_of
 
         even = self.light.evened(frame)
+        if self.parallax == NO_PARALLAX:
+            return Mask(frame.index, frame.time, coverage_of(even, self.background, self.palette, window))
+        # what is displaced comes from elsewhere, of which the whole is taken
         planes = coverage_of(even, self.background, self.palette)
         return Mask(frame.index, frame.time, displaced(planes, -self.away(frame.index)))
 
@@ -199,8 +204,11 @@ def _masks_over(
     background = background_of(samples) if given is None else given
     palette = choose_palette(samples.frames, background, settings.colour, settings.contrast)
     masks = SoftMasks(video, background, palette, samples, settings)
+    if background.given:
+        return masks
     # a mechanism that rests most of the time is part of the first background: it is taken out of it once
-    return masks if background.given else masks.refined(lingering(samples.frames, background, palette))
+    covered = lingering(samples.frames, background, palette)
+    return masks.refined(covered) if any(mask.any() for mask in covered) else masks
 
 
 def _given(picture: str | Path, video: Video, samples: Samples) -> Background:

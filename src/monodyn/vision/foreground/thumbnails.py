@@ -144,7 +144,7 @@ def scene_span(thumbnails: Thumbnails, contrast: float, whole: tuple[int, int]) 
     Returns:
         The same of the scene.
     """
-    unlike, changing = (_differs(thumbnails, level) for level in (contrast, STILL_DEVIATION))
+    unlike, changing = _differs(thumbnails, (contrast, STILL_DEVIATION))
     first = _prelude(unlike, changing)
     stop = len(unlike) - _prelude(unlike[::-1], changing[::-1])
     number = thumbnails.number
@@ -163,8 +163,8 @@ def _prelude(unlike: np.ndarray, changing: np.ndarray) -> int:
     return int(scene[0]) if len(scene) and scene[0] <= most else 0
 
 
-def _differs(thumbnails: Thumbnails, level: float) -> np.ndarray:
-    """Return in which frames much of what is usually still is off by more than a level, bool (frame,)."""
+def _differs(thumbnails: Thumbnails, levels: tuple[float, ...]) -> list[np.ndarray]:
+    """Return in which frames much of what is usually still is off by more than each level, bool (frame,)."""
     count = len(thumbnails.number)
     grey = thumbnails.planes[:, 0].reshape(count, -1)
     grey = grey[:, :: max(1, grey.shape[1] // PROBED_PIXELS)].astype(np.float32)
@@ -173,6 +173,6 @@ def _differs(thumbnails: Thumbnails, level: float) -> np.ndarray:
     still = np.median(np.abs(few - usual), axis=0) < STILL_DEVIATION
     # where nothing is usually still, there is nothing to compare with
     if np.mean(still) < CHANGED_SHARE:
-        return np.zeros(count, dtype=bool)
-    changed = np.abs(grey[:, still] - usual[still]) > level
-    return np.mean(changed, axis=1) > CHANGED_SHARE
+        return [np.zeros(count, dtype=bool) for _ in levels]
+    change = np.abs(grey[:, still] - usual[still])
+    return [np.mean(change > level, axis=1) > CHANGED_SHARE for level in levels]

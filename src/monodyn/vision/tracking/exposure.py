@@ -37,6 +37,7 @@ from monodyn.vision.drawing.probe import (
     depth_inside,
     is_covered,
     least_trust,
+    outline_lines,
 )
 from monodyn.vision.drawing.rig import Rig, rig_of
 from monodyn.vision.drawing.shutter import SWEPT_COLUMNS, Shutter, swept_points, way
@@ -258,6 +259,7 @@ def _add_misfits(
     )
     sharp = np.empty((0, SWEPT_COLUMNS))
     count = edge_samples(planes, view, outlines, sharp, (REACH_PX, SPACING_PX), ends, samples)
+    lines = outline_lines(px, hull, first)
     for s in range(count):
         sample, own = samples[s], int(samples[s, GEOM])
         if sample[BORDER] > 0.0:
@@ -270,13 +272,13 @@ def _add_misfits(
         if high - low < LEAST_WAY_PX:
             continue
         outer = REACH_PX + high
-        inner = min(REACH_PX - low, 0.5 * depth_inside(px, hull, first[own], first[own + 1], at))
+        inner = min(REACH_PX - low, 0.5 * depth_inside(lines, first[own], first[own + 1], at))
         if _leaves(plane, at, inner, outer) or least_trust(known, at, inner, outer) < TRUSTED:
             continue
         begun = Normal(at.x - path[0], at.y - path[1], at.nx, at.ny)
         ended = Normal(at.x - path[2], at.y - path[3], at.nx, at.ny)
-        covered = is_covered(px, hull, first, own, begun, REACH_PX)
-        if covered or is_covered(px, hull, first, own, ended, REACH_PX):
+        covered = is_covered(lines, first, own, begun, REACH_PX)
+        if covered or is_covered(lines, first, own, ended, REACH_PX):
             continue
         steps = math.ceil(inner + outer)
         step = (inner + outer) / steps

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
-from monodyn.vision.drawing.probe import TRUSTED
+from monodyn.vision.drawing.probe import OUT_AT, OUT_X, OUT_Y, TRUSTED, outline_lines
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw
 from monodyn.vision.foreground.masks import View
@@ -86,7 +86,7 @@ def without(view: View, hidden: np.ndarray) -> View:
     return view._replace(trust=np.where(hidden, np.float32(0.0), view.trust))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _note(
     planes: np.ndarray,
     view: View,
@@ -100,15 +100,19 @@ def _note(
     outlines = blank_outlines(rig, rig.radius.shape[0])
     if not draw(rig, position, outlines):
         return
+    first = outlines.first
+    lines = outline_lines(outlines.px, outlines.hull, first)
     for g in range(rig.radius.shape[0]):
-        if not links[rig.link[g]] or view.part[g] < 0 or outlines.first[g + 1] - outlines.first[g] < 3:
+        if not links[rig.link[g]] or view.part[g] < 0 or first[g + 1] - first[g] < 3:
             continue
-        left, right, top, bottom = _box(outlines, g, hits.shape)
+        top, bottom = _rows(outlines, g, hits.shape[0])
         plane, trust = planes[view.part[g]], view.trust[view.part[g]]
         for row in range(top, bottom):
-            for column in range(left, right):
-                x, y = column * CELL_PX, row * CELL_PX
-                if trust[y, x] < TRUSTED or not _within(outlines, g, float(x), float(y)):
+            y = row * CELL_PX
+            low, high = _columns(lines, first[g], first[g + 1], float(y), (hits.shape[1] - 1) * CELL_PX)
+            for column in range(math.ceil(low / CELL_PX), math.floor(high / CELL_PX) + 1):
+                x = column * CELL_PX
+                if trust[y, x] < TRUSTED:
                     continue
                 if plane[y, x] < EMPTY:
                     hits[row, column] += 1
@@ -117,27 +121,27 @@ def _note(
 
 
 @njit(cache=True)
-def _box(outlines: Outlines, g: int, shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return the first column of cells within a geom's outline, the one past the last, and such rows."""
-    low_x, high_x, low_y, high_y = 1e9, -1e9, 1e9, -1e9
+def _rows(outlines: Outlines, g: int, rows: int) -> tuple[int, int]:
+    """Return the first row of cells within a geom's outline and the one past the last."""
+    low, high = 1e9, -1e9
     for i in range(outlines.first[g], outlines.first[g + 1]):
-        x, y = outlines.px[outlines.hull[i], 0], outlines.px[outlines.hull[i], 1]
-        low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
-    left, top = max(0, math.ceil(low_x / CELL_PX)), max(0, math.ceil(low_y / CELL_PX))
-    right = min(shape[1], math.floor(high_x / CELL_PX) + 1)
-    return left, right, top, min(shape[0], math.floor(high_y / CELL_PX) + 1)
+        y = outlines.px[outlines.hull[i], 1]
+        low, high = min(low, y), max(high, y)
+    return max(0, math.ceil(low / CELL_PX)), min(rows, math.floor(high / CELL_PX) + 1)
 
 
 @njit(cache=True)
-def _within(outlines: Outlines, g: int, x: float, y: float) -> bool:
-    """Return whether a pixel lies well inside of a geom's convex outline."""
-    px, a, b = outlines.px, outlines.first[g], outlines.first[g + 1]
+def _columns(lines: np.ndarray, a: int, b: int, y: float, last: float) -> tuple[float, float]:
+    """Return the first and the last place of a row, from 0 to ``last``, that lie well inside of the convex
+    outline ``lines[a:b]``, the second less than the first where none does."""
+    low, high = 0.0, last
     for i in range(a, b):
-        p = outlines.hull[i]
-        q = outlines.hull[i + 1] if i + 1 < b else outlines.hull[a]
-        ex, ey = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
-        length = math.sqrt(ex * ex + ey * ey)
-        # the hull turns so that (ey, -ex) points outwards
-        if (x - px[p, 0]) * ey - (y - px[p, 1]) * ex > -WITHIN_PX * length:
-            return False
-    return True
+        # well inside of this edge is where ``along x <= room``
+        along, room = lines[i, OUT_X], lines[i, OUT_AT] - WITHIN_PX - lines[i, OUT_Y] * y
+        if along > 1e-12:
+            high = min(high, room / along)
+        elif along < -1e-12:
+            low = max(low, room / along)
+        elif room < 0.0:
+            return 0.0, -1.0
+    return low, high
