@@ -50,7 +50,7 @@ class Found(NamedTuple):
     """What a search has found.
 
     Attributes:
-        values: Lengths, ratio of thicknesses and dampings, (5,).
+        values: Lengths, ratio of thicknesses and dampings, (param,).
         seconds: CPU time, its median [s].
     """
 
@@ -80,7 +80,7 @@ def main() -> int:
 
 
 def compared(poses: Poses, repeats: int) -> list[Figure]:
-    """Identify one record by all.
+    """Return the figures of one record, identified by all.
 
     Args:
         poses: The record.
@@ -113,7 +113,7 @@ def compared(poses: Poses, repeats: int) -> list[Figure]:
 
 
 def recorded(frames: int) -> Poses:
-    """Simulate a record.
+    """Return a simulated record.
 
     Args:
         frames: Its frames.
@@ -131,7 +131,7 @@ def mechanism(values: tuple[float, ...] | np.ndarray) -> Mechanism:
     """Return the double pendulum at parameter values, all else given.
 
     Args:
-        values: Lengths, ratio of thicknesses and dampings, (5,).
+        values: Lengths, ratio of thicknesses and dampings, (param,).
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "double.xml"
@@ -165,7 +165,7 @@ def _xml(values: tuple[float, ...] | np.ndarray) -> str:
 
 
 def of_monodyn(poses: Poses) -> np.ndarray:
-    """Identify by Monodyn, intervals included; lengths, ratio and dampings, (5,).
+    """Return what Monodyn identifies, intervals included, (param,): lengths, ratio and dampings.
 
     Args:
         poses: The record.
@@ -195,7 +195,7 @@ def _one_more(poses: Poses, before: Refitted) -> np.ndarray:
 
 
 def first_guess(poses: Poses) -> np.ndarray:
-    """Return where a search without a start of its own begins, (9,).
+    """Return where a search without a start of its own begins, (unknown,).
 
     Args:
         poses: The record.
@@ -210,7 +210,7 @@ UPPER = np.array([0.5, 0.5, 5.0, 0.05, 0.05, 10.0, 10.0, 50.0, 50.0])
 
 
 def of_sysid(poses: Poses, optimizer: str) -> np.ndarray:
-    """Identify by mujoco.sysid; lengths, ratio and dampings, (5,).
+    """Return what mujoco.sysid identifies, (param,): lengths, ratio and dampings.
 
     Args:
         poses: The record.
@@ -268,7 +268,7 @@ def of_sysid(poses: Poses, optimizer: str) -> np.ndarray:
 
 
 def of_script(poses: Poses) -> np.ndarray:
-    """Identify as a script of a page would; lengths, ratio and dampings, (5,).
+    """Return what a script of a page identifies, (param,): lengths, ratio and dampings.
 
     Args:
         poses: The record.
@@ -304,7 +304,7 @@ def of_script(poses: Poses) -> np.ndarray:
 
 
 def timed(job: Callable[[], np.ndarray], repeats: int) -> Found:
-    """Run a job, once more than counts where it is repeated.
+    """Return what a job finds and its CPU time; it runs once more than counts where it is repeated.
 
     Args:
         job: The job.

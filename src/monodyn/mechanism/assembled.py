@@ -44,13 +44,19 @@ def links_of_many(plan, values, own):  # pragma: no cover - compiled
             mass, x, y, inertia = _body(plan, i, rows, numbers)
             # a mass that does not follow keeps the shape's radius of gyration, unless the inertia is given
             if own[m]:
-                inertia = inertia * (numbers[m] / mass)
+                inertia = inertia * numbers[m] * inverse(mass)
                 mass = numbers[m]
             links[i, MASS, k] = mass
             links[i, COM_X, k] = numbers[cx] if own[cx] else x
             links[i, COM_Y, k] = numbers[cy] if own[cy] else y
             links[i, INERTIA, k] = numbers[j] if own[j] else inertia
     return links
+
+
+@njit(cache=True, error_model="numpy")
+def inverse(number):  # pragma: no cover - compiled
+    """Return one over a number, of any type: no number where it is zero, which a complex division refuses."""
+    return np.conj(number) * (1.0 / (number.real * number.real + number.imag * number.imag))
 
 
 @njit(cache=True, error_model="numpy")
@@ -76,7 +82,8 @@ def _body(plan, i, rows, numbers):  # pragma: no cover - compiled
     if plan.first[i + 1] - plan.first[i] == 1:
         part, px, py, gyration = _part(plan, plan.first[i], rows, numbers)
         return part, px, py, part * gyration
-    x, y = x / mass, y / mass
+    one_over = inverse(mass)
+    x, y = x * one_over, y * one_over
     for s in range(plan.first[i], plan.first[i + 1]):
         part, px, py, gyration = _part(plan, s, rows, numbers)
         inertia += part * (gyration + (px - x) * (px - x) + (py - y) * (py - y))
@@ -103,8 +110,8 @@ def _part(plan, s, rows, numbers):  # pragma: no cover - compiled
             caps = np.pi / 6 * across * square
             volume = bar + caps
             reach = square / 10 + length * length / 4 + 3 / 16 * length * across
-            about = (bar * about + caps * square / 10) / volume
-            beside = (bar * beside + caps * reach) / volume
-        gyration = (beside * flat + about * rise) / (flat + rise)
+            about = (bar * about + caps * square / 10) * inverse(volume)
+            beside = (bar * beside + caps * reach) * inverse(volume)
+        gyration = (beside * flat + about * rise) * inverse(flat + rise)
     mass = numbers[weight] * volume if dense else numbers[weight]
     return mass, rows[row + 3], rows[row + 4], gyration

@@ -288,10 +288,12 @@ def damped_step(
     """
     from monodyn.optimize.arrow import damped_step as solved
 
-    blocks = (model.hessian, model.gradient, model.cross, model.local_hessian, model.local_gradient)
-    rows = (np.ascontiguousarray(part, dtype=float) for part in blocks)
-    rooms = (np.ascontiguousarray(part, dtype=float) for part in (*scale, room_below, room_above))
-    return solved(*rows, float(damping), *rooms)
+    parts = (
+        model.hessian, model.gradient, model.cross, model.local_hessian, model.local_gradient, *scale,
+        room_below, room_above,
+    )  # fmt: skip
+    arrays: list[Any] = [np.ascontiguousarray(part, dtype=float) for part in parts]
+    return solved(*arrays[:5], float(damping), *arrays[5:])
 
 
 def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:
