@@ -292,8 +292,9 @@ def damped_step(
         model.hessian, model.gradient, model.cross, model.local_hessian, model.local_gradient, *scale,
         room_below, room_above,
     )  # fmt: skip
-    arrays: list[Any] = [np.ascontiguousarray(part, dtype=float) for part in parts]
-    return solved(*arrays[:5], float(damping), *arrays[5:])
+    h, g, cross, local_h, local_g, *rest = (np.ascontiguousarray(part, dtype=float) for part in parts)
+    shared_scale, local_scale, below, above = rest
+    return solved(h, g, cross, local_h, local_g, float(damping), shared_scale, local_scale, below, above)
 
 
 def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:
