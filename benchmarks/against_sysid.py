@@ -161,7 +161,8 @@ def _xml(values: tuple[float, ...] | np.ndarray) -> str:
       <geom type="box" size="{second / 2!r} {WIDTH / 2} {ratio * THICKNESS / 2!r}"
         pos="{second / 2!r} 0 0"
         density="{DENSITY}" quat="0.7071067811865476 0.7071067811865476 0 0"/>
-      </body></body></worldbody></mujoco>"""
+      </body></body></worldbody>
+      <sensor><jointpos joint="joint1"/><jointpos joint="joint2"/></sensor></mujoco>"""
 
 
 def of_monodyn(poses: Poses) -> np.ndarray:
