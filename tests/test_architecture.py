@@ -23,7 +23,8 @@ PAPER_USERS = ("paper", "settings", "stages", "reproduce")
 """The only rooms that may import ``paper``: itself and three more."""
 
 KERNELS = tuple(
-    f"mechanism/{name}" for name in ("planar", "tangents", "slopes", "branches", "ahead", "reversals")
+    f"mechanism/{name}"
+    for name in ("planar", "tangents", "slopes", "brakes", "branches", "ahead", "reversals")
 )
 """What stands behind the one door to motion."""
 

@@ -110,7 +110,8 @@ def test_the_state_ahead_moves_as_its_derivatives_say(started, rows):
 
     found = [(ended(point + step) - ended(point - step)) / (2.0 * step.sum()) for step in np.diag(steps)]
     assert "time_scale" in window.problem.unknowns.names
-    assert np.all(np.abs(exact - np.transpose(found)) < 1e-6 * np.abs(exact).max(axis=0))
+    # a central difference is good to the square of its step, by bends of up to 1e4
+    assert np.all(np.abs(exact - np.transpose(found)) < 5e-6 * np.abs(exact).max(axis=0))
 
 
 def test_what_changes_unseen_widens_what_is_known_of_the_state(whole):

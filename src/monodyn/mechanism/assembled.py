@@ -44,13 +44,22 @@ def links_of_many(plan, values, own):  # pragma: no cover - compiled
             mass, x, y, inertia = _body(plan, i, rows, numbers)
             # a mass that does not follow keeps the shape's radius of gyration, unless the inertia is given
             if own[m]:
-                inertia = inertia * (numbers[m] / mass)
+                inertia = inertia * over(numbers[m], mass)
                 mass = numbers[m]
             links[i, MASS, k] = mass
             links[i, COM_X, k] = numbers[cx] if own[cx] else x
             links[i, COM_Y, k] = numbers[cy] if own[cy] else y
             links[i, INERTIA, k] = numbers[j] if own[j] else inertia
     return links
+
+
+@njit(cache=True, error_model="numpy")
+def over(number, by):  # pragma: no cover - compiled
+    """Return a quotient, no number where it is one by zero, which a complex division refuses.
+
+    A number over itself is one exactly, with a derivative of zero: what nothing changes has to be seen.
+    """
+    return number * np.nan if by.real == 0.0 and by.imag == 0.0 else number / by
 
 
 @njit(cache=True, error_model="numpy")
@@ -76,7 +85,7 @@ def _body(plan, i, rows, numbers):  # pragma: no cover - compiled
     if plan.first[i + 1] - plan.first[i] == 1:
         part, px, py, gyration = _part(plan, plan.first[i], rows, numbers)
         return part, px, py, part * gyration
-    x, y = x / mass, y / mass
+    x, y = over(x, mass), over(y, mass)
     for s in range(plan.first[i], plan.first[i + 1]):
         part, px, py, gyration = _part(plan, s, rows, numbers)
         inertia += part * (gyration + (px - x) * (px - x) + (py - y) * (py - y))
@@ -103,8 +112,8 @@ def _part(plan, s, rows, numbers):  # pragma: no cover - compiled
             caps = np.pi / 6 * across * square
             volume = bar + caps
             reach = square / 10 + length * length / 4 + 3 / 16 * length * across
-            about = (bar * about + caps * square / 10) / volume
-            beside = (bar * beside + caps * reach) / volume
-        gyration = (beside * flat + about * rise) / (flat + rise)
+            about = over(bar * about + caps * square / 10, volume)
+            beside = over(bar * beside + caps * reach, volume)
+        gyration = over(beside * flat + about * rise, flat + rise)
     mass = numbers[weight] * volume if dense else numbers[weight]
     return mass, rows[row + 3], rows[row + 4], gyration

@@ -162,7 +162,11 @@ class Plan:
     @cached_property
     def packed(self) -> Packed:
         """The plan as arrays, for kernels."""
-        return pack(self, JOINT_COLUMNS)
+        weighing = [
+            [(solid, row, weight) for (solid, row), weight in zip(*of_link, strict=True)]
+            for of_link in zip(self.solids, self.weights, strict=True)
+        ]
+        return pack((self.template, self.forms, self.joints), JOINT_COLUMNS, self.ties, self.owned, weighing)
 
 
 def make_plan(links: Sequence[Link], gravity: float) -> Plan:

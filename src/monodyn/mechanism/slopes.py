@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.mechanism.brakes import brake
 from monodyn.mechanism.branches import solve_all
 from monodyn.mechanism.planar import WORK, forward, place
-from monodyn.mechanism.tangents import TANGENT, brake, gather, move, needed_forces, push, push_air
+from monodyn.mechanism.tangents import TANGENT, gather, move, needed_forces, push, push_air
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

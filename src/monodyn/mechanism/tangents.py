@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from monodyn.mechanism.ahead import smoothed_sign
+from monodyn.mechanism.brakes import BRAKED, brake, occurs
 from monodyn.mechanism.branches import solve_all
 from monodyn.mechanism.drive import NONE, torque
 from monodyn.mechanism.planar import (
@@ -57,24 +57,16 @@ from monodyn.mechanism.tree import (
     AXIS_Y,
     COM_X,
     COM_Y,
-    CREEP,
     DAMPING,
-    DRAG,
-    FRICTION,
     HINGE,
     INERTIA,
-    LEAD,
     MASS,
-    REST,
-    STIFFNESS,
 )  # fmt: skip
 
 DPHI, DOX, DOY, DSX, DSY, DVW, DVX, DVY, DAW, DAX, DAY, DFN, DFX, DFY = range(14)
 """Columns of the scratch ``t`` (dof, TANGENT, direction): derivatives of those columns of the scratch of
 ``planar`` that depend on the directions; SW, the sign of a hinge, does not."""
 TANGENT = 14
-BRAKED = (FRICTION, DRAG, STIFFNESS)
-"""Columns of ``brake``: leads and rests act through them."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -273,41 +265,6 @@ def gather(parent, links, dlinks, v, a, dv, w, t, da, live):  # pragma: no cover
                 t[p, DFN, k] += t[i, DFN, k]
                 t[p, DFX, k] += t[i, DFX, k]
                 t[p, DFY, k] += t[i, DFY, k]
-
-
-@njit(cache=True, error_model="numpy")
-def brake(kind, links, dlinks, q, v, a, dq, dv, da, live):  # pragma: no cover - compiled
-    """Add minus the derivatives of dry friction, drag and springs to ``da`` (dof, direction)."""
-    for i in range(kind.size):
-        # where friction leads, ``h`` has what its slope by the acceleration adds
-        creep = CREEP[kind[i]]
-        grip = smoothed_sign(v[i] + links[i, LEAD] * a[i], creep)
-        slope = links[i, FRICTION] * (1.0 - grip * grip) / creep
-        ahead = slope * a[i]
-        if links[i, DRAG] != 0.0:
-            slope += 2.0 * links[i, DRAG] * abs(v[i])
-        for k in range(live):
-            da[i, k] -= (
-                slope * dv[i, k]
-                + dlinks[i, FRICTION, k] * grip
-                + dlinks[i, LEAD, k] * ahead
-                + dlinks[i, DRAG, k] * abs(v[i]) * v[i]
-                + dlinks[i, STIFFNESS, k] * (q[i] - links[i, REST])
-                + links[i, STIFFNESS] * (dq[i, k] - dlinks[i, REST, k])
-            )
-
-
-@njit(cache=True, error_model="numpy")
-def occurs(links, dlinks, columns):  # pragma: no cover - compiled
-    """Return whether one of the columns is anywhere but zero, or a direction changes it."""
-    for i in range(links.shape[0]):
-        for c in columns:
-            if links[i, c] != 0.0:
-                return True
-            for k in range(dlinks.shape[2]):
-                if dlinks[i, c, k] != 0.0:
-                    return True
-    return False
 
 
 @njit(cache=True, error_model="numpy")

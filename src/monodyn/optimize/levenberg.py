@@ -288,10 +288,13 @@ def damped_step(
     """
     from monodyn.optimize.arrow import damped_step as solved
 
-    blocks = (model.hessian, model.gradient, model.cross, model.local_hessian, model.local_gradient)
-    rows = (np.ascontiguousarray(part, dtype=float) for part in blocks)
-    rooms = (np.ascontiguousarray(part, dtype=float) for part in (*scale, room_below, room_above))
-    return solved(*rows, float(damping), *rooms)
+    parts = (
+        model.hessian, model.gradient, model.cross, model.local_hessian, model.local_gradient, *scale,
+        room_below, room_above,
+    )  # fmt: skip
+    h, g, cross, local_h, local_g, *rest = (np.ascontiguousarray(part, dtype=float) for part in parts)
+    shared_scale, local_scale, below, above = rest
+    return solved(h, g, cross, local_h, local_g, float(damping), shared_scale, local_scale, below, above)
 
 
 def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:

@@ -119,7 +119,7 @@ def mismatch_rows(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> tupl
     jacobian = jacobian + found[:, :, None] * (2.0 * instance.dstretch - size)
     jacobian *= (instance.stretch**2 / unit * motion.weight)[:, :, None]
     rows = _weighed(problem, x, motion, found * instance.stretch**2 / unit)
-    return rows, np.concatenate((jacobian.reshape(-1, count), root))
+    return rows, np.concatenate((jacobian.reshape(motion.weight.size, count), root))
 
 
 def mismatch_cost(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> float:

@@ -68,7 +68,7 @@ class Trial:
         return before[1]
 
     def remember(self, what: str, of: tuple[object, ...], integrated: Result) -> Result:
-        """Keep what has been integrated, and return it.
+        """Return what has been integrated, which is kept from here on.
 
         Args:
             what: Name of what was integrated.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.mechanism.assembled import over
 from monodyn.mechanism.tree import (
     AIR,
     ANCHOR_X,
@@ -73,19 +74,19 @@ def factors(parent, kind, links, gravity, absolute):  # pragma: no cover - compi
         by = unit[k] * 0.0 + 1.0 if absolute else unit[k]
         n = 0
         for i in range(dofs):
-            found[n, k] = (inertia[i] if hinged[i] else total[i]) / by
+            found[n, k] = over(inertia[i] if hinged[i] else total[i], by)
             # where a spring is slack counts as much as the spring does
-            found[n + 1, k] = links[i, STIFFNESS, k] * links[i, REST, k] / by
-            found[n + 2, k] = links[i, DAMPING, k] / by
-            found[n + 3, k] = links[i, FRICTION, k] / by
-            found[n + 4, k] = links[i, STIFFNESS, k] / by
-            found[n + 5, k] = links[i, DRAG, k] / by
-            found[n + 6, k] = links[i, AIR, k] / by
-            found[n + 7, k] = links[i, ARMATURE, k] / by
+            found[n + 1, k] = over(links[i, STIFFNESS, k] * links[i, REST, k], by)
+            found[n + 2, k] = over(links[i, DAMPING, k], by)
+            found[n + 3, k] = over(links[i, FRICTION, k], by)
+            found[n + 4, k] = over(links[i, STIFFNESS, k], by)
+            found[n + 5, k] = over(links[i, DRAG, k], by)
+            found[n + 6, k] = over(links[i, AIR, k], by)
+            found[n + 7, k] = over(links[i, ARMATURE, k], by)
             n += 8
             if not hinged[i]:
                 continue
-            x, y = first_x[i] / by, first_y[i] / by
+            x, y = over(first_x[i], by), over(first_y[i], by)
             found[n, k], found[n + 1, k] = x * gravity[0, k], x * gravity[1, k]
             found[n + 2, k], found[n + 3, k] = y * gravity[0, k], y * gravity[1, k]
             n += 4

@@ -32,6 +32,9 @@ TIMES, LEAST = 2.0, 0.1
 """... and of what may be negative: in multiples of itself, and of this ratio at least."""
 LOOKED = SearchSettings(evaluations=60, decrease=1e-6, relative=1e-6)
 """Each of the searches; an evaluation in closed form takes less than a millisecond."""
+HOPELESS = 100.0
+"""Cost of what the closed forms take for a twin, over that of the optimum, above which its motion is another
+one altogether."""
 WIDER = 2.0
 """Times by which a twin lies outside of the interval of one parameter at least."""
 
@@ -75,8 +78,13 @@ def twins_of(
         tried.append(named)
         # the closed forms are those of the optimum's motion: that of the twin itself decides
         start = optimum.trial.at(x, optimum.trial.states)
-        proven = fit_pieces(problem, start, route, LOOKED, robust=False)
         here = here or fit_pieces(problem, optimum.trial, route, LOOKED, robust=False)
+        # one that moves alike in truth does so before any search; no search is wasted on others
+        with np.errstate(invalid="ignore", over="ignore"):
+            begun = 0.5 * float(np.sum(problem.residuals(start) ** 2))
+        if not begun < HOPELESS * max(here.cost, 1.0):
+            continue
+        proven = fit_pieces(problem, start, route, LOOKED, robust=False)
         near = proven.complete and proven.cost < here.cost + 0.5 * ALIKE
         named = unknowns.named(proven.x)
         if near and apart(named, estimates) and not any(_same(named, other) for other in twins):
