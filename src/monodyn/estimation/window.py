@@ -153,7 +153,9 @@ class Window:
         if common is not None:
             data = left_open(less(data, common.mean), common.root)
         factors = np.broadcast_to(np.asarray(noise, dtype=float), data.position.shape[1:])
-        return replace(self, problem=self.problem.with_data(data.scaled(factors)))
+        # no integration step may go beyond a bend of known torques
+        substeps = max(self.substeps, *(torque.parts for torque in data.torques), 1)
+        return replace(self, problem=self.problem.with_data(data.scaled(factors)), substeps=substeps)
 
     def shown(self, instance: Instance, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what the motion depends on, (feature,), and its derivatives, (feature, param).

@@ -202,6 +202,17 @@ class Horizon:
         self._slide()
         return estimate
 
+    def doubted(self, why: str) -> Horizon:
+        """Return the same with a doubt about the fit that it goes on from.
+
+        Args:
+            why: Why a later stretch by itself is not explained, a sentence.
+        """
+        other = copy(self)
+        said = f"A later stretch by itself is not explained: {why}"
+        other._base = self._base.doubted([Doubt("approximate", said)])
+        return other
+
     def broken_off(self) -> Horizon:
         """Return what goes on after a break over which no motion goes on: what is known of the mechanism
         stays, the state is open."""

@@ -8,6 +8,8 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.live.begin import Begun
@@ -18,6 +20,8 @@ from monodyn.mechanism import Mechanism
 from monodyn.stages import identify
 from monodyn.types import Poses
 
+HARDLY = 0.2
+"""Share of the widest motion so far up to which a stretch hardly moves."""
 LEAST_POSES = 20
 """Whole poses of a stretch that is identified anew, at least."""
 GROWTH = 2.0
@@ -68,7 +72,7 @@ class Identifier:
         self._pending: list[Poses] = []
         self._estimating: Future[Estimate | None] | None = None
         self._review: Future[Reviewed] | None = None
-        self._seen = -math.inf
+        self._seen, self._moved = -math.inf, np.zeros(0)
         self.since, self._next = -math.inf, math.inf
 
     def begin(self, begun: Begun) -> None:
@@ -80,6 +84,7 @@ class Identifier:
         found, self._mechanism = begun.found, begun.found.scene.mechanism
         self.record.add(found.poses)
         self.since, self._seen = float(found.poses.time[0]), float(found.poses.time[-1])
+        self._moved = np.nanstd(found.poses.position, axis=0)
         self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
         if begun.later is not None:
             self.record.add(begun.later)
@@ -152,9 +157,13 @@ class Identifier:
 
     def _take_up(self, done: Reviewed) -> None:
         """Go on from a stretch that was identified anew."""
-        self.fit, self._horizon = done.fit, done.horizon
         length = done.until - self.since
         self._next = done.until + min((GROWTH - 1.0) * length, self._live.review)
+        if done.horizon is None and self._horizon is not None:
+            # what follows every frame goes on, though not undoubted
+            self._horizon = self._horizon.doubted(done.fit.status)
+            return
+        self.fit, self._horizon = done.fit, done.horizon
         # what came while it was looked at is still to be taken
         later = self.record.since(done.until, after=True)
         self._pending = [] if later is None else [later]
@@ -164,7 +173,14 @@ class Identifier:
         if self._review is not None or now < self._next or self._mechanism is None:
             return
         rows = self.record.since(max(self.since, now - self._live.review))
-        if rows is not None and int(rows.measured.all(axis=1).sum()) >= LEAST_POSES:
+        if rows is None or int(rows.measured.all(axis=1).sum()) < LEAST_POSES:
+            return
+        moved = np.nanstd(rows.position, axis=0)
+        # what hardly moves tells nothing of how it is made
+        if self._horizon is not None and np.all(moved < HARDLY * self._moved):
+            self._next = now + self._live.begin
+        else:
+            self._moved = np.maximum(moved, self._moved)
             self._review = self._long.submit(self._reviewed, rows, self._mechanism)
 
     def _reviewed(self, poses: Poses, mechanism: Mechanism) -> Reviewed:

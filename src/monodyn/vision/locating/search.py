@@ -126,7 +126,8 @@ def search_pose(
     lower, upper = joint_limits(mechanism)
     std = np.full(len(lower), POLISH_STD)
     for row in np.flatnonzero(rig.kind == SLIDE):
-        std[row] = np.ptp(slide_places(frame, rig, int(row), 2)) / 8.0
+        # in a picture that shows hardly anything there may be one place alone
+        std[row] = np.ptp(slide_places(frame, rig, int(row), 2)) / 8.0 or POLISH_STD
     limits, planes = MoveLimits(lower, upper, std), frame.coarse[np.newaxis]
     polished = [follow(planes, frames.coarse_view, rig, start, limits, POLISH)[0] for start in beam]
     # polishing may follow a wrong edge: the poses of the beam itself stay in the choice
