@@ -89,7 +89,9 @@ def summarize(
         unshifted = problem.with_data(replace(problem.data, shifts=None))
         return summarize(replace(solution, problem=unshifted), records, settings, began, progress)
     by_gravity = gravity_share(found)
-    for more in (by_gravity,) if lost else (by_gravity, repeating_share(found)):
+    lacking = unmodelled(found)
+    random = np.zeros(len(fit.rms)) if lacking is None else lacking.density
+    for more in (by_gravity,) if lost else (by_gravity, repeating_share(found, random)):
         parameters, ratios = with_share(
             fit.parameters, fit.combinations, more, found.problem, _quantile(found.freedom)
         )
@@ -99,7 +101,7 @@ def summarize(
         fit,
         status=identified(found.problem, fit.rms),
         stamp_error=found.noise.stamps,
-        unmodelled=unmodelled(found),
+        unmodelled=lacking,
         common=() if found.common is None else by_record(found.common, records),
         tried_torques=solution.compared,
         alternatives=() if lost else twins_of(found, ended, fit.parameters, settings),
