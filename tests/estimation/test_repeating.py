@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.verdict import repeating, summary
 from monodyn.estimation.verdict.combinations import inertial_ratios
-from monodyn.estimation.verdict.repeating import _along, _pushed, _strengths, _waves
+from monodyn.estimation.verdict.repeating import _along, _pushed, _Residuals, _strengths, _waves
 from monodyn.estimation.verdict.shares import Share
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import accelerations, rollout, transitions
@@ -79,6 +79,31 @@ def test_a_record_that_states_too_much_noise_hides_nothing():
     loud = replace(poses, covariance=100.0 * poses.covariance)
     one, other = (deviations(identify(given, start, VISCOUS), truth) for given in (poses, loud))
     np.testing.assert_allclose(other, one, atol=0.3)
+
+
+def test_forces_widen_what_the_motion_tells_and_not_what_is_known_before():
+    """Against the posterior of the sandwich covariance of the motion together with what is known before."""
+    rng = np.random.default_rng(5)
+    jacobian, waves = rng.normal(size=(30, 3)), 30.0 * rng.normal(size=(30, 6))
+    information, tension = jacobian.T @ jacobian, np.array([0.0, 0.3, -2.0])
+    # the first unknown nobody knows before, the last one well
+    before = np.diag([0.0, 1.0, 400.0])
+    about = SimpleNamespace(
+        followed=np.linalg.inv(information + before), alone=np.linalg.inv(information), tension=tension
+    )
+    more = _Residuals.wider(about, jacobian.T @ waves)
+    # the waves act on what the unknowns follow: within the columns of the derivatives
+    pull = jacobian.T @ waves
+    motion_tells = information @ np.linalg.inv(information + pull @ pull.T) @ information
+    whole = np.linalg.inv(motion_tells + before)
+    best = np.linalg.solve(information, tension)
+    shift = whole @ (motion_tells @ best - tension)
+    np.testing.assert_allclose(about.followed + more, whole + np.outer(shift, shift), atol=1e-9)
+    assert np.sqrt(whole[2, 2]) < 1.0 / 20.0
+    # without knowledge before it is what the unknowns follow the waves by
+    free = SimpleNamespace(followed=about.alone, alone=about.alone, tension=np.zeros(3))
+    plain = about.alone @ pull @ pull.T @ about.alone
+    np.testing.assert_allclose(_Residuals.wider(free, pull), plain, rtol=1e-8)
 
 
 @pytest.mark.slow

@@ -102,8 +102,7 @@ def repeating(found: Refined, random: np.ndarray) -> np.ndarray:
     more, likelihood = [], []
     for (i, (by_force, _)), (j, (by_error, _)) in product(enumerate(forces), enumerate(errors)):
         strengths, value = whole.likelihood(i, j, most)
-        off = np.concatenate((by_force, by_error), axis=1) * strengths
-        more.append(off @ off.T)
+        more.append(residuals.wider(np.concatenate((by_force, by_error), axis=1) * strengths))
         likelihood.append(value)
     # no pair of lengths is certain: each counts as it is likely
     weight = np.exp(np.array(likelihood) - np.max(likelihood))
@@ -167,6 +166,8 @@ class _Residuals:
         unit: Metres per unit of the record, 1 for hinges, (row, dof).
         jacobian: Of the whitened residuals, (row, dof, column), the shared unknowns first.
         followed: Covariance of the shared unknowns, by which they follow residuals, (param, param).
+        alone: The same from the motion alone, without what is known of them before, (param, param).
+        tension: How hard what is known before pulls at the optimum, against the motion, (param,).
         plain: What undoes the whitening, (row, dof, dof).
     """
 
@@ -175,10 +176,12 @@ class _Residuals:
     unit: np.ndarray
     jacobian: np.ndarray
     followed: np.ndarray
+    alone: np.ndarray
+    tension: np.ndarray
     plain: np.ndarray
 
     def shown(self, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how the shared unknowns follow waves that move positions [rad or m], (row, dof, wave), and
+        """Return how waves that move positions [rad or m], (row, dof, wave), pull at the shared unknowns, and
         what of the waves the residuals still show [rad or m]: (param, wave) and (row, dof, wave)."""
         data, count, columns = self.problem.data, len(self.trial.x), self.jacobian.shape[2]
         pushed = np.einsum("fij,fjk->fik", data.white, moved / self.unit[..., None])
@@ -188,9 +191,30 @@ class _Residuals:
         order = [*range(count), *range(columns, stacked.shape[2]), *range(count, columns)]
         free = without_states(stacked[..., order], count + pushed.shape[2], self.trial.pieces)
         shared, forced = free[:, :count], free[:, count:]
-        follows = -self.followed @ (shared.T @ forced)
-        left = (forced + shared @ follows).reshape(pushed.shape)
-        return follows, np.einsum("fij,fjk->fik", self.plain, left) * self.unit[..., None]
+        pull = shared.T @ forced
+        left = (forced - shared @ (self.followed @ pull)).reshape(pushed.shape)
+        return pull, np.einsum("fij,fjk->fik", self.plain, left) * self.unit[..., None]
+
+    def wider(self, pull: np.ndarray) -> np.ndarray:
+        """Return what waves of random weights add to the covariance of the shared unknowns, (param, param).
+
+        They make the motion less worth, and not what is known before. With the information A of the motion,
+        B of what is known before, and pulls G the posterior has the information B + A (A + G G')^-1 A, whose
+        inverse is F + F G (1 + G' (A^-1 - F) G)^-1 G' F for F = (A + B)^-1: no wider than B alone allows. Its
+        mean lies nearer to what is known before than the optimum does, about which the intervals are.
+
+        Args:
+            pull: How they pull at the unknowns, times their strength, (param, wave).
+        """
+        # what the motion does not see nothing pulls at: there the difference is rounding alone
+        value, axes = np.linalg.eigh(pull.T @ (self.alone - self.followed) @ pull)
+        moved = self.followed @ pull @ (axes / np.sqrt(1.0 + np.maximum(value, 0.0)))
+        more = moved @ moved.T
+        inner = np.linalg.solve(
+            np.eye(pull.shape[1]) + pull.T @ self.alone @ pull, pull.T @ self.alone @ self.tension
+        )
+        shift = (self.followed + more) @ (pull @ inner)
+        return more + np.outer(shift, shift)
 
 
 def _residuals(found: Refined) -> _Residuals:
@@ -202,7 +226,11 @@ def _residuals(found: Refined) -> _Residuals:
     # what moves all positions of a record is no noise that the unknowns follow
     unshifted = problem.with_data(replace(data, shifts=None))
     followed = knowledge_at(unshifted, trial.x, jacobian, trial.pieces).covariance
-    return _Residuals(problem, trial, unit, jacobian, followed, np.linalg.pinv(data.white))
+    prior = problem.prior
+    unknown = replace(unshifted, prior=replace(prior, information=np.zeros_like(prior.information)))
+    alone = knowledge_at(unknown, trial.x, jacobian, trial.pieces).covariance
+    tension = prior.information @ prior.away(trial.x - problem.unknowns.x0)
+    return _Residuals(problem, trial, unit, jacobian, followed, alone, tension, np.linalg.pinv(data.white))
 
 
 def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:
