@@ -11,6 +11,7 @@ from zoo import ZOO
 
 import monodyn
 from fits import identified
+from monodyn.checks import chosen_mechanism
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Estimate
 from monodyn.estimation.settings import IdentifySettings
@@ -19,6 +20,7 @@ from monodyn.mechanism.simulate import simulate
 from monodyn.pipeline import identify_tables
 from monodyn.results import opened as opened_module
 from monodyn.results.intact import check_model, digest
+from monodyn.results.log import RunLog
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
 from support import refuses
@@ -152,6 +154,21 @@ def test_what_the_run_before_knew_is_named(tmp_path):
     ]
     assert opened_module.known_before(tmp_path / "run", fit) == []
     assert opened_module.known_before("single", now) == []
+
+
+def test_a_bundled_name_is_the_mechanism_whatever_folder_has_that_name(tmp_path, monkeypatch):
+    """As with ``--model single --out single``: the run's own folder is there when it is asked again."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("single", "chain:3"):
+        (tmp_path / name).mkdir()
+        assert not opened_module.is_run(name)
+        assert chosen_mechanism(name, RunSettings(), camera=False).name == name
+        assert RunLog("identify", {"model": name}, RunSettings()).inputs["model"] == {"name": name}
+    assert opened_module.known_before("single", identified()) == []
+    # a folder of that name is given as a path
+    assert opened_module.is_run("./single")
+    with pytest.raises(SettingsError, match=r"fit\.json"):
+        chosen_mechanism("./single", RunSettings(), camera=False)
 
 
 def test_the_mechanism_file_of_a_run_has_to_be_there(tmp_path):
