@@ -43,6 +43,8 @@ BALANCING = 10.0
 """How long a balance is simulated, also after a swing [s]."""
 ENOUGH = 20
 """Draws from which on it says something that all of them are held: up to one in seven may not be."""
+FALLEN = 2.0
+"""How many times as far from the equilibrium a mechanism may be at the next measurement without torque."""
 PUSHED = 0.2
 """How far the first hinge without a motor is from the equilibrium at the beginning of a balance [rad]."""
 
@@ -113,12 +115,20 @@ class Controlled:
                 f"The gains hold {stability.stable} of {stability.draws} mechanisms that the data allow; the "
                 f"slowest pole of any is at {stability.worst:.3g} 1/s."
             )
-            notes += draws_said(stability.stable, stability.draws)
+            if stability.draws < self.aim.draws:
+                missing = self.aim.draws - stability.draws
+                notes.append(
+                    f"Of {self.aim.draws} mechanisms {missing} were not found: what the data allow reaches "
+                    "beyond the bounds of the parameters."
+                )
+            seldom = _seldom(self.regulator)
+            # what falls between two measurements says nothing of the data
+            notes += seldom or draws_said(stability.stable, stability.draws)
         else:
             notes.append("No mechanisms were drawn: the gains were tried on the identified mechanism alone.")
-        notes.append(
-            f"They hold it with {stability.lightest:.2g} to {stability.heaviest:.2g} times the masses."
-        )
+        if stability.lightest < stability.heaviest:
+            masses = f"{stability.lightest:.2g} to {stability.heaviest:.2g} times the masses"
+            notes.append(f"The balance holds with {masses}.")
         if self.swing is not None:
             notes.append(
                 f"The swing takes {self.swing.seconds:.3g} s and reaches the balance with "
@@ -127,6 +137,12 @@ class Controlled:
             # each of these takes long, and so there are few
             if self.swing.reached < self.swing.draws:
                 notes += draws_said(self.swing.reached, self.swing.draws)
+            if self.fit.mass_scale is None:
+                notes.append(
+                    "A swing depends on the scale of the masses, which the record leaves open: where the "
+                    "mechanism has k times those of model.xml, all its torques have to be k times as large "
+                    "(closed_loop has factor= for it)."
+                )
         # of both, gains and swing, it may be the same
         return (*dict.fromkeys(notes), _kept(self.loop), *self.regulator.linear.notes)
 
@@ -268,6 +284,19 @@ def _way(swing: SwingUp, states: Sequence[str]) -> dict[str, Any]:
     }
 
 
+def _seldom(regulator: Regulator) -> list[str]:
+    """Return a note where a mechanism falls too far from one measurement to the next; none else."""
+    fastest = float(np.max(np.real(np.linalg.eigvals(regulator.linear.system.A))))
+    grown = np.exp(min(max(fastest, 0.0) / regulator.rate, 99.0))
+    if grown < FALLEN:
+        return []
+    return [
+        f"From one measurement to the next, {1.0 / regulator.rate:.3g} s, it falls {grown:.2g} times as far "
+        "from the equilibrium as it was, which leaves no room for any error of the model: measure more often "
+        "with --rate."
+    ]
+
+
 def draws_said(held: int, draws: int) -> list[str]:
     """Say what it means for the true mechanism how many draws of it a controller holds.
 
@@ -325,8 +354,9 @@ def _page(found: Controlled, run: Path) -> Sequel:
     facts = [
         (f"{loop.time[-1]:.3g} s", "simulated in MuJoCo"),
         (f"{stability.stable} of {stability.draws}", "draws of what the data allow held"),
-        (f"{stability.lightest:.2g} to {stability.heaviest:.2g}", "times the masses held"),
     ]
+    if stability.lightest < stability.heaviest:
+        facts.append((f"{stability.lightest:.2g} to {stability.heaviest:.2g}", "times the masses balanced"))
     if swing is not None:
         facts.append((f"{swing.reached} of {swing.draws}", "draws swung up and balanced"))
     plan = None if swing is None else (swing.time, swing.states)
