@@ -347,7 +347,8 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
     lacking = advice.Assumed(
         uniform=uniform and large,
         frictionless=advice.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
-        level=share <= LOST_SHARE and _taken_level(problem),
+        # the zero of an encoder may be a quarter turn away, which no picture's is
+        level=(share <= LOST_SHARE or mechanism.measured is None) and _taken_level(problem),
     )
     sentences = advice.misfit(mechanism, fit.rms, found.noise, lacking)
     sentences += advice.stamps(found.noise.stamps)
