@@ -227,7 +227,6 @@ def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
     for change, kind, what in (
         ({"parameters": [{"name": "gravity"}]}, "KeyError", "'value'"),
         ({"covariance": {"names": [], "matrix": []}}, "ValueError", "'record0.joint1' is not in list"),
-        ({"rms": None}, "TypeError", "'NoneType' object is not subscriptable"),
     ):
         with refuses(
             SettingsError,
@@ -277,6 +276,10 @@ CHANGES = [
         "{count}x{count}",
     ),
     (("fitted",), [], "as many fitted stretches as start states, 1", "0"),
+    (("grade",), "refused", "the grade of its doubts, trusted", "refused"),
+    (("ok",), False, "ok true of the grade trusted", "false"),
+    (("drive",), None, "object as drive", "null"),
+    (("fitted", 0, "rows"), True, "integer as fitted[0].rows", "true"),
     (("fitted", 0, "last"), -1.0, "a fitted stretch that ends after it begins", "0 to -1 s"),
     (
         ("unmodelled",),
@@ -369,6 +372,18 @@ def test_what_is_no_number_is_refused(tmp_path, text):
 
 
 DO = "keep changed models elsewhere, give other values with --fix, or run it again."
+
+
+def test_a_run_without_its_model_says_so(tmp_path):
+    folder = tmp_path / "run"
+    monodyn.report(identified(), to=folder)
+    (folder / "model.xml").unlink()
+    with refuses(
+        SettingsError,
+        f"'{folder}': expected the folder of a run with its model.xml, got one without; put it back, or run "
+        "it again.",
+    ):
+        monodyn.open_run(folder)
 
 
 def test_a_model_that_was_changed_beside_its_fit_is_refused(tmp_path):

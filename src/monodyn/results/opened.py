@@ -273,6 +273,11 @@ def _finite(text: str) -> float:
 def _fit(document: Mapping[str, Any], model: Path) -> Fit:
     rows = {row["name"]: row for row in document["parameters"]}
     names, matrix = document["covariance"]["names"], document["covariance"]["matrix"]
+    if not model.is_file():
+        raise SettingsError(
+            f"'{model.parent}': expected the folder of a run with its model.xml, got one without; put it "
+            "back, or run it again."
+        )
     written = load(model)
     check_model(model, written, document)
     mechanism, varying = _mechanism(document, written, rows, names)
