@@ -20,6 +20,7 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
 from monodyn.pipeline import identify_tables
+from monodyn.results import controlled as controlled_module
 from monodyn.results.controlled import Aim, camera_for, control, control_run, draws_said
 from monodyn.results.sight import outlines_of
 from support import command, refuses
@@ -134,6 +135,16 @@ def test_a_doubtful_fit_and_one_that_falls_say_so() -> None:
     )
     doubted = replace(far, fit=replace(fit, doubts=(refusal(),)))
     assert doubted.notes[0] == f"The mechanism is not to be relied on: {fit.status}"
+
+
+def test_a_film_that_is_interrupted_leaves_nothing(run: Path, tmp_path: Path, monkeypatch) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(controlled_module, "_film", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        control_run(run, tmp_path / "none", Aim(UP, ["slide"], draws=0))
+    assert not (tmp_path / "none").exists()
 
 
 def test_a_rate_at_which_it_falls_in_between_is_named() -> None:

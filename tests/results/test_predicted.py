@@ -17,6 +17,7 @@ from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Doubt
 from monodyn.mechanism.simulate import simulate
+from monodyn.results import predicted as predicted_module
 from monodyn.results.horizon import horizon_said
 from monodyn.results.predicted import Wanted, predict_run
 from support import refuses
@@ -129,6 +130,25 @@ def test_what_cannot_be_predicted_or_drawn_is_refused(run, tmp_path):
         f"'{run}': expected the run of a clip, got one of tables, which has no camera; leave --film out.",
     ):
         predict_run(run, tmp_path / "ahead", film=True)
+
+
+def test_a_film_that_is_interrupted_leaves_the_folder_as_it_was(run, tmp_path, monkeypatch):
+    def stopped(*_) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(predicted_module, "_background", lambda *_: object())
+    monkeypatch.setattr(predicted_module, "_film", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        predict_run(run, tmp_path / "none", film=True)
+    assert not (tmp_path / "none").exists()
+    before = predict_run(run, tmp_path / "old", Wanted({"joint1": 0.3})).folder
+    text = (before / "prediction.csv").read_text()
+    with pytest.raises(KeyboardInterrupt):
+        predict_run(run, tmp_path / "old", Wanted({"joint1": 0.5}), film=True, force=True)
+    assert (before / "prediction.csv").read_text() == text
+    assert sorted(path.name for path in before.iterdir()) == [
+        "prediction.csv", "prediction.html", "prediction.json",
+    ]  # fmt: skip
 
 
 def test_a_film_shows_the_motion_over_the_first_frame(filmed, make_clip, tmp_path):

@@ -28,7 +28,7 @@ from monodyn.results.swing import SwingUp, swing_up
 from monodyn.types import Camera, Frame, Progress
 from monodyn.vision.clip.video import Video
 
-CONTROL = FolderKind("controller", ("control.json", "control.html", "control.mp4", "model.xml"))
+CONTROL = FolderKind("controller", ("control.json", "control.html", "control.mp4", "model.xml"), whole=True)
 WIDTH, HEIGHT = 720, 480
 """Size of the film [px]."""
 FILM_RATE = 30.0
@@ -209,13 +209,13 @@ def control_run(
     folder = RunFolder(
         out, force=force, inputs=[Path(run) / "fit.json", Path(run) / "model.xml"], kind=CONTROL
     )
-    folder.write_text("control.json", json_text(found.document))
-    folder.write("model.xml", lambda path: write_mjcf(fit.mechanism, path))
-    files = [*folder.written, *(["control.mp4"] if film else [])]
-    folder.write_text("control.html", sequel_text(_page(found, Path(run)), files, Path(run), folder.path))
-    if film:
-        folder.write("control.mp4", lambda path: _film(path, found, progress))
-    folder.finish()
+    with folder.filling():
+        folder.write_text("control.json", json_text(found.document))
+        folder.write("model.xml", lambda path: write_mjcf(fit.mechanism, path))
+        files = [*folder.written, *(["control.mp4"] if film else [])]
+        folder.write_text("control.html", sequel_text(_page(found, Path(run)), files, Path(run), folder.path))
+        if film:
+            folder.write("control.mp4", lambda path: _film(path, found, progress))
     return replace(found, folder=folder.path)
 
 

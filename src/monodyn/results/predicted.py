@@ -29,7 +29,7 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
 PREDICTION = FolderKind(
-    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4")
+    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4"), whole=True
 )
 
 
@@ -142,8 +142,8 @@ def predict_run(
     if out is None:
         return found
     folder = RunFolder(out, force=force, inputs=[run, clip], kind=PREDICTION)
-    _write(folder, found, wanted, Path(run), background, progress)
-    folder.finish()
+    with folder.filling():
+        _write(folder, found, wanted, Path(run), background, progress)
     return replace(found, folder=folder.path)
 
 
