@@ -16,10 +16,12 @@ from fits import identified, record
 from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Doubt
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism.simulate import simulate
 from monodyn.results import predicted as predicted_module
 from monodyn.results.horizon import horizon_said
 from monodyn.results.predicted import Wanted, predict_run
+from monodyn.types import Poses
 from support import refuses
 
 
@@ -86,6 +88,36 @@ def test_a_run_without_a_report_and_an_approximate_one_have_a_page(run, tmp_path
     (lone / "report.html").unlink()
     predict_run(lone, tmp_path / "b", Wanted(until=1.5))
     assert "report.html" not in (tmp_path / "b" / "prediction.html").read_text()
+
+
+def test_a_length_that_moves_the_next_hinge_alone_is_told(tmp_path):
+    """A written model has masses in place of densities: another length leaves them where they are."""
+    mechanism = monodyn.load("double")
+    times, rng = np.arange(60) / 30.0, np.random.default_rng(0)
+    position = simulate(mechanism, times, np.array([-1.0, 0.3]), np.zeros(2)).position
+    covariance, seen = np.tile(1e-6 * np.eye(2), (60, 1, 1)), np.ones(60, dtype=bool)
+    poses = Poses(
+        ("joint1", "joint2"),
+        np.arange(60),
+        times,
+        position + 1e-3 * rng.normal(size=(60, 2)),
+        covariance,
+        seen,
+    )
+    fit = monodyn.identify(poses, mechanism, IdentifySettings(torque="friction"))
+    monodyn.report(fit, to=tmp_path / "run", poses=poses)
+    said = (
+        "link1.length moves what hangs on link1 and nothing else: its mass, centre of mass and inertia stay "
+        "as identified; where they differ, too, give link1.mass, link1.com_x and link1.inertia with it."
+    )
+    assert predict_run(tmp_path / "run", None, Wanted(fix={"link1.length": 0.3})).notes[0] == said
+    before, after = (
+        predict_run(tmp_path / "run", None, Wanted(fix=fix)).fit.mechanism.tree.links
+        for fix in ({}, {"link1.length": 0.3})
+    )
+    # the frame of the second link alone is elsewhere
+    np.testing.assert_array_equal(after[0], before[0])
+    assert said not in predict_run(tmp_path / "run", None, Wanted(fix={"link1.mass": 0.3})).notes
 
 
 def test_it_is_as_long_as_the_record_and_begins_where_that_ends(run):

@@ -13,6 +13,7 @@ from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.tree import INERTIA, MASS
 from monodyn.results.curves import BAND, state_curves
 from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
@@ -138,7 +139,10 @@ def predict_run(
             "replace; give another with --out."
         )
     states = _followed(begun, times)
-    found = Predicted(begun, states, horizon(begun, wanted.tolerance), _notes(begun, states, ends))
+    found = Predicted(
+        begun, states, horizon(begun, wanted.tolerance),
+        (*_stayed(fit.mechanism, begun.mechanism, wanted.fix), *_notes(begun, states, ends)),
+    )  # fmt: skip
     if out is None:
         return found
     folder = RunFolder(out, force=force, inputs=[run, clip], kind=PREDICTION)
@@ -159,6 +163,22 @@ def _followed(fit: Fit, times: np.ndarray) -> States:
             f"{times[1] - times[0]:g} s; give others, or an earlier end."
         )
     return states
+
+
+def _stayed(before: Mechanism, after: Mechanism, fix: Mapping[str, float]) -> list[str]:
+    """Return notes on lengths that have another value while the masses of their body stay where they are."""
+    notes, inertial = [], slice(MASS, INERTIA + 1)
+    for name in fix:
+        row = after.parameter(name)
+        links = [i for i, joint in enumerate(after.joints) if joint.body == row.owner]
+        same = np.array_equal(before.tree.links[links, inertial], after.tree.links[links, inertial])
+        if row.kind == "length" and row.value != before.values[name] and same:
+            notes.append(
+                f"{name} moves what hangs on {row.owner} and nothing else: its mass, centre of mass and "
+                f"inertia stay as identified; where they differ, too, give {row.owner}.mass, {row.owner}.com_x and "
+                f"{row.owner}.inertia with it."
+            )
+    return notes
 
 
 def _notes(fit: Fit, states: States, record: tuple[float, float]) -> tuple[str, ...]:
