@@ -175,8 +175,8 @@ def _stayed(before: Mechanism, after: Mechanism, fix: Mapping[str, float]) -> li
         if row.kind == "length" and row.value != before.values[name] and same:
             notes.append(
                 f"{name} moves what hangs on {row.owner} and nothing else: its mass, centre of mass and "
-                f"inertia stay as identified; where they differ, too, give {row.owner}.mass, {row.owner}.com_x and "
-                f"{row.owner}.inertia with it."
+                f"inertia stay as identified; where they differ, too, give {row.owner}.mass, "
+                f"{row.owner}.com_x and {row.owner}.inertia with it."
             )
     return notes
 

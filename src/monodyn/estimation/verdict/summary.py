@@ -45,6 +45,8 @@ UNSTABLE = (
 )
 SAME_SCALE = 0.1
 """Standard deviation of the logarithm of a ratio of lengths up to which their scale is all that is open."""
+RATIO_KNOWN = 0.5
+"""Standard deviation over the value up to which a ratio counts as determined."""
 CLEAR_SHARE = 0.01
 """Residuals below this share of the motion are too small for bodies or dry friction to be the reason."""
 
@@ -362,7 +364,9 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
         sentences += advice.tilt(fit.parameters)
         ratios = size_ratios(mechanism, unknowns)
         near = [ratio.size.name for ratio in ratios]
-        sentences += undetermined.open_parameters(mechanism, fit.parameters, without_effect, near)
+        sentences += undetermined.open_parameters(
+            mechanism, fit.parameters, without_effect, near, _known_in_ratio(fit)
+        )
         sentences += undetermined.nothing_seen(fit.parameters)
         sentences += like_weight(found)
         sentences += assumed.proportions(_hardly_known(ratios, found.known.covariance))
@@ -376,6 +380,12 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
     total = int(problem.data.measured.any(axis=1).sum()) + int(gone.sum())
     sentences += advice.outliers(total, int(gone.sum()), left_out)
     return sentences + advice.few(problem.data.samples, found.fitted)
+
+
+def _known_in_ratio(fit: Fit) -> list[str]:
+    """Name what is determined by its ratio to an inertia, or a mass."""
+    ratios = [one.name for one in fit.combinations if one.std < RATIO_KNOWN * abs(one.value)]
+    return [name.partition(" / ")[0] for name in ratios if name.endswith((".J", ".M"))]
 
 
 def _taken_level(problem: Problem) -> bool:
