@@ -121,14 +121,13 @@ class Controlled:
                     f"Of {self.aim.draws} mechanisms {missing} were not found: what the data allow reaches "
                     "beyond the bounds of the parameters."
                 )
-            seldom = _seldom(self.regulator)
             # what falls between two measurements says nothing of the data
-            notes += seldom or draws_said(stability.stable, stability.draws)
+            notes += _seldom(self.regulator) or draws_said(stability.stable, stability.draws)
         else:
             notes.append("No mechanisms were drawn: the gains were tried on the identified mechanism alone.")
         if stability.lightest < stability.heaviest:
-            masses = f"{stability.lightest:.2g} to {stability.heaviest:.2g} times the masses"
-            notes.append(f"The balance holds with {masses}.")
+            held = f"{stability.lightest:.2g} to {stability.heaviest:.2g}"
+            notes.append(f"The balance holds with {held} times the masses.")
         if self.swing is not None:
             notes.append(
                 f"The swing takes {self.swing.seconds:.3g} s and reaches the balance with "

@@ -39,6 +39,8 @@ ROUNDING = 1e-13
 """Noise that is taken at least, over the variance that a cause leaves."""
 SHARES, COARSE = (0.0, 1e-4, 1e-3, 1e-2, 1e-1, 1.0), 2
 """Shares of the random accelerations that explain the residuals alone, tried with every second length."""
+UNTOLD = 0.1
+"""Logarithm of the likelihood of each position up to which a smaller share is taken as possible."""
 SWEEPS, SEED = 8, 0
 """Times that the causes are gone through, at most; seed of the waves."""
 
@@ -71,7 +73,7 @@ def repeating(found: Refined, random: np.ndarray) -> np.ndarray:
 
     Args:
         found: The optimum, and what is known there.
-        random: As in ``repeating_share``.
+        random: As in ``repeating_share``, (dof,).
 
     Source:
         Kennedy and O'Hagan, Bayesian calibration of computer models, 2001 (discrepancy); Rahimi and Recht,
@@ -98,7 +100,9 @@ def repeating(found: Refined, random: np.ndarray) -> np.ndarray:
     likely = [
         max(left(one, some).likelihood(k, k, most)[1] for k in range(len(forces[some]))) for one in densities
     ]
-    whole = left(densities[int(np.argmax(likely))], slice(None))
+    # a record too short to tell leaves both possible: then what repeats is the more cautious
+    possible = np.array(likely) > max(likely) - UNTOLD * np.count_nonzero(problem.data.measured)
+    whole = left(densities[int(np.argmax(possible))], slice(None))
     more, likelihood = [], []
     for (i, (by_force, _)), (j, (by_error, _)) in product(enumerate(forces), enumerate(errors)):
         strengths, value = whole.likelihood(i, j, most)

@@ -38,7 +38,7 @@ class Wander:
 
     Attributes:
         variance: Of the noise from row to row [rad^2 or m^2], NaN where not measured, (row, dof).
-        carried: Derivative of the state at a row by that at the row before, (row, state, state).
+        carried: Derivative of the state at a row by that at the row before, (row, 2 dof, 2 dof).
         steps: Time since the row before [s], (row,).
         begins: True where a record begins, (row,).
         unknown: Variance of positions and rates where a record begins [SI], (dof,).
@@ -71,7 +71,7 @@ class Wander:
 
         Args:
             residual: Residuals [rad or m], (row, dof).
-            density: As in ``innovations``.
+            density: As in ``innovations``, (dof,).
         """
         new, logarithm, square = self._filtered(residual[..., None], density)
         return logarithm - 0.5 * float(np.sum(new**2)), square
