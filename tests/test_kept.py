@@ -39,6 +39,27 @@ def test_a_motion_that_goes_on_leaves_no_doubt() -> None:
     assert kept_doubts(fit, [record], mechanism, SETTINGS) == []
 
 
+@pytest.mark.slow
+def test_angles_that_count_from_hanging_go_on_too() -> None:
+    """As encoders count: a quarter turn from what the mechanism's angles begin with."""
+    start, time = (
+        load("double").with_values({"joint1.damping": 1e-4, "joint2.damping": 1e-4}),
+        np.arange(150) / 60.0,
+    )
+    position = simulate(start, time, np.array([-0.6, 0.4]), np.array([0.5, -1.0])).position
+    position = position + NOISE * np.random.default_rng(1).standard_normal(position.shape)
+    position[:, 0] += 0.5 * np.pi
+    covariance, seen = np.tile(NOISE**2 * np.eye(2), (150, 1, 1)), np.ones(150, dtype=bool)
+    record = Poses(("joint1", "joint2"), np.arange(150), time, position, covariance, seen)
+    lost = monodyn.identify(record, load("double"), SETTINGS)
+    assert not lost.ok
+    assert any("--free camera.roll estimates the tilt" in sentence for sentence in lost.advice)
+    free = load("double").with_choices(free=["camera.roll"])
+    fit = monodyn.identify(record, free, SETTINGS)
+    assert fit.parameter("camera.roll").value == pytest.approx(-0.5 * np.pi, abs=0.02)
+    assert [doubt for doubt in kept_doubts(fit, [record], free, SETTINGS) if doubt.grade == "refused"] == []
+
+
 def test_an_end_of_another_kind_is_a_doubt() -> None:
     record, mechanism = swung(90, kick=4.0), load("single")
     # the fit to all of it may be anything: its beginning alone is identified well

@@ -18,7 +18,7 @@ from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.mechanism.dots import check_dots, dots_of, shows_dots
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL, by_roll
-from monodyn.results.opened import remembered
+from monodyn.results.opened import is_run, remembered
 from monodyn.results.predict import MOST_ROWS, evenly, spacing
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
@@ -117,7 +117,7 @@ def chosen_mechanism(model: str | Path, settings: RunSettings, *, camera: bool =
             f"parameter 'camera.focal': --locate.focal gives it, {settings.locate.focal:g} px; leave one of "
             "them out."
         )
-    mechanism = remembered(model) if Path(model).is_dir() else load(model)
+    mechanism = remembered(model) if is_run(model) else load(model)
     check_camera(mechanism, settings.camera.method or "fast", fix, free)
     if ROLL in free and settings.identify.method == "paper":
         raise SettingsError(

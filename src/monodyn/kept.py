@@ -14,6 +14,7 @@ import numpy as np
 from monodyn.errors import MonodynError
 from monodyn.estimation.fit import GRADES, Doubt, Fit
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.upright import ROLL
 from monodyn.results.heldout import Judged, judged
 from monodyn.results.predict import predict
 from monodyn.results.trace import fitted_rows, trace_of
@@ -58,7 +59,7 @@ def kept_doubts(
     try:
         # the prediction rests on the covariance, wherever the intervals come from
         quick = replace(settings, starts=1, uncertainty="linear")
-        shorter = identify(parts, *_as_chosen(fit, mechanism, quick), progress=progress)
+        shorter = identify(parts, *_as_chosen(fit, _turned(fit, mechanism), quick), progress=progress)
     except MonodynError as error:
         return [_unidentified(str(error))]
     if not shorter.starts:
@@ -111,6 +112,14 @@ def _as_chosen(
     kinds = {p.name: p.kind for p in fit.mechanism.parameters}
     drags = [p.name for p in fit.parameters if p.free and kinds[p.name] in ("drag", "air")]
     return mechanism.with_choices(free=drags), replace(settings, torque=fit.torque)
+
+
+def _turned(fit: Fit, mechanism: Mechanism) -> Mechanism:
+    """Return the mechanism with the roll that was found where the user freed it: a zero of the angles that
+    hangs down is a quarter turn from what is tried first, and one search alone does not find it."""
+    if ROLL not in mechanism.chosen or not mechanism.parameter(ROLL).free:
+        return mechanism
+    return mechanism.with_values({ROLL: fit.parameter(ROLL).value})
 
 
 def _stop(record: Poses) -> int | None:

@@ -66,6 +66,11 @@ def test_what_has_no_effect_and_what_is_hardly_known(double):
         "link2.density does not change the motion, which cannot determine it.",
         f"The data hardly fix link1.length: the error is as large as the value; {LIVELY}",
     ]
+    damping = estimates(double, {"joint1.damping": 10.0})
+    assert undetermined.open_parameters(double, damping, (), (), ["joint1.damping"]) == [
+        "The data show joint1.damping against the inertias (see the combinations), and hardly by itself: no "
+        "longer record would, but a measured mass, density or thickness, given with --fix."
+    ]
     two = undetermined.open_parameters(double, [], ("link1.density", "link2.density"))
     assert two == ["link1.density and link2.density do not change the motion, which cannot determine them."]
 

@@ -7,12 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.verdict import repeating, summary
 from monodyn.estimation.verdict.combinations import inertial_ratios
-from monodyn.estimation.verdict.repeating import _along, _pushed, _strengths, _waves
+from monodyn.estimation.verdict.repeating import _along, _pushed, _Residuals, _strengths, _waves
 from monodyn.estimation.verdict.shares import Share
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import accelerations, rollout, transitions
@@ -20,6 +21,7 @@ from monodyn.stages import identify
 from swings import motion, record
 
 VISCOUS = IdentifySettings(torque="friction")
+FREE = IdentifySettings(torque="friction", bodies="free")
 TIMES = np.arange(120) / 60.0
 LACKING = {
     "dry": ("double", {"joint1.friction": 2e-3, "joint2.friction": 1e-3}),
@@ -61,7 +63,7 @@ def test_intervals_contain_what_is_unknown_to_the_model(kind, monkeypatch):
         fit = identify(poses, start, VISCOUS)
         with_it.extend(deviations(fit, truth))
         with monkeypatch.context() as patch:
-            patch.setattr(summary, "repeating_share", lambda _: Share({}, {}))
+            patch.setattr(summary, "repeating_share", lambda *_: Share({}, {}))
             without.extend(deviations(identify(poses, start, VISCOUS), truth))
     assert len(with_it) == len(without) >= 12
     # as the residuals are white noise the intervals are several times too narrow
@@ -79,11 +81,56 @@ def test_a_record_that_states_too_much_noise_hides_nothing():
     np.testing.assert_allclose(other, one, atol=0.3)
 
 
+def test_forces_widen_what_the_motion_tells_and_not_what_is_known_before():
+    """Against the posterior of the sandwich covariance of the motion together with what is known before."""
+    rng = np.random.default_rng(5)
+    jacobian, waves = rng.normal(size=(30, 3)), 30.0 * rng.normal(size=(30, 6))
+    information, tension = jacobian.T @ jacobian, np.array([0.0, 0.3, -2.0])
+    # the first unknown nobody knows before, the last one well
+    before = np.diag([0.0, 1.0, 400.0])
+    about = SimpleNamespace(
+        followed=np.linalg.inv(information + before), alone=np.linalg.inv(information), tension=tension
+    )
+    more = _Residuals.wider(about, jacobian.T @ waves)
+    # the waves act on what the unknowns follow: within the columns of the derivatives
+    pull = jacobian.T @ waves
+    motion_tells = information @ np.linalg.inv(information + pull @ pull.T) @ information
+    whole = np.linalg.inv(motion_tells + before)
+    best = np.linalg.solve(information, tension)
+    shift = whole @ (motion_tells @ best - tension)
+    np.testing.assert_allclose(about.followed + more, whole + np.outer(shift, shift), atol=1e-9)
+    assert np.sqrt(whole[2, 2]) < 1.0 / 20.0
+    # without knowledge before it is what the unknowns follow the waves by
+    free = SimpleNamespace(followed=about.alone, alone=about.alone, tension=np.zeros(3))
+    plain = about.alone @ pull @ pull.T @ about.alone
+    np.testing.assert_allclose(_Residuals.wider(free, pull), plain, rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_what_does_not_repeat_is_laid_to_no_force_of_the_state():
+    """Readings that are off slowly and at random: their error averages out, so that intervals are those of
+    its spectrum and a longer record has narrower ones."""
+    truth, times = load("single").with_values({"joint1.damping": 3e-4}), np.arange(800) * 0.02
+    off = []
+    for seed in range(2):
+        kept, drawn = np.exp(-1.0 / 25.0), np.random.default_rng(seed).normal(size=1300)
+        slow = lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], lfilter([0.3], [1.0, -0.7], drawn))[500:]
+        position = motion(truth, times, [0.9], [0.0]) + 7e-4 * slow[:, None]
+        whole = record(truth, times, position, noise=4e-5, seed=seed)
+        fits = [identify(whole.part(0, rows), load("single"), FREE) for rows in (200, 800)]
+        named = [{one.name: one for one in fit.combinations} for fit in fits]
+        for name in ("link1.mx * gravity / link1.J", "link1.my * gravity / link1.J"):
+            short, long = (one[name].std for one in named)
+            assert long < short < 0.05, name
+        off.extend(np.concatenate([deviations(fit, truth) for fit in fits]))
+    assert np.all(np.abs(off) < 2.5)
+
+
 def test_where_noise_explains_the_residuals_next_to_nothing_is_added(poses, double, monkeypatch):
     shares = []
 
-    def share(found):
-        shares.append((np.diag(repeating.repeating(found)), np.diag(found.known.covariance)))
+    def share(found, _):
+        shares.append((np.diag(repeating.repeating(found, np.zeros(2))), np.diag(found.known.covariance)))
         return Share({}, {})
 
     monkeypatch.setattr(summary, "repeating_share", share)

@@ -73,7 +73,7 @@ def test_a_combination_is_widened_about_its_value(problem):
 def test_a_length_that_a_repeating_force_leaves_open_is_refused(poses, double, monkeypatch):
     value = identify(poses, double, VISCOUS).check().parameter("link1.length").value
     share = Share({"link1.length": 3.0 * value}, {})
-    monkeypatch.setattr(summary, "repeating_share", lambda _: share)
+    monkeypatch.setattr(summary, "repeating_share", lambda *_: share)
     fit = identify(poses, double, VISCOUS)
     assert fit.status.startswith("The motion does not determine link1.length: the error is as large as the")
     assert not fit.parameter("link1.length").identifiable

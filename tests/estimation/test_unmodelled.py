@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from monodyn.estimation.verdict.unmodelled import _filtered
+from monodyn.estimation.verdict.unmodelled import Wander
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import rollout
 from monodyn.results.predict import predict
@@ -62,12 +62,12 @@ def test_the_likelihood_is_that_of_all_rows_together():
     move = np.array([[1.0, step], [-0.3, 0.95]])
     rng = np.random.default_rng(2)
     residual, variance = rng.normal(size=(rows, 1)), np.full((rows, 1), 0.3)
-    residual[2] = np.nan
+    residual[2], variance[2] = np.nan, np.nan
     carried, steps = np.tile(move, (rows, 1, 1)), np.full(rows, step)
     begins = np.arange(rows) == 0
-    values = []
+    about, values = Wander(variance, carried, steps, begins, np.array([4.0])), []
     for density in (0.5, 2.0):
-        ours, _ = _filtered(residual, variance, carried, steps, begins, np.array([density]), np.array([4.0]))
+        ours, _ = about.error(residual, np.array([density]))
         push = density * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
         # the state at each row is a sum of the first one and of all pushes, carried on
         sources = np.zeros((2 * rows, 2 * rows))

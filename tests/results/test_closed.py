@@ -84,6 +84,16 @@ def test_joints_are_found_by_name_in_a_foreign_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(ours.position, theirs.position)
 
 
+def test_a_start_is_given_by_name_too() -> None:
+    mechanism, none = load("double"), Constant(("joint1", "joint2"), ("joint1",), 0.0)
+    named = closed_loop(mechanism, none, {"joint2": 0.4}, {"joint1": 1.0}, seconds=0.2)
+    listed = closed_loop(mechanism, none, np.array([0.0, 0.4]), np.array([1.0, 0.0]), seconds=0.2)
+    np.testing.assert_array_equal(named.position, listed.position)
+    expected = "closed_loop: position: joint 'elbow' is not in the mechanism; joints: 'joint1', 'joint2'."
+    with refuses(SettingsError, expected):
+        closed_loop(mechanism, none, {"elbow": 0.4})
+
+
 def test_a_motion_that_runs_away_ends() -> None:
     push = Constant(("slide", "joint1"), ("slide",), 1e6)
     loop = closed_loop(load("cartpole"), push, np.zeros(2), seconds=5.0)

@@ -20,6 +20,7 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
 from monodyn.pipeline import identify_tables
+from monodyn.results import controlled as controlled_module
 from monodyn.results.controlled import Aim, camera_for, control, control_run, draws_said
 from monodyn.results.sight import outlines_of
 from support import command, refuses
@@ -102,14 +103,17 @@ def test_a_swing_is_in_the_document_and_the_notes(run: Path, tmp_path: Path) -> 
     assert swing["state"]["joint1"][0] == pytest.approx(-np.pi / 2.0, abs=1e-6)
     assert len(document["closed_loop"]["time"]) == round((swing["seconds"] + 10.0) * 200) + 1
     stability = found.regulator.stability
-    assert found.notes[:5] == (
+    assert found.notes[:6] == (
         f"The gains hold 4 of 4 mechanisms that the data allow; the slowest pole of any is at "
         f"{stability.worst:.3g} 1/s.",
         "That all of 4 are held says little: up to 53 % of those that the data allow may not be (95 % sure); "
         "20 draws or more say it better.",
-        f"They hold it with {stability.lightest:.2g} to {stability.heaviest:.2g} times the masses.",
+        f"The balance holds with {stability.lightest:.2g} to {stability.heaviest:.2g} times the masses.",
         f"The swing takes {swing['seconds']:.3g} s and reaches the balance with {swing['reached']} of "
         f"{swing['draws']} mechanisms that the data allow.",
+        "A swing depends on the scale of the masses, which the record leaves open: where the mechanism has k "
+        "times those of model.xml, all its torques have to be k times as large (closed_loop has factor= for "
+        "it).",
         "In MuJoCo the identified mechanism stays balanced.",
     )
     said = (
@@ -131,6 +135,43 @@ def test_a_doubtful_fit_and_one_that_falls_say_so() -> None:
     )
     doubted = replace(far, fit=replace(fit, doubts=(refusal(),)))
     assert doubted.notes[0] == f"The mechanism is not to be relied on: {fit.status}"
+
+
+def test_a_film_that_is_interrupted_leaves_nothing(run: Path, tmp_path: Path, monkeypatch) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(controlled_module, "_film", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        control_run(run, tmp_path / "none", Aim(UP, ["slide"], draws=0))
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_rate_at_which_it_falls_in_between_is_named() -> None:
+    """At one measurement a second a cart-pole is lost between two, whatever the data say of it."""
+    _, fit = identified("cartpole")
+    slow = control(fit, Aim(UP, ["slide"], rate=1.0, draws=6))
+    pole = max(np.linalg.eigvals(slow.regulator.linear.system.A).real)
+    said = (
+        f"From one measurement to the next, 1 s, it falls {np.exp(pole):.2g} times as far from the "
+        "equilibrium as it was, which leaves no room for any error of the model: measure more often "
+        "with --rate."
+    )
+    assert said in slow.notes
+    assert not any("data do not tell" in note for note in slow.notes)
+    assert not any("1 to 1 times the masses" in note for note in slow.notes)
+    assert not any("measure more often" in note for note in control(fit, Aim(UP, ["slide"], draws=0)).notes)
+
+
+def test_draws_that_were_not_found_are_counted() -> None:
+    _, fit = identified("cartpole")
+    found = control(fit, Aim(UP, ["slide"], draws=3))
+    asked = replace(found, aim=replace(found.aim, draws=50))
+    said = (
+        "Of 50 mechanisms 47 were not found: what the data allow reaches beyond the bounds of the parameters."
+    )
+    assert said in asked.notes
+    assert said not in found.notes
 
 
 def test_what_it_means_that_draws_fall() -> None:

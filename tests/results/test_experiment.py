@@ -145,17 +145,17 @@ def test_the_advice_in_words(little):
     assert said(fit, name, 0.13, motion, 0.21, ("", 1.0), masses) == (
         "Film it once more: hold it still at joint1 = 0 deg (90 deg from where it hangs) and "
         "joint2 = -90 deg (hanging by itself), let go, and film 4 s. Of the interval of link1.J / link2.J "
-        "(+- 13 % now) about 0.21 is left then."
+        "(+- 13 % now) about 21 % is left then."
     )
     assert said(fit, name, 0.13, motion, 0.7, ("link1.length", 0.3), masses) == (
         "Film it once more: hold it still at joint1 = 0 deg (90 deg from where it hangs) and "
         "joint2 = -90 deg (hanging by itself), let go, and film 4 s. Of the interval of link1.J / link2.J "
-        "(+- 13 % now) about 0.7 is left then; no motion that was tried halves it. In its place, "
-        "link1.length measured and given with --fix link1.length=VALUE leaves 0.3."
+        "(+- 13 % now) about 70 % is left then; no motion that was tried halves it. In its place, "
+        "link1.length measured and given with --fix link1.length=VALUE leaves 30 %."
     )
     assert said(fit, name, 0.02, None, 1.0, ("link1.length", 0.3), masses) == (
         "No further motion tells much more. What is known worst is link1.J / link2.J (+- 2 %); link1.length "
-        "measured and given with --fix link1.length=VALUE leaves 0.3 of its interval. No motion depends on "
+        "measured and given with --fix link1.length=VALUE leaves 30 % of its interval. No motion depends on "
         "the scale of link1.thickness and link2.thickness: one of them, measured and given with --fix, "
         "fixes it."
     )

@@ -11,6 +11,7 @@ from zoo import ZOO
 
 import monodyn
 from fits import identified
+from monodyn.checks import chosen_mechanism
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Estimate
 from monodyn.estimation.settings import IdentifySettings
@@ -19,6 +20,7 @@ from monodyn.mechanism.simulate import simulate
 from monodyn.pipeline import identify_tables
 from monodyn.results import opened as opened_module
 from monodyn.results.intact import check_model, digest
+from monodyn.results.log import RunLog
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
 from support import refuses
@@ -154,6 +156,21 @@ def test_what_the_run_before_knew_is_named(tmp_path):
     assert opened_module.known_before("single", now) == []
 
 
+def test_a_bundled_name_is_the_mechanism_whatever_folder_has_that_name(tmp_path, monkeypatch):
+    """As with ``--model single --out single``: the run's own folder is there when it is asked again."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("single", "chain:3"):
+        (tmp_path / name).mkdir()
+        assert not opened_module.is_run(name)
+        assert chosen_mechanism(name, RunSettings(), camera=False).name == name
+        assert RunLog("identify", {"model": name}, RunSettings()).inputs["model"] == {"name": name}
+    assert opened_module.known_before("single", identified()) == []
+    # a folder of that name is given as a path
+    assert opened_module.is_run("./single")
+    with pytest.raises(SettingsError, match=r"fit\.json"):
+        chosen_mechanism("./single", RunSettings(), camera=False)
+
+
 def test_the_mechanism_file_of_a_run_has_to_be_there(tmp_path):
     model, table, folder = tmp_path / "own.xml", tmp_path / "poses.csv", tmp_path / "run"
     monodyn.write_mjcf(monodyn.load("single"), model)
@@ -210,7 +227,6 @@ def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
     for change, kind, what in (
         ({"parameters": [{"name": "gravity"}]}, "KeyError", "'value'"),
         ({"covariance": {"names": [], "matrix": []}}, "ValueError", "'record0.joint1' is not in list"),
-        ({"rms": None}, "TypeError", "'NoneType' object is not subscriptable"),
     ):
         with refuses(
             SettingsError,
@@ -260,6 +276,10 @@ CHANGES = [
         "{count}x{count}",
     ),
     (("fitted",), [], "as many fitted stretches as start states, 1", "0"),
+    (("grade",), "refused", "the grade of its doubts, trusted", "refused"),
+    (("ok",), False, "ok true of the grade trusted", "false"),
+    (("drive",), None, "object as drive", "null"),
+    (("fitted", 0, "rows"), True, "integer as fitted[0].rows", "true"),
     (("fitted", 0, "last"), -1.0, "a fitted stretch that ends after it begins", "0 to -1 s"),
     (
         ("unmodelled",),
@@ -352,6 +372,18 @@ def test_what_is_no_number_is_refused(tmp_path, text):
 
 
 DO = "keep changed models elsewhere, give other values with --fix, or run it again."
+
+
+def test_a_run_without_its_model_says_so(tmp_path):
+    folder = tmp_path / "run"
+    monodyn.report(identified(), to=folder)
+    (folder / "model.xml").unlink()
+    with refuses(
+        SettingsError,
+        f"'{folder}': expected the folder of a run with its model.xml, got one without; put it back, or run "
+        "it again.",
+    ):
+        monodyn.open_run(folder)
 
 
 def test_a_model_that_was_changed_beside_its_fit_is_refused(tmp_path):

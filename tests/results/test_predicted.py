@@ -16,9 +16,12 @@ from fits import identified, record
 from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Doubt
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism.simulate import simulate
+from monodyn.results import predicted as predicted_module
 from monodyn.results.horizon import horizon_said
 from monodyn.results.predicted import Wanted, predict_run
+from monodyn.types import Poses
 from support import refuses
 
 
@@ -87,6 +90,36 @@ def test_a_run_without_a_report_and_an_approximate_one_have_a_page(run, tmp_path
     assert "report.html" not in (tmp_path / "b" / "prediction.html").read_text()
 
 
+def test_a_length_that_moves_the_next_hinge_alone_is_told(tmp_path):
+    """A written model has masses in place of densities: another length leaves them where they are."""
+    mechanism = monodyn.load("double")
+    times, rng = np.arange(60) / 30.0, np.random.default_rng(0)
+    position = simulate(mechanism, times, np.array([-1.0, 0.3]), np.zeros(2)).position
+    covariance, seen = np.tile(1e-6 * np.eye(2), (60, 1, 1)), np.ones(60, dtype=bool)
+    poses = Poses(
+        ("joint1", "joint2"),
+        np.arange(60),
+        times,
+        position + 1e-3 * rng.normal(size=(60, 2)),
+        covariance,
+        seen,
+    )
+    fit = monodyn.identify(poses, mechanism, IdentifySettings(torque="friction"))
+    monodyn.report(fit, to=tmp_path / "run", poses=poses)
+    said = (
+        "link1.length moves what hangs on link1 and nothing else: its mass, centre of mass and inertia stay "
+        "as identified; where they differ, too, give link1.mass, link1.com_x and link1.inertia with it."
+    )
+    assert predict_run(tmp_path / "run", None, Wanted(fix={"link1.length": 0.3})).notes[0] == said
+    before, after = (
+        predict_run(tmp_path / "run", None, Wanted(fix=fix)).fit.mechanism.tree.links
+        for fix in ({}, {"link1.length": 0.3})
+    )
+    # the frame of the second link alone is elsewhere
+    np.testing.assert_array_equal(after[0], before[0])
+    assert said not in predict_run(tmp_path / "run", None, Wanted(fix={"link1.mass": 0.3})).notes
+
+
 def test_it_is_as_long_as_the_record_and_begins_where_that_ends(run):
     states, fit = predict_run(run).states, identified()
     assert states.time[0] == pytest.approx(fit.time[0][-1])
@@ -129,6 +162,25 @@ def test_what_cannot_be_predicted_or_drawn_is_refused(run, tmp_path):
         f"'{run}': expected the run of a clip, got one of tables, which has no camera; leave --film out.",
     ):
         predict_run(run, tmp_path / "ahead", film=True)
+
+
+def test_a_film_that_is_interrupted_leaves_the_folder_as_it_was(run, tmp_path, monkeypatch):
+    def stopped(*_) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(predicted_module, "_background", lambda *_: object())
+    monkeypatch.setattr(predicted_module, "_film", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        predict_run(run, tmp_path / "none", film=True)
+    assert not (tmp_path / "none").exists()
+    before = predict_run(run, tmp_path / "old", Wanted({"joint1": 0.3})).folder
+    text = (before / "prediction.csv").read_text()
+    with pytest.raises(KeyboardInterrupt):
+        predict_run(run, tmp_path / "old", Wanted({"joint1": 0.5}), film=True, force=True)
+    assert (before / "prediction.csv").read_text() == text
+    assert sorted(path.name for path in before.iterdir()) == [
+        "prediction.csv", "prediction.html", "prediction.json",
+    ]  # fmt: skip
 
 
 def test_a_film_shows_the_motion_over_the_first_frame(filmed, make_clip, tmp_path):

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -13,7 +14,7 @@ import monodyn
 from fits import identified, made_fit, record
 from monodyn.errors import SettingsError
 from monodyn.estimation.record.tables import read_poses
-from monodyn.mechanism import load
+from monodyn.mechanism import load, write_mjcf
 from monodyn.mechanism.simulate import simulate
 from monodyn.results import findings, gaps
 from monodyn.results.fill import fill
@@ -53,6 +54,25 @@ def test_what_urdf_cannot_hold_is_said(tmp_path: Path) -> None:
     monodyn.report(replace(fit, mechanism=sprung), to=tmp_path / "sprung")
     assert json.loads((tmp_path / "sprung" / "fit.json").read_text())["advice"][-1] == said
     assert said in (tmp_path / "sprung" / "report.html").read_text(encoding="utf-8")
+
+
+def test_what_does_not_act_in_mujoco_either_is_said(tmp_path: Path) -> None:
+    """``model.xml`` has the air's drag as a number: MuJoCo moves as if there were none."""
+    double = load("double")
+    aired = double.with_values({"joint1.drag": 1e-3, "joint2.air": 1e-2})
+    assert lost_in_urdf(aired) == [
+        "URDF has no place for joint1.drag, joint2.air, which model.urdf leaves out; nor does joint2.air act "
+        "in MuJoCo, where model.xml has it as a number alone: monodyn predict has the motion with all of "
+        "them."
+    ]
+    moved = []
+    for air in (0.0, 1e-2):
+        write_mjcf(double.with_values({"joint2.air": air}), tmp_path / "model.xml")
+        body = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+        data = mujoco.MjData(body)
+        mujoco.mj_step(body, data, 500)
+        moved.append(data.qpos.copy())
+    np.testing.assert_array_equal(*moved)
 
 
 def test_report_keeps_frame_numbers_and_poses(tmp_path: Path) -> None:

@@ -111,3 +111,12 @@ def test_no_way_is_refused() -> None:
     )
     with refuses(SettingsError, said):
         swing_up(fit, regulated("cartpole"), limit={"slide": 1e-3}, seconds=0.25, draws=0)
+    within = (
+        "swing_up: expected a way up within the torques slide=0.001 and the positions slide=-0.001:0.001, "
+        "but found none in 0.25 s; give larger limits, more room, or another time."
+    )
+    with refuses(SettingsError, within):
+        swing_up(
+            fit, regulated("cartpole"), limit={"slide": 1e-3}, within={"slide": (-1e-3, 1e-3)}, seconds=0.25,
+            draws=0,
+        )  # fmt: skip

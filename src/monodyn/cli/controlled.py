@@ -92,7 +92,9 @@ def _print(found: Controlled, *, as_json: bool, quiet: bool) -> None:
     if quiet:
         return
     document = found.document
-    where = ", ".join(f"{name}={x:.6g}" for name, x in document["operating_point"]["position"].items())
+    where = ", ".join(
+        f"{name}={round(x, 9):z.6g}" for name, x in document["operating_point"]["position"].items()
+    )
     print(f"equilibrium: {where}")
     for motor, row in zip(document["motors"], found.regulator.gain, strict=True):
         gains = ", ".join(f"{name} {x:.5g}" for name, x in zip(document["states"], row, strict=True))

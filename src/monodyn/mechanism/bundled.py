@@ -23,6 +23,15 @@ _HEAD = """<mujoco>
 """
 
 
+def is_bundled(source: object) -> bool:
+    """Return whether a mechanism is named that comes with the package, whatever file or folder has the name.
+
+    Args:
+        source: What was given as a mechanism; a path is none of these names.
+    """
+    return isinstance(source, str) and (source in BUNDLED_FILES or source.startswith("chain:"))
+
+
 def bundled(name: str) -> str | Path | None:
     """Return a bundled mechanism: the path of its file or the text of a chain; None if it is not bundled.
 

@@ -13,6 +13,7 @@ import numpy as np
 from monodyn.arrays import frozen
 from monodyn.errors import SettingsError
 from monodyn.mechanism import Mechanism, write_mjcf
+from monodyn.results.linear import State, by_name
 from monodyn.results.regulator import off
 
 AT_END = 1.0
@@ -93,8 +94,8 @@ class ClosedLoop:
 def closed_loop(
     model: Mechanism | str | Path,
     controller: Controller,
-    position: np.ndarray,
-    velocity: np.ndarray | None = None,
+    position: State,
+    velocity: State | None = None,
     *,
     seconds: float = 10.0,
     factor: float = 1.0,
@@ -104,8 +105,8 @@ def closed_loop(
     Args:
         model: An MJCF file (MuJoCo's own reading of it), or a mechanism, which is written as one first.
         controller: Gives the torques; a `Regulator` or a `SwingUp`.
-        position: Joint positions at the beginning [rad or m], (dof,).
-        velocity: Joint rates there [rad/s or m/s], (dof,); None is rest.
+        position: Joint positions at the beginning [rad or m], by name, zero for those left out, or (dof,).
+        velocity: Joint rates there [rad/s or m/s], likewise; None is rest.
         seconds: How long [s].
         factor: What each torque is multiplied by: how many times as much the model moves as was identified,
             where that is known.
@@ -114,7 +115,8 @@ def closed_loop(
         The motion; it ends early where it runs away.
 
     Raises:
-        SettingsError: The model has not the controller's joints, or MuJoCo cannot read it.
+        SettingsError: The model has not the controller's joints, MuJoCo cannot read it, or a joint of the
+            start is not there.
     """
     mujoco: Any = importlib.import_module("mujoco")
     body = _body(mujoco, model)
@@ -132,8 +134,10 @@ def closed_loop(
     steps = max(1, int(np.ceil(1.0 / (rate * body.opt.timestep) - 1e-9)))
     body.opt.timestep = 1.0 / (rate * steps)
     data = mujoco.MjData(body)
-    data.qpos[rows] = position
-    data.qvel[dofs] = 0.0 if velocity is None else velocity
+    data.qpos[rows] = by_name(controller.joints, "closed_loop: position", position)
+    data.qvel[dofs] = by_name(
+        controller.joints, "closed_loop: velocity", {} if velocity is None else velocity
+    )
     time, states, torques = [], [], []
     for i in range(round(seconds * rate) + 1):
         q, v = data.qpos[rows], data.qvel[dofs]

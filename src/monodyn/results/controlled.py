@@ -28,7 +28,7 @@ from monodyn.results.swing import SwingUp, swing_up
 from monodyn.types import Camera, Frame, Progress
 from monodyn.vision.clip.video import Video
 
-CONTROL = FolderKind("controller", ("control.json", "control.html", "control.mp4", "model.xml"))
+CONTROL = FolderKind("controller", ("control.json", "control.html", "control.mp4", "model.xml"), whole=True)
 WIDTH, HEIGHT = 720, 480
 """Size of the film [px]."""
 FILM_RATE = 30.0
@@ -43,6 +43,8 @@ BALANCING = 10.0
 """How long a balance is simulated, also after a swing [s]."""
 ENOUGH = 20
 """Draws from which on it says something that all of them are held: up to one in seven may not be."""
+FALLEN = 2.0
+"""How many times as far from the equilibrium a mechanism may be at the next measurement without torque."""
 PUSHED = 0.2
 """How far the first hinge without a motor is from the equilibrium at the beginning of a balance [rad]."""
 
@@ -113,12 +115,19 @@ class Controlled:
                 f"The gains hold {stability.stable} of {stability.draws} mechanisms that the data allow; the "
                 f"slowest pole of any is at {stability.worst:.3g} 1/s."
             )
-            notes += draws_said(stability.stable, stability.draws)
+            if stability.draws < self.aim.draws:
+                missing = self.aim.draws - stability.draws
+                notes.append(
+                    f"Of {self.aim.draws} mechanisms {missing} were not found: what the data allow reaches "
+                    "beyond the bounds of the parameters."
+                )
+            # what falls between two measurements says nothing of the data
+            notes += _seldom(self.regulator) or draws_said(stability.stable, stability.draws)
         else:
             notes.append("No mechanisms were drawn: the gains were tried on the identified mechanism alone.")
-        notes.append(
-            f"They hold it with {stability.lightest:.2g} to {stability.heaviest:.2g} times the masses."
-        )
+        if stability.lightest < stability.heaviest:
+            held = f"{stability.lightest:.2g} to {stability.heaviest:.2g}"
+            notes.append(f"The balance holds with {held} times the masses.")
         if self.swing is not None:
             notes.append(
                 f"The swing takes {self.swing.seconds:.3g} s and reaches the balance with "
@@ -127,6 +136,12 @@ class Controlled:
             # each of these takes long, and so there are few
             if self.swing.reached < self.swing.draws:
                 notes += draws_said(self.swing.reached, self.swing.draws)
+            if self.fit.mass_scale is None:
+                notes.append(
+                    "A swing depends on the scale of the masses, which the record leaves open: where the "
+                    "mechanism has k times those of model.xml, all its torques have to be k times as large "
+                    "(closed_loop has factor= for it)."
+                )
         # of both, gains and swing, it may be the same
         return (*dict.fromkeys(notes), _kept(self.loop), *self.regulator.linear.notes)
 
@@ -193,13 +208,13 @@ def control_run(
     folder = RunFolder(
         out, force=force, inputs=[Path(run) / "fit.json", Path(run) / "model.xml"], kind=CONTROL
     )
-    folder.write_text("control.json", json_text(found.document))
-    folder.write("model.xml", lambda path: write_mjcf(fit.mechanism, path))
-    files = [*folder.written, *(["control.mp4"] if film else [])]
-    folder.write_text("control.html", sequel_text(_page(found, Path(run)), files, Path(run), folder.path))
-    if film:
-        folder.write("control.mp4", lambda path: _film(path, found, progress))
-    folder.finish()
+    with folder.filling():
+        folder.write_text("control.json", json_text(found.document))
+        folder.write("model.xml", lambda path: write_mjcf(fit.mechanism, path))
+        files = [*folder.written, *(["control.mp4"] if film else [])]
+        folder.write_text("control.html", sequel_text(_page(found, Path(run)), files, Path(run), folder.path))
+        if film:
+            folder.write("control.mp4", lambda path: _film(path, found, progress))
     return replace(found, folder=folder.path)
 
 
@@ -268,6 +283,19 @@ def _way(swing: SwingUp, states: Sequence[str]) -> dict[str, Any]:
     }
 
 
+def _seldom(regulator: Regulator) -> list[str]:
+    """Return a note where a mechanism falls too far from one measurement to the next; none else."""
+    fastest = float(np.max(np.real(np.linalg.eigvals(regulator.linear.system.A))))
+    grown = np.exp(min(max(fastest, 0.0) / regulator.rate, 99.0))
+    if grown < FALLEN:
+        return []
+    return [
+        f"From one measurement to the next, {1.0 / regulator.rate:.3g} s, it falls {grown:.2g} times as far "
+        "from the equilibrium as it was, which leaves no room for any error of the model: measure more often "
+        "with --rate."
+    ]
+
+
 def draws_said(held: int, draws: int) -> list[str]:
     """Say what it means for the true mechanism how many draws of it a controller holds.
 
@@ -325,8 +353,9 @@ def _page(found: Controlled, run: Path) -> Sequel:
     facts = [
         (f"{loop.time[-1]:.3g} s", "simulated in MuJoCo"),
         (f"{stability.stable} of {stability.draws}", "draws of what the data allow held"),
-        (f"{stability.lightest:.2g} to {stability.heaviest:.2g}", "times the masses held"),
     ]
+    if stability.lightest < stability.heaviest:
+        facts.append((f"{stability.lightest:.2g} to {stability.heaviest:.2g}", "times the masses balanced"))
     if swing is not None:
         facts.append((f"{swing.reached} of {swing.draws}", "draws swung up and balanced"))
     plan = None if swing is None else (swing.time, swing.states)

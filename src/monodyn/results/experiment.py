@@ -270,7 +270,7 @@ def _said(
         if lacking:
             said += ": what the model lacks limits it, not what was filmed"
         if fix:
-            said += f"; {fix} {given_left:.2g} of its interval"
+            said += f"; {fix} {percent(given_left)} of its interval"
         if scaled:
             said += (
                 f". No motion depends on the scale of {listed(scaled)}: one of them, measured and given with "
@@ -279,13 +279,13 @@ def _said(
         return f"{said}."
     said = (
         f"Film it once more: hold it still at {_pose(fit, best.release)}, let go, and film "
-        f"{best.seconds:g} s. Of the interval of {name} ({_known_to(wide)} now) about {left:.2g} is left "
-        "then"
+        f"{best.seconds:g} s. Of the interval of {name} ({_known_to(wide)} now) about {percent(left)} "
+        "is left then"
     )
     if left <= HALVED:
         return f"{said}."
     said += "; no motion that was tried halves it."
-    return f"{said} In its place, {fix} {given_left:.2g}." if fix else said
+    return f"{said} In its place, {fix} {percent(given_left)}." if fix else said
 
 
 def _known_to(wide: float) -> str:

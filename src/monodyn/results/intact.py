@@ -7,17 +7,28 @@ interval, a model whose numbers are others. What contradicts itself, or the file
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterator, Mapping
+from importlib.resources import files
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from monodyn.errors import SettingsError
+from monodyn.estimation.fit import GRADES
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.plan import START_DAMPING
 from monodyn.mechanism.upright import ROLL
 
+KINDS: dict[str, tuple[type, ...]] = {
+    "object": (dict,), "array": (list,), "string": (str,), "boolean": (bool,), "number": (int, float),
+    "integer": (int,), "null": (type(None),),
+}  # fmt: skip
+"""What a kind of JSON is in Python."""
+LONGEST = 60
+"""Characters of a wrong value that are shown."""
 ROUNDED = 1e-9
 """How far apart two numbers may be that are the same but for rounding, as a share; of a matrix, of what its
 diagonal allows an entry."""
@@ -37,7 +48,8 @@ def check_numbers(file: Path, document: Mapping[str, Any]) -> None:
     Raises:
         SettingsError: They do.
     """
-    for expected, got in _contradictions(document):
+    schema = files("monodyn.results").joinpath("fit.schema.json").read_text(encoding="utf-8")
+    for expected, got in chain(_other_kinds(document, json.loads(schema), ""), _contradictions(document)):
         raise SettingsError(f"'{file}': expected {expected}, got {got}: it was changed; run it again.")
 
 
@@ -103,8 +115,33 @@ def differing(model: Mechanism, values: Mapping[str, float]) -> list[str]:
     ]
 
 
+def _other_kinds(value: Any, schema: Mapping[str, Any], name: str) -> Iterator[tuple[str, str]]:
+    """Yield what is of another kind than the schema of ``fit.json`` has it, from ``name`` on down."""
+    kinds = schema.get("type", [])
+    kinds = [kinds] if isinstance(kinds, str) else kinds
+    # a truth value of Python is a number, too
+    fitting = [kind for kind in kinds if isinstance(value, KINDS[kind])]
+    if kinds and (not fitting or (isinstance(value, bool) and "boolean" not in fitting)):
+        yield f"{' or '.join(kinds)} as {name or 'its content'}", json.dumps(value)[:LONGEST]
+        return
+    if isinstance(value, dict):
+        known, others = schema.get("properties", {}), schema.get("additionalProperties")
+        for key, one in value.items():
+            inner = known.get(key, others)
+            if isinstance(inner, dict):
+                yield from _other_kinds(one, inner, f"{name}.{key}" if name else key)
+    elif isinstance(value, list) and "items" in schema:
+        for place, one in enumerate(value):
+            yield from _other_kinds(one, schema["items"], f"{name}[{place}]")
+
+
 def _contradictions(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield what is expected, and what was got in its place."""
+    grade = document["doubts"][0]["grade"] if document["doubts"] else GRADES[0]
+    if document["grade"] != grade:
+        yield f"the grade of its doubts, {grade}", f"{document['grade']}"
+    if document["ok"] is not (grade != GRADES[-1]):
+        yield f"ok {json.dumps(grade != GRADES[-1])} of the grade {grade}", json.dumps(document["ok"])
     for row in document["parameters"]:
         name, value = row["name"], float(row["value"])
         slack = WRITTEN + ROUNDED * abs(value)

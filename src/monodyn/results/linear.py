@@ -138,9 +138,22 @@ def by_joint(mechanism: Mechanism, where: str, values: State) -> np.ndarray:
         values: By name, or one for each joint; none is all zero.
 
     Raises:
-        SettingsError: A joint is not in the mechanism, or their number is another one.
+        SettingsError: From deeper down: a joint is not in the mechanism, or their number is another one.
     """
-    names = [joint.name for joint in mechanism.joints]
+    return by_name([joint.name for joint in mechanism.joints], where, values)
+
+
+def by_name(names: Sequence[str], where: str, values: State) -> np.ndarray:
+    """Return values in the order of the names of joints, (dof,).
+
+    Args:
+        names: Names of the joints.
+        where: What the values are, for the message.
+        values: By name, or one for each joint; none is all zero.
+
+    Raises:
+        SettingsError: A joint is not among them, or their number is another one.
+    """
     if isinstance(values, Mapping):
         for name in values:
             if name not in names:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from monodyn.errors import MonodynError, is_interrupt
+from monodyn.mechanism.bundled import is_bundled
 from monodyn.results.export import json_text, jsonable
 from monodyn.results.folder import RunFolder
 
@@ -71,7 +72,7 @@ class RunLog:
             settings: The settings, a dataclass.
         """
         self.command = command
-        self.inputs = {part: _fingerprint(value) for part, value in inputs.items()}
+        self.inputs = {part: _fingerprint(part, value) for part, value in inputs.items()}
         values = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         self.settings: dict[str, Any] = jsonable(values)
         self.versions = versions()
@@ -88,7 +89,7 @@ class RunLog:
         Args:
             comparison: All that were tried, the chosen one first.
         """
-        self.inputs["model"] = _fingerprint(comparison[0].model)
+        self.inputs["model"] = _fingerprint("model", comparison[0].model)
         self.settings["fix"] = {**self.settings["fix"], **comparison[0].fixed}
         self.comparison = comparison
 
@@ -186,9 +187,11 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _fingerprint(value: object) -> dict[str, Any]:
+def _fingerprint(part: str, value: object) -> dict[str, Any]:
     """Name an input and hash it when it is a file; a folder counts by the names and sizes of its files."""
     path = Path(str(value))
+    if part == "model" and is_bundled(value):
+        return {"name": str(value)}
     if path.is_file():
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()

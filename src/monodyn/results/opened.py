@@ -16,6 +16,7 @@ from monodyn.estimation.fit import Combination, Doubt, Estimate, Fit, Start, Tri
 from monodyn.estimation.shooting.unknowns import SEEN_ONLY, assumed_sizes
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load
+from monodyn.mechanism.bundled import is_bundled
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
@@ -66,6 +67,15 @@ def _changed(file: Path, error: Exception) -> SettingsError:
     )
 
 
+def is_run(model: str | Path) -> bool:
+    """Return whether a folder was given as the mechanism, that of a run; a bundled name is never one.
+
+    Args:
+        model: What was given as the mechanism.
+    """
+    return not is_bundled(model) and Path(model).is_dir()
+
+
 def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) -> Mechanism:
     """Return the mechanism of a run as the start of another one: what its picture knows of it goes along.
 
@@ -97,7 +107,7 @@ def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) ->
                 f"model '{folder}': expected a run that leads back to a mechanism file, got one that leads "
                 f"to '{source}' again; give the file itself with --model."
             )
-        mechanism = remembered(source, through=through) if Path(source).is_dir() else load(source)
+        mechanism = remembered(source, through=through) if is_run(source) else load(source)
         known = {row["name"]: float(row["value"]) for row in document["parameters"]}
         given = {n: float(v) for n, v in settings["fix"].items() if n in mechanism.values}
         mechanism = mechanism.with_choices(
@@ -142,7 +152,7 @@ def known_before(model: str | Path, fit: Fit) -> list[str]:
     Raises:
         SettingsError: From deeper down: the folder is no longer that of a run.
     """
-    if not Path(model).is_dir():
+    if not is_run(model):
         return []
     rows = {row["name"]: row for row in _document(Path(model))["parameters"]}
     names = [p.name for p in fit.parameters if p.free and not p.identifiable and p.name in rows]
@@ -263,6 +273,11 @@ def _finite(text: str) -> float:
 def _fit(document: Mapping[str, Any], model: Path) -> Fit:
     rows = {row["name"]: row for row in document["parameters"]}
     names, matrix = document["covariance"]["names"], document["covariance"]["matrix"]
+    if not model.is_file():
+        raise SettingsError(
+            f"'{model.parent}': expected the folder of a run with its model.xml, got one without; put it "
+            "back, or run it again."
+        )
     written = load(model)
     check_model(model, written, document)
     mechanism, varying = _mechanism(document, written, rows, names)

@@ -13,6 +13,7 @@ from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.tree import INERTIA, MASS
 from monodyn.results.curves import BAND, state_curves
 from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
@@ -29,7 +30,7 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
 PREDICTION = FolderKind(
-    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4")
+    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4"), whole=True
 )
 
 
@@ -138,12 +139,15 @@ def predict_run(
             "replace; give another with --out."
         )
     states = _followed(begun, times)
-    found = Predicted(begun, states, horizon(begun, wanted.tolerance), _notes(begun, states, ends))
+    found = Predicted(
+        begun, states, horizon(begun, wanted.tolerance),
+        (*_stayed(fit.mechanism, begun.mechanism, wanted.fix), *_notes(begun, states, ends)),
+    )  # fmt: skip
     if out is None:
         return found
     folder = RunFolder(out, force=force, inputs=[run, clip], kind=PREDICTION)
-    _write(folder, found, wanted, Path(run), background, progress)
-    folder.finish()
+    with folder.filling():
+        _write(folder, found, wanted, Path(run), background, progress)
     return replace(found, folder=folder.path)
 
 
@@ -159,6 +163,22 @@ def _followed(fit: Fit, times: np.ndarray) -> States:
             f"{times[1] - times[0]:g} s; give others, or an earlier end."
         )
     return states
+
+
+def _stayed(before: Mechanism, after: Mechanism, fix: Mapping[str, float]) -> list[str]:
+    """Return notes on lengths that have another value while the masses of their body stay where they are."""
+    notes, inertial = [], slice(MASS, INERTIA + 1)
+    for name in fix:
+        row = after.parameter(name)
+        links = [i for i, joint in enumerate(after.joints) if joint.body == row.owner]
+        same = np.array_equal(before.tree.links[links, inertial], after.tree.links[links, inertial])
+        if row.kind == "length" and row.value != before.values[name] and same:
+            notes.append(
+                f"{name} moves what hangs on {row.owner} and nothing else: its mass, centre of mass and "
+                f"inertia stay as identified; where they differ, too, give {row.owner}.mass, "
+                f"{row.owner}.com_x and {row.owner}.inertia with it."
+            )
+    return notes
 
 
 def _notes(fit: Fit, states: States, record: tuple[float, float]) -> tuple[str, ...]:

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from monodyn.vision.locating.scene import Scene
     from monodyn.vision.points.scene import PointScene
 
+NOT_IN_MUJOCO = (".air", ".lead")
+"""Ends of the names of parameters that ``model.xml`` has as numbers alone, which do not act."""
+
 
 def report(
     fit: Fit,
@@ -155,7 +158,7 @@ def _write_diagnosis(folder: RunFolder, findings: Findings) -> bytes | None:
 
 
 def lost_in_urdf(mechanism: Mechanism) -> list[str]:
-    """Return a note on the springs and rotor inertias that ``model.urdf`` cannot hold; none without them.
+    """Return a note on what ``model.urdf`` cannot hold, or neither file so that it acts; none without it.
 
     Args:
         mechanism: The mechanism that is written.
@@ -163,9 +166,16 @@ def lost_in_urdf(mechanism: Mechanism) -> list[str]:
     lost = [row.name for row in mechanism.parameters if row.kind in NOT_IN_URDF and row.value != 0.0]
     if not lost:
         return []
-    return [
-        f"URDF has no place for {', '.join(lost)}, which model.urdf leaves out; simulate model.xml instead."
-    ]
+    # numbers beside the model, on which MuJoCo does not act
+    inert = [name for name in lost if name.endswith(NOT_IN_MUJOCO)]
+    if not inert:
+        instead = "simulate model.xml instead."
+    else:
+        instead = (
+            f"nor does {', '.join(inert)} act in MuJoCo, where model.xml has it as a number alone: monodyn "
+            "predict has the motion with all of them."
+        )
+    return [f"URDF has no place for {', '.join(lost)}, which model.urdf leaves out; {instead}"]
 
 
 def _subtitle(fit: Fit) -> str:

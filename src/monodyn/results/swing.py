@@ -189,9 +189,15 @@ def swing_up(
     if best is None:
         tried_times = ", ".join(f"{period:.2g}" for period in lasting)
         said = ", ".join(f"{name}={x:.3g}" for name, x in zip(regulator.actuated, most, strict=True))
+        ways = ", ".join(
+            f"{joint.name}={low:g}:{high:g}"
+            for joint, low, high in zip(mechanism.joints, lower, upper, strict=True)
+            if np.isfinite(low) or np.isfinite(high)
+        )
+        room = f" and the positions {ways}" if ways else ""
         raise SettingsError(
-            f"swing_up: expected a way up within the torques {said}, but found none in {tried_times} s; "
-            "give larger limits, more room, or another time."
+            f"swing_up: expected a way up within the torques {said}{room}, but found none in {tried_times} "
+            "s; give larger limits, more room, or another time."
         )
     return best
 

@@ -4,7 +4,9 @@ Random accelerations average out along a record. A force that is always the same
 model knows nothing, does not: it moves what is identified the same way in every record of the mechanism. Nor
 does an error of the readings that is the same in every pose, such as a picture leaves whose pixels are not
 square. The residuals determine how strong both are, in all directions but those that the parameters have
-taken up; in these they are taken to be as strong.
+taken up; in these they are taken to be as strong. What of the residuals repeats is told from what does not,
+random accelerations, by the likelihood of both together: otherwise forces of any strength would be taken to
+follow what no function of the state can.
 """
 
 from __future__ import annotations
@@ -21,12 +23,12 @@ from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.shares import Share, added
 from monodyn.estimation.verdict.uncertainty import knowledge_at, without_states
-from monodyn.estimation.verdict.unmodelled import noise_of_rows
+from monodyn.estimation.verdict.unmodelled import Wander, wander
 
 WAVES, MOST_WAVES = 48, 192
 """Waves over the state that make up the unknown force at a joint, and the error of its readings; and those of
 all joints together."""
-LENGTHS = (0.5, 0.7, 1.0, 1.4, 2.0)
+LENGTHS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
 """Distances in the state over which the force stays about the same, and the error of the readings, tried: in
 cosine and sine of hinges, in deviations of slides and of rates."""
 STRENGTHS = np.append(0.0, 10.0 ** np.arange(-4.0, 3.01, 0.125))
@@ -35,21 +37,27 @@ BEGUN = 0.1
 """... and the one with which the others begin."""
 ROUNDING = 1e-13
 """Noise that is taken at least, over the variance that a cause leaves."""
+SHARES, COARSE = (0.0, 1e-4, 1e-3, 1e-2, 1e-1, 1.0), 2
+"""Shares of the random accelerations that explain the residuals alone, tried with every second length."""
+UNTOLD = 0.1
+"""Logarithm of the likelihood of each position up to which a smaller share is taken as possible."""
 SWEEPS, SEED = 8, 0
 """Times that the causes are gone through, at most; seed of the waves."""
 
 
-def repeating_share(found: Refined) -> Share:
+def repeating_share(found: Refined, random: np.ndarray) -> Share:
     """Return what unknown forces and errors of the readings add to the standard deviations; nothing where the
     residuals of a row resemble those of the next no more than chance makes them.
 
     Args:
         found: The optimum, and what is known there.
+        random: Spectral density of the random accelerations that would explain the residuals alone
+            [rad^2/s^3 or m^2/s^3], (dof,).
     """
     if not np.any(found.noise.correlation > 1.0):
         return Share({}, {})
     problem, optimum, known = found.problem, found.optimum, found.known
-    covariance = known.covariance + repeating(found)
+    covariance = known.covariance + repeating(found, random)
     std = np.where(np.isinf(known.std), np.inf, np.sqrt(np.diag(covariance)))
     wider = replace(known, covariance=covariance, std=std)
     # of deviations alone, which do not depend on the width of an interval
@@ -59,17 +67,19 @@ def repeating_share(found: Refined) -> Share:
     )
 
 
-def repeating(found: Refined) -> np.ndarray:
+def repeating(found: Refined, random: np.ndarray) -> np.ndarray:
     """Return what unknown forces and errors of the readings add to the covariance of the shared unknowns,
     (param, param).
 
     Args:
         found: The optimum, and what is known there.
+        random: As in ``repeating_share``, (dof,).
 
     Source:
         Kennedy and O'Hagan, Bayesian calibration of computer models, 2001 (discrepancy); Rahimi and Recht,
         Random features for large-scale kernel machines, 2007 (waves that stand for a smooth function).
     """
+    about, seen = wander(found)
     residuals = _residuals(found)
     problem, trial = found.weighted, found.optimum.trial
     clock, carried = found.carried_along
@@ -79,16 +89,24 @@ def repeating(found: Refined) -> np.ndarray:
     # what a reading is wrong by depends on the pose alone
     errors = [residuals.shown(_misread(_waves(state[:, :-dofs] / length, dofs))) for length in LENGTHS]
     most = _moving(problem, trial, clock, residuals.unit)
+
+    def left(density: np.ndarray, some: slice) -> _Left:
+        return _left(about, density, seen, forces[some], errors[some])
+
+    # What repeats is told from what does not by how likely both are together: as noise that changes from row
+    # to row alone, what does not repeat would be laid to forces of any strength
+    densities = [share * random for share in SHARES] if random.any() else [random]
+    some = slice(None, None, COARSE)
+    likely = [
+        max(left(one, some).likelihood(k, k, most)[1] for k in range(len(forces[some]))) for one in densities
+    ]
+    # a record too short to tell leaves both possible: then what repeats is the more cautious
+    possible = np.array(likely) > max(likely) - UNTOLD * np.count_nonzero(problem.data.measured)
+    whole = left(densities[int(np.argmax(possible))], slice(None))
     more, likelihood = [], []
-    seen = residuals.seen
-    alike = [[left.T @ left for _, left in one] for one in (forces, errors)]
-    for (i, (by_force, pushed)), (j, (by_error, misread)) in product(enumerate(forces), enumerate(errors)):
-        both = pushed.T @ misread
-        normal = np.block([[alike[0][i], both], [both.T, alike[1][j]]])
-        right = np.concatenate((pushed.T @ seen, misread.T @ seen))
-        strengths, value = _strengths(normal, right, most, float(seen @ seen))
-        off = np.concatenate((by_force, by_error), axis=1) * strengths
-        more.append(off @ off.T)
+    for (i, (by_force, _)), (j, (by_error, _)) in product(enumerate(forces), enumerate(errors)):
+        strengths, value = whole.likelihood(i, j, most)
+        more.append(residuals.wider(np.concatenate((by_force, by_error), axis=1) * strengths))
         likelihood.append(value)
     # no pair of lengths is certain: each counts as it is likely
     weight = np.exp(np.array(likelihood) - np.max(likelihood))
@@ -96,8 +114,55 @@ def repeating(found: Refined) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
+class _Left:
+    """What a fit leaves over, and what waves would leave, in deviations of what does not repeat.
+
+    Attributes:
+        seen: The residuals, (row * dof,).
+        forces: What waves of accelerations leave, (row * dof, wave) each.
+        errors: What waves of errors of the readings leave, likewise.
+        alike: Their products with themselves, (wave, wave), of forces and of errors.
+        constant: Logarithm of the density of the residuals where nothing repeats.
+    """
+
+    seen: np.ndarray
+    forces: list[np.ndarray]
+    errors: list[np.ndarray]
+    alike: tuple[list[np.ndarray], list[np.ndarray]]
+    constant: float
+
+    def likelihood(self, i: int, j: int, most: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the strengths of forces ``i`` and errors ``j``, (wave,), and the logarithm of their largest
+        likelihood; ``most`` as in ``_strengths``."""
+        pushed, misread, seen = self.forces[i], self.errors[j], self.seen
+        both = pushed.T @ misread
+        normal = np.block([[self.alike[0][i], both], [both.T, self.alike[1][j]]])
+        right = np.concatenate((pushed.T @ seen, misread.T @ seen))
+        strengths, value = _strengths(normal, right, most, float(seen @ seen))
+        return strengths, value + self.constant
+
+
+def _left(
+    about: Wander,
+    density: np.ndarray,
+    seen: np.ndarray,
+    forces: list[tuple[np.ndarray, np.ndarray]],
+    errors: list[tuple[np.ndarray, np.ndarray]],
+) -> _Left:
+    """Bring what is left over to deviations of noise from row to row and random accelerations ``density``."""
+    new, logarithm = about.innovations(seen[..., None], density)
+    both = [
+        [about.innovations(one, density)[0].reshape(new.size, -1) for _, one in group]
+        for group in (forces, errors)
+    ]
+    alike = [[one.T @ one for one in group] for group in both]
+    seen = new.ravel()
+    return _Left(seen, both[0], both[1], (alike[0], alike[1]), logarithm - 0.5 * float(seen @ seen))
+
+
+@dataclass(frozen=True, eq=False)
 class _Residuals:
-    """What a fit leaves over, in deviations of the noise that changes from row to row.
+    """How what moves positions is taken up by a fit.
 
     Attributes:
         problem: The problem, weighted with the noise as found.
@@ -105,8 +170,9 @@ class _Residuals:
         unit: Metres per unit of the record, 1 for hinges, (row, dof).
         jacobian: Of the whitened residuals, (row, dof, column), the shared unknowns first.
         followed: Covariance of the shared unknowns, by which they follow residuals, (param, param).
-        level: That noise of the whitened residuals, (row * dof,).
-        seen: The residuals, (row * dof,).
+        alone: The same from the motion alone, without what is known of them before, (param, param).
+        tension: How hard what is known before pulls at the optimum, against the motion, (param,).
+        plain: What undoes the whitening, (row, dof, dof).
     """
 
     problem: Problem
@@ -114,12 +180,13 @@ class _Residuals:
     unit: np.ndarray
     jacobian: np.ndarray
     followed: np.ndarray
-    level: np.ndarray
-    seen: np.ndarray
+    alone: np.ndarray
+    tension: np.ndarray
+    plain: np.ndarray
 
     def shown(self, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how the shared unknowns follow waves that move positions [rad or m], (row, dof, wave), and
-        what of the waves the residuals still show: (param, wave) and (row * dof, wave)."""
+        """Return how waves that move positions [rad or m], (row, dof, wave), pull at the shared unknowns, and
+        what of the waves the residuals still show [rad or m]: (param, wave) and (row, dof, wave)."""
         data, count, columns = self.problem.data, len(self.trial.x), self.jacobian.shape[2]
         pushed = np.einsum("fij,fjk->fik", data.white, moved / self.unit[..., None])
         pushed[~data.measured] = 0.0
@@ -128,24 +195,46 @@ class _Residuals:
         order = [*range(count), *range(columns, stacked.shape[2]), *range(count, columns)]
         free = without_states(stacked[..., order], count + pushed.shape[2], self.trial.pieces)
         shared, forced = free[:, :count], free[:, count:]
-        follows = -self.followed @ (shared.T @ forced)
-        return follows, (forced + shared @ follows) / self.level[:, None]
+        pull = shared.T @ forced
+        left = (forced - shared @ (self.followed @ pull)).reshape(pushed.shape)
+        return pull, np.einsum("fij,fjk->fik", self.plain, left) * self.unit[..., None]
+
+    def wider(self, pull: np.ndarray) -> np.ndarray:
+        """Return what waves of random weights add to the covariance of the shared unknowns, (param, param).
+
+        They make the motion less worth, and not what is known before. With the information A of the motion,
+        B of what is known before, and pulls G the posterior has the information B + A (A + G G')^-1 A, whose
+        inverse is F + F G (1 + G' (A^-1 - F) G)^-1 G' F for F = (A + B)^-1: no wider than B alone allows. Its
+        mean lies nearer to what is known before than the optimum does, about which the intervals are.
+
+        Args:
+            pull: How they pull at the unknowns, times their strength, (param, wave).
+        """
+        # what the motion does not see nothing pulls at: there the difference is rounding alone
+        value, axes = np.linalg.eigh(pull.T @ (self.alone - self.followed) @ pull)
+        moved = self.followed @ pull @ (axes / np.sqrt(1.0 + np.maximum(value, 0.0)))
+        more = moved @ moved.T
+        inner = np.linalg.solve(
+            np.eye(pull.shape[1]) + pull.T @ self.alone @ pull, pull.T @ self.alone @ self.tension
+        )
+        shift = (self.followed + more) @ (pull @ inner)
+        return more + np.outer(shift, shift)
 
 
 def _residuals(found: Refined) -> _Residuals:
-    """Return what a fit leaves over."""
+    """Return how what moves positions is taken up by a fit."""
     problem, trial = found.weighted, found.optimum.trial
-    data, use = problem.data, problem.data.measured
+    data = problem.data
     unit = np.broadcast_to(data.by_row(np.where(data.slide, problem.size(trial.x), 1.0)), data.position.shape)
     _, jacobian = problem.rows(trial)
     # what moves all positions of a record is no noise that the unknowns follow
     unshifted = problem.with_data(replace(data, shifts=None))
     followed = knowledge_at(unshifted, trial.x, jacobian, trial.pieces).covariance
-    residual = np.nan_to_num(problem.differences(trial))
-    rows = noise_of_rows(np.where(use, residual, np.nan), np.where(use, found.problem.data.std, np.nan))
-    level = np.where(use, rows * np.einsum("fii->fi", data.white), 1.0).ravel()
-    seen = np.where(use, np.einsum("fij,fj->fi", data.white, residual), 0.0).ravel() / level
-    return _Residuals(problem, trial, unit, jacobian, followed, level, seen)
+    prior = problem.prior
+    unknown = replace(unshifted, prior=replace(prior, information=np.zeros_like(prior.information)))
+    alone = knowledge_at(unknown, trial.x, jacobian, trial.pieces).covariance
+    tension = prior.information @ prior.away(trial.x - problem.unknowns.x0)
+    return _Residuals(problem, trial, unit, jacobian, followed, alone, tension, np.linalg.pinv(data.white))
 
 
 def _standard(problem: Problem, trial: Trial, unit: np.ndarray) -> np.ndarray:

@@ -45,6 +45,8 @@ UNSTABLE = (
 )
 SAME_SCALE = 0.1
 """Standard deviation of the logarithm of a ratio of lengths up to which their scale is all that is open."""
+RATIO_KNOWN = 0.5
+"""Standard deviation over the value up to which a ratio counts as determined."""
 CLEAR_SHARE = 0.01
 """Residuals below this share of the motion are too small for bodies or dry friction to be the reason."""
 
@@ -89,7 +91,9 @@ def summarize(
         unshifted = problem.with_data(replace(problem.data, shifts=None))
         return summarize(replace(solution, problem=unshifted), records, settings, began, progress)
     by_gravity = gravity_share(found)
-    for more in (by_gravity,) if lost else (by_gravity, repeating_share(found)):
+    lacking = unmodelled(found)
+    random = np.zeros(len(fit.rms)) if lacking is None else lacking.density
+    for more in (by_gravity,) if lost else (by_gravity, repeating_share(found, random)):
         parameters, ratios = with_share(
             fit.parameters, fit.combinations, more, found.problem, _quantile(found.freedom)
         )
@@ -99,7 +103,7 @@ def summarize(
         fit,
         status=identified(found.problem, fit.rms),
         stamp_error=found.noise.stamps,
-        unmodelled=unmodelled(found),
+        unmodelled=lacking,
         common=() if found.common is None else by_record(found.common, records),
         tried_torques=solution.compared,
         alternatives=() if lost else twins_of(found, ended, fit.parameters, settings),
@@ -345,7 +349,8 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
     lacking = advice.Assumed(
         uniform=uniform and large,
         frictionless=advice.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
-        level=share <= LOST_SHARE and _taken_level(problem),
+        # the zero of an encoder may be a quarter turn away, which no picture's is
+        level=(share <= LOST_SHARE or mechanism.measured is None) and _taken_level(problem),
     )
     sentences = advice.misfit(mechanism, fit.rms, found.noise, lacking)
     sentences += advice.stamps(found.noise.stamps)
@@ -359,7 +364,9 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
         sentences += advice.tilt(fit.parameters)
         ratios = size_ratios(mechanism, unknowns)
         near = [ratio.size.name for ratio in ratios]
-        sentences += undetermined.open_parameters(mechanism, fit.parameters, without_effect, near)
+        sentences += undetermined.open_parameters(
+            mechanism, fit.parameters, without_effect, near, _known_in_ratio(fit)
+        )
         sentences += undetermined.nothing_seen(fit.parameters)
         sentences += like_weight(found)
         sentences += assumed.proportions(_hardly_known(ratios, found.known.covariance))
@@ -373,6 +380,12 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
     total = int(problem.data.measured.any(axis=1).sum()) + int(gone.sum())
     sentences += advice.outliers(total, int(gone.sum()), left_out)
     return sentences + advice.few(problem.data.samples, found.fitted)
+
+
+def _known_in_ratio(fit: Fit) -> list[str]:
+    """Name what is determined by its ratio to an inertia, or a mass."""
+    ratios = [one.name for one in fit.combinations if one.std < RATIO_KNOWN * abs(one.value)]
+    return [name.partition(" / ")[0] for name in ratios if name.endswith((".J", ".M"))]
 
 
 def _taken_level(problem: Problem) -> bool:

@@ -21,6 +21,7 @@ def open_parameters(
     parameters: Sequence[Estimate],
     without_effect: Sequence[str],
     assumed: Sequence[str] = (),
+    in_ratio: Sequence[str] = (),
 ) -> list[str]:
     """Name the parameters that the data leave open, and what would fix them.
 
@@ -29,6 +30,7 @@ def open_parameters(
         parameters: The estimates.
         without_effect: Names of those on which nothing depends.
         assumed: Names of sizes that are about in the file's proportion, of which another sentence speaks.
+        in_ratio: Names of those that are known against an inertia, so that only the scale of masses is open.
 
     Returns:
         Sentences.
@@ -62,6 +64,13 @@ def open_parameters(
         advice.append(
             f"{listed(without_effect, 12)} {verb} not change the motion, which cannot determine {it}."
         )
+    scaled = [name for name in weak if name in in_ratio]
+    if scaled:
+        advice.append(
+            f"The data show {listed(scaled)} against the inertias (see the combinations), and hardly by "
+            "itself: no longer record would, but a measured mass, density or thickness, given with --fix."
+        )
+    weak = [name for name in weak if name not in scaled]
     if weak:
         advice.append(
             f"The data hardly fix {listed(weak)}: the error is as large as the value; a longer record or a "

@@ -8,6 +8,7 @@ dynamics carry the error on. A Kalman filter over the residuals tells how strong
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -31,6 +32,76 @@ UNKNOWN = 1e4
 """Variance of the state at the beginning of a record, over that of the residuals."""
 
 
+@dataclass(frozen=True, eq=False)
+class Wander:
+    """What is needed to carry an error of the state along a motion which random accelerations push.
+
+    Attributes:
+        variance: Of the noise from row to row [rad^2 or m^2], NaN where not measured, (row, dof).
+        carried: Derivative of the state at a row by that at the row before, (row, 2 dof, 2 dof).
+        steps: Time since the row before [s], (row,).
+        begins: True where a record begins, (row,).
+        unknown: Variance of positions and rates where a record begins [SI], (dof,).
+    """
+
+    variance: np.ndarray
+    carried: np.ndarray
+    steps: np.ndarray
+    begins: np.ndarray
+    unknown: np.ndarray
+
+    def innovations(self, moved: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return what is new in each row, in its standard deviations, and the logarithm of the density of
+        all rows for that of deviations of one.
+
+        Args:
+            moved: Positions, each column by itself [rad or m], (row, dof, column).
+            density: Spectral density of each joint's random acceleration [rad^2/s^3 or m^2/s^3], (dof,).
+
+        Returns:
+            The innovations, (row, dof, column), zero where not measured; minus the sum of the logarithms of
+            their deviations.
+        """
+        new, logarithm, _ = self._filtered(moved, density)
+        return new, logarithm
+
+    def error(self, residual: np.ndarray, density: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the logarithm of the likelihood of residuals but for a constant, and the mean square of the
+        state's error [SI], (2 dof, 2 dof).
+
+        Args:
+            residual: Residuals [rad or m], (row, dof).
+            density: As in ``innovations``, (dof,).
+        """
+        new, logarithm, square = self._filtered(residual[..., None], density)
+        return logarithm - 0.5 * float(np.sum(new**2)), square
+
+    def _filtered(self, moved: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+        moved = np.ascontiguousarray(np.nan_to_num(moved))
+        return _filtered(moved, self.variance, self.carried, self.steps, self.begins, density, self.unknown)
+
+
+def wander(found: Refined) -> tuple[Wander, np.ndarray]:
+    """Return what carries an error of the state along the motion of a fit, and the residuals of this
+    [rad or m], NaN in gaps, (row, dof).
+
+    Args:
+        found: The optimum, one piece a record.
+    """
+    problem, trial = found.problem, found.optimum.trial
+    data = problem.data
+    unit = data.by_row(np.where(data.slide, problem.size(trial.x), 1.0))
+    residual = problem.differences(trial) * unit
+    # what is no motion at all changes from row to row
+    white = noise_of_rows(residual, np.where(data.measured, data.std, np.nan) * unit)
+    clock, carried = found.carried_along
+    begins = np.zeros(len(clock), dtype=np.bool_)
+    begins[trial.pieces.first[:-1]] = True
+    spread = np.nanmean(residual**2, axis=0)
+    unknown = UNKNOWN * spread / float(np.median(np.diff(clock))) ** 2
+    return Wander(white**2, carried, np.diff(clock, prepend=clock[0]), begins, unknown), residual
+
+
 def unmodelled(found: Refined) -> Unmodelled | None:
     """Find the random accelerations that explain the residuals of a fit.
 
@@ -44,34 +115,21 @@ def unmodelled(found: Refined) -> Unmodelled | None:
         Maximum likelihood of a linear stochastic system by the innovations of its Kalman filter: Åström and
         Källström, Identification of ship steering dynamics, 1976.
     """
-    problem, trial, noise = found.problem, found.optimum.trial, found.noise
+    noise = found.noise
     if not np.any(noise.correlation > SLOWER):
         return None
-    data = problem.data
-    unit = data.by_row(np.where(data.slide, problem.size(trial.x), 1.0))
-    residual = problem.differences(trial) * unit
-    # what is no motion at all changes from row to row
-    white = noise_of_rows(residual, np.where(data.measured, data.std, np.nan) * unit)
-    larger = np.sqrt(np.nanmean((residual / white) ** 2, axis=0)) > LARGER
+    about, residual = wander(found)
+    larger = np.sqrt(np.nanmean(residual**2 / about.variance, axis=0)) > LARGER
     if not np.any(larger & (noise.correlation > SLOWER)):
         return None
-    clock, carried = found.carried_along
-    steps = np.diff(clock, prepend=clock[0])
-    begins = np.zeros(len(clock), dtype=np.bool_)
-    begins[trial.pieces.first[:-1]] = True
-    spread = np.nanmean(residual**2, axis=0)
-    pace = float(np.median(np.diff(clock)))
+    spread, pace = np.nanmean(residual**2, axis=0), float(np.median(np.diff(found.carried_along[0])))
     density = np.zeros(len(spread))
-
-    def likelihood(tried: np.ndarray) -> float:
-        return _filtered(residual, white**2, carried, steps, begins, tried, UNKNOWN * spread / pace**2)[0]
-
     for _ in range(SWEEPS):
         for dof in range(len(density)):
             tried = np.repeat(density[np.newaxis], 1 + len(DENSITIES), axis=0)
             tried[:, dof] = np.append(0.0, DENSITIES * spread[dof] / pace**3)
-            density = tried[int(np.argmax([likelihood(row) for row in tried]))]
-    _, off = _filtered(residual, white**2, carried, steps, begins, density, UNKNOWN * spread / pace**2)
+            density = tried[int(np.argmax([about.error(residual, row)[0] for row in tried]))]
+    _, off = about.error(residual, density)
     return Unmodelled(density, off) if density.any() else None
 
 
@@ -102,27 +160,27 @@ def noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _filtered(
-    residual: np.ndarray,
+    moved: np.ndarray,
     variance: np.ndarray,
     carried: np.ndarray,
     steps: np.ndarray,
     begins: np.ndarray,
     density: np.ndarray,
     unknown: np.ndarray,
-) -> tuple[float, np.ndarray]:
-    """Return the logarithm of the likelihood of residuals under random accelerations, but for a constant, and
-    the mean square of the state's error, (state, state).
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Return innovations in their deviations (row, dof, column), minus the sum of the logarithms of these
+    deviations, and the mean square of the state's error as the first column has it, (state, state).
 
-    ``residual`` and ``variance`` are (row, dof), NaN in gaps; ``carried`` (row, state, state) has the
-    derivative of the state at a row by that at the row before, ``unknown`` (dof,) the variance of positions
-    and rates where a record begins.
+    ``moved`` is (row, dof, column), ``variance`` (row, dof), NaN in gaps; ``carried`` (row, state, state) has
+    the derivative of the state at a row by that at the row before, ``unknown`` (dof,) the variance of
+    positions and rates where a record begins.
     """
-    rows, dofs = residual.shape
-    state, error = 2 * dofs, np.zeros(2 * dofs)
+    rows, dofs, columns = moved.shape
+    state, error, stepped = 2 * dofs, np.zeros((2 * dofs, columns)), np.zeros((2 * dofs, columns))
     covariance, square = np.zeros((state, state)), np.zeros((state, state))
     # products of matrices so small are written out: a library's take many times as long
-    moved, half, gain = np.zeros(state), np.zeros((state, state)), np.zeros(state)
-    likelihood, counted = 0.0, 0
+    half, gain, new = np.zeros((state, state)), np.zeros(state), np.zeros((rows, dofs, columns))
+    logarithm, counted = 0.0, 0
     for row in range(rows):
         if begins[row]:
             error[:], covariance[:] = 0.0, 0.0
@@ -130,13 +188,14 @@ def _filtered(
                 covariance[j, j], covariance[dofs + j, dofs + j] = unknown[j], unknown[j]
         else:
             for i in range(state):
-                moved[i] = 0.0
+                stepped[i] = 0.0
                 for k in range(state):
-                    moved[i] += carried[row, i, k] * error[k]
                     half[i, k] = 0.0
+                    for c in range(columns):
+                        stepped[i, c] += carried[row, i, k] * error[k, c]
                     for m in range(state):
                         half[i, k] += carried[row, i, m] * covariance[m, k]
-            error[:] = moved
+            error[:] = stepped
             for i in range(state):
                 for k in range(state):
                     covariance[i, k] = 0.0
@@ -149,20 +208,23 @@ def _filtered(
                 covariance[dofs + j, j] += density[j] * h**2 / 2.0
                 covariance[dofs + j, dofs + j] += density[j] * h
         for j in range(dofs):
-            if not math.isnan(residual[row, j]):
+            if not math.isnan(variance[row, j]):
                 total = covariance[j, j] + variance[row, j]
-                off = residual[row, j] - error[j]
                 for i in range(state):
                     gain[i] = covariance[i, j] / total
+                for c in range(columns):
+                    off = moved[row, j, c] - error[j, c]
+                    new[row, j, c] = off / math.sqrt(total)
+                    for i in range(state):
+                        error[i, c] += gain[i] * off
                 for i in range(state):
-                    error[i] += gain[i] * off
                     for k in range(state):
                         covariance[i, k] -= gain[i] * gain[k] * total
-                likelihood -= 0.5 * (math.log(total) + off * off / total)
+                logarithm -= 0.5 * math.log(total)
         # the first rows of a record only find its state
         if row >= 4 * dofs and not begins[max(0, row - 4 * dofs) : row + 1].any():
             for i in range(state):
                 for k in range(state):
-                    square[i, k] += error[i] * error[k] + covariance[i, k]
+                    square[i, k] += error[i, 0] * error[k, 0] + covariance[i, k]
             counted += 1
-    return likelihood, square / max(counted, 1)
+    return new, logarithm, square / max(counted, 1)
