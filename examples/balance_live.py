@@ -131,10 +131,13 @@ class Pilot:
         self._kind, self._laboratory, self._still = kind, laboratory, 0.0
 
     def apply(self, step: monodyn.Step) -> Mapping[str, float] | None:
-        """Apply a torque at a frame, and return it.
+        """Apply a torque at a frame.
 
         Args:
             step: What is known at it.
+
+        Returns:
+            The torque, by joint.
         """
         torque = 0.0
         if step.future is not None and step.fit is not None:

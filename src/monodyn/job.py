@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from monodyn.errors import FitError, MonodynError, VideoError
 from monodyn.estimation.fit import Fit, Grade
@@ -24,6 +24,9 @@ from monodyn.types import Poses, Progress
 from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.clip.video import Video
 from monodyn.vision.foreground.mask_files import OpenedMasks
+from monodyn.vision.locating.scene import Scene
+from monodyn.vision.points.scene import PointScene
+from monodyn.vision.release import FreeSpan
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,20 @@ class Outcome:
     traces: Sequence[Trace] = ()
     notes: Sequence[str] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+class Tracked(NamedTuple):
+    """What was seen in a clip.
+
+    Attributes:
+        scene: Mechanism and camera.
+        poses: The poses of the whole clip.
+        span: The frames in which the mechanism moves freely.
+    """
+
+    scene: Scene | PointScene
+    poses: Poses
+    span: FreeSpan
 
 
 @dataclass(frozen=True, eq=False)

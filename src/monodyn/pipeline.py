@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
 from monodyn.inputs import clip_torques, input_files, opened, torque_files, with_torques
-from monodyn.job import Job, Outcome, shown_if_refused
+from monodyn.job import Job, Outcome, Tracked, shown_if_refused
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
@@ -59,7 +59,6 @@ from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.points.scene import PointScene
 from monodyn.vision.points.tracks import PointTracks
-from monodyn.vision.release import FreeSpan
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
@@ -312,20 +311,6 @@ def _chosen(job: Job, video: Video, models: dict[str, Mechanism]) -> Mechanism:
         mechanism, comparison = choose(job, masks, models)
     job.log.chose(comparison)
     return mechanism
-
-
-class Tracked(NamedTuple):
-    """What was seen in a clip.
-
-    Attributes:
-        scene: Mechanism and camera.
-        poses: The poses of the whole clip.
-        span: The frames in which the mechanism moves freely.
-    """
-
-    scene: Scene | PointScene
-    poses: Poses
-    span: FreeSpan
 
 
 def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> Tracked:

@@ -22,7 +22,6 @@ from monodyn.live.record import joined
 from monodyn.live.settings import LiveSettings
 from monodyn.live.tracker import Tracker
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.dots import shows_dots
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track_freely
@@ -204,17 +203,12 @@ def search(frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: R
         What was found; its fit says how far it can be relied on.
 
     Raises:
-        MonodynError: the mechanism is not found, or the camera moves.
+        VideoError: the camera moves; from deeper down: the mechanism is not found.
     """
     video = as_clip(frames, name)
     masks = segment(video, settings.segment, background=settings.background)
     if masks.video.camera_path is not None:
         raise VideoError(f"{name}: expected a camera that stands still, got one that moves; fasten it.")
-    if shows_dots(mechanism):
-        raise VideoError(
-            f"{name}: expected a mechanism that shows its outline, got '{mechanism.name}', which is followed "
-            "by its dots; record a clip and take monodyn run."
-        )
     fix, free = camera_choices(settings)
     scene = locate(masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free)
     poses, span = track_freely(scene.masks, scene, settings.track)

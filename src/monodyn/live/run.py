@@ -11,14 +11,14 @@ import numpy as np
 from monodyn.checks import drawn_mechanism
 from monodyn.errors import FitError
 from monodyn.inputs import input_files
-from monodyn.job import Job, Outcome
+from monodyn.job import Job, Outcome, Tracked
 from monodyn.live.begin import on_clip
 from monodyn.live.recorder import Recorder
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import Pictures, open_source
 from monodyn.live.step import Step
 from monodyn.live.stream import Session
-from monodyn.pipeline import Tracked, concluded
+from monodyn.pipeline import concluded
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import RunLog, recorded
 from monodyn.results.sight import Sight

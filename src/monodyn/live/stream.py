@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from monodyn.checks import drawn_mechanism
-from monodyn.errors import MonodynError
+from monodyn.errors import MonodynError, VideoError
 from monodyn.live.applied import Applied
 from monodyn.live.begin import Beginning, Begun, Found, Setup, begin
 from monodyn.live.clock import Clock
@@ -28,6 +28,7 @@ from monodyn.live.sources import Pictures, Source, open_source
 from monodyn.live.step import Phase, Step
 from monodyn.live.tracker import Tracker
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.dots import shows_dots
 from monodyn.settings import RunSettings
 from monodyn.types import Frame, Poses
 
@@ -102,6 +103,11 @@ class Session:
         self, source: Source, mechanism: Mechanism, live: LiveSettings, settings: RunSettings,
         apply: Apply | None = None,
     ) -> None:  # fmt: skip
+        if shows_dots(mechanism):
+            raise VideoError(
+                f"{source.name}: expected a mechanism that shows its outline, got '{mechanism.name}', which "
+                "is followed by its dots; record a clip and take monodyn run."
+            )
         self.source: Source = source
         self.found: Found | None = None
         self.notes: list[str] = []

@@ -1,0 +1,88 @@
+"""What a stream leaves behind."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import monodyn
+from monodyn.errors import FitError
+from monodyn.live import recorder
+from monodyn.live.run import follow
+from monodyn.live.settings import LiveSettings
+from streamed import SMALL, frames
+from support import refuses
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    return frames()
+
+
+def test_a_stream_in_which_nothing_moves_leaves_what_was_recorded(tmp_path):
+    still = [np.full((64, 96), 100, np.uint8) for _ in range(60)]
+    with refuses(
+        FitError, "pictures: the mechanism was not found before the stream ended: Waiting for motion."
+    ):
+        follow(still, "double", tmp_path / "run")
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "failed"
+    assert monodyn.read(tmp_path / "run" / "clip.mp4").count == 60
+
+
+@pytest.mark.slow
+def test_pictures_of_a_program_leave_a_run_folder_with_their_recording(filmed, tmp_path):
+    seen = []
+    outcome = follow(filmed[0], "double", tmp_path / "run", shown=lambda _, step: seen.append(step.index))
+    assert seen == list(range(len(filmed[0])))
+    assert outcome.document["grade"] == "trusted"
+    for name, true in zip(("link1.length", "link2.length"), SMALL.pendulum.length, strict=True):
+        row = outcome.fit.parameter(name)
+        assert row.lower < true < row.upper
+    again = monodyn.open_run(tmp_path / "run")
+    assert again.parameter("link1.length").value == outcome.fit.parameter("link1.length").value
+    with (tmp_path / "run" / "poses.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(filmed[0]) == monodyn.read(tmp_path / "run" / "clip.mp4").count
+    run = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert (run["command"], run["status"]) == ("live", "done")
+    assert {"clip.mp4", "overlay.mp4", "report.html", "model.xml"} <= set(run["files"])
+
+
+@pytest.mark.slow
+def test_what_was_touched_and_what_was_not_recorded_is_said(filmed, tmp_path, monkeypatch):
+    """A hand turns the mechanism into another state, while the recorder is slow."""
+    watched, _ = filmed
+    jumped = [*watched[:120], *watched[150:]]
+    moved = [frame.__class__(i, i / SMALL.rate, frame.luma, frame.chroma) for i, frame in enumerate(jumped)]
+    taken, every = recorder.Recorder.take, []
+
+    def left_out(self, frame):
+        every.append(frame)
+        if len(every) % 50 == 0:
+            self.left_out += 1
+            return
+        taken(self, frame)
+
+    monkeypatch.setattr(recorder.Recorder, "take", left_out)
+    said = set()
+    outcome = follow(
+        moved, "double", tmp_path / "run", LiveSettings(review=4.0),
+        shown=lambda _, step: said.add(step.said),
+    )  # fmt: skip
+    lost = len(every) // 50
+    assert (
+        f"{lost} frames came faster than they could be recorded; clip.mp4 is without them." in outcome.notes
+    )
+    first = next(note for note in outcome.notes if note.startswith("Fitted are")).split()[5]
+    assert f"Fitted are the frames from {first} on: what came before is another motion." in outcome.notes
+    assert 60 < int(first) < 160
+    astray = next(one for one in said if one.startswith("The motion of the last"))
+    seconds, times = astray.split()[5], astray.split(": ")[1].split()[0]
+    assert astray == (
+        f"The motion of the last {seconds} s is not that of the mechanism as identified before: {times} "
+        "times as far off as the noise; something touches it, or it has changed. It is identified anew."
+    )
+    assert outcome.document["grade"] != "refused"
