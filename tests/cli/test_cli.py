@@ -56,7 +56,12 @@ def refused(*words: object) -> str:
 
 def test_run_leaves_the_folder_that_was_promised(demo: Done) -> None:
     assert demo.code == 0
-    assert {path.name for path in demo.folder.iterdir()} == set(FILES) - {"torques.csv", "camera.csv", *DRAWN}
+    assert {path.name for path in demo.folder.iterdir()} == set(FILES) - {
+        "torques.csv",
+        "camera.csv",
+        "clip.mp4",
+        *DRAWN,
+    }
     assert list(table(demo.folder / "poses.csv")) == [
         "frame", "time", "seen", "joint1", "joint2", "joint1_std", "joint2_std", "joint1_seen", "joint2_seen",
         "joint1_excluded", "joint2_excluded",
@@ -126,7 +131,7 @@ def test_run_json_says_what_was_run(demo: Done) -> None:
     log = json.loads((demo.folder / "run.json").read_text())
     assert log["status"] == "done"
     assert log["files"] == [*log["files"][:-1], "run.json"]
-    assert set(log["files"]) == set(FILES) - {"torques.csv", "camera.csv", *DRAWN}
+    assert set(log["files"]) == set(FILES) - {"torques.csv", "camera.csv", "clip.mp4", *DRAWN}
     assert len(log["inputs"]["clip"]["sha256"]) == 64
     assert set(log["seconds"]) == {"segment", "locate", "track", "identify", "predict", "results"}
     assert log["settings"]["fit_frames"] == [0, 150]

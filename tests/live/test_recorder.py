@@ -17,7 +17,7 @@ def frame(index: int, time: float) -> Frame:
 
 def test_a_recording_has_the_frames_and_their_times(tmp_path):
     recorder, rng = Recorder(tmp_path / "clip.mp4"), np.random.default_rng(0)
-    times = np.cumsum(rng.uniform(0.02, 0.05, 40))
+    times = np.append(0.0, np.cumsum(rng.uniform(0.02, 0.05, 39)))
     for k, time in enumerate(times):
         recorder.take(frame(2 * k, time))
     recorder.finish()

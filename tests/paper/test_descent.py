@@ -72,7 +72,8 @@ def test_evaluations_are_simulated_motions(simulated, torque, model, metric):
         fixed, smoothed, None, replace(GIVEN, torque=torque), lambda *step: shown.append(step)
     )
     assert found is not None
-    assert found.evaluations == len(simulated) > 10
+    # a motion that was simulated for a step before is remembered
+    assert 10 < len(simulated) <= found.evaluations < 1.1 * len(simulated)
     assert [step[1] // 50 for step in shown] == list(range(1, found.evaluations // 50 + 1))
     # who looks at the end afterwards spends none of the search's, and shows no progress
     before = len(shown)

@@ -25,6 +25,7 @@ import numpy as np
 
 from monodyn.arrays import plain
 from monodyn.errors import FitError
+from monodyn.estimation.arrival import Arrival, symmetric
 from monodyn.estimation.fit import Common, Fit
 from monodyn.estimation.record.samples import Data, Pieces, prepare
 from monodyn.estimation.shooting.instance import Instance
@@ -45,76 +46,6 @@ EXACT = 1e-5
 """Largest integration error of a window [rad or m], as of an identification."""
 ALIKE = 1e-9
 """Share of the largest effect of the unknowns on what the motion depends on below which there is none."""
-
-
-@dataclass(frozen=True, eq=False)
-class Arrival:
-    """The cost g.d + 1/2 d.H.d of rows that have left a window.
-
-    Here d is the change of what the motion depends on, then of the state at the first row of the window.
-
-    Attributes:
-        point: Where d is zero, (feature + 2 dof,).
-        information: H, (feature + 2 dof, feature + 2 dof).
-        gradient: g, (feature + 2 dof,).
-        pulled: How g follows what moves all positions together, by one deviation of each direction, (feature
-            + 2 dof, direction).
-    """
-
-    point: np.ndarray
-    information: np.ndarray
-    gradient: np.ndarray
-    pulled: np.ndarray
-
-    def at(self, point: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the cost at a point and its gradient there, (feature + 2 dof,).
-
-        Args:
-            point: What the motion depends on, then the state, (feature + 2 dof,).
-        """
-        away = point - self.point
-        pull = self.information @ away
-        return float(self.gradient @ away + 0.5 * away @ pull), self.gradient + pull
-
-    def widened(self, noise: np.ndarray) -> Arrival:
-        """Return the cost once the state has changed by something that is not known, as where a model lacks
-        something.
-
-        Args:
-            noise: Covariance of that change, (2 dof, 2 dof).
-        """
-        count = len(self.point) - len(noise)
-        change = np.zeros_like(self.information)
-        change[count:, count:] = noise
-        # (H^-1 + Q)^-1 = H (1 + Q H)^-1, which needs no inverse of H
-        gain = np.linalg.inv(np.eye(len(change)) + change @ self.information)
-        known = _symmetric(self.information @ gain)
-        return Arrival(self.point, known, gain.T @ self.gradient, gain.T @ self.pulled)
-
-    def faded(self, share: float) -> Arrival:
-        """Return the cost with a share of its weight, as of what may have changed since.
-
-        Args:
-            share: What is left of it, up to 1.
-        """
-        return Arrival(self.point, share * self.information, share * self.gradient, share * self.pulled)
-
-    def broken_off(self, dofs: int) -> Arrival:
-        """Return what it says of the mechanism alone: the state has become another one.
-
-        Args:
-            dofs: Number of joints.
-        """
-        known, count = self.information, len(self.point) - 2 * dofs
-        size = np.sqrt(np.maximum(np.diag(known)[count:], 1e-300))
-        inverse = np.linalg.pinv(known[count:, count:] / np.outer(size, size), rcond=1e-14, hermitian=True)
-        onto = known[:count, count:] @ (inverse / np.outer(size, size))
-        left = np.zeros_like(known)
-        left[:count, :count] = _symmetric(known[:count, :count] - onto @ known[count:, :count])
-        gradient, pulled = np.zeros_like(self.gradient), np.zeros_like(self.pulled)
-        gradient[:count] = self.gradient[:count] - onto @ self.gradient[count:]
-        pulled[:count] = self.pulled[:count] - onto @ self.pulled[count:]
-        return Arrival(self.point, left, gradient, pulled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -394,7 +325,7 @@ def slid(found: Refitted, row: int) -> Arrival:
     turn[width:, width:] = np.linalg.inv(tangents[:, count:])
     turn[width:, :width] = -turn[width:, width:] @ (tangents[:, :count] @ back)
     point = np.concatenate((shown, state))
-    return Arrival(point, _symmetric(turn.T @ known @ turn), turn.T @ gradient, turn.T @ pulled)
+    return Arrival(point, symmetric(turn.T @ known @ turn), turn.T @ gradient, turn.T @ pulled)
 
 
 def ahead(found: Refitted, row: int) -> Ahead:
@@ -411,7 +342,7 @@ def ahead(found: Refitted, row: int) -> Ahead:
     state, slopes = _reached(found, row, found.window.problem.at(found.x))
     turn = np.eye(len(found.information))
     turn[len(found.x) :] = slopes
-    return Ahead(state, slopes, _symmetric(turn @ found.covariance @ turn.T))
+    return Ahead(state, slopes, symmetric(turn @ found.covariance @ turn.T))
 
 
 def _model(window: Window, arrival: Arrival | None, trial: Trial, limit: float) -> Arrow:
@@ -481,13 +412,9 @@ def _whole(model: Arrow) -> np.ndarray:
     """Return the second derivatives by unknowns and state, (param + 2 dof, param + 2 dof)."""
     cross = model.cross[0]
     known = np.block([[model.hessian, cross], [cross.T, model.local_hessian[0]]])
-    return _symmetric(known)
+    return symmetric(known)
 
 
 def _trial(window: Window, x: np.ndarray, state: np.ndarray) -> Trial:
     pieces = Pieces(np.array([0, len(window.times)]), np.array([0]))
     return Trial(np.asarray(x, dtype=float), np.asarray(state, dtype=float)[None], pieces, window.substeps)
-
-
-def _symmetric(matrix: np.ndarray) -> np.ndarray:
-    return 0.5 * (matrix + matrix.T)

@@ -6,6 +6,7 @@ camera and sizes, poses, parameters.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,8 +32,9 @@ from monodyn.vision.foreground.soft import SoftMasks
 from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.locating.scene import Scene
 
-CELL_PX = 8
-"""Every so many pixels along a side one is looked at for motion."""
+CELL_PX, AGO = 4, 0.1
+"""Every so many pixels along a side one is looked at for motion, and for how long it has to move [s]: what
+moves slowly shows in few pixels from one frame to the next."""
 MOVED_GREY = 10.0
 """Change from one frame to the next by which a pixel moved [grey levels] ..."""
 MOVED_NOISE = 6.0
@@ -82,7 +84,8 @@ class Beginning:
     def __init__(self, seconds: float) -> None:
         self.frames: list[Frame] = []
         self.moving, self.needed, self.left_out = 0.0, seconds, 0
-        self._held, self._last, self._holds = 0, np.zeros(0, dtype=np.float32), False
+        self._held, self._holds = 0, False
+        self._before: deque[tuple[float, np.ndarray]] = deque()
 
     @property
     def ready(self) -> bool:
@@ -96,13 +99,16 @@ class Beginning:
             frame: The frame, on the stream's clock.
         """
         small = frame.luma[CELL_PX // 2 :: CELL_PX, CELL_PX // 2 :: CELL_PX].astype(np.float32)
-        if self._last.shape == small.shape and self.frames:
-            change = np.abs(small - self._last)
+        before = self._before
+        while len(before) > 1 and before[1][0] <= frame.time - AGO:
+            before.popleft()
+        if before:
+            change = np.abs(small - before[0][1])
             # most of a picture stands still: its median change is that of noise
             level = max(MOVED_GREY, MOVED_NOISE * float(np.median(change)) / 0.67)
             if int(np.sum(change > level)) >= LEAST_MOVED:
-                self.moving += frame.time - self.frames[-1].time
-        self._last = small
+                self.moving += frame.time - before[-1][0]
+        before.append((frame.time, small))
         if self._holds and self._held > MOST_HELD:
             self.left_out += 1
             return

@@ -19,11 +19,12 @@ import numpy as np
 
 from monodyn.arrays import plain
 from monodyn.errors import MonodynError
+from monodyn.estimation.arrival import Arrival
 from monodyn.estimation.fit import Doubt, Fit, Grade, Start
 from monodyn.estimation.record.samples import Pieces
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.verdict.uncertainty import noise_factors
-from monodyn.estimation.window import Arrival, Refitted, Window, ahead, refit, slid, start_of, window_of
+from monodyn.estimation.window import Refitted, Window, ahead, refit, slid, start_of, window_of
 from monodyn.live.record import joined
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
