@@ -30,7 +30,7 @@ class Session:
 
     def __init__(self, live=False):
         self.source = SimpleNamespace(live=live, remarks=["A remark."])
-        self.identifier = SimpleNamespace(record=SimpleNamespace(whole=followed().pose))
+        self.identifier = SimpleNamespace(record=SimpleNamespace(whole=followed().pose), fit=None)
         self.notes, self.found, self.stopped = ["A note."], SimpleNamespace(notes=()), False
 
     def stop(self):

@@ -82,7 +82,7 @@ class Arrival:
 
 
 def symmetric(matrix: np.ndarray) -> np.ndarray:
-    """Return a matrix without what rounding has made unequal on both sides of its diagonal.
+    """Return a matrix without what rounding has made unequal on both sides of its diagonal, (row, row).
 
     Args:
         matrix: The matrix, (row, row).

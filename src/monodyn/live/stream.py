@@ -201,9 +201,9 @@ class Session:
         watched.add(frame)
         if self._search is None and watched.ready:
             watched.hold()
-            self._search = self._worker.submit(begin, watched, self.source.name, self._setup)
             seconds = watched.frames[-1].time - watched.frames[0].time
             self.said = f"Looking for the mechanism in the last {seconds:.1f} s."
+            self._search = self._worker.submit(begin, watched, self.source.name, self._setup)
         if self._search is not None and (self._search.done() or not self.source.live):
             self._take_over(self._search.result())
 
