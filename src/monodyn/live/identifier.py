@@ -149,7 +149,7 @@ class Identifier:
             self.estimate, self._estimating = self._estimating.result(), None
             if self.estimate is not None and self.estimate.astray:
                 # what came before tells nothing of what moves now
-                self.since, self._horizon = float(self.estimate.time[0]), None
+                self.since, self._horizon = float(self.estimate.time[-1]), None
                 self._next = self.since + self._live.begin
         if self._review is not None and self._review.done() and self._estimating is None:
             done, self._review = self._review.result(), None
