@@ -85,6 +85,7 @@ def follow(
         log.notes += found.notes
         scene = on_clip(found.scene, video)
         poses, span = _tracked(session, video)
+        log.notes += span.notes
         sight = Sight(video, masks=scene.masks, scene=scene, poses=poses, fit_frames=span[:2])
         sight.free_frames = log.free_frames = span[:2]
         job = Job(settings, log, folder, progress, sight)
