@@ -44,6 +44,8 @@ from monodyn.mechanism.tree import BRAKES
 
 FRICTION = "friction"
 """The simplest kind."""
+CLEARLY = 2.0
+"""How many times more another reason has to leave for free bodies to be taken before it."""
 FREE_BODIES = "friction with free bodies"
 """The same of bodies whose mass may lie anywhere."""
 SAME_END = 0.9
@@ -125,8 +127,8 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
         left = left_otherwise(first)
         tried = [tried[0], *(one for one in tried[1:] if _size(one.solution) < left)]
         for free in _loosened(first, task) if bodies else []:
-            # bodies whose mass may lie anywhere take in a part of any other reason, and leave more than it
-            if _size(free.solution) < left:
+            # bodies whose mass may lie anywhere take in a part of any other reason, and most of a single one
+            if CLEARLY * _size(free.solution) < left:
                 tried += _with_drags(mechanism, free, task, route)
     best = _likeliest(tried)
     if _explained(best.solution):
