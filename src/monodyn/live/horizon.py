@@ -198,13 +198,14 @@ class Horizon:
         window = self._with(self._rows)
         state = self._begun(window) if self._found is None else self._state
         self._found = refit(window, self._arrival, self._x, state, limit=PULL)
-        if not np.isfinite(self._found.information).all():
+        try:
+            estimate = self._estimated(self._found)
+        except np.linalg.LinAlgError:
             # a motion that grows beyond all bounds: the state was wrong, and is begun anew
             self._found, self._rows = None, self._rows.part(0, 0)
             self._arrival = None if self._arrival is None else self._arrival.broken_off(len(state) // 2)
             return None
         self._x, self._state = self._found.x, self._found.state
-        estimate = self._estimated(self._found)
         self._slide()
         return estimate
 
