@@ -140,9 +140,8 @@ class Pilot:
             The torque, by joint.
         """
         torque = 0.0
-        if step.future is not None and step.fit is not None:
-            # the state at this frame is where the prediction begins
-            torque = self._torque(step, step.future.position[0], step.future.velocity[0])
+        if step.estimate is not None:
+            torque = self._torque(step, *step.estimate.state(step.time))
         self._laboratory.torque = torque
         return {self._kind.motor: torque}
 

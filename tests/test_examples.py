@@ -36,7 +36,6 @@ DRAWS = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/
 """Fails where no OpenGL draws without a screen."""
 
 
-@pytest.mark.skip(reason="in work: what was balanced is taken for another motion after some seconds")
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["cartpole", "pendubot"])
 def test_what_is_only_seen_is_swung_up_and_held(kind: str) -> None:

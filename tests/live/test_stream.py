@@ -91,7 +91,7 @@ def test_the_window_knows_what_a_batch_fit_knows(session, steps):
     for row in batch.parameters:
         if row.free and np.isfinite(row.std):
             assert abs(ended.fit.parameter(row.name).value - row.value) < 0.3 * row.std, row.name
-            assert ended.fit.parameter(row.name).std == pytest.approx(row.std, rel=0.4), row.name
+            assert ended.fit.parameter(row.name).std == pytest.approx(row.std, rel=0.3), row.name
 
 
 def test_the_same_frames_give_the_same_numbers(filmed, steps):

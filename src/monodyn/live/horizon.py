@@ -45,6 +45,9 @@ Acting = Callable[[float, float], TorqueLog | None]
 """Returns the torques that are known to have acted from one time to another [s]; None for none."""
 LONGEST_GAP = 1.0
 """Seconds out of sight over which the motion is carried on: after more it is begun anew."""
+GROWN = 30.0
+"""How much an error may grow within the window: what nobody sees pushes a mechanism, and a motion beside an
+equilibrium that does not hold itself cannot be followed for long without."""
 LEAST_ROWS = 6
 """Measured frames from which on a motion that broke off is taken up again."""
 
@@ -78,6 +81,25 @@ class Estimate:
         """How far it can be relied on."""
         return "refused" if self.astray else self.base.grade
 
+    def state(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the state at a time.
+
+        Args:
+            time: A time [s]; beyond the prediction its end counts.
+
+        Returns:
+            Joint positions [rad or m] and rates [rad/s or m/s], each (dof,).
+        """
+        future = self.future
+        at = int(np.clip(np.searchsorted(future.time, time) - 1, 0, len(future.time) - 2))
+        step = float(future.time[at + 1] - future.time[at])
+        u = min(max((time - float(future.time[at])) / step, 0.0), 1.0)
+        q, v = future.position[at : at + 2], step * future.velocity[at : at + 2]
+        # cubic through positions and rates at either side (Hermite)
+        square, cube = 3.0 * (q[1] - q[0]) - 2.0 * v[0] - v[1], 2.0 * (q[0] - q[1]) + v[0] + v[1]
+        position = q[0] + u * (v[0] + u * (square + u * cube))
+        return position, (v[0] + u * (2.0 * square + 3.0 * u * cube)) / step
+
     def expected(self, time: float) -> np.ndarray:
         """Return where the dynamics have the joints, as pictures have them.
 
@@ -87,17 +109,8 @@ class Estimate:
         Returns:
             Joint positions [rad; m in the start scale], (dof,).
         """
-        future, data = self.future, self.found.window.problem.data
-        at = int(np.clip(np.searchsorted(future.time, time) - 1, 0, len(future.time) - 2))
-        step = float(future.time[at + 1] - future.time[at])
-        u = min(max((time - float(future.time[at])) / step, 0.0), 1.0)
-        q, v = future.position[at : at + 2], step * future.velocity[at : at + 2]
-        # cubic through positions and rates at either side (Hermite)
-        position = q[0] + u * (v[0] + u * (3.0 * (q[1] - q[0]) - 2.0 * v[0] - v[1]))
-        position = position + u**3 * (2.0 * (q[0] - q[1]) + v[0] + v[1])
-        roll = self.found.window.problem.roll(self.found.x)
-        unit = np.where(data.slide[0], self.found.scale, 1.0)
-        return (position - roll * data.by_roll[0]) / unit
+        data, roll = self.found.window.problem.data, self.found.window.problem.roll(self.found.x)
+        return (self.state(time)[0] - roll * data.by_roll[0]) / _unit(self.found)
 
     @cached_property
     def std(self) -> dict[str, float]:
@@ -124,8 +137,7 @@ class Estimate:
         dofs = len(mechanism.joints)
         position, velocity = np.split(self.found.state, 2)
         own = self.covariance[-2 * dofs :, -2 * dofs :]
-        unit = np.where(self.found.window.problem.data.slide[0], self.found.scale, 1.0)
-        residual = self.found.residual * unit
+        residual = self.found.residual * _unit(self.found)
         rms = np.sqrt(np.nanmean(residual**2, axis=0)).tolist()
         fit = replace(
             self.base, mechanism=mechanism, parameters=tuple(parameters), combinations=(),
@@ -169,6 +181,10 @@ class Horizon:
         self._x, self._state = self._found.x, self._found.state
         known = np.diag(_natural(self._found))
         stds = {p.name: p.std for p in fit.parameters}
+        # what pushes at random moves within a window by less than the noise does not show there
+        unseen = 3.0 * np.nanmean(self._found.window.problem.data.std**2, axis=0) / window**3
+        lacks = 0.0 if fit.unmodelled is None else fit.unmodelled.density
+        self._pushed = np.maximum(unseen * _unit(self._found) ** 2, lacks)
         self._added = {
             name: max(stds[name] ** 2 - float(variance), 0.0)
             for name, variance in zip(fit.shared, known, strict=False)
@@ -198,13 +214,12 @@ class Horizon:
         window = self._with(self._rows)
         state = self._begun(window) if self._found is None else self._state
         self._found = refit(window, self._arrival, self._x, state, limit=PULL)
-        try:
-            estimate = self._estimated(self._found)
-        except np.linalg.LinAlgError:
-            # a motion that grows beyond all bounds: the state was wrong, and is begun anew
-            self._found, self._rows = None, self._rows.part(0, 0)
+        estimate = self._estimated(self._found)
+        if estimate is None or estimate.astray:
+            # its last rows are of another motion: what came before them stays known of the mechanism
+            self._rows, self._found = self._rows.part(0, 0), None
             self._arrival = None if self._arrival is None else self._arrival.broken_off(len(state) // 2)
-            return None
+            return estimate
         self._x, self._state = self._found.x, self._found.state
         self._slide()
         return estimate
@@ -250,33 +265,52 @@ class Horizon:
         found, rows = self._found, self._rows
         assert found is not None
         stays = int(np.searchsorted(rows.time, rows.time[-1] - self._seconds - 1e-9))
+        stays = max(stays, self._followed(found))
         if stays == 0:
             return
         row = int(np.searchsorted(found.window.times, rows.time[stays]))
         self._arrival = self._aged(slid(found, row), float(rows.time[stays] - rows.time[0]))
         self._state, self._rows = ahead(found, row).state, rows.part(stays, len(rows))
 
+    def _followed(self, found: Refitted) -> int:
+        """Return the first row from which on the motion can be followed without a push: before it an error
+        has grown too much, as beside an equilibrium that does not hold itself."""
+        problem, count = found.window.problem, len(found.x)
+        times, dofs = found.window.times, len(found.state) // 2
+        run = (0, len(times), plain(found.state))
+        *_, dq, dv = problem.tangents(problem.at(found.x), found.window.substeps, run)
+        slopes = np.concatenate((dq, dv), axis=1)[:, :, count:]
+        at = np.searchsorted(times, self._rows.time[: len(self._rows) - LEAST_ROWS])
+        if not len(at):
+            return 0
+        # how the last positions follow those at each row, in deviations of the noise
+        grown = (slopes[-1] @ np.linalg.inv(slopes[at]))[:, :dofs, :dofs]
+        noise = np.sqrt(np.nanmean(problem.data.std**2, axis=0))
+        size = np.abs(grown * noise / noise[:, None]).max(axis=(1, 2))
+        return int(np.sum(size > GROWN))
+
     def _aged(self, arrival: Arrival, seconds: float) -> Arrival:
-        """Return what is known after some time: what the model lacks has moved the state, and the rest is a
-        little out of date."""
-        lacks = self._base.unmodelled
-        if lacks is not None:
-            arrival = arrival.widened(random_push(lacks.density, seconds))
+        """Return what is known after some time: what pushes that nobody has seen have done to the state, and
+        the rest is a little out of date."""
+        arrival = arrival.widened(random_push(self._pushed, seconds))
         return arrival.faded(float(np.exp(-seconds / MEMORY)))
 
-    def _estimated(self, found: Refitted) -> Estimate:
-        """Return what is known at the optimum."""
-        astray = ""
-        if found.sigma > ASTRAY and len(self._rows) >= LEAST_ROWS:
+    def _estimated(self, found: Refitted) -> Estimate | None:
+        """Return what is known at the optimum; None where the motion grows beyond all bounds."""
+        try:
+            covariance, future = _natural(found), self._future(found)
+        except np.linalg.LinAlgError:
+            return None
+        if not (np.isfinite(covariance).all() and np.isfinite(future.position).all()):
+            return None
+        astray, off = "", _off(found)
+        if off > ASTRAY and len(self._rows) >= LEAST_ROWS:
             seconds = float(self._rows.time[-1] - self._rows.time[0])
             astray = (
                 f"The motion of the last {seconds:.1f} s is not that of the mechanism as identified before: "
-                f"{found.sigma:.1f} times as far off as the noise; something touches it, or it has changed. "
-                "It is identified anew."
+                f"{off:.1f} times as far off as the noise; something touches it, or it has changed."
             )
-        return Estimate(
-            self._base, found, self._rows.time, _natural(found), self._future(found), self._added, astray
-        )
+        return Estimate(self._base, found, self._rows.time, covariance, future, self._added, astray)
 
     def _future(self, found: Refitted) -> Prediction:
         """Return the motion from the last row on."""
@@ -314,12 +348,28 @@ def horizon_of(
         return None
 
 
+def _unit(found: Refitted) -> np.ndarray:
+    """Return metres per unit of the record, 1 for hinges, (dof,)."""
+    return np.where(found.window.problem.data.slide[0], found.scale, 1.0)
+
+
+def _off(found: Refitted) -> float:
+    """Return the size of the residuals of a window, over that of the noise and of what moves all positions
+    together: a motion in another place is off by the latter in another way."""
+    data = found.window.problem.data
+    variance = data.std**2
+    if data.shifts is not None:
+        variance = variance + np.sum(data.shifts**2, axis=0)
+    return float(np.sqrt(np.nanmean(found.residual**2 / variance)))
+
+
 def _natural(found: Refitted) -> np.ndarray:
     """Return the covariance of unknowns and state in the units of the parameters, (unknown, unknown)."""
     count = len(found.x)
     slope = np.eye(len(found.information))
     slope[:count, :count] = found.window.problem.unknowns.slope(found.x)
-    return slope @ found.covariance @ slope.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        return slope @ found.covariance @ slope.T
 
 
 def _measured(poses: Poses) -> Poses:

@@ -72,7 +72,8 @@ class Identifier:
         self._pending: list[Poses] = []
         self._estimating: Future[Estimate | None] | None = None
         self._review: Future[Reviewed] | None = None
-        self._seen, self._moved = -math.inf, np.zeros(0)
+        self._seen, self._astray, self._moved = -math.inf, -math.inf, np.zeros(0)
+        self._fresh = False
         self.since, self._next = -math.inf, math.inf
 
     def begin(self, begun: Begun) -> None:
@@ -99,6 +100,9 @@ class Identifier:
         """
         now = float(pose.time[0])
         if broken:
+            if self._estimating is not None:
+                wait([self._estimating])
+                self._collect()
             self._horizon = None if self._horizon is None else self._horizon.broken_off()
         if pose.measured.any():
             # no motion goes on across a break, or while it is out of sight for long
@@ -129,7 +133,7 @@ class Identifier:
                 return False
             self._collect()
             self._submit()
-        return self.estimate is not None and not self._pending
+        return self._fresh and not self._pending
 
     def close(self) -> None:
         """End the work that goes on."""
@@ -146,14 +150,21 @@ class Identifier:
     def _collect(self) -> None:
         """Take what the workers have finished."""
         if self._estimating is not None and self._estimating.done():
-            self.estimate, self._estimating = self._estimating.result(), None
-            if self.estimate is not None and self.estimate.astray:
-                # what came before tells nothing of what moves now
-                self.since, self._horizon = float(self.estimate.time[-1]), None
-                self._next = self.since + self._live.begin
+            found, self._estimating = self._estimating.result(), None
+            # where nothing is seen the prediction goes on
+            self.estimate, self._fresh = found or self.estimate, found is not None
+            if found is not None and found.astray:
+                self._look_anew(float(found.time[-1]))
         if self._review is not None and self._review.done() and self._estimating is None:
             done, self._review = self._review.result(), None
             self._take_up(done)
+
+    def _look_anew(self, now: float) -> None:
+        """Identify anew what moves from now on: what came before tells nothing of it."""
+        # what goes astray again and again does so since the first time
+        if now - self._astray > self._live.begin:
+            self.since, self._next = now, now + self._live.begin
+        self._astray = now
 
     def _take_up(self, done: Reviewed) -> None:
         """Go on from a stretch that was identified anew."""
