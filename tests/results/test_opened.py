@@ -278,6 +278,7 @@ CHANGES = [
     (("fitted",), [], "as many fitted stretches as start states, 1", "0"),
     (("grade",), "refused", "the grade of its doubts, trusted", "refused"),
     (("ok",), False, "ok true of the grade trusted", "false"),
+    (("rms",), None, "object as rms", "null"),
     (("drive",), None, "object as drive", "null"),
     (("fitted", 0, "rows"), True, "integer as fitted[0].rows", "true"),
     (("fitted", 0, "last"), -1.0, "a fitted stretch that ends after it begins", "0 to -1 s"),
