@@ -110,7 +110,7 @@ def test_a_part_of_a_mask_gives_the_pose_that_the_whole_gives(
 ) -> None:
     near, whole, wholes = Follower(scene, TrackSettings()), Follower(scene, TrackSettings()), []
     step = near.step
-    monkeypatch.setattr(near, "step", lambda mask: wholes.append(mask.index) or step(mask))
+    monkeypatch.setattr(near, "step", lambda mask, at=None: wholes.append(mask.index) or step(mask, at))
     for frame in scene.masks.video.frames(0, 60):
         found, expected = near.find(frame), whole.step(scene.masks.of(frame))
         np.testing.assert_array_equal(found.position, expected.position)
