@@ -16,6 +16,7 @@ from itertools import product
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.combinations import combinations
@@ -85,9 +86,10 @@ def repeating(found: Refined, random: np.ndarray) -> np.ndarray:
     clock, carried = found.carried_along
     state, dofs = _standard(problem, trial, residuals.unit), problem.data.position.shape[1]
     waves = [_waves(state / length, dofs) for length in LENGTHS]
-    forces = [residuals.shown(moved) for moved in _pushed(clock, carried, trial, waves)]
+    forces = on_all_cores(residuals.shown, _pushed(clock, carried, trial, waves))
     # what a reading is wrong by depends on the pose alone
-    errors = [residuals.shown(_misread(_waves(state[:, :-dofs] / length, dofs))) for length in LENGTHS]
+    misread = [_misread(_waves(state[:, :-dofs] / length, dofs)) for length in LENGTHS]
+    errors = on_all_cores(residuals.shown, misread)
     most = _moving(problem, trial, clock, residuals.unit)
 
     def left(density: np.ndarray, some: slice) -> _Left:
@@ -97,20 +99,26 @@ def repeating(found: Refined, random: np.ndarray) -> np.ndarray:
     # to row alone, what does not repeat would be laid to forces of any strength
     densities = [share * random for share in SHARES] if random.any() else [random]
     some = slice(None, None, COARSE)
-    likely = [
-        max(left(one, some).likelihood(k, k, most)[1] for k in range(len(forces[some]))) for one in densities
-    ]
+
+    def likely_with(density: np.ndarray) -> float:
+        coarse = left(density, some)
+        return max(coarse.likelihood(k, k, most)[1] for k in range(len(coarse.forces)))
+
+    likely = on_all_cores(likely_with, densities)
     # a record too short to tell leaves both possible: then what repeats is the more cautious
     possible = np.array(likely) > max(likely) - UNTOLD * np.count_nonzero(problem.data.measured)
     whole = left(densities[int(np.argmax(possible))], slice(None))
-    more, likelihood = [], []
-    for (i, (by_force, _)), (j, (by_error, _)) in product(enumerate(forces), enumerate(errors)):
-        strengths, value = whole.likelihood(i, j, most)
-        more.append(residuals.wider(np.concatenate((by_force, by_error), axis=1) * strengths))
-        likelihood.append(value)
+
+    def with_lengths(pair: tuple[int, int]) -> tuple[np.ndarray, float]:
+        strengths, likelihood = whole.likelihood(*pair, most)
+        pull = np.concatenate((forces[pair[0]][0], errors[pair[1]][0]), axis=1)
+        return residuals.wider(pull * strengths), likelihood
+
+    found_so = on_all_cores(with_lengths, product(range(len(LENGTHS)), repeat=2))
     # no pair of lengths is certain: each counts as it is likely
-    weight = np.exp(np.array(likelihood) - np.max(likelihood))
-    return np.einsum("k,kij->ij", weight / np.sum(weight), np.stack(more))
+    likelihood = np.array([value for _, value in found_so])
+    weight = np.exp(likelihood - np.max(likelihood))
+    return np.einsum("k,kij->ij", weight / np.sum(weight), np.stack([more for more, _ in found_so]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,13 +159,16 @@ def _left(
 ) -> _Left:
     """Bring what is left over to deviations of noise from row to row and random accelerations ``density``."""
     new, logarithm = about.innovations(seen[..., None], density)
-    both = [
-        [about.innovations(one, density)[0].reshape(new.size, -1) for _, one in group]
-        for group in (forces, errors)
-    ]
-    alike = [[one.T @ one for one in group] for group in both]
-    seen = new.ravel()
-    return _Left(seen, both[0], both[1], (alike[0], alike[1]), logarithm - 0.5 * float(seen @ seen))
+
+    def deviations(waves: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        one = about.innovations(waves[1], density)[0].reshape(new.size, -1)
+        return one, one.T @ one
+
+    both = on_all_cores(deviations, (*forces, *errors))
+    left, alike = [one for one, _ in both], [one for _, one in both]
+    seen, count = new.ravel(), len(forces)
+    constant = logarithm - 0.5 * float(seen @ seen)
+    return _Left(seen, left[:count], left[count:], (alike[:count], alike[count:]), constant)
 
 
 @dataclass(frozen=True, eq=False)

@@ -158,7 +158,7 @@ def noise_of_rows(residual: np.ndarray, stated: np.ndarray) -> np.ndarray:
     return white
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _filtered(
     moved: np.ndarray,
     variance: np.ndarray,
