@@ -403,6 +403,9 @@ def _reason(chosen: _Tried) -> str:
     """Write which kind was chosen."""
     optimum = chosen.solution.optimum
     if chosen.kind != "periodic torque" or optimum is None:
+        # of what does not follow a motion the nearest is no evidence
+        if not _explained(chosen.solution):
+            return f"No kind of torque explains the motion; nearest comes {chosen.kind}: {_said(chosen)}"
         return f"The evidence is for {chosen.kind}: {_said(chosen)}"
     terms, period = series_of(chosen.solution.problem, optimum)
     waves = "1 harmonic" if terms == 1 else f"{terms} harmonics"
