@@ -65,8 +65,8 @@ def poses(seen: int, count: int) -> Poses:
         (RunSettings(free=["joint1.torque.3"], identify=FREE),
          "parameter 'joint1.torque.3': a free torque cannot be chosen; leave it out."),
         (RunSettings(fix={"camera.zoom": 1.0}),
-         "parameter 'camera.zoom': expected one of the camera's (camera.x, camera.y, camera.depth, "
-         "camera.roll, camera.pitch, camera.yaw, camera.focal); correct the name."),
+         "parameter 'camera.zoom': expected one of the camera's; parameters: 'camera.x', 'camera.y', "
+         "'camera.depth', 'camera.roll', 'camera.pitch', 'camera.yaw', 'camera.focal'."),
         (RunSettings(free=["camera.roll"], identify=IdentifySettings(method="paper")),
          "parameter 'camera.roll': identify.method paper takes gravity's direction as given; give the "
          "roll with --fix, or use identify.method fast."),

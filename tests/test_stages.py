@@ -19,16 +19,16 @@ from monodyn.vision.settings import METHOD_NAMES, CameraSettings, LocateSettings
 from support import refuses
 from swings import TIMES, motion, record
 
-CAMERA = "camera.x, camera.y, camera.depth, camera.roll, camera.pitch, camera.yaw, camera.focal"
+CAMERA = "'camera.x', 'camera.y', 'camera.depth', 'camera.roll', 'camera.pitch', 'camera.yaw', 'camera.focal'"
 
 
 @pytest.mark.parametrize(
     ("method", "fix", "free", "message"),
     [
         ("fast", {"camera.zoom": 1.0}, [],
-         f"parameter 'camera.zoom': expected one of the camera's ({CAMERA}); correct the name."),
+         f"parameter 'camera.zoom': expected one of the camera's; parameters: {CAMERA}."),
         ("fast", {}, ["link1.length"],
-         f"parameter 'link1.length': expected one of the camera's ({CAMERA}); correct the name."),
+         f"parameter 'link1.length': expected one of the camera's; parameters: {CAMERA}."),
         ("fast", {"camera.x": 0.0}, ["camera.x"],
          "parameter 'camera.x': is both fixed and freed; choose one of them."),
         ("fast", {"camera.focal": np.nan}, [],

@@ -20,6 +20,7 @@ from monodyn.estimation.settings import IdentifySettings, check_known
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dots import as_rods, chosen_bodies
 from monodyn.mechanism.upright import ROLL, by_roll, feels_roll, with_roll
+from monodyn.names import known
 from monodyn.settings import published_method
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
@@ -407,10 +408,8 @@ def check_camera(mechanism: Mechanism, method: str, fix: Mapping[str, float], fr
     """
     for name in (*fix, *free):
         if name not in PARAMETERS:
-            raise SettingsError(
-                f"parameter '{name}': expected one of the camera's ({', '.join(PARAMETERS)}); "
-                "correct the name."
-            )
+            names = known("parameters", list(PARAMETERS), name)
+            raise SettingsError(f"parameter '{name}': expected one of the camera's; {names}")
         if name in fix and name in free:
             raise SettingsError(f"parameter '{name}': is both fixed and freed; choose one of them.")
     for name, value in fix.items():

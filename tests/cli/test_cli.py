@@ -282,12 +282,21 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
     ("words", "message"),
     [
         (["bogus"],
-         "expected a command, got 'bogus'; commands: run, live, track, identify, predict, control, "
-         "models, reproduce."),
+         "expected a command, got 'bogus'; commands: 'run', 'live', 'track', 'identify', 'predict', "
+         "'control', 'models', 'reproduce'."),
         (["identify", "--model", "double"],
          "identify: expected at least one table of joint positions, got none; name a poses.csv."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--bogus"],
          "run: expected known options, got --bogus; see monodyn run --help."),
+        (["run", CLIP, "--modle", MODEL, "--out", "o"],
+         f"run: expected known options, got --modle, {MODEL}; see monodyn run --help. "
+         "Did you mean --model?"),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--fit-frmes", "0:40"],
+         "run: expected known options, got --fit-frmes, 0:40; see monodyn run --help. "
+         "Did you mean --fit-frames?"),
+        (["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "link1.lenght=1"],
+         "parameter 'link1.lenght' is not in the mechanism; did you mean 'link1.length' or 'link2.length'?"),
+        (["trakc", CLIP], "expected a command, got 'trakc'; did you mean 'track'?"),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "gravity"],
          "fix: expected NAME=VALUE with a number, got 'gravity'; e.g. gravity=9.81."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--fit-frames", "ten"],
@@ -304,8 +313,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
         (["run", CLIP, "--model", MODEL, "--out", MODEL],
          f"out '{MODEL}': expected a folder, got a file; give another name."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "camera.foo=1"],
-         "parameter 'camera.foo': expected one of the camera's (camera.x, camera.y, camera.depth, "
-         "camera.roll, camera.pitch, camera.yaw, camera.focal); correct the name."),
+         "parameter 'camera.foo': expected one of the camera's; did you mean 'camera.focal'?"),
         (["track", CLIP, "--model", MODEL, "--out", "o", "--fix", "camera.depth=-1"],
          "parameter 'camera.depth': expected a value above 0 m, got -1; correct it."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "camera.focal=nan"],

@@ -80,8 +80,8 @@ def test_what_the_camera_fixes_stays(scene: Scene) -> None:
 def test_names_that_are_not_the_cameras(scene: Scene) -> None:
     with refuses(
         SettingsError,
-        "parameter 'camera.zoom': expected one of the camera's (camera.x, camera.y, camera.depth, "
-        "camera.roll, camera.pitch, camera.yaw, camera.focal); correct the name.",
+        "parameter 'camera.zoom': expected one of the camera's; parameters: 'camera.x', 'camera.y', "
+        "'camera.depth', 'camera.roll', 'camera.pitch', 'camera.yaw', 'camera.focal'.",
     ):
         monodyn.locate(scene.masks, scene.mechanism, free=("camera.zoom",))
 

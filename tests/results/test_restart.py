@@ -151,7 +151,11 @@ def test_a_record_keeps_what_its_own_positions_have_in_common():
 def test_what_cannot_be_is_refused():
     fit = identified()
     for given, message in [
-        (({"joint2": 1.0},), "restart: expected a joint (joint1), got 'joint2'; correct the name."),
+        (
+            ({"joint2": 1.0},),
+            "restart: joint 'joint2' is not in the mechanism; did you mean 'joint1'?",
+        ),
+        (({"hip": 1.0},), "restart: joint 'hip' is not in the mechanism; joints: 'joint1'."),
         (
             ({"joint1": np.inf},),
             "restart: expected a number within 1e+06 of 0 for joint1, got inf; correct it.",

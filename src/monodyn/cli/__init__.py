@@ -113,9 +113,10 @@ def _dispatch(words: list[str]) -> int:
         _fail(note)
     from monodyn.cli.options import COMMANDS
     from monodyn.cli.parse import parsed
+    from monodyn.names import known
 
     if words[0] not in COMMANDS:
-        _fail(f"expected a command, got '{words[0]}'; commands: {', '.join(COMMANDS)}.")
+        _fail(f"expected a command, got '{words[0]}'; {known('commands', list(COMMANDS), words[0])}")
         return 2
     options: Any = 0
     with printing():

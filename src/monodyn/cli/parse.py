@@ -7,6 +7,7 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import fields
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -14,6 +15,7 @@ from tyro import conf
 
 from monodyn.cli.options import COMMANDS, options_class
 from monodyn.errors import SettingsError
+from monodyn.names import NEAR
 
 
 def parsed(command: str, words: Sequence[str]) -> Any:
@@ -83,7 +85,12 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
         return f"{command}: expected {', '.join(wanted)}, got {' '.join(words) or 'nothing'}; {see}"
     if text.startswith("Unrecognized"):
         odd = re.sub(r"^.*?Unrecognized options:\s*", "", text)
-        return f"{command}: expected known options, got {odd.split('. ')[0].strip()}; {see}"
+        odd = odd.split("Arguments similar")[0].split(". ")[0].strip()
+        # tyro lists what is near, each name at the beginning of a line of its box
+        listed = re.findall(r"^\W{4,}--([\w.-]+)", complaint, re.MULTILINE)
+        near = get_close_matches(odd.split(",")[0].removeprefix("--"), listed, 1, NEAR)
+        meant = f" Did you mean --{near[0]}?" if near else ""
+        return f"{command}: expected known options, got {odd}; {see}{meant}"
     # a word for one of several choices, then a word for a number
     choice = re.search(r"invalid choice '(.*?)' for argument '(.*?)'. Expected one of \((.*?)\)", text)
     if choice:

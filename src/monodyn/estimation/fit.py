@@ -17,6 +17,7 @@ from monodyn.mechanism.logged import logged
 from monodyn.mechanism.plan import OWNED_COLUMNS
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.tree import Directions
+from monodyn.names import known
 from monodyn.types import TorqueLog
 
 Grade = Literal["trusted", "approximate", "refused"]
@@ -430,5 +431,5 @@ class Fit:
         for estimate in self.parameters:
             if estimate.name == name:
                 return estimate
-        known = ", ".join(estimate.name for estimate in self.parameters)
-        raise FitError(f"parameter {name!r} is not in the fit; parameters: {known}.")
+        names = known("parameters", [estimate.name for estimate in self.parameters], name)
+        raise FitError(f"parameter {name!r} is not in the fit; {names}")

@@ -15,6 +15,7 @@ from monodyn.mechanism.parts import Joint, Parameter
 from monodyn.mechanism.plan import OWNED_COLUMNS, Plan
 from monodyn.mechanism.torques import LAG, TorqueParameters, common_names, make_torques
 from monodyn.mechanism.tree import Directions, Measured, Shapes, Tree
+from monodyn.names import known
 
 if TYPE_CHECKING:
     from monodyn.mechanism.drive import Drive
@@ -141,8 +142,8 @@ class Mechanism:
         """
         row = self.torques.index.get(name)
         if row is None:
-            names = ", ".join(f"'{n}'" for n in self.torques.table.names)
-            raise MechanismError(f"parameter '{name}' is not in the mechanism; parameters: {names}.")
+            names = known("parameters", self.torques.table.names, name)
+            raise MechanismError(f"parameter '{name}' is not in the mechanism; {names}")
         return row
 
     def with_values(self, values: Mapping[str, float]) -> Mechanism:

@@ -19,6 +19,7 @@ from monodyn.mechanism.plane import Plane, find_plane
 from monodyn.mechanism.supported import refuse_unsupported, stated
 from monodyn.mechanism.torques import make_torques
 from monodyn.mechanism.tree import INERTIA, MASS
+from monodyn.names import known
 
 GEOM_KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 """Kinds of geoms by MuJoCo's number."""
@@ -50,10 +51,9 @@ def load(source: str | Path) -> Mechanism:
         return _mechanism(found, False, {}, str(source))
     path = found or Path(source)
     if found is None and not path.exists():
-        names = ", ".join(f"'{name}'" for name in BUNDLED)
         raise MechanismError(
             f"mechanism '{source}': expected an MJCF or URDF file or a bundled name, got no such file; "
-            f"bundled names: {names}."
+            f"{known('bundled names', BUNDLED, str(source))}"
         )
     return _mechanism(*read_mechanism(path), path.name)
 

@@ -20,6 +20,7 @@ from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
+from monodyn.names import known
 from monodyn.results.restart import FARTHEST
 
 DIFFERENCE = 1e-5
@@ -158,7 +159,7 @@ def by_name(names: Sequence[str], where: str, values: State) -> np.ndarray:
         for name in values:
             if name not in names:
                 raise SettingsError(
-                    f"{where}: joint '{name}' is not in the mechanism; joints: {_quoted(names)}."
+                    f"{where}: joint '{name}' is not in the mechanism; {known('joints', names, name)}"
                 )
             if not abs(values[name]) <= FARTHEST:
                 raise SettingsError(
@@ -191,7 +192,7 @@ def motors(mechanism: Mechanism, actuated: Sequence[str] | None) -> list[int]:
     for name in chosen:
         if name not in names:
             raise SettingsError(
-                f"actuated: joint '{name}' is not in the mechanism; joints: {_quoted(names)}."
+                f"actuated: joint '{name}' is not in the mechanism; {known('joints', names, name)}"
             )
     if not chosen or len(set(chosen)) < len(chosen):
         raise SettingsError(

@@ -12,6 +12,7 @@ from monodyn.estimation.fit import Fit, Start
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
+from monodyn.names import known
 from monodyn.results.fill import fill, moment
 
 FARTHEST = 1e6
@@ -103,7 +104,7 @@ def _by_joint(fit: Fit, given: Mapping[str, float], *, whole: bool = False) -> n
     for name, value in given.items():
         if name not in joints:
             raise SettingsError(
-                f"restart: expected a joint ({', '.join(joints)}), got '{name}'; correct the name."
+                f"restart: joint '{name}' is not in the mechanism; {known('joints', joints, name)}"
             )
         if not abs(value) <= FARTHEST:
             raise SettingsError(

@@ -13,6 +13,7 @@ from monodyn.estimation.record.smooth import motion_size
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.logged import LoggedTorque, logged
 from monodyn.mechanism.upright import by_roll
+from monodyn.names import known
 from monodyn.types import Poses, TorqueLog
 
 MOST_PARTS = 1000
@@ -202,8 +203,8 @@ def known_torques(
             )
         for name in log.joints:
             if name not in names:
-                known = ", ".join(map(repr, names))
-                raise MechanismError(f"torques: joint {name!r} is not in the mechanism; joints: {known}.")
+                joints = known("joints", names, name)
+                raise MechanismError(f"torques: joint {name!r} is not in the mechanism; {joints}")
         check_covered(log, float(times[0]), float(times[-1]), f"record {number}")
         found.append(logged(log, names, times))
     return tuple(found)
@@ -275,13 +276,12 @@ def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray
     names = tuple(joint.name for joint in mechanism.joints)
     for name in poses.joints:
         if name not in names:
-            known = ", ".join(map(repr, names))
-            raise MechanismError(f"joint {name!r} is not in the mechanism; joints: {known}.")
+            raise MechanismError(f"joint {name!r} is not in the mechanism; {known('joints', names, name)}")
     missing = [name for name in names if name not in poses.joints]
     if missing:
-        known = ", ".join(map(repr, poses.joints))
+        measured = ", ".join(map(repr, poses.joints))
         raise MechanismError(
-            f"record {number}: joint {missing[0]!r} of the mechanism was not measured; joints: {known}."
+            f"record {number}: joint {missing[0]!r} of the mechanism was not measured; joints: {measured}."
         )
     poses = ordered(poses, mechanism)
     position, covariance = poses.position, poses.covariance
