@@ -18,7 +18,7 @@ $(READY): pyproject.toml
 	touch $@
 
 demo: $(READY)  ## the main job on the bundled clip
-	$(BIN)/monodyn run examples/double.mp4 --model examples/double.xml --out $(DEMO) --force
+	$(BIN)/monodyn demo --out $(DEMO) --force
 
 test: $(READY)  ## all tests but the slow ones: under two minutes on two cores, once compiled
 	$(PYTEST) -m "not slow"

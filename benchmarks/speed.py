@@ -114,7 +114,11 @@ def main() -> int:
     options = parser.parse_args()
     data = os.environ.get("MONODYN_DATA")
     names = EASY if options.against is not None else EASY[:1]
-    stems = [Path(data) / "rendered" / name for name in names] if data else [ROOT / "examples" / "double"]
+    stems = (
+        [Path(data) / "rendered" / name for name in names]
+        if data
+        else [ROOT / "src" / "monodyn" / "cli" / "clip" / "double"]
+    )
     clips = [Clip(stem.with_suffix(".mp4"), stem.with_suffix(".xml")) for stem in stems]
     for file in (file for clip in clips for file in (clip.video, clip.model)):
         if not file.is_file():

@@ -3,7 +3,7 @@
     python examples/make_demo_clip.py [FOLDER]
 
 writes ``double.mp4`` and ``double.json`` (the truth: sizes, damping, camera, motion) into FOLDER, by default
-the folder of this script. The drawing is simple: each link is a box, lit by one lamp. Its visible faces are
+where the program has it. The drawing is simple: each link is a box, lit by one lamp. Its visible faces are
 filled on eight times finer pixels before a textured wall, the picture is reduced, and pixel noise is added.
 """
 
@@ -17,6 +17,8 @@ import av
 import cv2
 import mujoco
 import numpy as np
+
+import monodyn
 
 WIDTH, HEIGHT = 720, 480
 """Size of the picture [px]."""
@@ -247,4 +249,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(monodyn.__file__).parent / "cli" / "clip")

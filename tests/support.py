@@ -13,7 +13,7 @@ import pytest
 
 from monodyn.vision.clip.video import Video
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+DEMO = Path(__file__).parents[1] / "src" / "monodyn" / "cli" / "clip"
 
 ClipMaker = Callable[..., Path]
 

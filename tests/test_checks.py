@@ -31,9 +31,9 @@ from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.settings import CameraSettings, LocateSettings
-from support import EXAMPLES, ClipMaker, refuses
+from support import DEMO, ClipMaker, refuses
 
-MODEL = EXAMPLES / "double.xml"
+MODEL = DEMO / "double.xml"
 FOURIER, FREE = IdentifySettings(torque="fourier"), IdentifySettings(torque="free")
 
 

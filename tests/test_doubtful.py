@@ -9,7 +9,7 @@ import numpy as np
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.mechanism import load
 from monodyn.types import Poses
-from support import EXAMPLES
+from support import DEMO
 
 
 def poses(seen: int, count: int) -> Poses:
@@ -124,4 +124,4 @@ def test_a_ball_that_the_picture_has_not_is_named() -> None:
     assert unshown_parts(file, file.with_values({width: 1e-12})) is not None
     # what is hidden in the file as well is no surprise
     assert unshown_parts(shrunk, shrunk) is None
-    assert unshown_parts(load(EXAMPLES / "double.xml"), load(EXAMPLES / "double.xml")) is None
+    assert unshown_parts(load(DEMO / "double.xml"), load(DEMO / "double.xml")) is None

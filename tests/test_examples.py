@@ -6,10 +6,11 @@ import os
 import runpy
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from support import EXAMPLES
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 @pytest.mark.slow

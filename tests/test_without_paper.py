@@ -12,7 +12,7 @@ import pytest
 
 from monodyn import stages
 from monodyn.errors import SettingsError
-from support import EXAMPLES, refuses
+from support import DEMO, refuses
 
 FRAMES = 30
 MESSAGE = "method 'paper': the published method is not part of this installation; use the method 'fast'."
@@ -32,7 +32,7 @@ sys.exit(code)
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Take the first frames of the example, at half its size."""
     folder = tmp_path_factory.mktemp("clip")
-    film = cv2.VideoCapture(str(EXAMPLES / "double.mp4"))
+    film = cv2.VideoCapture(str(DEMO / "double.mp4"))
     for i in range(FRAMES):
         _, picture = film.read()
         size = (picture.shape[1] // 2, picture.shape[0] // 2)
@@ -48,7 +48,7 @@ def run_without_paper(*words: object) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.slow
 def test_the_default_path_runs(pictures: Path, tmp_path: Path) -> None:
-    model, out = EXAMPLES / "double.xml", tmp_path / "out"
+    model, out = DEMO / "double.xml", tmp_path / "out"
     done = run_without_paper("run", pictures, "--model", model, "--rate", "30", "--out", out, "--quiet")
     assert (done.returncode, done.stderr) == (0, "")
     assert (out / "fit.json").exists()
@@ -78,7 +78,7 @@ def test_no_stage_takes_the_method(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_method_is_refused_in_one_line(pictures: Path, tmp_path: Path) -> None:
-    model, out = EXAMPLES / "double.xml", tmp_path / "out"
+    model, out = DEMO / "double.xml", tmp_path / "out"
     words = ("run", pictures, "--model", model, "--rate", "30", "--out", out, "--quiet")
     done = run_without_paper(*words, "--method", "paper")
     assert done.returncode == 2

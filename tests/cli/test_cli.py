@@ -13,9 +13,9 @@ import pytest
 
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.folder import DRAWN, FILES
-from support import EXAMPLES, ClipMaker, Done, command
+from support import DEMO, ClipMaker, Done, command
 
-CLIP, MODEL = EXAMPLES / "double.mp4", EXAMPLES / "double.xml"
+CLIP, MODEL = DEMO / "double.mp4", DEMO / "double.xml"
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def test_run_leaves_the_folder_that_was_promised(demo: Done) -> None:
 
 
 def test_run_finds_the_demo_mechanism(demo: Done) -> None:
-    truth = json.loads((EXAMPLES / "double.json").read_text())
+    truth = json.loads((DEMO / "double.json").read_text())
     fit = json.loads((demo.folder / "fit.json").read_text())
     found = {row["name"]: row["value"] for row in fit["parameters"]}
     assert fit["ok"] is True
@@ -283,7 +283,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
     [
         (["bogus"],
          "expected a command, got 'bogus'; commands: 'run', 'live', 'track', 'identify', 'predict', "
-         "'control', 'models', 'reproduce'."),
+         "'control', 'demo', 'warm', 'models', 'reproduce'."),
         (["identify", "--model", "double"],
          "identify: expected at least one table of joint positions, got none; name a poses.csv."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--bogus"],
@@ -439,7 +439,7 @@ def test_a_run_never_replaces_its_own_input(tmp_path: Path, sub: str) -> None:
 
 
 def test_free_torques_have_a_table_and_held_sizes(tmp_path: Path) -> None:
-    truth = json.loads((EXAMPLES / "double.json").read_text(encoding="utf-8"))
+    truth = json.loads((DEMO / "double.json").read_text(encoding="utf-8"))
     lines = [f"{t!r},{a!r},{b!r}" for t, (a, b) in zip(truth["times"][:45], truth["q"][:45], strict=True)]
     poses, out = tmp_path / "poses.csv", tmp_path / "free"
     poses.write_text("\n".join(["time,joint1,joint2", *lines]), encoding="utf-8")
@@ -517,3 +517,28 @@ def test_known_torques_make_masses_absolute(tmp_path: Path) -> None:
     assert refused.err == (
         "monodyn: torques: expected one log for each of 2 records, got 1; name as many, in their order.\n"
     )
+
+
+@pytest.mark.slow
+def test_warm_goes_through_a_run_and_a_stream_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    done = command("warm")
+    assert done.code == 0
+    assert re.fullmatch(r"Everything is compiled \(\d+ s\); runs start at once now\.\n", done.out)
+    steps = {line.split(":")[0] for line in done.err.splitlines()}
+    assert {"background", "locate", "track", "identify", "overlay", "live"} <= steps
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_demo_is_a_run_of_the_clip_that_is_installed(tmp_path: Path) -> None:
+    done = command("demo", "--out", tmp_path / "run", "--json", folder=tmp_path / "run")
+    assert done.code == 0
+    # the end of a link lies beyond its last hinge
+    truth = json.loads((DEMO / "double.json").read_text(encoding="utf-8"))
+    found = {row["name"]: row["value"] for row in json.loads(done.out)["parameters"]}
+    assert found["link1.length"] == pytest.approx(truth["length"][0], rel=5e-3)
+    assert found["link2.length"] == pytest.approx(truth["length"][1] + truth["overhang"][1], rel=5e-3)
+    assert (done.folder / "report.html").is_file()

@@ -9,7 +9,7 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.mechanism.upright import ROLL, ROLL_STD, by_roll, feels_roll, with_roll
-from support import EXAMPLES
+from support import DEMO
 
 
 def test_only_the_hinge_of_the_world_depends_on_what_is_upright() -> None:
@@ -19,7 +19,7 @@ def test_only_the_hinge_of_the_world_depends_on_what_is_upright() -> None:
 
 
 def test_a_hinge_that_turns_the_other_way_counts_the_other_way(tmp_path: Path) -> None:
-    text = (EXAMPLES / "double.xml").read_text(encoding="utf-8")
+    text = (DEMO / "double.xml").read_text(encoding="utf-8")
     assert text.count('axis="0 -1 0"') == 2
     # the first hinge defines the side from which the plane is seen, so that a sign shows at a later one only
     (tmp_path / "other.xml").write_text(text.replace('axis="0 -1 0"', 'axis="0 1 0"', 1), encoding="utf-8")
@@ -29,7 +29,7 @@ def test_a_hinge_that_turns_the_other_way_counts_the_other_way(tmp_path: Path) -
 
 
 def test_gravity_and_a_spring_at_the_first_hinge_feel_the_roll(tmp_path: Path) -> None:
-    text = (EXAMPLES / "double.xml").read_text(encoding="utf-8")
+    text = (DEMO / "double.xml").read_text(encoding="utf-8")
     assert text.count('gravity="0 0 -9.81"') == 1
     (tmp_path / "flat.xml").write_text(text.replace("-9.81", "0"), encoding="utf-8")
     flat = load(tmp_path / "flat.xml")

@@ -27,9 +27,9 @@ from monodyn.types import Camera
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.settings import CameraSettings, LocateSettings, TrackSettings
-from support import EXAMPLES, refuses
+from support import DEMO, refuses
 
-MODEL = EXAMPLES / "double.xml"
+MODEL = DEMO / "double.xml"
 SMALL, FRAMES = 3, 40
 
 
@@ -37,7 +37,7 @@ SMALL, FRAMES = 3, 40
 def small(tmp_path_factory: pytest.TempPathFactory) -> Masks:
     """Take the masks of the first frames of the example, at a third of its size."""
     folder = tmp_path_factory.mktemp("small")
-    film = cv2.VideoCapture(str(EXAMPLES / "double.mp4"))
+    film = cv2.VideoCapture(str(DEMO / "double.mp4"))
     for i in range(FRAMES):
         _, picture = film.read()
         size = (picture.shape[1] // SMALL, picture.shape[0] // SMALL)
@@ -69,11 +69,11 @@ def test_the_example_clip_by_the_published_method() -> None:
     """Issue 3 requires 1 degree over 40 frames; the errors found were 0.07 and 0.22."""
     both, told = {"method": "paper"}, []
     scene = monodyn.locate(
-        monodyn.segment(monodyn.read(EXAMPLES / "double.mp4")), monodyn.load(MODEL),
+        monodyn.segment(monodyn.read(DEMO / "double.mp4")), monodyn.load(MODEL),
         LocateSettings(**both), camera=CameraSettings(**both), progress=lambda *words: told.append(words),
     )  # fmt: skip
     poses = monodyn.track(scene.masks, scene, TrackSettings(**both))
-    truth = np.array(json.loads((EXAMPLES / "double.json").read_text())["q"])
+    truth = np.array(json.loads((DEMO / "double.json").read_text())["q"])
     error = np.degrees((poses.position - truth + np.pi) % (2 * np.pi) - np.pi)
     assert poses.seen.all()
     assert np.sqrt((error[:40] ** 2).mean(axis=0)).max() < 0.5

@@ -19,20 +19,20 @@ from monodyn.vision.foreground.soft import SoftMasks
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.settings import LocateSettings, SegmentSettings, TrackSettings
 from monodyn.vision.track import Follower, _have_own_planes
-from support import EXAMPLES, ClipMaker, refuses
+from support import DEMO, ClipMaker, refuses
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def truth() -> dict:
-    return json.loads((EXAMPLES / "double.json").read_text())
+    return json.loads((DEMO / "double.json").read_text())
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    masks = monodyn.segment(monodyn.read(EXAMPLES / "double.mp4"))
-    return monodyn.locate(masks, monodyn.load(EXAMPLES / "double.xml"))
+    masks = monodyn.segment(monodyn.read(DEMO / "double.mp4"))
+    return monodyn.locate(masks, monodyn.load(DEMO / "double.xml"))
 
 
 def off(position: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -67,7 +67,7 @@ def test_every_frame_is_tracked(scene: Scene, truth: dict) -> None:
 
 def test_what_the_camera_fixes_stays(scene: Scene) -> None:
     masks = scene.masks
-    mechanism = monodyn.load(EXAMPLES / "double.xml")
+    mechanism = monodyn.load(DEMO / "double.xml")
     found = monodyn.locate(
         masks, mechanism, LocateSettings(search_frames=4, refine_frames=8), fix={"camera.depth": 1.1}
     )
@@ -198,7 +198,7 @@ def test_what_hides_the_mechanism_is_left_out_of_the_picture(scene: Scene, truth
 
 def test_any_masks_of_the_clip_are_followed_alike(scene: Scene) -> None:
     """The program of the README hands over the first masks; background and colours are the scene's."""
-    video = monodyn.read(EXAMPLES / "double.mp4")
+    video = monodyn.read(DEMO / "double.mp4")
     first = monodyn.segment(video)
     poses, same = monodyn.track(first, scene), monodyn.track(scene.masks, scene)
     np.testing.assert_array_equal(poses.position, same.position)
@@ -220,7 +220,7 @@ def test_a_background_that_was_given_stays(scene: Scene, tmp_path: Path) -> None
     picture = np.clip(scene.masks.background.luma.round() + 1, 0, 255).astype(np.uint8)
     cv2.imwrite(str(tmp_path / "wall.png"), picture)
     masks = monodyn.segment(scene.masks.video, background=tmp_path / "wall.png")
-    found = monodyn.locate(masks, monodyn.load(EXAMPLES / "double.xml"))
+    found = monodyn.locate(masks, monodyn.load(DEMO / "double.xml"))
     np.testing.assert_array_equal(found.masks.background.luma, masks.background.luma)
 
 

@@ -23,7 +23,7 @@ from monodyn.vision.foreground.masks import GeomColours, Masks, View, plain_view
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.settings import SegmentSettings
-from support import EXAMPLES
+from support import DEMO
 
 LEAST_GREY, FULL_GREY = 10.0, 50.0
 """Differences from the background at which a pixel begins to count, and counts in full [grey levels]."""
@@ -93,19 +93,19 @@ def difference_masks(
 def test_another_method_is_a_class_and_an_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(stages.SEGMENT_METHODS, "difference", difference_masks)
     monkeypatch.setattr(vision_settings, "SEGMENT_METHOD_NAMES", ("fast", "difference"))
-    video = read(EXAMPLES / "double.mp4")
+    video = read(DEMO / "double.mp4")
     wall = background_of(sample_frames(video)).luma
     cv2.imwrite(str(tmp_path / "wall.png"), np.clip((wall - 16.0) * 255.0 / 219.0, 0, 255).round())
 
     chosen = SegmentSettings(method="difference")  # type: ignore[arg-type]
     masks = stages.segment(video, chosen, background=tmp_path / "wall.png")
     assert isinstance(masks, DifferenceMasks)
-    scene = stages.locate(masks, load(str(EXAMPLES / "double.xml")))
+    scene = stages.locate(masks, load(str(DEMO / "double.xml")))
     assert isinstance(scene.masks, DifferenceMasks)
     poses = stages.track(scene.masks, scene)
     assert poses.seen.mean() > 0.95
 
-    truth = np.array(json.loads((EXAMPLES / "double.json").read_text())["q"])
+    truth = np.array(json.loads((DEMO / "double.json").read_text())["q"])
     off = (np.degrees(poses.position - truth)[poses.seen] + 180.0) % 360.0 - 180.0
     # fixed levels on a soft edge: a few tenths of a pixel on links of 110 px
     assert np.sqrt(np.mean(off**2, axis=0)).max() < 0.5

@@ -1,5 +1,5 @@
-"""The commands: ``run``, ``live``, ``track``, ``identify``, ``predict``, ``control``, ``models``,
-``reproduce``. The only place that prints.
+"""The commands: ``run``, ``live``, ``track``, ``identify``, ``predict``, ``control``, ``demo``, ``warm``,
+``models``, ``reproduce``. The only place that prints.
 
 ``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
@@ -24,6 +24,8 @@ commands:
   identify  identify a mechanism from tables of joint positions
   predict   predict how the mechanism of a run moves, from any state or moment
   control   design a controller for the mechanism of a run, and simulate it
+  demo      run the clip that is installed with the program
+  warm      compile what runs need, once after installing
   models    list the bundled mechanisms
   reproduce repeat the experiment of the 2012 paper and write a page about it
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_type_hints
 from tyro import conf
 
 from monodyn.cli.controlled import ControlOptions
+from monodyn.cli.demo import DemoOptions, WarmOptions
 from monodyn.cli.forms import FORMS
 from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
@@ -364,6 +365,8 @@ COMMANDS: dict[str, Command] = {
     "control": Command(
         ControlOptions, "monodyn control run --at joint1=1.5708 --actuated slide --out balance"
     ),
+    "demo": Command(DemoOptions, "monodyn demo --out demo-run"),
+    "warm": Command(WarmOptions, "monodyn warm"),
     "models": Command(ModelsOptions, "monodyn models"),
     "reproduce": Command(ReproduceOptions, "monodyn reproduce --out experiment"),
 }

@@ -1,0 +1,83 @@
+"""``monodyn demo``: the main job on the clip that is installed with the program; ``monodyn warm``: the same
+where nobody looks, so that all compiled functions are there."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro import conf
+
+if TYPE_CHECKING:
+    from monodyn.types import Progress
+
+CLIP = Path(__file__).parent / "clip" / "double.mp4"
+"""A double pendulum before a wall, with ``double.xml`` and the truth in ``double.json`` beside it."""
+MODEL = CLIP.with_suffix(".xml")
+
+
+@dataclass(frozen=True)
+class DemoOptions:
+    """Run the clip of a double pendulum that is installed with the program, as ``monodyn run`` does.
+
+    Attributes:
+        out: Folder for the results.
+        force: Replace a run that is already in DIR.
+        quiet: No progress, no table.
+        json: The result as JSON on the standard output.
+    """
+
+    out: Annotated[Path, conf.arg(metavar="DIR")] = Path("demo-run")
+    force: bool = False
+    quiet: bool = False
+    json: bool = False
+
+    def go(self) -> int:
+        """Return the exit code after running the command."""
+        from monodyn import pipeline
+        from monodyn.cli.show import progress_on, show
+
+        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+            outcome = pipeline.run(CLIP, MODEL, self.out, force=self.force, progress=progress)
+        return show(outcome, as_json=self.json, quiet=self.quiet)
+
+
+@dataclass(frozen=True)
+class WarmOptions:
+    """Compile what runs and streams need, once after installing; what is compiled already is only loaded.
+
+    Attributes:
+        quiet: No progress, no line at the end.
+    """
+
+    quiet: bool = False
+
+    def go(self) -> int:
+        """Return the exit code after running the command."""
+        from monodyn.cli.show import progress_on
+
+        began = time.perf_counter()
+        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+            warm(progress)
+        if not self.quiet:
+            print(f"Everything is compiled ({time.perf_counter() - began:.0f} s); runs start at once now.")
+        return 0
+
+
+def warm(progress: Progress | None = None) -> None:
+    """Go through a run and a stream of the demo clip, whose compiled functions stay in numba's cache.
+
+    Args:
+        progress: Called with the frames done by each step.
+    """
+    from monodyn import open_source, pipeline, stream
+
+    with tempfile.TemporaryDirectory(prefix="monodyn-") as folder:
+        pipeline.run(CLIP, MODEL, Path(folder) / "run", progress=progress)
+    for done, _ in enumerate(stream(open_source(CLIP), MODEL), 1):
+        if progress is not None:
+            progress("live", done, None)
