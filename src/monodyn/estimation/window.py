@@ -386,7 +386,7 @@ def _reached(found: Refitted, row: int, instance: Instance) -> tuple[np.ndarray,
     """Return the state at a row (2 dof,), and its derivatives by unknowns and state at the first row, (2 dof,
     param + 2 dof)."""
     run = (0, row + 1, plain(found.state))
-    q, v, dq, dv = found.window.problem.tangents(instance, found.window.substeps, run)
+    q, v, dq, dv = found.window.problem.tangents(instance, found.window.substeps, [run])
     return np.concatenate((q[row], v[row])), np.concatenate((dq[row], dv[row]))
 
 

@@ -278,7 +278,7 @@ class Horizon:
         problem, count = found.window.problem, len(found.x)
         times, dofs = found.window.times, len(found.state) // 2
         run = (0, len(times), plain(found.state))
-        *_, dq, dv = problem.tangents(problem.at(found.x), found.window.substeps, run)
+        *_, dq, dv = problem.tangents(problem.at(found.x), found.window.substeps, [run])
         slopes = np.concatenate((dq, dv), axis=1)[:, :, count:]
         at = np.searchsorted(times, self._rows.time[: len(self._rows) - LEAST_ROWS])
         if not len(at):
@@ -321,7 +321,7 @@ class Horizon:
         problem = found.window.problem
         coming = problem.with_data(replace(problem.data, times=times))
         run = (0, count + 1, plain(now.state))
-        q, v, dq, dv = coming.tangents(problem.at(found.x), found.window.substeps, run)
+        q, v, dq, dv = coming.tangents(problem.at(found.x), found.window.substeps, [run])
         slopes = np.concatenate((dq, dv), axis=1)
         variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
         std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]

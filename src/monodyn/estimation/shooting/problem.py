@@ -8,7 +8,7 @@ other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,16 +19,18 @@ from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.shooting.instance import Instance
 from monodyn.estimation.shooting.prior import Prior, size_prior
-from monodyn.estimation.shooting.trial import Run, Trial, for_each_run
+from monodyn.estimation.shooting.trial import Run, Trial, in_batches
 from monodyn.estimation.shooting.unknowns import Unknowns, choose_unknowns
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import power
 from monodyn.mechanism.drive import Drive
-from monodyn.mechanism.simulate import rollout, rollout_derivatives
+from monodyn.mechanism.simulate import rollouts, rollouts_derivatives
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL, with_roll
 from monodyn.optimize import Arrow
 
+Moved = tuple[np.ndarray, ...]
+"""Positions and rates by row, and their derivatives where they are wanted."""
 ALONG = 0.1
 """Share of a step at which its bend is measured."""
 
@@ -171,14 +173,7 @@ class Problem:
     def _integrated(self, trial: Trial, there: Instance) -> tuple[np.ndarray, np.ndarray]:
         """Return the positions of all rows, (row, dof), and their derivatives, (row, dof, param + 2 dof)."""
         pieces = trial.pieces
-
-        def of_piece(run: Run) -> tuple[np.ndarray, np.ndarray]:
-            q, _, dq, _ = self.tangents(there, trial.substeps, run)
-            return q, dq
-
-        states = plain(trial.states)
-        runs = list(zip(pieces.first[:-1].tolist(), pieces.first[1:].tolist(), states, strict=True))
-        q, dq = (np.concatenate(part) for part in zip(*for_each_run(of_piece, runs), strict=True))
+        q, _, dq, _ = self.tangents(there, trial.substeps, trial.runs)
         if there.droll.any():
             # the picture of a rolled camera lacks the roll: it is added to what was measured, and its
             # derivative is that of the simulated less the measured position
@@ -191,33 +186,35 @@ class Problem:
         return self.mechanism, self.unknowns, self.data.times, self.data.by_roll, self.prior.weights
 
     def tangents(
-        self, instance: Instance, substeps: int, run: Run
+        self, instance: Instance, substeps: int, runs: Sequence[Run]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Simulate one run of rows with its derivatives.
+        """Simulate runs of rows with their derivatives.
 
         Args:
             instance: The mechanism.
             substeps: Integration steps between two time stamps.
-            run: First row, one past the last row and start state (2 dof,).
+            runs: First row, one past the last row and start state (2 dof,) of each.
 
         Returns:
-            Positions and rates in metres and true time, each (row, dof), and their derivatives, each (row,
-            dof, param + 2 dof): by coordinate, then by start state.
+            Positions and rates of all runs end to end, in metres and true time, each (row, dof), and their
+            derivatives, each (row, dof, param + 2 dof): by coordinate, then by the start state of the run.
         """
-        first, stop, state = run
         dofs, params = self.data.position.shape[1], len(instance.dsize)
-        q0, v0 = state[:dofs], state[dofs:]
-        drive = self.driven(instance.drive, instance.lag, instance.stretch, first, stop)
-        clock = self.data.times[first:stop] * instance.stretch
-        q, v, dq, dv = rollout_derivatives(
-            instance.tree, instance.slowed, clock, q0, v0, substeps=substeps, drive=drive
-        )
+
+        def together(drive: Drive, times: np.ndarray, first: np.ndarray, states: np.ndarray) -> Moved:
+            return rollouts_derivatives(
+                instance.tree, instance.slowed, times, first, states, substeps=substeps, drive=drive
+            )
+
+        q, v, dq, dv = self._together(together, instance.drive, instance.lag, instance.stretch, runs)
         if instance.dstretch.any():
             # start rates are by true time: a slower clock is like larger ones, at the same stamps
             # of a motion that grows beyond all bounds nothing is finite, which the search rejects
+            v0 = np.repeat([run[2][dofs:] for run in runs], [run[1] - run[0] for run in runs], axis=0)
             with np.errstate(invalid="ignore", over="ignore"):
                 for part in (dq, dv):
-                    part[:, :, :params] += (part[:, :, params + dofs :] @ v0)[:, :, None] * instance.dstretch
+                    along = part[:, :, params + dofs :] @ v0[:, :, None]
+                    part[:, :, :params] += along * instance.dstretch
                 # and so are those of every row, which the change of forces has by the stamps
                 dv[:, :, :params] -= v[:, :, None] * instance.dstretch
         return q, v, dq, dv
@@ -308,7 +305,7 @@ class Problem:
                 rates[first:stop] = np.gradient(simulated[first:stop], self.data.times[first:stop], axis=0)
         return rates
 
-    def rollouts(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
+    def rollouts(self, x: np.ndarray, runs: Sequence[Run], substeps: int) -> np.ndarray:
         """Simulate runs of rows.
 
         Args:
@@ -321,7 +318,7 @@ class Problem:
         """
         return self.motions(x, runs, substeps)[:, : self.data.position.shape[1]]
 
-    def motions(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
+    def motions(self, x: np.ndarray, runs: Sequence[Run], substeps: int) -> np.ndarray:
         """Simulate runs of rows, with the rates.
 
         Args:
@@ -334,7 +331,7 @@ class Problem:
         """
         return self.moving(x)(runs, substeps)
 
-    def moving(self, x: np.ndarray) -> Callable[[list[Run], int], np.ndarray]:
+    def moving(self, x: np.ndarray) -> Callable[[Sequence[Run], int], np.ndarray]:
         """Return what simulates runs of rows at coordinates, as ``motions`` does, for many numbers of steps.
 
         Args:
@@ -343,16 +340,32 @@ class Problem:
         mechanism, stretch = self.mechanism_at(x), self.stretch(x)
         tree, drive, lag = mechanism.tree, mechanism.drive, self.lag(mechanism)
 
-        def simulated(runs: list[Run], substeps: int) -> np.ndarray:
-            def of_run(run: Run) -> np.ndarray:
-                first, stop, state = run
-                times, (q0, v0) = self.data.times[first:stop] * stretch, np.split(state, 2)
-                driven = self.driven(drive, lag, stretch, first, stop)
-                return np.hstack(rollout(tree, times, q0, v0, substeps=substeps, drive=driven))
+        def simulated(runs: Sequence[Run], substeps: int) -> np.ndarray:
+            def together(drive: Drive, times: np.ndarray, first: np.ndarray, states: np.ndarray) -> Moved:
+                return rollouts(tree, times, first, states, substeps=substeps, drive=drive)
 
-            return np.concatenate(for_each_run(of_run, runs))
+            return np.hstack(self._together(together, drive, lag, stretch, runs))
 
         return simulated
+
+    def _together(
+        self, integrate: Callable[[Drive, np.ndarray, np.ndarray, np.ndarray], Moved], drive: Drive,
+        lag: float, stretch: float, runs: Sequence[Run],
+    ) -> Moved:  # fmt: skip
+        """Return what integrates runs under one drive, given its times, the first rows of its runs and their
+        start states, applied to all runs, end to end; each run where torques are known has a drive of its
+        own."""
+        data = self.data
+
+        def of(batch: Sequence[Run]) -> Moved:
+            times = np.concatenate([data.times[first:stop] for first, stop, _ in batch]) * stretch
+            begins = np.cumsum([0, *(stop - first for first, stop, _ in batch)])
+            own = self.driven(drive, lag, stretch, *batch[0][:2])
+            return integrate(own, times, begins, np.array([state for *_, state in batch]))
+
+        parts = in_batches(lambda batch: [of([run]) for run in batch] if data.torques else [of(batch)], runs)
+        found = [part for batch in parts for part in batch]
+        return found[0] if len(found) == 1 else tuple(np.concatenate(part) for part in zip(*found, strict=True))
 
     def lag(self, mechanism: Mechanism) -> float:
         """Return how much later than in their log known torques act [s]; 0 where that is no question.
