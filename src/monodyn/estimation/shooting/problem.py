@@ -164,11 +164,12 @@ class Problem:
         """
         from monodyn.estimation.shooting.kernels import whitened_rows
 
-        data, pieces, there = self.data, trial.pieces, instance or self.at(trial.x)
-        q, dq = trial.recalled("tangents", self._moving) or self._integrated(trial, there)
+        data, pieces, x = self.data, trial.pieces, trial.x
+        known = trial.recalled("tangents", self._moving)
+        q, dq = known or self._integrated(trial, instance or self.at(x))
         slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
-        position = data.position + turned * there.roll
-        return whitened_rows(q, dq, position, data.white, slide, there.size, there.dsize)
+        position = data.position + turned * self.roll(x)
+        return whitened_rows(q, dq, position, data.white, slide, self.size(x), self.prior.weights)
 
     def _integrated(self, trial: Trial, there: Instance) -> tuple[np.ndarray, np.ndarray]:
         """Return the positions of all rows, (row, dof), and their derivatives, (row, dof, param + 2 dof)."""
