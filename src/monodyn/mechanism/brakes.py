@@ -22,7 +22,7 @@ def braked(i, kind, links, v, a):  # pragma: no cover - compiled
     return slope
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def brake(kind, links, at, what, many, q, v, a, da):  # pragma: no cover - compiled
     """Subtract what directions change of friction, drag, spring and armature at joints from ``da`` (dof,
     direction); ``at`` and ``what`` are as in ``by_links``."""

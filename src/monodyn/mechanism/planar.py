@@ -67,7 +67,7 @@ def _place_inertia(i, links, ox, oy, w):  # pragma: no cover - compiled
     w[i, ALL_M], w[i, ALL_MX], w[i, ALL_MY], w[i, ALL_J] = w[i, M], w[i, MX], w[i, MY], w[i, J]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
     """Fill pose, motion subspace, velocity and inertia of every link (columns C to J of ``w``), outward.
 
@@ -120,7 +120,7 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
         _place_inertia(i, links, ox, oy, w)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
     """Fill the force (FN, FX, FY) that each link needs when every joint acceleration is zero.
 
@@ -171,7 +171,7 @@ def air_direction(i, kind, links, w):  # pragma: no cover - compiled
     return 1.0 + x * w[i, OX] + y * w[i, OY], -y, x
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def resist(kind, links, w):  # pragma: no cover - compiled
     """Add what the air takes to the forces (FN, FX, FY) that the links need."""
     for i in range(kind.size):

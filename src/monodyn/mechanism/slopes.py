@@ -72,7 +72,7 @@ carries, G, the force by a unit turn rate, and R, the resistance of the air, sym
 SLOPE = 18
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def outward(parent, kind, links, gravity, v, a, w, d):  # pragma: no cover - compiled
     """Fill A and force (AW to FY of ``w``) of the motion with accelerations ``a``, and VSX to BY of ``d``;
     then sum forces, G and R over all that each link carries.
@@ -137,7 +137,7 @@ def _met(i, w, d, vw, vx, vy, bx, by):  # pragma: no cover - compiled
     return n, x, y
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def by_state(parent, kind, links, v, a, w, d, by_q, by_v):  # pragma: no cover - compiled
     """Fill the derivatives of the inverse dynamics by positions and rates at fixed accelerations, (dof, dof)
     each; entries of joints that do not carry each other are left as they are.
@@ -192,7 +192,7 @@ def touched(dlinks, count):  # pragma: no cover - compiled
     return at[:many], what[:many]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def by_links(
     parent, kind, links, gravity, at, what, many, q, v, a, w, d, da
 ):  # pragma: no cover - compiled
@@ -203,7 +203,7 @@ def by_links(
     _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _by_inertia(parent, kind, links, at, what, many, w, da):  # pragma: no cover - compiled
     """Subtract what changes of mass, centre of mass and inertia of links, and of the air's resistance to them,
     add to the forces of the joints that carry them."""
@@ -251,7 +251,7 @@ def _by_inertia(parent, kind, links, at, what, many, w, da):  # pragma: no cover
             i = parent[i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da):  # pragma: no cover - compiled
     """Subtract what changes of the place of joints in their parents' frames, of their frames' turns there, or
     of the directions of slides add to the forces of all joints that they move or that carry them."""
@@ -304,7 +304,7 @@ def _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da):  # prag
                 p = parent[p]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def by_gravity(dgravity, d, da, live):  # pragma: no cover - compiled
     """Add what a change of gravity (2, direction) adds to the right-hand side ``da`` (dof, direction)."""
     for i in range(d.shape[0]):
