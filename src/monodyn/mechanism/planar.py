@@ -185,7 +185,7 @@ def resist(kind, links, w):  # pragma: no cover - compiled
             w[i, FY] += force * y
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: no cover - compiled
     """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch.
 

@@ -30,7 +30,7 @@ SHARE = 0.5
 rate: the way to rest is then gone by two thirds at most, for any length."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no cover - compiled
     """Return how far to go at once of what is ``left`` of a step, where dry friction may change its sign.
 
@@ -94,7 +94,7 @@ def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no 
     return part
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def turns(kind, links, u0, a0, u, a, length, step):  # pragma: no cover - compiled
     """Return whether friction that leads turns too far in a part of a step, which is then to be halved.
 
