@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 
-from monodyn.arrays import plain
 from monodyn.errors import MonodynError
 from monodyn.estimation.arrival import Arrival
 from monodyn.estimation.fit import Doubt, Fit, Grade, Start
@@ -275,11 +274,8 @@ class Horizon:
     def _followed(self, found: Refitted) -> int:
         """Return the first row from which on the motion can be followed without a push: before it an error
         has grown too much, as beside an equilibrium that does not hold itself."""
-        problem, count = found.window.problem, len(found.x)
-        times, dofs = found.window.times, len(found.state) // 2
-        run = (0, len(times), plain(found.state))
-        *_, dq, dv = problem.tangents(problem.at(found.x), found.window.substeps, [run])
-        slopes = np.concatenate((dq, dv), axis=1)[:, :, count:]
+        problem, times, dofs = found.window.problem, found.window.times, len(found.state) // 2
+        slopes = found.motion[1][:, :, len(found.x) :]
         at = np.searchsorted(times, self._rows.time[: len(self._rows) - LEAST_ROWS])
         if not len(at):
             return 0
@@ -320,8 +316,8 @@ class Horizon:
         times = last + step * np.arange(count + 1)
         problem = found.window.problem
         coming = problem.with_data(replace(problem.data, times=times))
-        run = (0, count + 1, plain(now.state))
-        q, v, dq, dv = coming.tangents(problem.at(found.x), found.window.substeps, [run])
+        run = (0, count + 1, now.state)
+        q, v, dq, dv = coming.tangents(found.instance, found.window.substeps, [run])
         slopes = np.concatenate((dq, dv), axis=1)
         variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
         std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]

@@ -151,12 +151,11 @@ class Problem:
         cost += 0.5 * float(change @ pull)
         return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope, rows)
 
-    def rows(self, trial: Trial, instance: Instance | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def rows(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
         """Return whitened residuals and their Jacobian.
 
         Args:
             trial: Unknowns and start states.
-            instance: The mechanism at its unknowns, where that is known.
 
         Returns:
             Residuals (row, dof) and Jacobian (row, dof, param + 2 dof), whose last columns belong to the
@@ -165,21 +164,36 @@ class Problem:
         from monodyn.estimation.shooting.kernels import whitened_rows
 
         data, pieces, x = self.data, trial.pieces, trial.x
-        known = trial.recalled("tangents", self._moving)
-        q, dq = known or self._integrated(trial, instance or self.at(x))
+        q, _, dq, _ = self.moved(trial)
         slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
+        if ROLL in self.unknowns.names:
+            # the picture of a rolled camera lacks the roll: it is added to what was measured, and its
+            # derivative is that of the simulated less the measured position
+            dq = dq.copy()
+            dq[:, :, self.unknowns.names.index(ROLL)] -= turned
         position = data.position + turned * self.roll(x)
         return whitened_rows(q, dq, position, data.white, slide, self.size(x), self.prior.weights)
 
-    def _integrated(self, trial: Trial, there: Instance) -> tuple[np.ndarray, np.ndarray]:
-        """Return the positions of all rows, (row, dof), and their derivatives, (row, dof, param + 2 dof)."""
-        pieces = trial.pieces
-        q, _, dq, _ = self.tangents(there, trial.substeps, trial.runs)
-        if there.droll.any():
-            # the picture of a rolled camera lacks the roll: it is added to what was measured, and its
-            # derivative is that of the simulated less the measured position
-            dq[:, :, : len(trial.x)] -= pieces.by_row(self.data.by_roll)[:, :, None] * there.droll
-        return trial.remember("tangents", self._moving, (q, dq))
+    def moved(self, trial: Trial) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Simulate every piece with its derivatives, as ``tangents`` does; the trial keeps them.
+
+        Args:
+            trial: Unknowns and start states.
+        """
+        known = trial.recalled("tangents", self._moving)
+        if known is not None:
+            return known
+        moved = self.tangents(self.instance(trial), trial.substeps, trial.runs)
+        return trial.remember("tangents", self._moving, moved)
+
+    def instance(self, trial: Trial) -> Instance:
+        """Return the mechanism at the unknowns of a trial, as ``at`` does; the trial keeps it.
+
+        Args:
+            trial: The trial.
+        """
+        known = trial.recalled("instance", self._moving)
+        return known or trial.remember("instance", self._moving, self.at(trial.x))
 
     @property
     def _moving(self) -> tuple[object, ...]:
