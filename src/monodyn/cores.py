@@ -31,13 +31,13 @@ def on_all_cores(function: Callable[[Item], Result], items: Iterable[Item]) -> l
     # one of these threads that waited for the others could wait for itself
     if threading.current_thread().name.startswith(NAME):
         return [function(item) for item in items]
-    return list(_threads(os.getpid()).map(function, items))
+    return list(_threads(os.getpid(), _cores()).map(function, items))
 
 
 @cache
-def _threads(process: int) -> ThreadPoolExecutor:
+def _threads(process: int, count: int) -> ThreadPoolExecutor:
     """Return the threads of a process; they stay, for starting them takes longer than many a task."""
-    return ThreadPoolExecutor(_cores(), thread_name_prefix=NAME)
+    return ThreadPoolExecutor(count, thread_name_prefix=NAME)
 
 
 def _cores() -> int:

@@ -106,7 +106,7 @@ def test_the_state_ahead_moves_as_its_derivatives_say(started, rows):
 
     def ended(point: np.ndarray) -> np.ndarray:
         at, begun = np.split(point, [len(x)])
-        return window.problem.motions(at, [(0, 20, plain(begun))], window.substeps)[-1]
+        return window.problem.moving(at)([(0, 20, plain(begun))], window.substeps)[-1]
 
     found = []
     for step in np.diag(steps):

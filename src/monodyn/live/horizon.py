@@ -23,7 +23,16 @@ from monodyn.estimation.fit import Doubt, Fit, Grade, Start
 from monodyn.estimation.record.samples import Pieces
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.verdict.uncertainty import noise_factors
-from monodyn.estimation.window import Refitted, Window, ahead, refit, slid, start_of, window_of
+from monodyn.estimation.window import (
+    FEW_STEPS,
+    Refitted,
+    Window,
+    ahead,
+    refit,
+    slid,
+    start_of,
+    window_of,
+)
 from monodyn.live.record import joined
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
@@ -35,6 +44,8 @@ MEMORY = 60.0
 """Seconds in which what left the window is forgotten to 1 / e: a bearing warms up, a camera is touched."""
 PULL = 5.0
 """Whitened residual from which on the pull of a row no longer grows."""
+NEAR = replace(FEW_STEPS, decrease=1e-4)
+"""When the search of a frame stops: a step of a hundredth of a standard deviation is left to the next."""
 ASTRAY = 4.0
 """Size of the residuals of a window, in standard deviations of the noise as the fit before has found it, from
 which on the motion is no longer that of the mechanism."""
@@ -212,7 +223,7 @@ class Horizon:
             return None
         window = self._with(self._rows)
         state = self._begun(window) if self._found is None else self._state
-        self._found = refit(window, self._arrival, self._x, state, limit=PULL)
+        self._found = refit(window, self._arrival, self._x, state, limit=PULL, settings=NEAR)
         estimate = self._estimated(self._found)
         if estimate is None or estimate.astray:
             # its last rows are of another motion: what came before them stays known of the mechanism

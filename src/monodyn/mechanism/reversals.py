@@ -99,7 +99,8 @@ def turns(kind, links, u0, a0, u, a, length, step):  # pragma: no cover - compil
     """Return whether friction that leads turns too far in a part of a step, which is then to be halved.
 
     Accelerations come into it, and those of a joint change fast where another one turns: what is ahead is not
-    seen in the state before. ``u0``, ``a0`` and ``u``, ``a`` (dof,) are rates and accelerations of the part's first and last stage.
+    seen in the state before. ``u0``, ``a0`` and ``u``, ``a`` (dof,) are rates and accelerations of the first
+    and the last stage of the part.
     """
     if abs(length) <= abs(step) / MOST_PARTS:
         return False

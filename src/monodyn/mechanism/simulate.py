@@ -239,8 +239,8 @@ def rollouts(
     Args:
         tree: The joint tree; complex for a complex step.
         times: Time stamps of all runs end to end [s], (frame,).
-        first: First frame of each run and one past the last, (run + 1,).
-        states: Joint positions, then rates at the first frame of each run, (run, 2 dof).
+        first: First frame of each run and one past the last, (piece + 1,).
+        states: Joint positions, then rates at the first frame of each run, (piece, 2 dof).
         substeps: Equal steps between two stamps.
         drive: Torques over time in addition to friction and springs, or None.
 
@@ -312,8 +312,8 @@ def rollouts_derivatives(
         tree: The joint tree.
         directions: What each parameter changes in the tree and in the drive.
         times: Time stamps of all runs end to end [s], (frame,).
-        first: First frame of each run and one past the last, (run + 1,).
-        states: Joint positions, then rates at the first frame of each run, (run, 2 dof).
+        first: First frame of each run and one past the last, (piece + 1,).
+        states: Joint positions, then rates at the first frame of each run, (piece, 2 dof).
         substeps: Equal steps between two stamps.
         drive: Torques over time in addition to friction and springs, or None.
 

@@ -3,8 +3,8 @@
 With tau = M(q) a + bias(q, v) solved for a, a direction d obeys M da = dtau - (dM a + dbias): the inverse
 dynamics at fixed a, differentiated in closed form, then one solve with the factors at hand. A change of one
 joint, or of the place of one link, turns and shifts all that the link carries as one body, a small motion T;
-seen by what it carries that changes velocities by V x T and accelerations by A x T + V x (V x T), V and A those
-of the parent link. What any of this does to the force of a subtree follows from three sums over its links
+in its own frame that changes velocities by V x T and accelerations by A x T + V x (V x T), V and A those of
+the parent link. What any of this does to the force of a subtree follows from three sums over its links
 (inertia, force, and the matrix that a change of velocity meets), so that a derivative costs a few products,
 however many links are moved.
 
@@ -193,11 +193,9 @@ def touched(dlinks, count):  # pragma: no cover - compiled
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def by_links(
-    parent, kind, links, gravity, at, what, many, q, v, a, w, d, da
-):  # pragma: no cover - compiled
-    """Subtract the derivatives of the inverse dynamics by the first ``many`` of what directions change of links
-    from ``da`` (dof, direction); ``at`` and ``what`` are from ``touched``."""
+def by_links(parent, kind, links, gravity, at, what, many, q, v, a, w, d, da):  # pragma: no cover - compiled
+    """Subtract the derivatives of the inverse dynamics by what directions change of links, the first ``many``
+    rows of ``at`` and ``what`` from ``touched``, from ``da`` (dof, direction)."""
     brake(kind, links, at, what, many, q, v, a, da)
     _by_inertia(parent, kind, links, at, what, many, w, da)
     _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da)
@@ -205,8 +203,8 @@ def by_links(
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _by_inertia(parent, kind, links, at, what, many, w, da):  # pragma: no cover - compiled
-    """Subtract what changes of mass, centre of mass and inertia of links, and of the air's resistance to them,
-    add to the forces of the joints that carry them."""
+    """Subtract what changes of mass, centre of mass and inertia of links, and of the air's resistance to
+    them, add to the forces of the joints that carry them."""
     for row in range(many):
         k, i = at[row, 0], at[row, 1]
         dm, dcx, dcy = what[row, MASS], what[row, COM_X], what[row, COM_Y]
@@ -283,7 +281,7 @@ def _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da):  # prag
         tx, ty = dx + t * oy, dy - t * ox
         vx, vy = t * pvy - pvw * ty, pvw * tx - t * pvx
         bx, by = t * pay - paw * ty - pvw * vy, paw * tx - t * pax + pvw * vx
-        # another direction of a slide is a second slide along the change, which moves in proportion to the first
+        # another direction of a slide is a second slide along the change, in proportion to the first
         bx += a[i] * ux - 2.0 * v[i] * pvw * uy
         by += a[i] * uy + 2.0 * v[i] * pvw * ux
         vx, vy = vx + v[i] * ux, vy + v[i] * uy

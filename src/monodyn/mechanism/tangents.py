@@ -93,10 +93,10 @@ def rollout_tangents(
     """Integrate motion and tangents of runs; return positions, rates and the derivatives of both.
 
     ``dpar`` (dof, column, param) and ``dgpar`` (2, param) are the derivatives of ``links`` and ``gravity``.
-    Run k goes from frame ``first[k]`` to the one before ``first[k + 1]`` and starts in ``states[k]`` (2 dof,).
-    The directions are the parameters, then the run's positions and rates at its start; column c along run k
-    is column ``order[k, c]`` of what is returned, (frame, dof, param + 2 dof). At frame f only the first
-    ``live[f]`` of them are not zero.
+    Run k goes from frame ``first[k]`` to the one before ``first[k + 1]`` and starts in ``states[k]`` (2
+    dof,). The directions are the parameters, then the run's positions and rates at its start; column c along
+    run k is column ``order[k, c]`` of what is returned, (frame, dof, param + 2 dof). At frame f only the
+    first ``live[f]`` of them are not zero.
     """
     n, frames, count = parent.size, times.size, order.shape[1]
     q, v = np.empty((frames, n)), np.empty((frames, n))

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from monodyn.arrays import plain
 from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.shooting.instance import Instance
@@ -179,6 +178,9 @@ class Problem:
 
         Args:
             trial: Unknowns and start states.
+
+        Returns:
+            Positions and rates, (row, dof), and their derivatives, (row, dof, param + 2 dof).
         """
         known = trial.recalled("tangents", self._moving)
         if known is not None:
@@ -191,6 +193,9 @@ class Problem:
 
         Args:
             trial: The trial.
+
+        Returns:
+            Tree and drive with their derivatives by coordinate.
         """
         known = trial.recalled("instance", self._moving)
         return known or trial.remember("instance", self._moving, self.at(trial.x))
@@ -215,13 +220,8 @@ class Problem:
             derivatives, each (row, dof, param + 2 dof): by coordinate, then by the start state of the run.
         """
         dofs, params = self.data.position.shape[1], len(instance.dsize)
-
-        def together(drive: Drive, times: np.ndarray, first: np.ndarray, states: np.ndarray) -> Moved:
-            return rollouts_derivatives(
-                instance.tree, instance.slowed, times, first, states, substeps=substeps, drive=drive
-            )
-
-        q, v, dq, dv = self._together(together, instance.drive, instance.lag, instance.stretch, runs)
+        integrate = partial(rollouts_derivatives, instance.tree, instance.slowed, substeps=substeps)
+        q, v, dq, dv = self._together(integrate, instance.drive, instance.lag, instance.stretch, runs)
         if instance.dstretch.any():
             # start rates are by true time: a slower clock is like larger ones, at the same stamps
             # of a motion that grows beyond all bounds nothing is finite, which the search rejects
@@ -285,7 +285,8 @@ class Problem:
         motion = trial.recalled("motion", self._moving)
         if motion is not None:
             return motion
-        return trial.remember("motion", self._moving, self.rollouts(trial.x, trial.runs, trial.substeps))
+        motion = self.moving(trial.x)(trial.runs, trial.substeps)[:, : self.data.position.shape[1]]
+        return trial.remember("motion", self._moving, motion)
 
     def differences(self, trial: Trial) -> np.ndarray:
         """Compare the measured with the simulated positions.
@@ -320,67 +321,45 @@ class Problem:
                 rates[first:stop] = np.gradient(simulated[first:stop], self.data.times[first:stop], axis=0)
         return rates
 
-    def rollouts(self, x: np.ndarray, runs: Sequence[Run], substeps: int) -> np.ndarray:
-        """Simulate runs of rows.
-
-        Args:
-            x: Coordinates, (param,).
-            runs: First row, one past the last row and start state (2 dof,) of each.
-            substeps: Integration steps between two time stamps.
-
-        Returns:
-            Positions of all runs end to end [rad or m], (row, dof).
-        """
-        return self.motions(x, runs, substeps)[:, : self.data.position.shape[1]]
-
-    def motions(self, x: np.ndarray, runs: Sequence[Run], substeps: int) -> np.ndarray:
-        """Simulate runs of rows, with the rates.
-
-        Args:
-            x: Coordinates, (param,).
-            runs: First row, one past the last row and start state (2 dof,) of each.
-            substeps: Integration steps between two time stamps.
-
-        Returns:
-            States of all runs end to end, positions then rates [rad or m, rad/s or m/s], (row, 2 dof).
-        """
-        return self.moving(x)(runs, substeps)
-
     def moving(self, x: np.ndarray) -> Callable[[Sequence[Run], int], np.ndarray]:
-        """Return what simulates runs of rows at coordinates, as ``motions`` does, for many numbers of steps.
+        """Return what simulates runs of rows at coordinates, with any number of integration steps between two
+        time stamps.
 
         Args:
             x: Coordinates, (param,).
+
+        Returns:
+            A function of runs (first row, one past the last row and start state (2 dof,) of each) and steps,
+            which returns the states of all runs end to end, positions then rates [rad or m, rad/s or m/s],
+            (row, 2 dof).
         """
         mechanism, stretch = self.mechanism_at(x), self.stretch(x)
         tree, drive, lag = mechanism.tree, mechanism.drive, self.lag(mechanism)
 
         def simulated(runs: Sequence[Run], substeps: int) -> np.ndarray:
-            def together(drive: Drive, times: np.ndarray, first: np.ndarray, states: np.ndarray) -> Moved:
-                return rollouts(tree, times, first, states, substeps=substeps, drive=drive)
-
-            return np.hstack(self._together(together, drive, lag, stretch, runs))
+            integrate = partial(rollouts, tree, substeps=substeps)
+            return np.hstack(self._together(integrate, drive, lag, stretch, runs))
 
         return simulated
 
     def _together(
-        self, integrate: Callable[[Drive, np.ndarray, np.ndarray, np.ndarray], Moved], drive: Drive,
-        lag: float, stretch: float, runs: Sequence[Run],
-    ) -> Moved:  # fmt: skip
-        """Return what integrates runs under one drive, given its times, the first rows of its runs and their
-        start states, applied to all runs, end to end; each run where torques are known has a drive of its
-        own."""
+        self, integrate: Callable[..., Moved], drive: Drive, lag: float, stretch: float, runs: Sequence[Run]
+    ) -> Moved:
+        """Return what integrates runs under one drive applied to all of them, end to end; where torques are
+        known each has a drive of its own."""
         data = self.data
 
         def of(batch: Sequence[Run]) -> Moved:
             times = np.concatenate([data.times[first:stop] for first, stop, _ in batch]) * stretch
             begins = np.cumsum([0, *(stop - first for first, stop, _ in batch)])
             own = self.driven(drive, lag, stretch, *batch[0][:2])
-            return integrate(own, times, begins, np.array([state for *_, state in batch]))
+            return integrate(times, begins, np.array([state for *_, state in batch]), drive=own)
 
         parts = in_batches(lambda batch: [of([run]) for run in batch] if data.torques else [of(batch)], runs)
         found = [part for batch in parts for part in batch]
-        return found[0] if len(found) == 1 else tuple(np.concatenate(part) for part in zip(*found, strict=True))
+        return (
+            found[0] if len(found) == 1 else tuple(np.concatenate(part) for part in zip(*found, strict=True))
+        )
 
     def lag(self, mechanism: Mechanism) -> float:
         """Return how much later than in their log known torques act [s]; 0 where that is no question.

@@ -211,14 +211,14 @@ def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge, drawn: Posteri
         return found | (inertial_values(mechanism, tree) if free and absolute else {})
 
     values, tree, steps = regrouped(instance.tree), instance.tree, instance.directions
-    # all trees of one step each at once
-    moved = regrouped(
-        Trees(
-            tree.parent, tree.kind, tree.links[:, :, None] + 1j * COMPLEX_STEP * steps.links,
-            tree.gravity[:, None] + 1j * COMPLEX_STEP * steps.gravity,
-        )
-    )  # fmt: skip
-    slope = np.array([np.imag(moved[name]) / COMPLEX_STEP for name in values]).reshape(len(values), len(x))
+    # trees of one step each, and one without a step where there may be no unknown at all
+    links, gravity = (
+        np.concatenate((value[..., None] + 1j * COMPLEX_STEP * slopes, value[..., None]), axis=-1)
+        for value, slopes in ((tree.links, steps.links), (tree.gravity, steps.gravity))
+    )
+    moved = regrouped(Trees(tree.parent, tree.kind, links, gravity))
+    slope = np.array([np.imag(moved[name][:-1]) / COMPLEX_STEP for name in values])
+    slope = slope.reshape(len(values), len(x))
     draws = {} if drawn is None else regrouped(drawn.trees)
     found = []
     for (name, value), gradient in zip(values.items(), slope, strict=True):
