@@ -4,8 +4,8 @@ Run: ``MONODYN_DATA=<folder> python benchmarks/encoders.py [--only alone|togethe
 [--json FILE] [--gate]``; the folder holds ``encoders/*.csv``. ``alone`` fits each window by itself, from a
 bundled model all of whose sizes are ``SIZE``, and holds its ratios against those of the other windows;
 ``together`` all windows of the double pendulum as one fit; ``scaling`` made records of growing length and
-number; ``units`` windows in degrees and milliseconds, which are to be named as such. Processor time stands
-next to wall time, which other work on the machine lengthens.
+number, and of chains of more and more links; ``units`` windows in degrees and milliseconds, which are to be
+named as such. Processor time stands next to wall time, which other work on the machine lengthens.
 """
 
 from __future__ import annotations
@@ -66,8 +66,10 @@ UNITS = {"degrees": (180.0 / np.pi, 1.0), "milliseconds": (1.0, 1000.0)}
 """What a table may be in: factors of its angles and times."""
 UNIT_SECONDS = 5.0
 """Longest time in which that is to be named [s]."""
-MOST_GROWTH = 1.2
-"""Largest power of rows or records with which the time may grow over the upper half of the range."""
+LINKS = (1, 2, 3, 4, 5, 6, 8)
+"""Links of a chain whose record of ``RECORD_FRAMES`` rows is fitted."""
+MOST_GROWTH = {"rows": 1.2, "records": 1.2, "links": 2.0}
+"""Largest power of each with which the time may grow over the upper half of the range."""
 
 
 @dataclass(frozen=True)
@@ -234,22 +236,40 @@ def scaling(files: Sequence[Path]) -> list[Figure]:
         files: Not used.
 
     Returns:
-        The processor time of each, and the power with which it grows from the third to the last.
+        The processor time of each, and the power with which it grows over the upper half of them.
     """
-    mechanism, figures = load("double"), []
-    timed("scaling", [made(mechanism, RECORD_FRAMES, 0)], mechanism)
-    for what, counts in (("rows", FRAMES), ("records", RECORDS)):
+    double, figures = load("double"), []
+    timed("scaling", [made(double, RECORD_FRAMES, 0)], double)
+    for what, counts in (("rows", FRAMES), ("records", RECORDS), ("links", LINKS)):
         taken = []
         for count in counts:
-            rows, number = (count, 1) if what == "rows" else (RECORD_FRAMES, count)
+            mechanism = chain(count) if what == "links" else double
+            rows, number = (
+                (count, 1) if what == "rows" else (RECORD_FRAMES, count if what == "records" else 1)
+            )
             records = [made(mechanism, rows, seed) for seed in range(number)]
             found = timed(what, records, mechanism)
             taken.append(found.processor)
             figures.append(Figure(what, f"{count}: processor time", found.processor, "s"))
         half = len(counts) // 2
         growth = np.polyfit(np.log(counts[half - 1 :]), np.log(taken[half - 1 :]), 1)[0]
-        figures.append(Figure(what, "power of growth", growth, "", MOST_GROWTH))
+        figures.append(Figure(what, "power of growth", growth, "", MOST_GROWTH[what]))
     return figures
+
+
+def chain(links: int) -> Mechanism:
+    """Return a pendulum of equal links, each hinged at the end of the one before.
+
+    Args:
+        links: Their number.
+    """
+    body = """<body name="link{0}" pos="{1} 0 0"><joint name="joint{0}" axis="0 -1 0"/>
+        <geom type="box" size="0.05 0.01 0.005" pos="0.05 0 0" density="1000"/>"""
+    bodies = "".join(body.format(k + 1, 0.1 if k else 0.0) for k in range(links)) + "</body>" * links
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "chain.xml"
+        file.write_text(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+        return load(str(file))
 
 
 def units(files: Sequence[Path]) -> list[Figure]:
@@ -306,12 +326,16 @@ def made(mechanism: Mechanism, rows: int, seed: int) -> Poses:
         seed: Seed of its start and its noise.
     """
     drawn = np.random.default_rng(seed)
-    damped = mechanism.with_values({"joint1.damping": 3e-4, "joint2.damping": 2e-4})
-    stamps, start = PACE * np.arange(rows), drawn.uniform(-1.0, 1.0, 2)
-    q = simulate(damped, stamps, np.array([-0.5 * np.pi, 0.0]) + start, np.zeros(2)).position
-    noisy = q + NOISE * drawn.standard_normal(q.shape)
-    covariance = np.repeat(NOISE**2 * np.eye(2)[None], rows, axis=0)
     names = tuple(joint.name for joint in mechanism.joints)
+    damped = mechanism.with_values(
+        {f"{name}.damping": 3e-4 if k == 0 else 2e-4 for k, name in enumerate(names)}
+    )
+    # a long chain is let go near the vertical, or it is wild
+    stamps, start = PACE * np.arange(rows), drawn.uniform(-1.0, 1.0, len(names)) * min(1.0, 2.0 / len(names))
+    start[0] -= 0.5 * np.pi
+    q = simulate(damped, stamps, start, np.zeros(len(names))).position
+    noisy = q + NOISE * drawn.standard_normal(q.shape)
+    covariance = np.repeat(NOISE**2 * np.eye(len(names))[None], rows, axis=0)
     return Poses(names, np.arange(rows), stamps, noisy, covariance, np.ones(rows, dtype=bool))
 
 

@@ -63,7 +63,7 @@ def test_rates_of_a_motion_are_the_slopes_of_its_positions(poses, truth):
     times = np.arange(200) / 1000.0
     fine = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))
     problem = posed(truth, prepare((fine,), truth))
-    states = problem.motions(problem.unknowns.x0, [(0, 200, np.array([0.3, 0.5, 0.0, 1.0]))], 1)
+    states = problem.moving(problem.unknowns.x0)([(0, 200, np.array([0.3, 0.5, 0.0, 1.0]))], 1)
     slopes = np.gradient(states[:, :2], times, axis=0, edge_order=2)
     # central differences are off by h^2 / 6 times the third derivative, up to 2000 rad/s^3
     np.testing.assert_allclose(states[1:-1, 2:], slopes[1:-1], atol=5e-4)

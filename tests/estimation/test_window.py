@@ -100,13 +100,13 @@ def test_the_state_ahead_moves_as_its_derivatives_say(started, rows):
     fit = identify(rows, free, IdentifySettings(torque="friction"))
     window = window_of(fit, free, rows.part(0, 20))
     x, state = start_of(fit, window)
-    *_, dq, dv = window.problem.tangents(window.problem.at(x), window.substeps, (0, 20, plain(state)))
+    *_, dq, dv = window.problem.tangents(window.problem.at(x), window.substeps, [(0, 20, plain(state))])
     exact, point = np.concatenate((dq[-1], dv[-1])), np.concatenate((x, state))
     steps = np.where([*window.problem.unknowns.log, *(True for _ in state)], 1e-4, 1e-7)
 
     def ended(point: np.ndarray) -> np.ndarray:
         at, begun = np.split(point, [len(x)])
-        return window.problem.motions(at, [(0, 20, plain(begun))], window.substeps)[-1]
+        return window.problem.moving(at)([(0, 20, plain(begun))], window.substeps)[-1]
 
     found = []
     for step in np.diag(steps):

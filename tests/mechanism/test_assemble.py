@@ -9,7 +9,7 @@ import pytest
 from models import mjcf, read
 from monodyn.arrays import plain
 from monodyn.mechanism.assemble import derivatives, links_of
-from monodyn.mechanism.assembled import links_of_many
+from monodyn.mechanism.assembled import links_of_many, over
 from monodyn.mechanism.tree import COM_X, COM_Y, INERTIA, MASS
 
 SOLIDS = {
@@ -74,3 +74,11 @@ def test_many_trees_are_those_one_by_one(solid: str, given: tuple[str, ...], tmp
     many = links_of_many(plan.packed, values, plain(own))
     one = np.stack([links_of(plan, draw, own) for draw in values.T], axis=-1)
     np.testing.assert_allclose(many, one, rtol=1e-12, atol=1e-15)
+
+
+def test_a_number_over_itself_has_no_derivative() -> None:
+    """The rounding of one in three complex quotients looks like one."""
+    drawn = np.random.default_rng(0).uniform(0.1, 10.0, (1000, 2))
+    numbers = drawn[:, 0] * 1e-4 + 1e-30j * drawn[:, 1]
+    assert all(over(number, number) == 1.0 for number in numbers)
+    assert np.isnan(over(1.0 + 1e-30j, 0.0j))

@@ -14,6 +14,8 @@ from monodyn.mechanism.simulate import (
     least_substeps,
     rollout,
     rollout_derivatives,
+    rollouts,
+    rollouts_derivatives,
     simulate,
     transitions,
 )
@@ -47,6 +49,33 @@ def test_rollout_runs_backwards() -> None:
     back, _ = rollout(mechanism.tree, times[::-1], q[-1], v[-1], substeps=64)
     # The error of RK4 at 0.5 ms, there and back.
     assert np.allclose(back[::-1], q, rtol=0, atol=1e-8)
+
+
+def test_runs_end_to_end_are_those_one_by_one() -> None:
+    """Runs of one row, of two, and of unequal steps; torques at knots act on some from their middle on."""
+    triple = load("triple").with_torque("free", knots=np.array([0.0, 0.3, 0.35, 0.9]))
+    rng = np.random.default_rng(3)
+    names = [p.name for p in triple.parameters if p.kind == "torque"]
+    triple = triple.with_values({name: rng.normal(scale=1e-3) for name in names})
+    directions = triple.directions([*names, "link1.length", "joint2.damping"])
+    first = np.array([0, 1, 3, 12, 20])
+    times = np.sort(rng.uniform(0.0, 1.0, 20))
+    states = rng.normal(scale=0.3, size=(4, 6))
+    together = rollouts_derivatives(
+        triple.tree, directions, times, first, states, substeps=3, drive=triple.drive
+    )
+    motion = rollouts(triple.tree, times, first, states, substeps=3, drive=triple.drive)
+    for k, state in enumerate(states):
+        rows = slice(first[k], first[k + 1])
+        one = rollout_derivatives(
+            triple.tree, directions, times[rows], *np.split(state, 2), substeps=3, drive=triple.drive
+        )
+        for whole, part in zip(together, one, strict=True):
+            np.testing.assert_array_equal(whole[rows], part)
+        alone = rollout(triple.tree, times[rows], *np.split(state, 2), substeps=3, drive=triple.drive)
+        for whole, part in zip(motion, alone, strict=True):
+            np.testing.assert_array_equal(whole[rows], part)
+    assert together[2][:, :, : len(names)].any()
 
 
 def test_a_bound_out_of_reach_ends_the_doubling() -> None:

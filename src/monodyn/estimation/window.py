@@ -23,7 +23,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.arrays import plain
 from monodyn.errors import FitError
 from monodyn.estimation.arrival import Arrival, symmetric
 from monodyn.estimation.fit import Common, Fit
@@ -120,8 +119,7 @@ class Refitted:
     Attributes:
         window: The window.
         arrival: What rows before it say; None where there were none.
-        x: Coordinates of the unknowns, (param,).
-        state: State at the first row, (2 dof,).
+        trial: The unknowns, and the state at the first row.
         information: Second derivatives of the cost by unknowns and that state, by Gauss and Newton,
             (param + 2 dof, param + 2 dof): rows, arrival and picture together.
         pulled: How the gradient follows what moves all positions together, by one deviation of each
@@ -135,8 +133,7 @@ class Refitted:
 
     window: Window
     arrival: Arrival | None
-    x: np.ndarray
-    state: np.ndarray
+    trial: Trial
     information: np.ndarray
     pulled: np.ndarray
     residual: np.ndarray
@@ -144,6 +141,28 @@ class Refitted:
     cost: float
     evaluations: int
     converged: bool
+
+    @property
+    def x(self) -> np.ndarray:
+        """Coordinates of the unknowns, (param,)."""
+        return self.trial.x
+
+    @property
+    def state(self) -> np.ndarray:
+        """State at the first row, (2 dof,)."""
+        return self.trial.states[0]
+
+    @property
+    def instance(self) -> Instance:
+        """The mechanism as it is simulated."""
+        return self.window.problem.instance(self.trial)
+
+    @cached_property
+    def motion(self) -> tuple[np.ndarray, np.ndarray]:
+        """The state at each row, (row, 2 dof), and its derivatives by unknowns and state at the first row,
+        (row, 2 dof, param + 2 dof)."""
+        q, v, dq, dv = self.window.problem.moved(self.trial)
+        return np.hstack((q, v)), np.concatenate((dq, dv), axis=1)
 
     @property
     def scale(self) -> float:
@@ -264,26 +283,27 @@ def refit(
     problem, begun = window.problem, _trial(window, x, state)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
-        return _model(window, arrival, begun.at(at, local), limit)
+        trial = begun.at(at, local)
+        model = _model(window, arrival, trial, limit)
+        return replace(model, kept=(*model.kept, trial))
 
     unknowns = problem.unknowns
     found = minimize_arrow(
         evaluate, begun.x, begun.states, (unknowns.lower, unknowns.upper), settings=settings,
         reach=unknowns.reach,
     )  # fmt: skip
-    whitened, jacobian = found.model.kept[:2]
+    whitened, jacobian, trial = found.model.kept
     pulled = _pulled(problem.data, jacobian)
     if arrival is not None:
-        _, slopes = window.shown(problem.at(found.shared), found.shared)
+        _, slopes = window.shown(problem.instance(trial), found.shared)
         pulled += _chain(slopes, begun.states.shape[1]).T @ arrival.pulled
     return Refitted(
         window=window,
         arrival=arrival,
-        x=found.shared,
-        state=found.local[0],
+        trial=trial,
         information=_whole(found.model),
         pulled=pulled,
-        residual=problem.differences(begun.at(found.shared, found.local)),
+        residual=problem.differences(trial),
         sigma=float(np.sqrt(np.sum(whitened**2) / max(problem.data.samples, 1))),
         cost=found.model.cost,
         evaluations=found.evaluations,
@@ -303,21 +323,19 @@ def slid(found: Refitted, row: int) -> Arrival:
         included; the state before it is eliminated exactly.
     """
     window, count = found.window, len(found.x)
-    instance = window.problem.at(found.x)
-    shown, slopes = window.shown(instance, found.x)
+    shown, slopes = window.shown(found.instance, found.x)
     back = _inverse(slopes)
-    part = replace(window, problem=window.problem.with_data(window.problem.data.part(np.arange(row))))
-    residual, jacobian = part.problem.rows(_trial(part, found.x, found.state), instance)
+    residual, jacobian = (part[:row] for part in window.problem.rows(found.trial))
     # the rows by what the motion depends on in place of the unknowns, and by the state
     rows = jacobian.reshape(residual.size, -1)
     rows = np.hstack((rows[:, :count] @ back, rows[:, count:]))
     known, gradient = rows.T @ rows, rows.T @ residual.ravel()
-    pulled = _pulled(part.problem.data, rows.reshape(*residual.shape, -1))
+    pulled = _pulled(window.problem.data.part(np.arange(row)), rows.reshape(*residual.shape, -1))
     if found.arrival is not None:
         pulled = pulled + found.arrival.pulled
         known = known + found.arrival.information
         gradient = gradient + found.arrival.at(np.concatenate((shown, found.state)))[1]
-    state, tangents = _reached(found, row, instance)
+    state, tangents = (part[row] for part in found.motion)
     # with T the derivative of (features, new state) by (features, old state): H' = T^-T H T^-1, g' = T^-T g,
     # the Schur complement of the old state where the motion ties the two without any slack
     width = len(shown)
@@ -338,8 +356,7 @@ def ahead(found: Refitted, row: int) -> Ahead:
     Returns:
         The state, its derivatives, and the covariance of unknowns and state there.
     """
-    row = range(len(found.window.times))[row]
-    state, slopes = _reached(found, row, found.window.problem.at(found.x))
+    state, slopes = (part[row] for part in found.motion)
     turn = np.eye(len(found.information))
     turn[len(found.x) :] = slopes
     return Ahead(state, slopes, symmetric(turn @ found.covariance @ turn.T))
@@ -348,11 +365,10 @@ def ahead(found: Refitted, row: int) -> Ahead:
 def _model(window: Window, arrival: Arrival | None, trial: Trial, limit: float) -> Arrow:
     """Return the model of the rows, the picture and the rows before them."""
     problem, count = window.problem, len(trial.x)
-    instance = problem.at(trial.x)
-    model = problem.model(trial.x, problem.rows(trial, instance), trial.pieces, limit)
+    model = problem.model(trial.x, problem.rows(trial), trial.pieces, limit)
     if arrival is None:
         return model
-    shown, slopes = window.shown(instance, trial.x)
+    shown, slopes = window.shown(problem.instance(trial), trial.x)
     cost, pull = arrival.at(np.concatenate((shown, trial.states[0])))
     chain = _chain(slopes, trial.states.shape[1])
     known, pull = chain.T @ arrival.information @ chain, chain.T @ pull
@@ -382,19 +398,11 @@ def _pulled(data: Data, jacobian: np.ndarray) -> np.ndarray:
     return -np.einsum("fip,fik->pk", jacobian, whitened_shifts(data))
 
 
-def _reached(found: Refitted, row: int, instance: Instance) -> tuple[np.ndarray, np.ndarray]:
-    """Return the state at a row (2 dof,), and its derivatives by unknowns and state at the first row, (2 dof,
-    param + 2 dof)."""
-    run = (0, row + 1, plain(found.state))
-    q, v, dq, dv = found.window.problem.tangents(instance, found.window.substeps, run)
-    return np.concatenate((q[row], v[row])), np.concatenate((dq[row], dv[row]))
-
-
 def _explained(window: Window, trial: Trial) -> bool:
     """Return whether the motion depends on the unknowns through regrouped inertias alone."""
-    count, instance = len(trial.x), window.problem.at(trial.x)
-    _, slopes = window.shown(instance, trial.x)
-    _, jacobian = window.problem.rows(trial, instance)
+    count = len(trial.x)
+    _, slopes = window.shown(window.problem.instance(trial), trial.x)
+    _, jacobian = window.problem.rows(trial)
     rows = jacobian.reshape(-1, jacobian.shape[2])[:, :count]
     size = np.abs(rows).max(axis=0, initial=0.0)
     lacking = np.abs(rows @ _inverse(slopes) @ slopes - rows).max(axis=0, initial=0.0)

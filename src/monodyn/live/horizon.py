@@ -17,14 +17,22 @@ from functools import cached_property
 
 import numpy as np
 
-from monodyn.arrays import plain
 from monodyn.errors import MonodynError
 from monodyn.estimation.arrival import Arrival
 from monodyn.estimation.fit import Doubt, Fit, Grade, Start
 from monodyn.estimation.record.samples import Pieces
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.verdict.uncertainty import noise_factors
-from monodyn.estimation.window import Refitted, Window, ahead, refit, slid, start_of, window_of
+from monodyn.estimation.window import (
+    FEW_STEPS,
+    Refitted,
+    Window,
+    ahead,
+    refit,
+    slid,
+    start_of,
+    window_of,
+)
 from monodyn.live.record import joined
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
@@ -36,6 +44,8 @@ MEMORY = 60.0
 """Seconds in which what left the window is forgotten to 1 / e: a bearing warms up, a camera is touched."""
 PULL = 5.0
 """Whitened residual from which on the pull of a row no longer grows."""
+NEAR = replace(FEW_STEPS, decrease=1e-4)
+"""When the search of a frame stops: a step of a hundredth of a standard deviation is left to the next."""
 ASTRAY = 4.0
 """Size of the residuals of a window, in standard deviations of the noise as the fit before has found it, from
 which on the motion is no longer that of the mechanism."""
@@ -213,7 +223,7 @@ class Horizon:
             return None
         window = self._with(self._rows)
         state = self._begun(window) if self._found is None else self._state
-        self._found = refit(window, self._arrival, self._x, state, limit=PULL)
+        self._found = refit(window, self._arrival, self._x, state, limit=PULL, settings=NEAR)
         estimate = self._estimated(self._found)
         if estimate is None or estimate.astray:
             # its last rows are of another motion: what came before them stays known of the mechanism
@@ -275,11 +285,8 @@ class Horizon:
     def _followed(self, found: Refitted) -> int:
         """Return the first row from which on the motion can be followed without a push: before it an error
         has grown too much, as beside an equilibrium that does not hold itself."""
-        problem, count = found.window.problem, len(found.x)
-        times, dofs = found.window.times, len(found.state) // 2
-        run = (0, len(times), plain(found.state))
-        *_, dq, dv = problem.tangents(problem.at(found.x), found.window.substeps, run)
-        slopes = np.concatenate((dq, dv), axis=1)[:, :, count:]
+        problem, times, dofs = found.window.problem, found.window.times, len(found.state) // 2
+        slopes = found.motion[1][:, :, len(found.x) :]
         at = np.searchsorted(times, self._rows.time[: len(self._rows) - LEAST_ROWS])
         if not len(at):
             return 0
@@ -320,8 +327,8 @@ class Horizon:
         times = last + step * np.arange(count + 1)
         problem = found.window.problem
         coming = problem.with_data(replace(problem.data, times=times))
-        run = (0, count + 1, plain(now.state))
-        q, v, dq, dv = coming.tangents(problem.at(found.x), found.window.substeps, run)
+        run = (0, count + 1, now.state)
+        q, v, dq, dv = coming.tangents(found.instance, found.window.substeps, [run])
         slopes = np.concatenate((dq, dv), axis=1)
         variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
         std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]

@@ -45,9 +45,11 @@ from monodyn.mechanism.tree import (
 )  # fmt: skip
 
 C, S, PHI, OX, OY, SW, SX, SY, VW, VX, VY, M, MX, MY, J, FN, FX, FY, AW, AX, AY = range(21)
+ALL_M, ALL_MX, ALL_MY, ALL_J = range(21, 25)
 """Columns of the scratch ``w``, one row a link: cosine, sine and angle of its frame; its origin; the motion
-that a unit rate of its joint is (S), its own motion (V), inertia (M to J), force (F), acceleration (A)."""
-WORK = 21
+that a unit rate of its joint is (S), its own motion (V), inertia (M to J), force (F), acceleration (A); and,
+after ``forward``, the inertia of the link with all that it carries."""
+WORK = 25
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -62,9 +64,10 @@ def _place_inertia(i, links, ox, oy, w):  # pragma: no cover - compiled
     w[i, MX] = links[i, MASS] * x
     w[i, MY] = links[i, MASS] * y
     w[i, J] = links[i, INERTIA] + w[i, MX] * x + w[i, MY] * y
+    w[i, ALL_M], w[i, ALL_MX], w[i, ALL_MY], w[i, ALL_J] = w[i, M], w[i, MX], w[i, MY], w[i, J]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
     """Fill pose, motion subspace, velocity and inertia of every link (columns C to J of ``w``), outward.
 
@@ -117,7 +120,7 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
         _place_inertia(i, links, ox, oy, w)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
     """Fill the force (FN, FX, FY) that each link needs when every joint acceleration is zero.
 
@@ -168,7 +171,7 @@ def air_direction(i, kind, links, w):  # pragma: no cover - compiled
     return 1.0 + x * w[i, OX] + y * w[i, OY], -y, x
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def resist(kind, links, w):  # pragma: no cover - compiled
     """Add what the air takes to the forces (FN, FX, FY) that the links need."""
     for i in range(kind.size):
@@ -182,7 +185,7 @@ def resist(kind, links, w):  # pragma: no cover - compiled
             w[i, FY] += force * y
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: no cover - compiled
     """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch.
 
@@ -212,16 +215,16 @@ def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: 
             a[i] -= links[i, DRAG] * (v[i] * v[i] if v[i].real > 0.0 else -v[i] * v[i])
         # Composite rigid body: (turn, px, py) is the force that moves the rigid subtree with a unit
         # acceleration of joint i; its projection on the subspaces of the joints inward is a row of M(q).
-        px = w[i, M] * w[i, SX] - w[i, SW] * w[i, MY]
-        py = w[i, M] * w[i, SY] + w[i, SW] * w[i, MX]
-        turn = w[i, J] * w[i, SW] + w[i, MX] * w[i, SY] - w[i, MY] * w[i, SX]
+        px = w[i, ALL_M] * w[i, SX] - w[i, SW] * w[i, ALL_MY]
+        py = w[i, ALL_M] * w[i, SY] + w[i, SW] * w[i, ALL_MX]
+        turn = w[i, ALL_J] * w[i, SW] + w[i, ALL_MX] * w[i, SY] - w[i, ALL_MY] * w[i, SX]
         h[i, i] = w[i, SW] * turn + w[i, SX] * px + w[i, SY] * py + links[i, ARMATURE] + hold[i]
         j = parent[i]
         if j >= 0:
-            w[j, M] += w[i, M]
-            w[j, MX] += w[i, MX]
-            w[j, MY] += w[i, MY]
-            w[j, J] += w[i, J]
+            w[j, ALL_M] += w[i, ALL_M]
+            w[j, ALL_MX] += w[i, ALL_MX]
+            w[j, ALL_MY] += w[i, ALL_MY]
+            w[j, ALL_J] += w[i, ALL_J]
             w[j, FN] += w[i, FN]
             w[j, FX] += w[i, FX]
             w[j, FY] += w[i, FY]
@@ -248,69 +251,85 @@ def accelerations(parent, kind, links, gravity, q, v, tau):  # pragma: no cover 
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def rollout(
-    parent, kind, links, gravity, times, substeps, q0, v0, mode, stamps, table
+def rollouts(
+    parent, kind, links, gravity, times, first, substeps, states, mode, stamps, table
 ):  # pragma: no cover - compiled
-    """Integrate by Runge-Kutta steps of order four; return positions and rates, each (frame, dof).
+    """Integrate runs by Runge-Kutta steps of order four; return positions and rates, each (frame, dof).
 
-    ``times`` is (frame,), ``q0`` and ``v0`` are (dof,), ``stamps`` and ``table`` those of the drive.
+    ``times`` is (frame,); run k goes from frame ``first[k]`` to the one before ``first[k + 1]`` and starts in
+    ``states[k]`` (2 dof,), positions then rates; ``stamps`` and ``table`` are those of the drive.
     """
-    # Row 0 of x, u, a is the start of a part, rows 1 to 3 the other stages.
+    q = np.empty((times.size, parent.size), links.dtype)
+    v = np.empty((times.size, parent.size), links.dtype)
+    for k in range(first.size - 1):
+        rows = slice(first[k], first[k + 1])
+        _run(
+            parent, kind, links, gravity, times[rows], substeps, states[k], mode, stamps, table, q[rows],
+            v[rows],
+        )  # fmt: skip
+    return q, v
+
+
+@njit(cache=True, error_model="numpy")
+def _run(
+    parent, kind, links, gravity, times, substeps, state, mode, stamps, table, q, v
+):  # pragma: no cover - compiled
+    """Integrate one run into ``q`` and ``v``, (frame, dof)."""
     n = parent.size
     value, rate = np.empty(table.shape[1]), np.empty(table.shape[1])
     slope = np.empty(n, links.dtype)
-    w = np.empty((n, WORK), links.dtype)
-    h = np.empty((n, n), links.dtype)
+    w, h = np.empty((n, WORK), links.dtype), np.empty((n, n), links.dtype)
     tau, hold = np.zeros(n, links.dtype), np.zeros(n)
-    a = np.empty((4, n), links.dtype)
-    x = np.empty((4, n), links.dtype)
-    u = np.empty((4, n), links.dtype)
-    q = np.empty((times.size, n), links.dtype)
-    v = np.empty((times.size, n), links.dtype)
+    # at the start of a part of a step, at the stage now, and summed over its stages as a step weighs them
+    x0, u0, a0 = np.empty(n, links.dtype), np.empty(n, links.dtype), np.empty(n, links.dtype)
+    x, u, a = np.empty(n, links.dtype), np.empty(n, links.dtype), np.empty(n, links.dtype)
+    rates, changes = np.empty(n, links.dtype), np.empty(n, links.dtype)
     if times.size == 0:
-        return q, v
-    q[0] = q0
-    v[0] = v0
-    x[0] = q0
-    u[0] = v0
+        return
+    x0[:], u0[:] = state[:n], state[n:]
+    q[0], v[0] = x0, u0
     for f in range(1, times.size):
         step = (times[f] - times[f - 1]) / substeps
         for s in range(substeps):
             begin = times[f - 1] + s * step
+            # the middle of the step determines on which side of a knot its ends are
+            middle = begin + 0.5 * step
             left, length, ended = step, step, False
             while not ended:
-                k = 0
-                while k < 4:
-                    part = 0.0 if k == 0 else length if k == 3 else 0.5 * length
-                    if k > 0:
+                x[:], u[:], hold[:] = x0, u0, 0.0
+                if mode != NONE:
+                    torque(mode, stamps, table, begin, middle, value, rate, tau, slope)
+                forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
+                # the first stage does not depend on the length of the part, but where a joint is held
+                length = part_of_step(parent, kind, links, u, a, h, left, step, hold)
+                if hold.any():
+                    forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
+                a0[:] = a
+                done = False
+                while not done:
+                    u[:], a[:], rates[:], changes[:] = u0, a0, u0, a0
+                    for k in range(1, 4):
+                        part = length if k == 3 else 0.5 * length
+                        weight = 1.0 if k == 3 else 2.0
                         for i in range(n):
-                            x[k, i] = x[0, i] + part * u[k - 1, i]
-                            u[k, i] = u[0, i] + part * a[k - 1, i]
-                    # The middle of the step determines on which side of a knot its ends are.
-                    if mode != NONE:
-                        middle = times[f - 1] + (s + 0.5) * step
-                        torque(mode, stamps, table, begin + part, middle, value, rate, tau, slope)
-                    if k == 0:
-                        hold[:] = 0.0
-                    forward(parent, kind, links, gravity, x[k], u[k], tau, hold, w, h, a[k])
-                    # the first stage does not depend on the length of the part, but where a joint is held
-                    if k == 0:
-                        length = part_of_step(parent, kind, links, u[0], a[0], h, left, step, hold)
-                        if hold.any():
-                            forward(parent, kind, links, gravity, x[0], u[0], tau, hold, w, h, a[0])
-                    k += 1
-                    if k == 4 and turns(kind, links, u, a, length, step):
-                        k, length = 1, 0.5 * length
+                            x[i] = x0[i] + part * u[i]
+                            u[i] = u0[i] + part * a[i]
+                        if mode != NONE:
+                            torque(mode, stamps, table, begin + part, middle, value, rate, tau, slope)
+                        forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
+                        for i in range(n):
+                            rates[i] += weight * u[i]
+                            changes[i] += weight * a[i]
+                    done = not turns(kind, links, u0, a0, u, a, length, step)
+                    if not done:
+                        length *= 0.5
                 for i in range(n):
-                    x[0, i] += length / 6.0 * (u[0, i] + 2.0 * u[1, i] + 2.0 * u[2, i] + u[3, i])
-                    u[0, i] += length / 6.0 * (a[0, i] + 2.0 * a[1, i] + 2.0 * a[2, i] + a[3, i])
+                    x0[i] += length / 6.0 * rates[i]
+                    u0[i] += length / 6.0 * changes[i]
                 ended = not abs(length) < abs(left)
                 left -= length
                 begin += length
-        for i in range(n):
-            q[f, i] = x[0, i]
-            v[f, i] = u[0, i]
-    return q, v
+        q[f], v[f] = x0, u0
 
 
 @njit(cache=True, error_model="numpy")

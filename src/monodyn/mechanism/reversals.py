@@ -30,7 +30,7 @@ SHARE = 0.5
 rate: the way to rest is then gone by two thirds at most, for any length."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no cover - compiled
     """Return how far to go at once of what is ``left`` of a step, where dry friction may change its sign.
 
@@ -51,10 +51,12 @@ def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no 
     longest, held, forth = abs(left), 0.0, 1.0 if step > 0.0 else -1.0
     for i in range(links.shape[0]):
         hold[i] = 0.0
+        if links[i, FRICTION].real == 0.0:
+            continue
         lead, creep = links[i, LEAD].real, CREEP[kind[i]]
         rate, change = v[i].real + lead * a[i].real, abs(a[i].real)
         beyond = abs(rate) - SETTLED * creep
-        if links[i, FRICTION].real == 0.0 or (beyond > 0.0 and not forth * rate * a[i].real < 0.0):
+        if beyond > 0.0 and not forth * rate * a[i].real < 0.0:
             continue
         alone = links[i, FRICTION].real * _yield(parent, h, i)
         # within its turn friction that leads takes the rate to zero in the time of the lead, not faster
@@ -92,12 +94,13 @@ def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no 
     return part
 
 
-@njit(cache=True, error_model="numpy")
-def turns(kind, links, u, a, length, step):  # pragma: no cover - compiled
+@njit(cache=True, error_model="numpy", forceinline=True)
+def turns(kind, links, u0, a0, u, a, length, step):  # pragma: no cover - compiled
     """Return whether friction that leads turns too far in a part of a step, which is then to be halved.
 
     Accelerations come into it, and those of a joint change fast where another one turns: what is ahead is not
-    seen in the state before. ``u`` and ``a`` (stage, dof) are rates and accelerations of the part's stages.
+    seen in the state before. ``u0``, ``a0`` and ``u``, ``a`` (dof,) are rates and accelerations of the first
+    and the last stage of the part.
     """
     if abs(length) <= abs(step) / MOST_PARTS:
         return False
@@ -105,8 +108,8 @@ def turns(kind, links, u, a, length, step):  # pragma: no cover - compiled
         lead, creep = links[i, LEAD].real, CREEP[kind[i]]
         if lead == 0.0 or links[i, FRICTION].real == 0.0:
             continue
-        before = smoothed_sign(u[0, i].real + lead * a[0, i].real, creep)
-        after = smoothed_sign(u[3, i].real + lead * a[3, i].real, creep)
+        before = smoothed_sign(u0[i].real + lead * a0[i].real, creep)
+        after = smoothed_sign(u[i].real + lead * a[i].real, creep)
         if abs(after - before) > TURNED:
             return True
     return False

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -219,14 +220,45 @@ def rollout(
     Raises:
         MechanismError: From ``_agree``: an array is not of the tree's joints.
     """
+    _agree(tree, q0, v0)
+    whole, start = np.array([0, len(times)]), np.concatenate((q0, v0))[None]
+    return rollouts(tree, times, whole, start, substeps=substeps, drive=drive)
+
+
+def rollouts(
+    tree: Tree,
+    times: np.ndarray,
+    first: np.ndarray,
+    states: np.ndarray,
+    *,
+    substeps: int,
+    drive: Drive | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate the motion of one mechanism from many states, each over its own part of ``times``.
+
+    Args:
+        tree: The joint tree; complex for a complex step.
+        times: Time stamps of all runs end to end [s], (frame,).
+        first: First frame of each run and one past the last, (piece + 1,).
+        states: Joint positions, then rates at the first frame of each run, (piece, 2 dof).
+        substeps: Equal steps between two stamps.
+        drive: Torques over time in addition to friction and springs, or None.
+
+    Returns:
+        Joint positions and rates, each (frame, dof).
+
+    Raises:
+        MechanismError: From ``_agree``: an array is not of the tree's joints.
+    """
     from monodyn.mechanism import planar
 
     drive = drive or UNDRIVEN(len(tree.parent))
-    _agree(tree, q0, v0, drive.table.T)
+    _agree(tree, states[:, ::2], drive.table.T)
     t = np.result_type(tree.links, drive.table)
-    return planar.rollout(
+    return planar.rollouts(
         tree.parent, tree.kind, plain(tree.links, t), plain(tree.gravity, t), plain(times, np.float64),
-        int(substeps), plain(q0, t), plain(v0, t), drive.mode, drive.times, plain(drive.table, t),
+        plain(first, np.int64), int(substeps), plain(states, t), drive.mode, drive.times,
+        plain(drive.table, t),
     )  # fmt: skip
 
 
@@ -259,31 +291,76 @@ def rollout_derivatives(
     Raises:
         MechanismError: From ``_agree``: an array is not of the tree's joints.
     """
+    _agree(tree, q0, v0)
+    whole, start = np.array([0, len(times)]), np.concatenate((q0, v0))[None]
+    return rollouts_derivatives(tree, directions, times, whole, start, substeps=substeps, drive=drive)
+
+
+def rollouts_derivatives(
+    tree: Tree,
+    directions: Directions,
+    times: np.ndarray,
+    first: np.ndarray,
+    states: np.ndarray,
+    *,
+    substeps: int,
+    drive: Drive | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Integrate as ``rollouts`` does, together with the exact derivatives along directions.
+
+    Args:
+        tree: The joint tree.
+        directions: What each parameter changes in the tree and in the drive.
+        times: Time stamps of all runs end to end [s], (frame,).
+        first: First frame of each run and one past the last, (piece + 1,).
+        states: Joint positions, then rates at the first frame of each run, (piece, 2 dof).
+        substeps: Equal steps between two stamps.
+        drive: Torques over time in addition to friction and springs, or None.
+
+    Returns:
+        Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
+        the parameters, then by the positions and by the rates that the frame's run starts with.
+
+    Raises:
+        MechanismError: From ``_agree``: an array is not of the tree's joints.
+    """
     from monodyn.mechanism import tangents
 
     drive = drive or UNDRIVEN(len(tree.parent))
-    _agree(tree, q0, v0, drive.table.T, directions.entry.T)
-    dofs, params, f8 = len(tree.parent), directions.links.shape[2], np.float64
-    times = plain(times, f8)
-    # what changes nothing is not carried along at all
-    begin = np.zeros(params + 2 * dofs, dtype=np.int64)
-    begin[:params] = np.where(directions.acting, 0, len(times))
-    if drive.mode == KNOTS:
-        # A torque at a knot costs time only from where it begins to act: the kernel takes the directions in
-        # that order, and at each frame only those that act by then.
-        begin[:params] = np.where(directions.always, 0, _begins(drive.times, times, directions.entry, params))
+    _agree(tree, states[:, ::2], drive.table.T, directions.entry.T)
+    f8, i8 = np.float64, np.int64
+    times, first = plain(times, f8), plain(first, i8)
+    order, live = _carried(tree, directions, times, first, drive)
     lagging = np.zeros(drive.table.shape) if drive.lagging is None else drive.lagging
     # known torques have a table, but no entry of it is a parameter
     entry = directions.entry if directions.entry.size else np.full(drive.table.shape, -1)
-    order = np.argsort(begin, kind="stable")
-    live = np.searchsorted(begin[order], np.arange(len(times)), side="right")
     return tangents.rollout_tangents(
         tree.parent, tree.kind, tree.links, plain(directions.links, f8), tree.gravity,
-        plain(directions.gravity, f8), times, int(substeps), plain(q0, f8), plain(v0, f8), drive.mode,
-        drive.times, drive.table, plain(lagging, f8), plain(entry, np.int64),
-        plain(directions.load, f8), plain(directions.clock, f8), plain(directions.lag, f8),
-        plain(order, np.int64), plain(live, np.int64),
+        plain(directions.gravity, f8), times, first, int(substeps), plain(states, f8), drive.mode,
+        drive.times, drive.table, plain(lagging, f8), plain(entry, i8), plain(directions.load, f8),
+        plain(directions.clock, f8), plain(directions.lag, f8), order, live,
     )  # fmt: skip
+
+
+def _carried(
+    tree: Tree, directions: Directions, times: np.ndarray, first: np.ndarray, drive: Drive
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the order in which directions begin to act along each run, int64 (run, param + 2 dof), and how
+    many of them act by each frame, int64 (frame,): the kernel carries no others along."""
+    params, runs = directions.links.shape[2], len(first) - 1
+    never = len(times)
+    begin = np.zeros((runs, params + 2 * len(tree.parent)), dtype=np.int64)
+    begin[:, :params] = np.where(directions.acting, 0, never)
+    if drive.mode != KNOTS or not np.any(directions.entry >= 0):
+        order = np.argsort(begin, axis=1, kind="stable")
+        return order, np.full(len(times), np.sum(begin[:1] == 0))
+    # a torque at a knot costs time only from where it begins to act
+    live = np.empty(len(times), dtype=np.int64)
+    for k, (a, b) in enumerate(pairwise(first.tolist())):
+        begins = _begins(drive.times, times[a:b], directions.entry, params)
+        begin[k, :params] = np.where(directions.always, 0, begins)
+        live[a:b] = np.searchsorted(np.sort(begin[k]), np.arange(b - a), side="right")
+    return np.argsort(begin, axis=1, kind="stable"), live
 
 
 def transitions(
@@ -310,12 +387,13 @@ def transitions(
     entry = np.full(drive.table.shape, -1)
     nothing = Directions(np.zeros((*tree.links.shape, 0)), np.zeros((2, 0)), entry, none, none, none)
     found = np.empty((len(times), len(start), len(start)))
-    found[0] = np.eye(len(start))
-    for i in range(1, len(times)):
-        _, _, dq, dv = rollout_derivatives(
-            tree, nothing, times[i - 1 : i + 1], q[i - 1], v[i - 1], substeps=substeps, drive=drive
-        )
-        found[i] = np.concatenate((dq[1], dv[1]))
+    found[:1] = np.eye(len(start))
+    # every interval is a run of its own, of two frames
+    pairs, starts = np.column_stack((times[:-1], times[1:])).ravel(), np.hstack((q, v))[:-1]
+    _, _, dq, dv = rollouts_derivatives(
+        tree, nothing, pairs, np.arange(0, len(pairs) + 1, 2), starts, substeps=substeps, drive=drive
+    )
+    found[1:] = np.concatenate((dq[1::2], dv[1::2]), axis=1)
     return found
 
 

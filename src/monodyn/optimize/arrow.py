@@ -18,6 +18,16 @@ BLOCKED = 64
 
 
 @njit(cache=True, error_model="numpy")
+def finite(hessian, gradient, cross, local_hessian, local_gradient):  # pragma: no cover - compiled
+    """Return whether nothing in a model is NaN or infinite; arrays as in ``levenberg.Arrow``."""
+    for part in (hessian.ravel(), gradient, cross.ravel(), local_hessian.ravel(), local_gradient.ravel()):
+        for value in part:
+            if not np.isfinite(value):
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
 def damped_step(
     hessian, gradient, cross, local_hessian, local_gradient, damping, scale, local_scale, below, above
 ):  # pragma: no cover - compiled

@@ -70,8 +70,10 @@ class Arrow:
     @property
     def finite(self) -> bool:
         """True when nothing in the model is NaN or infinite."""
+        from monodyn.optimize.arrow import finite
+
         parts = (self.hessian, self.gradient, self.cross, self.local_hessian, self.local_gradient)
-        return bool(np.isfinite(self.cost)) and all(bool(np.isfinite(part).all()) for part in parts)
+        return bool(np.isfinite(self.cost)) and finite(*map(np.ascontiguousarray, parts))
 
 
 @dataclass(frozen=True, eq=False)

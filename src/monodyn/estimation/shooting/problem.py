@@ -8,27 +8,28 @@ other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from monodyn.arrays import plain
 from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.shooting.instance import Instance
 from monodyn.estimation.shooting.prior import Prior, size_prior
-from monodyn.estimation.shooting.trial import Run, Trial, for_each_run
+from monodyn.estimation.shooting.trial import Run, Trial, in_batches
 from monodyn.estimation.shooting.unknowns import Unknowns, choose_unknowns
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import power
 from monodyn.mechanism.drive import Drive
-from monodyn.mechanism.simulate import rollout, rollout_derivatives
+from monodyn.mechanism.simulate import rollouts, rollouts_derivatives
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL, with_roll
 from monodyn.optimize import Arrow
 
+Moved = tuple[np.ndarray, ...]
+"""Positions and rates by row, and their derivatives where they are wanted."""
 ALONG = 0.1
 """Share of a step at which its bend is measured."""
 
@@ -149,12 +150,11 @@ class Problem:
         cost += 0.5 * float(change @ pull)
         return Arrow(cost, hessian + self.prior.information, gradient + pull, cross, local, slope, rows)
 
-    def rows(self, trial: Trial, instance: Instance | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def rows(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
         """Return whitened residuals and their Jacobian.
 
         Args:
             trial: Unknowns and start states.
-            instance: The mechanism at its unknowns, where that is known.
 
         Returns:
             Residuals (row, dof) and Jacobian (row, dof, param + 2 dof), whose last columns belong to the
@@ -162,28 +162,43 @@ class Problem:
         """
         from monodyn.estimation.shooting.kernels import whitened_rows
 
-        data, pieces, there = self.data, trial.pieces, instance or self.at(trial.x)
-        q, dq = trial.recalled("tangents", self._moving) or self._integrated(trial, there)
+        data, pieces, x = self.data, trial.pieces, trial.x
+        q, _, dq, _ = self.moved(trial)
         slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
-        position = data.position + turned * there.roll
-        return whitened_rows(q, dq, position, data.white, slide, there.size, there.dsize)
-
-    def _integrated(self, trial: Trial, there: Instance) -> tuple[np.ndarray, np.ndarray]:
-        """Return the positions of all rows, (row, dof), and their derivatives, (row, dof, param + 2 dof)."""
-        pieces = trial.pieces
-
-        def of_piece(run: Run) -> tuple[np.ndarray, np.ndarray]:
-            q, _, dq, _ = self.tangents(there, trial.substeps, run)
-            return q, dq
-
-        states = plain(trial.states)
-        runs = list(zip(pieces.first[:-1].tolist(), pieces.first[1:].tolist(), states, strict=True))
-        q, dq = (np.concatenate(part) for part in zip(*for_each_run(of_piece, runs), strict=True))
-        if there.droll.any():
+        if ROLL in self.unknowns.names:
             # the picture of a rolled camera lacks the roll: it is added to what was measured, and its
             # derivative is that of the simulated less the measured position
-            dq[:, :, : len(trial.x)] -= pieces.by_row(self.data.by_roll)[:, :, None] * there.droll
-        return trial.remember("tangents", self._moving, (q, dq))
+            dq = dq.copy()
+            dq[:, :, self.unknowns.names.index(ROLL)] -= turned
+        position = data.position + turned * self.roll(x)
+        return whitened_rows(q, dq, position, data.white, slide, self.size(x), self.prior.weights)
+
+    def moved(self, trial: Trial) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Simulate every piece with its derivatives, as ``tangents`` does; the trial keeps them.
+
+        Args:
+            trial: Unknowns and start states.
+
+        Returns:
+            Positions and rates, (row, dof), and their derivatives, (row, dof, param + 2 dof).
+        """
+        known = trial.recalled("tangents", self._moving)
+        if known is not None:
+            return known
+        moved = self.tangents(self.instance(trial), trial.substeps, trial.runs)
+        return trial.remember("tangents", self._moving, moved)
+
+    def instance(self, trial: Trial) -> Instance:
+        """Return the mechanism at the unknowns of a trial, as ``at`` does; the trial keeps it.
+
+        Args:
+            trial: The trial.
+
+        Returns:
+            Tree and drive with their derivatives by coordinate.
+        """
+        known = trial.recalled("instance", self._moving)
+        return known or trial.remember("instance", self._moving, self.at(trial.x))
 
     @property
     def _moving(self) -> tuple[object, ...]:
@@ -191,33 +206,30 @@ class Problem:
         return self.mechanism, self.unknowns, self.data.times, self.data.by_roll, self.prior.weights
 
     def tangents(
-        self, instance: Instance, substeps: int, run: Run
+        self, instance: Instance, substeps: int, runs: Sequence[Run]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Simulate one run of rows with its derivatives.
+        """Simulate runs of rows with their derivatives.
 
         Args:
             instance: The mechanism.
             substeps: Integration steps between two time stamps.
-            run: First row, one past the last row and start state (2 dof,).
+            runs: First row, one past the last row and start state (2 dof,) of each.
 
         Returns:
-            Positions and rates in metres and true time, each (row, dof), and their derivatives, each (row,
-            dof, param + 2 dof): by coordinate, then by start state.
+            Positions and rates of all runs end to end, in metres and true time, each (row, dof), and their
+            derivatives, each (row, dof, param + 2 dof): by coordinate, then by the start state of the run.
         """
-        first, stop, state = run
         dofs, params = self.data.position.shape[1], len(instance.dsize)
-        q0, v0 = state[:dofs], state[dofs:]
-        drive = self.driven(instance.drive, instance.lag, instance.stretch, first, stop)
-        clock = self.data.times[first:stop] * instance.stretch
-        q, v, dq, dv = rollout_derivatives(
-            instance.tree, instance.slowed, clock, q0, v0, substeps=substeps, drive=drive
-        )
+        integrate = partial(rollouts_derivatives, instance.tree, instance.slowed, substeps=substeps)
+        q, v, dq, dv = self._together(integrate, instance.drive, instance.lag, instance.stretch, runs)
         if instance.dstretch.any():
             # start rates are by true time: a slower clock is like larger ones, at the same stamps
             # of a motion that grows beyond all bounds nothing is finite, which the search rejects
+            v0 = np.repeat([run[2][dofs:] for run in runs], [run[1] - run[0] for run in runs], axis=0)
             with np.errstate(invalid="ignore", over="ignore"):
                 for part in (dq, dv):
-                    part[:, :, :params] += (part[:, :, params + dofs :] @ v0)[:, :, None] * instance.dstretch
+                    along = part[:, :, params + dofs :] @ v0[:, :, None]
+                    part[:, :, :params] += along * instance.dstretch
                 # and so are those of every row, which the change of forces has by the stamps
                 dv[:, :, :params] -= v[:, :, None] * instance.dstretch
         return q, v, dq, dv
@@ -273,7 +285,8 @@ class Problem:
         motion = trial.recalled("motion", self._moving)
         if motion is not None:
             return motion
-        return trial.remember("motion", self._moving, self.rollouts(trial.x, trial.runs, trial.substeps))
+        motion = self.moving(trial.x)(trial.runs, trial.substeps)[:, : self.data.position.shape[1]]
+        return trial.remember("motion", self._moving, motion)
 
     def differences(self, trial: Trial) -> np.ndarray:
         """Compare the measured with the simulated positions.
@@ -308,51 +321,45 @@ class Problem:
                 rates[first:stop] = np.gradient(simulated[first:stop], self.data.times[first:stop], axis=0)
         return rates
 
-    def rollouts(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
-        """Simulate runs of rows.
+    def moving(self, x: np.ndarray) -> Callable[[Sequence[Run], int], np.ndarray]:
+        """Return what simulates runs of rows at coordinates, with any number of integration steps between two
+        time stamps.
 
         Args:
             x: Coordinates, (param,).
-            runs: First row, one past the last row and start state (2 dof,) of each.
-            substeps: Integration steps between two time stamps.
 
         Returns:
-            Positions of all runs end to end [rad or m], (row, dof).
-        """
-        return self.motions(x, runs, substeps)[:, : self.data.position.shape[1]]
-
-    def motions(self, x: np.ndarray, runs: list[tuple[int, int, np.ndarray]], substeps: int) -> np.ndarray:
-        """Simulate runs of rows, with the rates.
-
-        Args:
-            x: Coordinates, (param,).
-            runs: First row, one past the last row and start state (2 dof,) of each.
-            substeps: Integration steps between two time stamps.
-
-        Returns:
-            States of all runs end to end, positions then rates [rad or m, rad/s or m/s], (row, 2 dof).
-        """
-        return self.moving(x)(runs, substeps)
-
-    def moving(self, x: np.ndarray) -> Callable[[list[Run], int], np.ndarray]:
-        """Return what simulates runs of rows at coordinates, as ``motions`` does, for many numbers of steps.
-
-        Args:
-            x: Coordinates, (param,).
+            A function of runs (first row, one past the last row and start state (2 dof,) of each) and steps,
+            which returns the states of all runs end to end, positions then rates [rad or m, rad/s or m/s],
+            (row, 2 dof).
         """
         mechanism, stretch = self.mechanism_at(x), self.stretch(x)
         tree, drive, lag = mechanism.tree, mechanism.drive, self.lag(mechanism)
 
-        def simulated(runs: list[Run], substeps: int) -> np.ndarray:
-            def of_run(run: Run) -> np.ndarray:
-                first, stop, state = run
-                times, (q0, v0) = self.data.times[first:stop] * stretch, np.split(state, 2)
-                driven = self.driven(drive, lag, stretch, first, stop)
-                return np.hstack(rollout(tree, times, q0, v0, substeps=substeps, drive=driven))
-
-            return np.concatenate(for_each_run(of_run, runs))
+        def simulated(runs: Sequence[Run], substeps: int) -> np.ndarray:
+            integrate = partial(rollouts, tree, substeps=substeps)
+            return np.hstack(self._together(integrate, drive, lag, stretch, runs))
 
         return simulated
+
+    def _together(
+        self, integrate: Callable[..., Moved], drive: Drive, lag: float, stretch: float, runs: Sequence[Run]
+    ) -> Moved:
+        """Return what integrates runs under one drive applied to all of them, end to end; where torques are
+        known each has a drive of its own."""
+        data = self.data
+
+        def of(batch: Sequence[Run]) -> Moved:
+            times = np.concatenate([data.times[first:stop] for first, stop, _ in batch]) * stretch
+            begins = np.cumsum([0, *(stop - first for first, stop, _ in batch)])
+            own = self.driven(drive, lag, stretch, *batch[0][:2])
+            return integrate(times, begins, np.array([state for *_, state in batch]), drive=own)
+
+        parts = in_batches(lambda batch: [of([run]) for run in batch] if data.torques else [of(batch)], runs)
+        found = [part for batch in parts for part in batch]
+        return (
+            found[0] if len(found) == 1 else tuple(np.concatenate(part) for part in zip(*found, strict=True))
+        )
 
     def lag(self, mechanism: Mechanism) -> float:
         """Return how much later than in their log known torques act [s]; 0 where that is no question.

@@ -111,7 +111,7 @@ class Search:
         found: list[Optimum] = []
         for other in endings:
             near = other.complete and best.complete and abs(other.cost - best.cost) < apart
-            if near and all(self._rise(one, other) > apart for one in (best, *found)):
+            if other is not best and near and all(self._rise(one, other) > apart for one in (best, *found)):
                 found.append(other)
         return tuple(other.x for other in found)
 

@@ -84,8 +84,9 @@ class Trial:
         return list(zip(self.pieces.first[:-1], self.pieces.first[1:], self.states, strict=True))
 
 
-def for_each_run(function: Callable[[Run], Result], runs: Sequence[Run]) -> list[Result]:
-    """Apply a function to each run of rows, on all cores where there is enough to do.
+def in_batches(function: Callable[[Sequence[Run]], Result], runs: Sequence[Run]) -> list[Result]:
+    """Apply a function to runs of rows, to all of them at once or, where there is enough to do, to neighbours
+    on all cores.
 
     Args:
         function: The function.
@@ -96,9 +97,6 @@ def for_each_run(function: Callable[[Run], Result], runs: Sequence[Run]) -> list
     """
     rows = sum(stop - first for first, stop, _ in runs)
     if len(runs) == 1 or rows < ROWS_FOR_CORES:
-        return [function(run) for run in runs]
-    # neighbours together: one by one the runs are too short to be handed to another core
+        return [function(runs)]
     bounds = np.linspace(0, len(runs), min(len(runs), CHUNKS) + 1).astype(int)
-    chunks = [runs[a:b] for a, b in pairwise(bounds)]
-    done = on_all_cores(lambda chunk: [function(run) for run in chunk], chunks)
-    return [result for part in done for result in part]
+    return on_all_cores(function, [runs[a:b] for a, b in pairwise(bounds)])

@@ -140,7 +140,8 @@ def with_more_unknowns(
     start = optimum.trial.at(x, optimum.trial.states)
     # The cost is nearly quadratic about an optimum: the first step gains most of what there is to gain. Not
     # so far from the noise, where the other unknowns have taken on what the new ones should explain.
-    found = fit_pieces(larger, start, route, ONE_STEP)
+    # It is the same motion so far, and is compared with the optimum as it was integrated.
+    found = fit_pieces(larger, start, route, ONE_STEP, substeps=optimum.trial.substeps)
     if pays(optimum, found, 1) or optimum.sigma > AT_NOISE:
         found = fit_pieces(larger, found.trial, route, route.fine)
     return larger, found

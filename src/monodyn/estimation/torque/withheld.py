@@ -44,7 +44,7 @@ def withheld_errors(
     """
     errors = []
     trial = optimum.trial
-    states = problem.motions(trial.x, trial.runs, trial.substeps)
+    states = problem.moving(trial.x)(trial.runs, trial.substeps)
     for first, rest in _splits(problem.data):
         x = _found(problem, optimum.x, rest, states, smoothed, route, held=False).x
         shown = _found(problem, x, first, states, smoothed, route, held=True)

@@ -210,13 +210,15 @@ def _regrouped(problem: Problem, x: np.ndarray, known: Knowledge, drawn: Posteri
         found = inertial_ratios(mechanism, tree, full=free and not absolute)
         return found | (inertial_values(mechanism, tree) if free and absolute else {})
 
-    values = regrouped(instance.tree)
-    slopes = []
-    for p in range(len(x)):
-        moved = instance.tree.along(instance.directions, p, COMPLEX_STEP * 1j)
-        step = regrouped(moved)
-        slopes.append([np.imag(step[name]) / COMPLEX_STEP for name in values])
-    slope = np.array(slopes).T.reshape(len(values), len(x))
+    values, tree, steps = regrouped(instance.tree), instance.tree, instance.directions
+    # trees of one step each, and one without a step where there may be no unknown at all
+    links, gravity = (
+        np.concatenate((value[..., None] + 1j * COMPLEX_STEP * slopes, value[..., None]), axis=-1)
+        for value, slopes in ((tree.links, steps.links), (tree.gravity, steps.gravity))
+    )
+    moved = regrouped(Trees(tree.parent, tree.kind, links, gravity))
+    slope = np.array([np.imag(moved[name][:-1]) / COMPLEX_STEP for name in values])
+    slope = slope.reshape(len(values), len(x))
     draws = {} if drawn is None else regrouped(drawn.trees)
     found = []
     for (name, value), gradient in zip(values.items(), slope, strict=True):

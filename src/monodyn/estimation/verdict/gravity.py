@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from monodyn.estimation.fit import Fit
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.verdict.combinations import combinations
@@ -20,7 +21,7 @@ GRAVITY_STD = 1.5e-3
 at sea level, less on mountains, and the air carries a part in a thousand of what is light."""
 
 
-def gravity_share(found: Refined) -> Share:
+def gravity_share(found: Refined, fit: Fit) -> Share:
     """Return what it adds to the standard deviations that gravity is known no better than that.
 
     Gravity is taken for a further unknown about the file's value. Lengths follow from it, and masses and
@@ -29,6 +30,7 @@ def gravity_share(found: Refined) -> Share:
 
     Args:
         found: The optimum, and what is known there.
+        fit: Its parameters and combinations, with the deviations that follow from what is known there.
     """
     problem, optimum = found.weighted, found.optimum
     if not _taken(problem.mechanism):
@@ -43,8 +45,8 @@ def gravity_share(found: Refined) -> Share:
     known = _with_its_share(found, larger, moved)
     # of deviations alone, which do not depend on the width of an interval
     return Share(
-        added(estimates(problem, optimum, found.known, 1.0), estimates(larger, moved, known, 1.0)),
-        added(combinations(problem, optimum.x, found.known, 1.0), combinations(larger, x, known, 1.0)),
+        added(fit.parameters, estimates(larger, moved, known, 1.0)),
+        added(fit.combinations, combinations(larger, x, known, 1.0)),
     )
 
 

@@ -78,7 +78,7 @@ def summarize(
         found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began,
         drawn=posterior(found),
     )  # fmt: skip
-    hardly = None
+    by_noise, hardly = fit, None
     if settings.uncertainty != "linear":
         quantile = _quantile(found.freedom)
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
@@ -90,7 +90,7 @@ def summarize(
         # nor does it tell anything of the camera
         unshifted = problem.with_data(replace(problem.data, shifts=None))
         return summarize(replace(solution, problem=unshifted), records, settings, began, progress)
-    by_gravity = gravity_share(found)
+    by_gravity = gravity_share(found, by_noise)
     lacking = unmodelled(found)
     random = np.zeros(len(fit.rms)) if lacking is None else lacking.density
     for more in (by_gravity,) if lost else (by_gravity, repeating_share(found, random)):
