@@ -104,7 +104,7 @@ def repeating(found: Refined, random: np.ndarray) -> np.ndarray:
         coarse = left(density, some)
         return max(coarse.likelihood(k, k, most)[1] for k in range(len(coarse.forces)))
 
-    likely = on_all_cores(likely_with, densities)
+    likely = on_all_cores(likely_with, densities) if len(densities) > 1 else [0.0]
     # a record too short to tell leaves both possible: then what repeats is the more cautious
     possible = np.array(likely) > max(likely) - UNTOLD * np.count_nonzero(problem.data.measured)
     whole = left(densities[int(np.argmax(possible))], slice(None))
@@ -114,7 +114,7 @@ def repeating(found: Refined, random: np.ndarray) -> np.ndarray:
         pull = np.concatenate((forces[pair[0]][0], errors[pair[1]][0]), axis=1)
         return residuals.wider(pull * strengths), likelihood
 
-    found_so = on_all_cores(with_lengths, product(range(len(LENGTHS)), repeat=2))
+    found_so = on_all_cores(with_lengths, product(range(len(LENGTHS)), range(len(LENGTHS))))
     # no pair of lengths is certain: each counts as it is likely
     likelihood = np.array([value for _, value in found_so])
     weight = np.exp(likelihood - np.max(likelihood))
