@@ -35,7 +35,7 @@ PERIOD = 36
 """Frames until it is there again: a quarter of it is whole, and it is longer than that of small swings."""
 NOISE = 2.0
 """Standard deviation of the noise of a pixel [grey levels]."""
-EVERY = 1.0
+EVERY = 10.0
 """Between two looks at the memory [s of the stream]."""
 
 

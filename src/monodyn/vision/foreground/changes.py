@@ -104,7 +104,7 @@ def moving_pixels(
             blank = np.zeros(len(y))
             columns = [columns[0], blank, blank, columns[1], blank, blank]
         rows.append(np.column_stack([*columns, np.full(len(y), i)]))
-    return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, PIXEL_COLUMNS))
+    return np.concatenate(rows).astype(np.float64, copy=False) if rows else np.zeros((0, PIXEL_COLUMNS))
 
 
 def _margined(background: Background) -> tuple[slice, slice]:

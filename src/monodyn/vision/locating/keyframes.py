@@ -111,6 +111,11 @@ class KeyFrames:
         """
         return replace(self, frames=tuple(self.frames[row] for row in rows))
 
+    def afresh(self) -> KeyFrames:
+        """Return the same frames without what was worked out of them: of all of them it would be much to keep
+        for what is done with them once."""
+        return replace(self, frames=tuple(replace(frame) for frame in self.frames))
+
     def reduced(self, factor: int) -> KeyFrames:
         """Return the frames reduced further.
 

@@ -8,7 +8,7 @@ improved in turn.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -153,12 +153,10 @@ def search_poses(
     """
     rig = rig_of(as_thick(frames, mechanism, camera), camera, shrink=frames.shrink)
     further = itertools.repeat(None) if near is None else iter(near)
-
-    def placed(pair: tuple[KeyFrame, np.ndarray | None]) -> tuple[np.ndarray, float]:
-        # what is worked out of a mask to search it is not kept: of all of them it would be much
-        return search_pose(replace(pair[0]), frames, rig, mechanism, near=pair[1])
-
-    found = on_all_cores(placed, zip(frames.frames, further, strict=False))
+    found = on_all_cores(
+        lambda pair: search_pose(pair[0], frames, rig, mechanism, near=pair[1]),
+        zip(frames.afresh().frames, further, strict=False),
+    )
     positions, mismatch = np.array([q for q, _ in found]), np.array([share for _, share in found])
     return SceneGuess(mechanism, camera, positions, mismatch)
 
