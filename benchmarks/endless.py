@@ -24,6 +24,7 @@ from cases import chain
 from clips import simulate, wrong
 from paint import Painter
 from spec import Case, mjcf
+from speed import monodyn_command
 
 SWING = Case("endless", chain((0.22, 0.18), (0.03, 0.027), damping=0.0), (), noise=0.0)
 """What swings; where it is let go follows from its period."""
@@ -125,12 +126,10 @@ def followed(case: Case, seconds: float) -> Followed:
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / "model.xml"
         model.write_text(mjcf(tuple(wrong(part) for part in case.parts)))
-        code = "import sys; from monodyn.cli import main; sys.exit(main())"
         words = ["live", "-", "--model", str(model), "--rate", str(case.rate), "--quiet", "--ndjson", "-"]
         words += ["--live.size", f"{width},{height}", "--live.pixels", "gray"]
-        child = subprocess.Popen(
-            [sys.executable, "-c", code, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-        )
+        command = [*monodyn_command(), *words]
+        child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert child.stdin is not None
         assert child.stdout is not None
         count = round(seconds * case.rate)
