@@ -159,8 +159,9 @@ def _feed(pipe: IO[bytes], case: Case, count: int) -> None:
 def _watched(lines: IO[bytes], pid: int) -> Followed:
     """Return what a process writes of every frame, and its memory meanwhile."""
     looks, frames, since, known = [], 0, 0, 0
-    for frames, line in enumerate(lines, start=1):
+    for line in lines:
         step = json.loads(line)
+        frames += 1
         since += step["phase"] == "following"
         known += step["fresh"] is not None and step["verdict"] != "refused"
         if step["time"] >= len(looks) * EVERY:

@@ -1,9 +1,9 @@
 """Print how soon, how exactly and how fast a stream is identified while it goes on, and what that costs.
 
-Run: ``MONODYN_DATA=<folder> python benchmarks/live.py [--only NAME ...] [--json FILE] [--gate]``. ``accuracy``
-compares what is known at every second of a clip with its truth, ``batch`` with one fit of the same frames;
-``paced`` plays drawn clips at their own pace, ``memory`` a stream of half an hour as fast as it goes. Times are
-those of an idle machine.
+Run: ``MONODYN_DATA=<folder> python benchmarks/live.py [--only NAME ...] [--json FILE] [--gate]``.
+``accuracy`` compares what is known at every second of a clip with its truth, ``batch`` with one fit of the
+same frames; ``paced`` plays drawn clips at their own pace, ``memory`` a stream of half an hour as fast as it
+goes. Times are those of an idle machine.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from monodyn.live.sources import Source
 from monodyn.types import Frame
 
 AHEAD = 4
-"""Frames of a source that waits that are read before they are wanted: enough for decoding to go on meanwhile."""
+"""Frames of a source that waits that are read before they are wanted: decoding goes on meanwhile."""
 
 
 class Arrival(NamedTuple):
