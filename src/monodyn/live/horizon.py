@@ -287,8 +287,10 @@ class Horizon:
         found, rows = self._found, self._rows
         assert found is not None
         old = int(np.searchsorted(rows.time, rows.time[-1] - self._seconds - 1e-9))
-        old = max(old, self._followed(found))
-        stays = min(old, max(int(np.searchsorted(rows.time, rows.time[0] + AT_ONCE + 1e-9)), 1))
+        most = max(int(np.searchsorted(rows.time, rows.time[0] + AT_ONCE + 1e-9)), 1)
+        # how errors grow over a long stretch is a matter of rounding, too
+        old = old if old > most else max(old, self._followed(found))
+        stays = min(old, most)
         if stays == 0:
             return False
         row = int(np.searchsorted(found.window.times, rows.time[stays]))
@@ -308,7 +310,8 @@ class Horizon:
         if not len(at):
             return 0
         # how the last positions follow those at each row, in deviations of the noise
-        grown = (slopes[-1] @ np.linalg.inv(slopes[at]))[:, :dofs, :dofs]
+        # (what has shrunk to nothing by a row does not grow any more)
+        grown = (slopes[-1] @ np.linalg.pinv(slopes[at]))[:, :dofs, :dofs]
         noise = np.sqrt(np.nanmean(problem.data.std**2, axis=0))
         size = np.abs(grown * noise / noise[:, None]).max(axis=(1, 2))
         return int(np.sum(size > GROWN))
