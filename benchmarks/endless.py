@@ -45,8 +45,8 @@ class Followed:
     """What became of a stream.
 
     Attributes:
-        time: Time in the stream at which its process was looked at [s], (look,).
-        memory: Its resident memory then [MB], (look,).
+        time: Time in the stream at which its process was looked at [s], (sample,).
+        memory: Its resident memory then [MB], (sample,).
         peak: The most it ever was [MB].
         frames: Frames that came.
         since: Those from the one on in which the mechanism was found.
@@ -118,6 +118,9 @@ def followed(case: Case, seconds: float) -> Followed:
     Args:
         case: A motion with a period.
         seconds: Length of the stream [s].
+
+    Returns:
+        What became of it.
 
     Raises:
         RuntimeError: the process ended before the stream.
