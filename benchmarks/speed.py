@@ -320,7 +320,7 @@ def running(clip: Clip, repeats: int) -> list[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         arguments = ["run", str(clip.video), "--model", str(clip.model), "--fit-frames", "0:40"]
         for i in range(1 + min(repeats, 3)):
-            ended = _process([*_monodyn(), *arguments, "--out", f"{folder}/{i}", "--quiet"])
+            ended = _process([*monodyn_command(), *arguments, "--out", f"{folder}/{i}", "--quiet"])
             if i > 0:
                 seconds.append(ended.wall)
                 busy.append(ended.cpu)
@@ -354,7 +354,7 @@ def compared(clip: Clip, other: Path, repeats: int) -> list[Figure]:
         arguments = ["run", str(clip.video), "--model", str(clip.model), "--force", "--quiet"]
         for _ in range(1 + repeats):
             for name, source in sources.items():
-                command = [*_monodyn(), *arguments, "--out", f"{folder}/{name}"]
+                command = [*monodyn_command(), *arguments, "--out", f"{folder}/{name}"]
                 found[name].append(_process(command, {**os.environ, "PYTHONPATH": str(source)}))
     codes = {name: {run.code for run in found[name]} for name in sources}
     if codes["this"] != codes["other"]:
@@ -414,7 +414,7 @@ def _follow(scene: Scene, masks: list[monodyn.Mask]) -> None:
         follower.step(mask)
 
 
-def _monodyn() -> list[str]:
+def monodyn_command() -> list[str]:
     """Return the command of this interpreter's monodyn."""
     return [sys.executable, "-c", "import sys; from monodyn.cli import main; sys.exit(main())"]
 

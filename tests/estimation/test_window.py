@@ -15,7 +15,7 @@ from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Route, fit_pieces
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.uncertainty import knowledge_at
-from monodyn.estimation.window import ahead, refit, slid, start_of, window_of
+from monodyn.estimation.window import _inverse, ahead, refit, slid, start_of, window_of
 from monodyn.mechanism import load
 from monodyn.optimize import SearchSettings
 from monodyn.stages import identify
@@ -165,3 +165,11 @@ def test_a_torque_over_time_is_refused(rows):
         "seconds with --identify.torque friction.",
     ):
         window_of(replace(fit, torque="free"), load("double"), rows)
+
+
+def test_rounding_is_no_derivative_of_what_the_motion_depends_on():
+    """A row that is zero but for rounding has no inverse, and changes that of no other."""
+    slopes = np.array([[2.0, 0.0], [1e-16, -2e-16], [0.0, 1e-3], [0.0, 0.0]])
+    back = _inverse(slopes)
+    assert np.allclose(back[:, [0, 2]], [[0.5, 0.0], [0.0, 1e3]], rtol=1e-12)
+    assert np.all(back[:, [1, 3]] == 0.0)

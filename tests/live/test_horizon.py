@@ -1,11 +1,14 @@
-"""The horizon of a stream: every frame's search ends at its optimum, in few steps."""
+"""The horizon of a stream: every frame's search ends at its optimum, in few steps; and what goes on from a long
+stretch of a wild motion, against the fit of that stretch and the truth."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.live.horizon import Horizon
+from monodyn.live.horizon import Horizon, horizon_of
+from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from swings import double_truth, motion, record
@@ -13,6 +16,8 @@ from swings import double_truth, motion, record
 FIXED = {"link1.thickness": 0.006, "link1.width": 0.02, "link2.width": 0.02}
 BEGUN, FRAMES = 60, 150
 """Rows that are fitted first, and rows of all."""
+LONG, ALL = 180, 240
+"""Rows of a long stretch that begins it, and of the whole record."""
 
 
 def test_every_frame_ends_at_its_optimum() -> None:
@@ -30,3 +35,27 @@ def test_every_frame_ends_at_its_optimum() -> None:
     for name in ("link1.length", "link2.length"):
         off = estimate.fit.parameter(name).value - truth.parameter(name).value
         assert abs(off) < 3.0 * estimate.std[name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damping", [3e-3, 6e-3])
+def test_a_long_stretch_of_a_wild_motion_leaves_the_window_as_it_was_known(damping):
+    """A triple pendulum: within the stretch some errors grow a hundredfold while others shrink to nothing."""
+    values = {"joint1.damping": 2e-3, "joint2.damping": damping, "joint3.damping": damping}
+    truth, times = load("triple").with_values(values), np.arange(ALL) / 30.0
+    rows = record(truth, times, motion(truth, times, [1.0, 1.5, 0.5], [0.0, 0.0, 0.0]), noise=5e-4)
+    mechanism = load("triple")
+    fit = identify(rows.part(0, LONG), mechanism)
+    horizon = horizon_of(fit, mechanism, rows.part(0, LONG), LiveSettings())
+    assert horizon is not None
+    for k in range(LONG, ALL):
+        found = horizon.add(rows.part(k, k + 1))
+        assert found is not None, k
+        assert not found.astray
+    lengths = [f"link{number}.length" for number in (1, 2, 3)]
+    for name in lengths:
+        before, now = fit.parameter(name), found.fit.parameter(name)
+        assert now.std == pytest.approx(before.std, rel=0.1)
+        assert abs(now.value - truth.values[name]) < 2.0 * now.std
+    # the window begins no later than it has to
+    assert found.time[0] == pytest.approx(times[-1] - 1.0, abs=0.07)

@@ -22,7 +22,7 @@ import pytest
 from monodyn.errors import SettingsError, VideoError
 from monodyn.live import sources
 from monodyn.live.clock import LONGEST, USUAL_STEP, Clock
-from monodyn.live.feed import Feed
+from monodyn.live.feed import AHEAD, Feed
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import Source, open_source, raw_frames
 from monodyn.types import Frame
@@ -146,6 +146,23 @@ def test_a_file_goes_as_fast_as_it_is_taken_and_loses_nothing(tmp_path):
     assert [f.index for f in found] == list(range(12))
     assert [left_edge(f.luma) for f in found] == pytest.approx([2 + k for k in range(12)], abs=1)
     assert feed.skipped == 0
+
+
+def test_of_a_source_that_waits_only_a_few_frames_are_read_ahead():
+    read = []
+
+    def frames():
+        for number in range(50):
+            read.append(number)
+            yield frame(number)
+
+    with no_thread_left():
+        feed = Feed(made(frames), 60)
+        taken(feed, 1)
+        time.sleep(0.2)
+        assert 1 + AHEAD <= len(read) <= 2 + AHEAD
+        assert len(taken(feed)) == 49
+        feed.close()
 
 
 def test_a_file_at_its_own_pace_takes_as_long_as_it_plays(tmp_path):

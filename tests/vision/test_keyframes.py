@@ -136,3 +136,13 @@ def test_thin_and_faint_masks_are_made_thicker() -> None:
     assert alone.area == frames.frames[1].area
     assert frames.reduced(2).thicker == 1.0
     assert key_frames(masks_of([block(0), block(300)]), 1).thicker is None
+
+
+def test_frames_made_afresh_keep_nothing_that_was_worked_out_of_them() -> None:
+    frames = key_frames(masks_of([block(left) for left in (0, 90)]), 1)
+    worked_out = [frame.balance for frame in frames.frames]
+    afresh = frames.afresh()
+    assert not any("balance" in vars(frame) for frame in afresh.frames)
+    for frame, balance in zip(afresh.frames, worked_out, strict=True):
+        assert np.array_equal(frame.balance, balance)
+        assert frame.balance is not balance

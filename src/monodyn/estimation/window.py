@@ -43,6 +43,9 @@ FEW_STEPS = SearchSettings(evaluations=10, decrease=1e-7, relative=1e-9, damping
 """From a start nearby: all but plain Gauss-Newton steps, until the cost falls by nothing that counts."""
 EXACT = 1e-5
 """Largest integration error of a window [rad or m], as of an identification."""
+ROUNDING = 1e-12
+"""Size of the derivatives of something that the motion depends on, over that of the largest, up to which they
+are those of rounding."""
 ALIKE = 1e-9
 """Share of the largest effect of the unknowns on what the motion depends on below which there is none."""
 
@@ -412,7 +415,8 @@ def _explained(window: Window, trial: Trial) -> bool:
 def _inverse(slopes: np.ndarray) -> np.ndarray:
     """Return the derivatives of the unknowns by what the motion depends on, (param, feature)."""
     size = np.linalg.norm(slopes, axis=1)
-    size = np.where(size > 0.0, size, np.inf)
+    # what is always zero for this mechanism may be so but for rounding, which is no derivative
+    size = np.where(size > ROUNDING * size.max(initial=0.0), size, np.inf)
     return np.linalg.pinv(slopes / size[:, None], rcond=ALIKE) / size
 
 

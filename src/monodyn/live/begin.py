@@ -239,7 +239,7 @@ def as_clip(frames: Sequence[Frame], name: str) -> Video:
     numbered = [replace(frame, index=number) for number, frame in enumerate(frames)]
     times = np.array([frame.time for frame in frames])
     height, width = first.shape
-    return Video(Path(name), width, height, times, lambda start, stop: iter(numbered[start:stop]))
+    return Video(Path(name), width, height, times, lambda start, stop: iter(numbered[start:stop]), held=True)
 
 
 def _everywhere(scene: Scene) -> Scene:

@@ -16,6 +16,9 @@ from typing import Any, NamedTuple
 from monodyn.live.sources import Source
 from monodyn.types import Frame
 
+AHEAD = 4
+"""Frames of a source that waits that are read before they are wanted: decoding goes on meanwhile."""
+
 
 class Arrival(NamedTuple):
     """A frame and when it came.
@@ -34,7 +37,7 @@ class Feed:
 
     Args:
         source: Where they come from.
-        capacity: How many may wait.
+        capacity: How many may wait; of a source that waits a few are enough.
 
     Attributes:
         skipped: Frames that gave way to newer ones so far.
@@ -43,7 +46,7 @@ class Feed:
     def __init__(self, source: Source, capacity: int) -> None:
         self.skipped = 0
         source.closing.clear()
-        self._source, self._capacity = source, capacity
+        self._source, self._capacity = source, capacity if source.live else min(capacity, AHEAD)
         self._waiting: deque[Arrival] = deque()
         self._change = threading.Condition()
         self._ended, self._closed = False, False

@@ -58,6 +58,11 @@ LONGEST_GAP = 1.0
 GROWN = 30.0
 """How much an error may grow within the window: what nobody sees pushes a mechanism, and a motion beside an
 equilibrium that does not hold itself cannot be followed for long without."""
+AT_ONCE = 0.25
+"""Seconds of rows that leave the window at once: over more, rounding in what is known of the directions in
+which motions come together would drown what is known of the others."""
+BEGUN = replace(FEW_STEPS, evaluations=50)
+"""Search from the state that smooth motion has, which is not as near as the frame before."""
 LEAST_ROWS = 6
 """Measured frames from which on a motion that broke off is taken up again."""
 
@@ -200,7 +205,10 @@ class Horizon:
             for name, variance in zip(fit.shared, known, strict=False)
             if np.isfinite(stds[name])
         }
-        self._slide()
+        # all but the window leaves, a little at a time
+        while self._slide():
+            self._found = refit(self._with(self._rows), self._arrival, self._x, self._state)
+            self._x, self._state = self._found.x, self._found.state
 
     def add(self, poses: Poses) -> Estimate | None:
         """Take the next poses and estimate anew.
@@ -223,7 +231,8 @@ class Horizon:
             return None
         window = self._with(self._rows)
         state = self._begun(window) if self._found is None else self._state
-        self._found = refit(window, self._arrival, self._x, state, limit=PULL, settings=NEAR)
+        search = BEGUN if self._found is None else NEAR
+        self._found = refit(window, self._arrival, self._x, state, limit=PULL, settings=search)
         estimate = self._estimated(self._found)
         if estimate is None or estimate.astray:
             # its last rows are of another motion: what came before them stays known of the mechanism
@@ -270,17 +279,25 @@ class Horizon:
         pieces = Pieces(np.array([0, len(window.times)]), np.array([0]))
         return problem.started(self._x, pieces, (smooth(self._rows),)).states[0]
 
-    def _slide(self) -> None:
-        """Let the rows that are too old leave the window; what they say is kept."""
+    def _slide(self) -> bool:
+        """Let the rows that are too old leave the window; what they say is kept.
+
+        Returns:
+            Whether further ones are too old: those of a long stretch do not leave at once.
+        """
         found, rows = self._found, self._rows
         assert found is not None
-        stays = int(np.searchsorted(rows.time, rows.time[-1] - self._seconds - 1e-9))
-        stays = max(stays, self._followed(found))
+        old = int(np.searchsorted(rows.time, rows.time[-1] - self._seconds - 1e-9))
+        most = max(int(np.searchsorted(rows.time, rows.time[0] + AT_ONCE + 1e-9)), 1)
+        # how errors grow over a long stretch is a matter of rounding, too
+        old = old if old > most else max(old, self._followed(found))
+        stays = min(old, most)
         if stays == 0:
-            return
+            return False
         row = int(np.searchsorted(found.window.times, rows.time[stays]))
         self._arrival = self._aged(slid(found, row), float(rows.time[stays] - rows.time[0]))
         self._state, self._rows = ahead(found, row).state, rows.part(stays, len(rows))
+        return stays < old
 
     def _followed(self, found: Refitted) -> int:
         """Return the first row from which on the motion can be followed without a push: before it an error
@@ -291,7 +308,8 @@ class Horizon:
         if not len(at):
             return 0
         # how the last positions follow those at each row, in deviations of the noise
-        grown = (slopes[-1] @ np.linalg.inv(slopes[at]))[:, :dofs, :dofs]
+        # (what has shrunk to nothing by a row does not grow any more)
+        grown = (slopes[-1] @ np.linalg.pinv(slopes[at]))[:, :dofs, :dofs]
         noise = np.sqrt(np.nanmean(problem.data.std**2, axis=0))
         size = np.abs(grown * noise / noise[:, None]).max(axis=(1, 2))
         return int(np.sum(size > GROWN))

@@ -47,6 +47,7 @@ class Video:
         bare: True where too little shows of the still scene to tell whether the camera moves.
         straight: What puts a frame of the same camera straight that is no part of the clip; None where its
             pictures are as the camera took them. ``decode`` has done so with its own.
+        held: True where all of its frames are in memory anyway, so that nobody needs copies of some.
     """
 
     path: Path
@@ -60,6 +61,7 @@ class Video:
     camera_path: CameraPath | None = None
     bare: bool = False
     straight: Callable[[Frame], Frame] | None = field(default=None, repr=False)
+    held: bool = False
 
     def __post_init__(self) -> None:
         times = frozen("Video.times", self.times, (None,), error=VideoError)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -103,7 +104,7 @@ def moving_pixels(
             blank = np.zeros(len(y))
             columns = [columns[0], blank, blank, columns[1], blank, blank]
         rows.append(np.column_stack([*columns, np.full(len(y), i)]))
-    return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, PIXEL_COLUMNS))
+    return np.concatenate(rows).astype(np.float64, copy=False) if rows else np.zeros((0, PIXEL_COLUMNS))
 
 
 def _margined(background: Background) -> tuple[slice, slice]:
@@ -125,8 +126,10 @@ def surroundings(samples: Sequence[Frame], background: Background, contrast: flo
     """
     import cv2
 
-    stack = np.stack([frame.luma for frame in samples[:: max(1, len(samples) // 24)]])
-    moves = (stack.max(axis=0).astype(np.int16) - stack.min(axis=0)) > max(contrast, 8.0 * background.noise)
+    lumas = [frame.luma for frame in samples[:: max(1, len(samples) // 24)]]
+    # one after the other: all of them side by side would be copied together first
+    most, least = functools.reduce(np.maximum, lumas), functools.reduce(np.minimum, lumas)
+    moves = (most.astype(np.int16) - least) > max(contrast, 8.0 * background.noise)
     # A blur in which moving pixels have no weight, normalized by the blurred weights: it fills the places
     # where anything moves from the still ones around them.
     still = 1.0 - cv2.dilate(moves.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.float32)

@@ -89,6 +89,7 @@ class _Path:
         # twice as many as wanted are kept, so that a choice is left after a halving
         self._limit = max(16, min(2 * SAMPLES, int(SAMPLE_BYTES / (1.5 * video.width * video.height))))
         self._kept: list[Frame] = []
+        self._held = video.held
         self._places: list[float] = []
         self._travelled = self._step = 0.0
         self._previous: np.ndarray | None = None
@@ -108,7 +109,7 @@ class _Path:
             self._travelled += 1e-6 if cut else float(moved.sum()) + 1e-6
         self._previous = small
         if not self._places or self._travelled - self._places[-1] >= self._step:
-            self._kept.append(_own_copy(frame))
+            self._kept.append(frame if self._held else _own_copy(frame))
             self._places.append(self._travelled)
         # The length of the whole path is not known before its end: every frame is kept at first, and each
         # time that memory is full every other one is dropped and the step between two doubled.

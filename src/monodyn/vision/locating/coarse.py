@@ -71,6 +71,7 @@ def reconsidered(
     Returns:
         The better guess, or the guess as it is.
     """
+    frames = frames.afresh()
     thick = as_thick(frames, guess.mechanism, guess.camera)
     left = frames_cost(frames, thick, guess.camera, guess.positions)
     if left < WELL_EXPLAINED:

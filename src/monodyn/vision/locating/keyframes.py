@@ -52,7 +52,8 @@ class KeyFrame:
     @cached_property
     def balance(self) -> np.ndarray:
         """What covering the pixels of ``coarse`` costs a pose, from ``row_balance``, (height, width + 1)."""
-        return row_balance(self.sums)
+        # the sums themselves are hardly ever wanted, and would stay
+        return row_balance(row_sums(self.coarse))
 
     @cached_property
     def extent(self) -> tuple[np.ndarray, np.ndarray]:
@@ -109,6 +110,11 @@ class KeyFrames:
             These, in the order of ``rows``.
         """
         return replace(self, frames=tuple(self.frames[row] for row in rows))
+
+    def afresh(self) -> KeyFrames:
+        """Return the same frames without what was worked out of them: of all of them it would be much to keep
+        for what is done with them once."""
+        return replace(self, frames=tuple(replace(frame) for frame in self.frames))
 
     def reduced(self, factor: int) -> KeyFrames:
         """Return the frames reduced further.

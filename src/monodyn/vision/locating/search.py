@@ -155,7 +155,7 @@ def search_poses(
     further = itertools.repeat(None) if near is None else iter(near)
     found = on_all_cores(
         lambda pair: search_pose(pair[0], frames, rig, mechanism, near=pair[1]),
-        zip(frames.frames, further, strict=False),
+        zip(frames.afresh().frames, further, strict=False),
     )
     positions, mismatch = np.array([q for q, _ in found]), np.array([share for _, share in found])
     return SceneGuess(mechanism, camera, positions, mismatch)
