@@ -1,5 +1,5 @@
-"""The horizon of a stream: every frame's search ends at its optimum, in few steps; and what goes on from a long
-stretch of a wild motion, against the fit of that stretch and the truth."""
+"""The horizon of a stream: every search ends at its optimum, in few steps; what goes on from a long stretch
+of a wild motion, against the fit of that stretch and the truth."""
 
 from __future__ import annotations
 
