@@ -20,7 +20,10 @@ from driven import (
     two_waves,
     wave,
 )  # fmt: skip
+from monodyn.estimation.record.samples import Pieces
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.shoot import ROUGH, Route, fit_pieces
 from monodyn.estimation.torque import fourier
 from monodyn.estimation.torque.free import residual_rms
 from monodyn.estimation.torque.periods import PeriodSearch
@@ -190,3 +193,17 @@ def test_more_unknowns_than_samples_is_refused(driven, tmp_path):
         "40 measured joint positions cannot determine 61 unknowns (parameters and start states); give more "
         "frames or fix parameters."
     )
+
+
+def test_a_start_that_nothing_shows_is_no_obstacle(tmp_path):
+    """A cart out of sight: wherever it begins, the pole that is seen on it moves the same."""
+    record, _ = simulated(CART, [0.0, 0.4], 60, lambda time: 0.2 * wave(time) / np.array([0.04, np.inf]))
+    seen = np.tile([False, True], (60, 1))
+    hidden = replace(record, joint_seen=seen, seen=seen.all(axis=1))
+    mechanism = started(CART, tmp_path, 1.0)
+    task = task_of((hidden,), mechanism)
+    problem, route = posed(fourier.series(mechanism, 2, PERIOD), task.data), Route(60, 1e-4, ROUGH)
+    first = problem.started(problem.unknowns.x0, Pieces(np.array([0, 60]), np.array([0])), task.smoothed)
+    optimum = fit_pieces(problem, first.at(first.x, np.zeros_like(first.states)), route, ROUGH)
+    shorter = fourier.simpler_series(problem, optimum, route, divide=False)
+    assert fourier.series_of(*shorter)[0] == 1

@@ -164,7 +164,8 @@ def _dispensable(problem: Problem, optimum: Optimum, terms: int, period: float) 
         return True
     trial = optimum.trial
     model = problem.model(trial.x, problem.rows(trial), trial.pieces, 0.0)
-    solved = np.linalg.solve(model.local_hessian, np.swapaxes(model.cross, 1, 2))
+    # a start state of which a piece shows nothing takes nothing up either
+    solved = np.linalg.pinv(model.local_hessian, hermitian=True) @ np.swapaxes(model.cross, 1, 2)
     information = model.hessian - np.einsum("bsl,blt->st", model.cross, solved)
     covariance = np.linalg.pinv(information, hermitian=True)[np.ix_(gone, gone)]
     lost = optimum.x[gone] @ np.linalg.lstsq(covariance, optimum.x[gone], rcond=None)[0]
