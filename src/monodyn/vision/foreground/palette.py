@@ -27,6 +27,7 @@ from monodyn.vision.foreground.changes import (
 )
 from monodyn.vision.foreground.masks import LEFT_OUT, NOT_SHOWN, VARIED, GeomColours, View, plain_view
 from monodyn.vision.foreground.shadow import Shadow, find_shadow
+from monodyn.vision.foreground.thinned import at_pixels
 
 CHROMA_WEIGHT = 0.25
 """Weight of a colour difference against a grey difference: a chroma sample covers four pixels."""
@@ -205,27 +206,28 @@ def lingering(samples: Sequence[Frame], background: Background, palette: Palette
         For each sample the pixels of such places that look like the mechanism, bool (height, width).
     """
     around = surroundings(samples, background, palette.contrast)
+    shape, near = background.luma.shape, NEAR_COLOUR * palette.contrast
 
-    def planes_of(picture: Frame | Background) -> list[np.ndarray]:
-        return full_size(picture.luma, None if palette.grey_only else picture.chroma)
+    def looks_like(picture: Frame | Background, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Return at which pixels a picture is near a colour of the mechanism, and nearer to it than to what is
+        around."""
+        planes = [picture.luma, *(() if palette.grey_only else picture.chroma or ())]
+        shown, usual = (at_pixels(p, shape, rows, columns) for p in (planes, around))
+        off = np.min([apart(shown, list(colour)) for colour in palette.colours.astype(np.float32)], axis=0)
+        return (off < near**2) & (off < 0.25 * apart(shown, usual))
 
-    suspect = _looks_like(planes_of(background), palette, around)
+    # what is not of its grey level need not be looked at, nor most of the other pictures
+    suspect = np.zeros(shape, dtype=np.bool_)
+    for grey in palette.colours[:, 0].astype(np.float32):
+        suspect |= np.abs(background.luma - grey) < near
     rows, columns = np.nonzero(suspect)
-    found = [np.zeros(suspect.shape, dtype=np.bool_) for _ in samples]
+    likely = looks_like(background, rows, columns)
+    rows, columns = rows[likely], columns[likely]
+    found = [np.zeros(shape, dtype=np.bool_) for _ in samples]
     if len(rows):
-        # they are few: the rest of the pictures need not be looked at
-        near = [plane[rows, columns] for plane in around]
         for mask, frame in zip(found, samples, strict=True):
-            shown = [plane[rows, columns] for plane in planes_of(frame)]
-            mask[rows, columns] = _looks_like(shown, palette, near)
+            mask[rows, columns] = looks_like(frame, rows, columns)
     return found
-
-
-def _looks_like(planes: list[np.ndarray], palette: Palette, around: list[np.ndarray]) -> np.ndarray:
-    """Return where a picture is near a colour of the mechanism and nearer to it than to the surroundings."""
-    colours = palette.colours.astype(np.float32)
-    near = np.min([apart(planes, list(colour)) for colour in colours], axis=0)
-    return (near < (NEAR_COLOUR * palette.contrast) ** 2) & (near < 0.25 * apart(planes, around))
 
 
 def _clusters(pixels: np.ndarray, grey_only: bool, contrast: float) -> np.ndarray:

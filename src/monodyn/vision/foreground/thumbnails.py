@@ -7,6 +7,7 @@ mechanism would.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -104,7 +105,7 @@ class ThumbnailStore:
         # three planes of (width height / shrink^2) bytes for each frame
         least = np.sqrt(3.0 * width * height * count / THUMBNAIL_BYTES)
         self._shrink = float(max(SHRINK, least))
-        self._size = max(1, round(width / self._shrink)), max(1, round(height / self._shrink))
+        self._size = max(1, round(height / self._shrink)), max(1, round(width / self._shrink))
         self._number: list[int] = []
         self._planes: list[np.ndarray] = []
 
@@ -117,12 +118,8 @@ class ThumbnailStore:
         Returns:
             The thumbnail, uint8 (channel, height, width).
         """
-        import cv2
-
-        planes = (frame.luma, *(frame.chroma or ()))
         self._number.append(frame.index)
-        small = [cv2.resize(plane, self._size, interpolation=cv2.INTER_AREA) for plane in planes]
-        self._planes.append(np.stack(small))
+        self._planes.append(reduced((frame.luma, *(frame.chroma or ())), self._size))
         return self._planes[-1]
 
     def finished(self) -> Thumbnails:
@@ -131,6 +128,21 @@ class ThumbnailStore:
         channels = min((len(planes) for planes in self._planes), default=1)
         planes = np.stack([planes[:channels] for planes in self._planes])
         return Thumbnails(np.array(self._number, dtype=np.int64), planes, self._shrink)
+
+
+def reduced(planes: Sequence[np.ndarray], size: tuple[int, int]) -> np.ndarray:
+    """Return the planes of a picture as those of a thumbnail, uint8 (channel, height, width).
+
+    Args:
+        planes: Grey level and, where there is colour, both differences, each uint8 (row, column).
+        size: Height and width of the thumbnail [cells].
+    """
+    from monodyn.vision.clip.blocks import block_means
+
+    small = np.empty((len(planes), *size), dtype=np.uint8)
+    for plane, out in zip(planes, small, strict=True):
+        block_means(plane, out)
+    return small
 
 
 def scene_span(thumbnails: Thumbnails, contrast: float, whole: tuple[int, int]) -> tuple[int, int]:
