@@ -250,7 +250,8 @@ def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndar
 
     height, width = thumbnails.planes.shape[2:]
     planes = [background.luma, *(background.chroma or ())][: thumbnails.planes.shape[1]]
-    behind = reduced([np.round(plane).astype(np.uint8) for plane in planes], (height, width))
+    behind = np.empty((len(planes), height, width), dtype=np.uint8)
+    reduced([np.round(plane).astype(np.uint8) for plane in planes], behind)
     counts = background.counts.astype(np.float32)
     inside = cv2.resize(counts, (width, height), interpolation=cv2.INTER_AREA) > 0.5
     differs = np.zeros((len(thumbnails.number), height, width), dtype=bool)

@@ -72,7 +72,7 @@ class Medians(NamedTuple):
     Attributes:
         luma: Median grey level, float32 (height, width).
         deviation: Noise of each pixel [grey levels], float32 (height, width).
-        count: Samples that count, int32 (height, width).
+        count: Samples that count, uint16 (height, width).
         chroma: Median blue and red difference, each float32 (row, column), or None for a grey clip.
     """
 
@@ -225,7 +225,8 @@ def _smooth_deviation(deviation: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    return np.sqrt(np.maximum(cv2.blur(deviation**2, (5, 5)), LEAST_NOISE**2))
+    smooth = cv2.blur(deviation**2, (5, 5))
+    return np.sqrt(np.maximum(smooth, LEAST_NOISE**2, out=smooth), out=smooth)
 
 
 def within(background: Background, window: Window, others: np.ndarray | None) -> Background:

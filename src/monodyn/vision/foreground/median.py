@@ -34,13 +34,13 @@ def masked_median(
         with_noise: False where the noise is not wanted, which takes most of the time; it is 0 then.
 
     Returns:
-        Median and noise [grey levels], float32 (height, width); count, int32 (height, width). A pixel
+        Median and noise [grey levels], float32 (height, width); count, uint16 (height, width). A pixel
         hidden in every sample has count 0 and the median of them all.
     """
     frames, height, width = stack.shape
     median = np.zeros((height, width), dtype=np.float32)
     noise = np.zeros((height, width), dtype=np.float32)
-    count = np.full((height, width), frames, dtype=np.int32)
+    count = np.full((height, width), frames, dtype=np.uint16)
     use_hidden = hidden.shape[0] > 0
     quartiles = np.zeros((3, width))
     for y in range(height):

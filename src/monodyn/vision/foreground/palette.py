@@ -50,6 +50,8 @@ MERGED = 3.2
 """Clusters of moving pixels closer than this are one colour [least contrasts]."""
 RARE = 0.12
 """Share of the moving pixels below which a cluster is no colour of the mechanism."""
+AT_ONCE = 50_000
+"""Pixels whose contrast is computed at a time."""
 LEAST_PIXELS = 50
 """Moving pixels below which nothing moves."""
 
@@ -282,26 +284,32 @@ def _palette(
     ``any_trust`` is the trust in a last plane of any difference, None for no such plane.
     """
     planes = full_size(background.luma, None if grey_only else background.chroma)
-    full, noise = _contrast(planes, colours), background.pixel_noise
-    strength, dimmed = full, None
-    if light is not None and not grey_only and background.chroma is not None:
-        size = background.chroma[0].shape[::-1]
-        small = [_resized(background.luma, size), *background.chroma]
-        whole, reduced = (_dimming(p, colours, light, background.noise) for p in (planes, small))
-        dimmed = whole, reduced
-        strength = full - whole * _contrast(planes, colours, lit=True)
-    # too little contrast would blow the noise up to full coverage: such a pixel shows nothing
-    seen = strength > (SHOWN_NOISE * noise) ** 2
-    scale = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
-    trust = np.clip(np.sqrt(np.where(seen, full, 0.0)) / (TRUSTED_NOISE * noise), 0.0, 1.0)
-    trust *= background.known
-    if any_trust is not None:
-        trust = np.concatenate([trust, any_trust * background.known[np.newaxis]])
+    lit = light is not None and not grey_only and background.chroma is not None
+    shape, dimmed = (len(colours), *background.luma.shape), None
+    if lit:
+        small = [_resized(background.luma, background.chroma[0].shape[::-1]), *background.chroma]
+        dimmed = np.empty(shape, np.float32), _dimming(small, colours, light, background.noise)
+    noise = np.broadcast_to(background.pixel_noise, shape[1:])
+    scale, trust = np.empty(shape, np.float32), np.empty((shape[0] + (any_trust is not None), *shape[1:]), np.float32)
+    step = max(1, AT_ONCE // shape[2])
+    # what some rows need is at hand, and what all of them need at once would fill the memory
+    for rows in (slice(first, first + step) for first in range(0, shape[1], step)):
+        part = [plane[rows] for plane in planes]
+        full = strength = _contrast(part, colours)
+        if lit:
+            dimmed[0][:, rows] = whole = _dimming(part, colours, light, background.noise)
+            strength = full - whole * _contrast(part, colours, lit=True)
+        # too little contrast would blow the noise up to full coverage: such a pixel shows nothing
+        seen, known = strength > (SHOWN_NOISE * noise[rows]) ** 2, background.known[rows]
+        scale[:, rows] = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
+        sure = np.sqrt(np.where(seen, full, 0.0)) / (TRUSTED_NOISE * noise[rows])
+        trust[: len(colours), rows] = np.minimum(sure, 1.0) * known
+        if any_trust is not None:
+            trust[-1, rows] = any_trust * known
     shown = colours.copy()
     if grey_only:
         shown[:, 1:] = np.nan
-    trust = trust.astype(np.float32)
-    return Palette(shown, scale.astype(np.float32), grey_only, trust, dimmed=dimmed)
+    return Palette(shown, scale, grey_only, trust, dimmed=dimmed)
 
 
 def _contrast(planes: Sequence[np.ndarray], colours: np.ndarray, *, lit: bool = False) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 WIDE_PX = 360
@@ -49,7 +51,7 @@ def thinned(luma: np.ndarray, chroma: Chroma | None, step: int) -> list[np.ndarr
 
 
 def at_pixels(
-    planes: list[np.ndarray], shape: tuple[int, ...], rows: np.ndarray, columns: np.ndarray
+    planes: Sequence[np.ndarray], shape: tuple[int, ...], rows: np.ndarray, columns: np.ndarray
 ) -> list[np.ndarray]:
     """Return what a picture shows at some of its pixels.
 

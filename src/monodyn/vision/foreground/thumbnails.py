@@ -107,7 +107,7 @@ class ThumbnailStore:
         self._shrink = float(max(SHRINK, least))
         self._size = max(1, round(height / self._shrink)), max(1, round(width / self._shrink))
         self._number: list[int] = []
-        self._planes: list[np.ndarray] = []
+        self._planes, self._count, self._channels = np.zeros((0, 0, 0, 0), np.uint8), count, 0
 
     def add(self, frame: Frame) -> np.ndarray:
         """Keep the thumbnail of one frame.
@@ -118,31 +118,35 @@ class ThumbnailStore:
         Returns:
             The thumbnail, uint8 (channel, height, width).
         """
+        planes, row = (frame.luma, *(frame.chroma or ())), len(self._number)
+        if row == 0:
+            # what is not filled yet takes no memory
+            self._channels = len(planes)
+            self._planes = np.empty((self._count, len(planes), *self._size), dtype=np.uint8)
+        # a frame without colour in a clip with colour is rare: only the grey level is common to all then
+        self._channels = min(self._channels, len(planes))
+        small = self._planes[row, : len(planes)]
+        reduced(planes[: len(small)], small)
         self._number.append(frame.index)
-        self._planes.append(reduced((frame.luma, *(frame.chroma or ())), self._size))
-        return self._planes[-1]
+        return small
 
     def finished(self) -> Thumbnails:
         """Return the thumbnails of all frames that were added."""
-        # a frame without colour in a clip with colour is rare: only the grey level is common to all then
-        channels = min((len(planes) for planes in self._planes), default=1)
-        planes = np.stack([planes[:channels] for planes in self._planes])
+        planes = self._planes[: len(self._number), : self._channels]
         return Thumbnails(np.array(self._number, dtype=np.int64), planes, self._shrink)
 
 
-def reduced(planes: Sequence[np.ndarray], size: tuple[int, int]) -> np.ndarray:
-    """Return the planes of a picture as those of a thumbnail, uint8 (channel, height, width).
+def reduced(planes: Sequence[np.ndarray], out: np.ndarray) -> None:
+    """Reduce the planes of a picture to those of a thumbnail.
 
     Args:
         planes: Grey level and, where there is colour, both differences, each uint8 (row, column).
-        size: Height and width of the thumbnail [cells].
+        out: The thumbnail, uint8 (channel, height, width), which is filled.
     """
     from monodyn.vision.clip.blocks import block_means
 
-    small = np.empty((len(planes), *size), dtype=np.uint8)
-    for plane, out in zip(planes, small, strict=True):
-        block_means(plane, out)
-    return small
+    for plane, small in zip(planes, out, strict=True):
+        block_means(plane, small)
 
 
 def scene_span(thumbnails: Thumbnails, contrast: float, whole: tuple[int, int]) -> tuple[int, int]:
