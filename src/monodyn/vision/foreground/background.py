@@ -195,13 +195,13 @@ def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
             parts.append([found[0] for found in masked_median(stack, masks, noise)])
         return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
-    somewhere = _any_of(covered)
+    somewhere = any_of(covered)
     luma[somewhere], deviation[somewhere], count[somewhere] = again(
         [frame.luma for frame in frames], covered, somewhere
     )
     if chroma is not None:
         small = [_shrink(mask, chroma[0].shape) for mask in covered]
-        somewhere = _any_of(small)
+        somewhere = any_of(small)
         colours = [frame.chroma for frame in frames if frame.chroma is not None]
         chroma = (chroma[0].copy(), chroma[1].copy())
         for target, planes in zip(chroma, zip(*colours, strict=True), strict=True):
@@ -209,8 +209,12 @@ def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
     return Medians(luma, deviation, count, chroma)
 
 
-def _any_of(masks: Sequence[np.ndarray]) -> np.ndarray:
-    """Return where any of some masks is set, bool (height, width); they are not copied together first."""
+def any_of(masks: Sequence[np.ndarray]) -> np.ndarray:
+    """Return where any of some masks is set, bool (height, width); they are not copied together first.
+
+    Args:
+        masks: The masks, bool (height, width) each.
+    """
     somewhere = np.zeros_like(masks[0])
     for mask in masks:
         np.logical_or(somewhere, mask, out=somewhere)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.foreground.background import CHANGED_NOISE, Background
 from monodyn.vision.foreground.shadow import Shadow, in_shadow
@@ -23,8 +23,6 @@ CHANGED_SHARE = 0.3
 """Share of the contrast of what stands out most from which a pixel has changed, where that is less."""
 SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
 """Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
-PIXEL_COLUMNS = FRAME + 1
-"""Number of these columns."""
 CONTRAST_FRAMES, PICKED_FRAMES = 12, 24
 """Samples in which the contrast of what moves is looked for, and its colours, at most."""
 PICKED = 500
@@ -85,28 +83,28 @@ def moving_pixels(
 
     from monodyn.vision.foreground.inner import fill_moving
 
-    behind = _scenery(samples, background, grey_only, contrast)
+    behind, shape = _scenery(samples, background, grey_only, contrast), background.luma.shape
     part, least = _margined(background), (float(contrast), CHANGED_NOISE)
-    # only the window of it is filled anew with each frame
-    shape, rows = background.luma.shape, []
-    moving, inner = np.zeros(shape, np.uint8), np.ones((3, 3), np.uint8)
-    for i in range(0, len(samples), spacing(len(samples), PICKED_FRAMES)):
-        frame = samples[i]
+
+    def picked(number: int) -> np.ndarray:
+        """Return the pixels of one sample, (pixel, column)."""
+        frame, moving = samples[number], np.zeros(shape, np.uint8)
         tint = () if grey_only else frame.chroma or ()
         fill_moving(frame.luma, _stacked(tint, np.uint8), behind, least, moving)
         if shadow is not None:
             moving[in_shadow(frame, background, shadow)] = 0
         # pixels at an edge are mixed with the background; only a thin mechanism has no others
-        core = cv2.erode(moving[part], inner)
-        shown = core if cv2.countNonZero(core) >= LEAST_CORE else moving[part]
-        at = cv2.findNonZero(shown).reshape(-1, 2) if shown.any() else np.zeros((0, 2), np.int32)
+        core = cv2.erode(moving[part], np.ones((3, 3), np.uint8))
+        inner = core if cv2.countNonZero(core) >= LEAST_CORE else moving[part]
+        at = cv2.findNonZero(inner).reshape(-1, 2) if inner.any() else np.zeros((0, 2), np.int32)
         x, y = at[:: max(1, len(at) // PICKED)].T
         y, x = y + part[0].start, x + part[1].start
         blank = [np.zeros(len(y))] * (2 - len(tint))
         shown = at_pixels([frame.luma, *tint], shape, y, x) + blank
         back = at_pixels([background.luma, *behind.chroma], shape, y, x) + blank
-        rows.append(np.column_stack([*shown, *back, np.full(len(y), i)]))
-    return np.concatenate(rows).astype(np.float64) if rows else np.zeros((0, PIXEL_COLUMNS))
+        return np.column_stack([*shown, *back, np.full(len(y), number)]).astype(np.float64)
+
+    return np.concatenate(on_all_cores(picked, range(0, len(samples), spacing(len(samples), PICKED_FRAMES))))
 
 
 def _scenery(samples: Sequence[Frame], background: Background, grey_only: bool, contrast: float) -> Scenery:
@@ -121,7 +119,9 @@ def _scenery(samples: Sequence[Frame], background: Background, grey_only: bool, 
         for k in (0, 1)
     )
     noise = np.broadcast_to(noise, shape)
-    return Scenery(background.luma, chroma, around, noise, background.counts, background.window, rows, columns)
+    return Scenery(
+        background.luma, chroma, around, noise, background.counts, background.window, rows, columns
+    )
 
 
 def _margined(background: Background) -> tuple[slice, slice]:

@@ -39,7 +39,7 @@ class Scenery(NamedTuple):
 def fill_moving(
     luma: np.ndarray, chroma: np.ndarray, behind: Scenery, least: tuple[float, float], out: np.ndarray
 ) -> None:
-    """Mark the pixels of a frame that differ from the background, and less from what is around than that does.
+    """Mark the pixels of a frame that differ from the background, and are less like what is around than that.
 
     Where the background shows the mechanism itself, what moves is its absence: such a pixel is more like its
     surroundings than the background is, and does not count.

@@ -119,9 +119,7 @@ def _count_below(
 
 
 @njit(cache=True, error_model="numpy")
-def _fill_noise(
-    row: np.ndarray, shown: np.ndarray, quartiles: np.ndarray, noise: np.ndarray
-) -> None:
+def _fill_noise(row: np.ndarray, shown: np.ndarray, quartiles: np.ndarray, noise: np.ndarray) -> None:
     """Fill the noise (width,) of a row from its samples (frame, width) and quartiles (3, width)."""
     frames, width = row.shape
     squares, count = np.zeros(width, np.float32), np.zeros(width, np.float32)

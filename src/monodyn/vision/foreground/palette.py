@@ -181,6 +181,18 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
     )
 
 
+def palette_over(palette: Palette, background: Background) -> Palette:
+    """Return a palette over another background of the clip.
+
+    Args:
+        palette: The palette, before colours are measured on the located mechanism.
+        background: The background.
+    """
+    any_trust = VARIED_TRUST if palette.varied else None
+    found = _palette(palette.colours, background, palette.grey_only, any_trust)
+    return replace(found, varied=palette.varied, contrast=palette.contrast, shadow=palette.shadow)
+
+
 def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool:
     """Return whether many moving pixels are as far from every colour as from their background.
 
@@ -211,7 +223,7 @@ def lingering(samples: Sequence[Frame], background: Background, palette: Palette
     shape, near = background.luma.shape, NEAR_COLOUR * palette.contrast
 
     def looks_like(picture: Frame | Background, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Return at which pixels a picture is near a colour of the mechanism, and nearer to it than to what is
+        """Return at which pixels a picture is near a colour of the mechanism, and nearer than to what is
         around."""
         planes = [picture.luma, *(() if palette.grey_only else picture.chroma or ())]
         shown, usual = (at_pixels(p, shape, rows, columns) for p in (planes, around))
@@ -284,19 +296,19 @@ def _palette(
     ``any_trust`` is the trust in a last plane of any difference, None for no such plane.
     """
     planes = full_size(background.luma, None if grey_only else background.chroma)
-    lit = light is not None and not grey_only and background.chroma is not None
     shape, dimmed = (len(colours), *background.luma.shape), None
-    if lit:
+    if light is not None and not grey_only and background.chroma is not None:
         small = [_resized(background.luma, background.chroma[0].shape[::-1]), *background.chroma]
         dimmed = np.empty(shape, np.float32), _dimming(small, colours, light, background.noise)
     noise = np.broadcast_to(background.pixel_noise, shape[1:])
-    scale, trust = np.empty(shape, np.float32), np.empty((shape[0] + (any_trust is not None), *shape[1:]), np.float32)
+    scale = np.empty(shape, np.float32)
+    trust = np.empty((shape[0] + (any_trust is not None), *shape[1:]), np.float32)
     step = max(1, AT_ONCE // shape[2])
     # what some rows need is at hand, and what all of them need at once would fill the memory
     for rows in (slice(first, first + step) for first in range(0, shape[1], step)):
         part = [plane[rows] for plane in planes]
         full = strength = _contrast(part, colours)
-        if lit:
+        if light is not None and dimmed is not None:
             dimmed[0][:, rows] = whole = _dimming(part, colours, light, background.noise)
             strength = full - whole * _contrast(part, colours, lit=True)
         # too little contrast would blow the noise up to full coverage: such a pixel shows nothing
