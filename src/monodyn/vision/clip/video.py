@@ -173,7 +173,8 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
 
     Raises:
         VideoError: The path is missing or not a video, has no picture stream, no time stamps, fewer than two
-            frames, pictures that show nothing, or larger ones than can be worked on; or it is no picture although ``still`` is true.
+            frames, pictures that show nothing, or larger ones than can be worked on; or it is no picture
+            although ``still`` is true.
 
     Example:
         >>> import monodyn
