@@ -11,7 +11,7 @@ from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.foreground.background import CHANGED_NOISE, Background
 from monodyn.vision.foreground.shadow import Shadow, in_shadow
-from monodyn.vision.foreground.thinned import at_pixels, spacing, thinned, thinning
+from monodyn.vision.foreground.thinned import spacing, thinned, thinning
 
 if TYPE_CHECKING:
     from monodyn.vision.foreground.inner import Scenery
@@ -24,7 +24,7 @@ CHANGED_SHARE = 0.3
 SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
 """Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
 CONTRAST_FRAMES, PICKED_FRAMES = 12, 24
-"""Samples in which the contrast of what moves is looked for, and its colours, at most."""
+"""Samples that are enough for the contrast of what moves, and for its colours."""
 PICKED = 500
 """Pixels of such a sample that are enough for its colours."""
 LEAST_CORE = 20
@@ -89,8 +89,10 @@ def moving_pixels(
     def picked(number: int) -> np.ndarray:
         """Return the pixels of one sample, (pixel, column)."""
         frame, moving = samples[number], np.zeros(shape, np.uint8)
-        tint = () if grey_only else frame.chroma or ()
-        fill_moving(frame.luma, _stacked(tint, np.uint8), behind, least, moving)
+        # enlarged as the coverage is
+        tint = [cv2.resize(p, shape[::-1], interpolation=cv2.INTER_LINEAR) for p in frame.chroma or ()]
+        planes = [frame.luma, *([] if grey_only else tint)]
+        fill_moving(planes[0], _stacked(planes[1:], np.uint8), behind, least, moving)
         if shadow is not None:
             moving[in_shadow(frame, background, shadow)] = 0
         # pixels at an edge are mixed with the background; only a thin mechanism has no others
@@ -99,9 +101,9 @@ def moving_pixels(
         at = cv2.findNonZero(inner).reshape(-1, 2) if inner.any() else np.zeros((0, 2), np.int32)
         x, y = at[:: max(1, len(at) // PICKED)].T
         y, x = y + part[0].start, x + part[1].start
-        blank = [np.zeros(len(y))] * (2 - len(tint))
-        shown = at_pixels([frame.luma, *tint], shape, y, x) + blank
-        back = at_pixels([background.luma, *behind.chroma], shape, y, x) + blank
+        blank = [np.zeros(len(y))] * (3 - len(planes))
+        shown = [plane[y, x] for plane in planes] + blank
+        back = [plane[y, x] for plane in (behind.luma, *behind.chroma)] + blank
         return np.column_stack([*shown, *back, np.full(len(y), number)]).astype(np.float64)
 
     return np.concatenate(on_all_cores(picked, range(0, len(samples), spacing(len(samples), PICKED_FRAMES))))
@@ -111,16 +113,13 @@ def _scenery(samples: Sequence[Frame], background: Background, grey_only: bool, 
     """Return what the samples are compared with."""
     from monodyn.vision.foreground.inner import Scenery
 
-    shape, noise = background.luma.shape, background.pixel_noise
-    chroma = _stacked(() if grey_only else background.chroma or (), np.float32)
+    shape = background.luma.shape
+    luma, *chroma = full_size(background.luma, None if grey_only else background.chroma)
     around = np.stack(surroundings(samples, background, contrast))
-    rows, columns = (
-        np.stack([np.arange(shape[k]) * planes.shape[k + 1] // shape[k] for planes in (chroma, around)])
-        for k in (0, 1)
-    )
-    noise = np.broadcast_to(noise, shape)
+    rows, columns = (np.arange(shape[k]) * around.shape[k + 1] // shape[k] for k in (0, 1))
+    noise = np.broadcast_to(background.pixel_noise, shape)
     return Scenery(
-        background.luma, chroma, around, noise, background.counts, background.window, rows, columns
+        luma, _stacked(chroma, np.float32), around, noise, background.counts, background.window, rows, columns
     )
 
 

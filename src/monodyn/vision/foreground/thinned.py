@@ -21,14 +21,14 @@ def thinning(shape: tuple[int, ...]) -> int:
     return max(2, round(max(shape) / WIDE_PX))
 
 
-def spacing(count: int, most: int) -> int:
+def spacing(count: int, enough: int) -> int:
     """Return every how many of some frames one is taken.
 
     Args:
         count: How many there are.
-        most: How many are taken at most.
+        enough: How many of them are enough, if there are as many.
     """
-    return max(1, -(-count // most))
+    return max(1, count // enough)
 
 
 def thinned(luma: np.ndarray, chroma: Chroma | None, step: int) -> list[np.ndarray]:
