@@ -12,6 +12,7 @@ from monodyn.stages import segment
 from monodyn.types import FULL
 from monodyn.vision.clip.video import read
 from monodyn.vision.foreground.masks import VARIED, GeomColours
+from monodyn.vision.foreground.soft import SoftMasks
 from support import ClipMaker, refuses
 
 
@@ -83,6 +84,7 @@ def test_measured_colours_are_taken_over(make_clip: ClipMaker) -> None:
 
 def test_a_background_that_is_cleared_of_a_little_keeps_its_colours(make_clip: ClipMaker) -> None:
     masks = segment(read(make_clip(count=30, size=(128, 96))))
+    assert isinstance(masks, SoftMasks)
     covered = [np.zeros((96, 128), bool) for _ in masks.samples.frames]
     for mask in covered:
         mask[60:64, 40:44] = True
