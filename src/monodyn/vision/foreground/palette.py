@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.errors import VideoError
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
@@ -221,26 +222,27 @@ def lingering(samples: Sequence[Frame], background: Background, palette: Palette
     """
     around = surroundings(samples, background, palette.contrast)
     shape, near = background.luma.shape, NEAR_COLOUR * palette.contrast
-
-    def looks_like(picture: Frame | Background, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Return at which pixels a picture is near a colour of the mechanism, and nearer than to what is
-        around."""
-        planes = [picture.luma, *(() if palette.grey_only else picture.chroma or ())]
-        shown, usual = (at_pixels(p, shape, rows, columns) for p in (planes, around))
-        off = np.min([apart(shown, list(colour)) for colour in palette.colours.astype(np.float32)], axis=0)
-        return (off < near**2) & (off < 0.25 * apart(shown, usual))
-
     # what is not of its grey level need not be looked at, nor most of the other pictures
     suspect = np.zeros(shape, dtype=np.bool_)
     for grey in palette.colours[:, 0].astype(np.float32):
         suspect |= np.abs(background.luma - grey) < near
     rows, columns = np.nonzero(suspect)
-    likely = looks_like(background, rows, columns)
-    rows, columns = rows[likely], columns[likely]
+    usual = at_pixels(around, shape, rows, columns)
+
+    def looks_like(picture: Frame | Background) -> np.ndarray:
+        """Return at which of the pixels a picture is near a colour of the mechanism, and nearer than to what
+        is around."""
+        planes = [picture.luma, *(() if palette.grey_only else picture.chroma or ())]
+        shown = at_pixels(planes, shape, rows, columns)
+        off = np.min([apart(shown, list(colour)) for colour in palette.colours.astype(np.float32)], axis=0)
+        return (off < near**2) & (off < 0.25 * apart(shown, usual))
+
+    likely = looks_like(background)
+    rows, columns, usual = rows[likely], columns[likely], [plane[likely] for plane in usual]
     found = [np.zeros(shape, dtype=np.bool_) for _ in samples]
     if len(rows):
-        for mask, frame in zip(found, samples, strict=True):
-            mask[rows, columns] = looks_like(frame, rows, columns)
+        for mask, like in zip(found, on_all_cores(looks_like, samples), strict=True):
+            mask[rows, columns] = like
     return found
 
 
