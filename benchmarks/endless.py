@@ -138,7 +138,8 @@ def followed(case: Case, seconds: float) -> Followed:
         count = round(seconds * case.rate)
         feeder = threading.Thread(target=_feed, args=(child.stdin, case, count), daemon=True)
         feeder.start()
-        found = _watched(child.stdout, child.pid)
+        with child.stdout as lines:
+            found = _watched(lines, child.pid)
         feeder.join()
         _, status, usage = os.wait4(child.pid, 0)
         child.returncode = os.waitstatus_to_exitcode(status)

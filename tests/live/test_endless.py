@@ -11,7 +11,8 @@ from clips import simulate
 from endless import PERIOD, SWING, followed, let_go
 
 SMALL = replace(SWING, size=(288, 192))
-MINUTES = 3.0
+SECONDS = 120.0
+"""Of a stream, a fifteenth of what benchmarks/live.py follows."""
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +29,8 @@ def test_what_is_let_go_there_is_there_again_after_a_period(swung):
 
 @pytest.mark.slow
 def test_the_memory_of_a_stream_does_not_grow(swung):
-    found = followed(swung, 60.0 * MINUTES)
-    assert found.frames == 60 * MINUTES * swung.rate
+    found = followed(swung, SECONDS)
+    assert found.frames == SECONDS * swung.rate
     assert found.known > 0.99 * found.since > 0.95 * found.frames
     # the poses themselves are kept: a hundred bytes each
-    assert found.most(120.0, 180.0) - found.most(30.0, 90.0) < 5.0
+    assert found.most(80.0, 120.0) - found.most(20.0, 60.0) < 5.0
