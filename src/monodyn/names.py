@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
+from difflib import SequenceMatcher
 
 MOST = 12
 """Names that are written out where none is near; the rest are counted."""
@@ -26,7 +26,27 @@ def known(what: str, names: Sequence[str], given: str) -> str:
         >>> known("joints", ["joint1", "joint2"], "elbow")
         "joints: 'joint1', 'joint2'."
     """
-    if near := get_close_matches(given, names, NEAREST, NEAR):
-        return f"did you mean {' or '.join(map(repr, near))}?"
+    if meant := near(names, given):
+        return f"did you mean {' or '.join(map(repr, meant))}?"
     more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
     return f"{what}: {', '.join(map(repr, names[:MOST]))}{more}."
+
+
+def near(names: Sequence[str], given: str) -> list[str]:
+    """Return the names that may have been meant, the likeliest first, at most ``NEAREST``.
+
+    Args:
+        names: All that are known.
+        given: The one that is not.
+    """
+    likeness = {name: _likeness(name, given) for name in names}
+    best = sorted(likeness, key=lambda name: likeness[name], reverse=True)[:NEAREST]
+    return [name for name in best if likeness[name] >= NEAR]
+
+
+def _likeness(name: str, given: str) -> float:
+    """Return how alike two names are, from 0 to 1; that they are of the same group says nothing."""
+    group, _, own = name.rpartition(".")
+    given_group, _, given_own = given.rpartition(".")
+    pair = (own, given_own) if group == given_group else (name, given)
+    return SequenceMatcher(None, *pair).ratio()

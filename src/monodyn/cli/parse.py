@@ -7,7 +7,6 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import fields
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -15,7 +14,7 @@ from tyro import conf
 
 from monodyn.cli.options import COMMANDS, options_class
 from monodyn.errors import SettingsError
-from monodyn.names import NEAR
+from monodyn.names import near
 
 
 def parsed(command: str, words: Sequence[str]) -> Any:
@@ -88,8 +87,8 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
         odd = odd.split("Arguments similar")[0].split(". ")[0].strip()
         # tyro lists what is near, each name at the beginning of a line of its box
         listed = re.findall(r"^\W{4,}--([\w.-]+)", complaint, re.MULTILINE)
-        near = get_close_matches(odd.split(",")[0].removeprefix("--"), listed, 1, NEAR)
-        meant = f" Did you mean --{near[0]}?" if near else ""
+        nearest = near(listed, odd.split(",")[0].removeprefix("--"))
+        meant = f" Did you mean --{nearest[0]}?" if nearest else ""
         return f"{command}: expected known options, got {odd}; {see}{meant}"
     # a word for one of several choices, then a word for a number
     choice = re.search(r"invalid choice '(.*?)' for argument '(.*?)'. Expected one of \((.*?)\)", text)
