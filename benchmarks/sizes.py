@@ -98,12 +98,6 @@ def sized(clip: SizedClip, repeats: int) -> list[Figure]:
             "times",
             half,
         ),
-        Figure(
-            clip.name,
-            "the same, CPU time",
-            found["background_cpu"] / found["decode_cpu"] - 1.0,
-            "times",
-        ),
         Figure(clip.name, "decode", found["decode"], "ms a frame"),
         Figure(clip.name, "track, decoding included", found["track"], "ms a frame", clip.limit),
         Figure(clip.name, "seen", found["seen"], "%"),
@@ -120,14 +114,11 @@ def measured(file: Path, model: str, repeats: int) -> dict[str, float]:
         repeats: Passes of each job, in turn.
 
     Returns:
-        Wall and CPU time by job [ms a frame], share of frames seen [%], and peak memory from reading the clip
-        to its poses [MB].
+        Wall and CPU time by job [ms a frame], share of frames seen [%] and peak memory [MB].
     """
     video = monodyn.read(file)
     scene = monodyn.locate(monodyn.segment(video), monodyn.load(model))
     poses = monodyn.track(scene.masks, scene)
-    # a clip is segmented once in a run: what a second background takes beside the first is not its memory
-    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform == "darwin" else 1)
     jobs = {
         "decode": lambda: sum(1 for _ in video.frames()),
         "track": lambda: monodyn.track(scene.masks, scene),
@@ -144,6 +135,7 @@ def measured(file: Path, model: str, repeats: int) -> dict[str, float]:
     each = 1e3 / video.count
     found = {name: each * float(np.median(values)) for name, values in wall.items()}
     found |= {f"{name}_cpu": each * float(np.median(values)) for name, values in busy.items()}
+    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform == "darwin" else 1)
     return found | {"seen": 100.0 * float(poses.seen.mean()), "memory": kilobytes / 1024}
 
 
