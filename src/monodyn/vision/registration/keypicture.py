@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -132,27 +131,47 @@ def _level(grey: np.ndarray, scale: float, middle: np.ndarray, noise: tuple[floa
 
     ``noise`` has that of a difference of grey levels, and the least gradient.
     """
-    right = 0.5 * (grey[1:-1, 2:] - grey[1:-1, :-2])
-    down = 0.5 * (grey[2:, 1:-1] - grey[:-2, 1:-1])
-    size = right * right + down * down
-    size[size < noise[1] ** 2] = 0.0
-    height, width = size.shape
-    rows = pairwise(np.linspace(0, height, CELLS[1] + 1).astype(int).tolist())
-    columns = pairwise(np.linspace(0, width, CELLS[0] + 1).astype(int).tolist())
-    chosen = []
-    for (top, bottom), (left, end) in product(rows, columns):
-        cell = size[top:bottom, left:end].ravel()
-        best = np.argsort(-cell, kind="stable")[:POINTS_A_CELL]
-        best = best[cell[best] > 0.0]
-        y, x = np.divmod(best, max(1, end - left))
-        chosen.append(np.stack([y + top, x + left], axis=1))
-    y, x = np.concatenate(chosen).T
+    height, width = grey.shape[0] - 2, grey.shape[1] - 2
+    rows = np.linspace(0, height, CELLS[1] + 1).astype(int)
+    columns = np.linspace(0, width, CELLS[0] + 1).astype(int)
+    y, x = _strongest(grey, rows, columns, noise[1] ** 2)
+    right = 0.5 * (grey[y + 1, x + 2] - grey[y + 1, x])
+    down = 0.5 * (grey[y + 2, x + 1] - grey[y, x + 1])
     place_x, place_y = (x + 1) * scale - middle[0], (y + 1) * scale - middle[1]
     block = (x * BLOCKS[0] // width) + BLOCKS[0] * (y * BLOCKS[1] // height)
-    points = np.stack([place_x, place_y, grey[y + 1, x + 1], right[y, x] / scale, down[y, x] / scale])
+    points = np.stack([place_x, place_y, grey[y + 1, x + 1], right / scale, down / scale])
     order = np.argsort(block, kind="stable")
     points = np.ascontiguousarray(points[:, order], dtype=float)
     return Level(scale, points, _rows(points, middle), block[order].astype(np.int64), noise[0])
+
+
+@njit(cache=True, nogil=True)
+def _strongest(
+    grey: np.ndarray, rows: np.ndarray, columns: np.ndarray, least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return row and column, counted from the first inner pixel, of the points of the strongest gradient in
+    each of the cells between rows and columns; of equals the first ones, the strongest first."""
+    most = (len(rows) - 1) * (len(columns) - 1) * POINTS_A_CELL
+    y, x, size = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.float32)
+    begin, end = 0, 0
+    for i in range(len(rows) - 1):
+        for j in range(len(columns) - 1):
+            for r in range(rows[i], rows[i + 1]):
+                for c in range(columns[j], columns[j + 1]):
+                    right = np.float32(0.5) * (grey[r + 1, c + 2] - grey[r + 1, c])
+                    down = np.float32(0.5) * (grey[r + 2, c + 1] - grey[r, c + 1])
+                    square = right * right + down * down
+                    full = end - begin == POINTS_A_CELL
+                    if square < least or square <= 0.0 or (full and square <= size[end - 1]):
+                        continue
+                    end = end if full else end + 1
+                    k = end - 1
+                    while k > begin and size[k - 1] < square:
+                        y[k], x[k], size[k] = y[k - 1], x[k - 1], size[k - 1]
+                        k -= 1
+                    y[k], x[k], size[k] = r, c, square
+            begin = end
+    return y[:end], x[:end]
 
 
 def _rows(points: np.ndarray, middle: np.ndarray) -> np.ndarray:
