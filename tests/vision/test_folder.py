@@ -6,6 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from monodyn.errors import VideoError
 from monodyn.vision.clip.video import read
@@ -97,5 +98,18 @@ def test_pictures_that_are_too_small(tmp_path: Path) -> None:
         VideoError,
         f"clip '{tmp_path}': expected pictures of at least 16x16 px, got 40x4; give the clip at its full "
         "size.",
+    ):
+        read(tmp_path)
+
+
+def test_pictures_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), np.zeros((1000, 1002, 3), np.uint8))
+    assert read(tmp_path).count == 3
+    monkeypatch.setattr("monodyn.vision.clip.video.MOST_PIXELS", 1_000_000)
+    with refuses(
+        VideoError,
+        f"clip '{tmp_path}': expected pictures of at most 1 million pixels, got 1002x1000; give the clip at "
+        "half its size, for example as made by ffmpeg -i CLIP -vf scale=iw/2:-2 SMALLER.mp4.",
     ):
         read(tmp_path)

@@ -24,6 +24,8 @@ from monodyn.vision.settings import LEAST_SIDE, RATES
 AHEAD = 4
 """Frames that are decoded before they are asked for, at most."""
 
+MOST_PIXELS = 20_000_000
+"""Most pixels of a picture: what a whole run holds of them is some 200 bytes each."""
 Decode = Callable[[int, int], Iterator[Frame]]
 
 
@@ -173,7 +175,8 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
 
     Raises:
         VideoError: The path is missing or not a video, has no picture stream, no time stamps, fewer than two
-            frames, or pictures that show nothing; or it is no picture although ``still`` is true.
+            frames, pictures that show nothing, or larger ones than can be worked on; or it is no picture
+            although ``still`` is true.
 
     Example:
         >>> import monodyn
@@ -205,11 +208,17 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
 
 
 def _checked(video: Video) -> Video:
-    """Return a clip whose pictures are large enough to show a mechanism."""
+    """Return a clip whose pictures are large enough to show a mechanism, and not too large for the memory."""
     if min(video.width, video.height) < LEAST_SIDE:
         raise VideoError(
             f"clip '{video.path}': expected pictures of at least {LEAST_SIDE}x{LEAST_SIDE} px, got "
             f"{video.width}x{video.height}; give the clip at its full size."
+        )
+    if video.width * video.height > MOST_PIXELS:
+        raise VideoError(
+            f"clip '{video.path}': expected pictures of at most {MOST_PIXELS / 1e6:.0f} million pixels, got "
+            f"{video.width}x{video.height}; give the clip at half its size, for example as made by ffmpeg -i "
+            "CLIP -vf scale=iw/2:-2 SMALLER.mp4."
         )
     return video
 
