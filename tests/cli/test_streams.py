@@ -178,8 +178,13 @@ def test_ctrl_c_before_anything_is_loaded() -> None:
 @pytest.mark.skipif(os.name == "nt", reason="sends SIGINT")
 @pytest.mark.parametrize("delay", [0.02 * k for k in range(30)])
 def test_ctrl_c_at_any_time_of_the_first_second(delay: float) -> None:
-    # what Python does before our first line, and after our last one, is not ours: from there on
-    code = f"from monodyn.cli import main; print(flush=True); code = main(); print('end', code); {ENDED}"
+    # what Python does before our first line, and after our last one, is not ours: from its first import on
+    code = (
+        "import sys\nclass First:\n    def find_spec(self, name, *_):\n"
+        "        if name == 'monodyn.cli.streams': print(flush=True)\n"
+        "sys.meta_path.insert(0, First())\n"
+        f"from monodyn.cli import main; code = main(); print('end', code); {ENDED}"
+    )
     with subprocess.Popen(
         [sys.executable, "-c", code, "models"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:

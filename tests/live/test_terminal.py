@@ -149,15 +149,15 @@ def test_it_is_drawn_a_few_times_a_second_whatever_the_rate_of_the_frames(monkey
 
 
 def test_plain_lines_come_once_a_second_and_say_what_is_new(monkeypatch):
-    monkeypatch.setattr(terminal, "EVERY", 0.05)
-    out = io.StringIO()
-    meter = Meter()
+    monkeypatch.setattr(terminal, "EVERY", 0.1)
+    out, meter, many = io.StringIO(), Meter(), [watched(k) for k in range(500)]
     with PlainLines(out, "clip.mp4", meter) as lines:
         lines.add(watched(0))
-        time.sleep(0.12)
-        for k in range(500):
-            lines.add(watched(k))
-        time.sleep(0.12)
+        time.sleep(0.3)
+        # all of them between two lines
+        for step in many:
+            lines.add(step)
+        time.sleep(0.3)
         lines.add(followed())
     found = out.getvalue().splitlines()
     assert found.count("clip.mp4: Waiting for motion.") == 1
