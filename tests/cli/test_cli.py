@@ -527,7 +527,10 @@ def test_warm_goes_through_a_run_and_a_stream_and_leaves_nothing(
     done = command("warm")
     assert done.code == 0
     seconds = int(re.findall(r"\d+", done.out)[0])
-    assert done.out == f"Everything is compiled ({seconds} s); runs start at once now.\n"
+    assert done.out == (
+        f"Runs and streams are compiled ({seconds} s); what only a moving camera, motion blur or the "
+        "published method needs still is at first use.\n"
+    )
     steps = {line.split(":")[0] for line in done.err.splitlines()}
     assert {"background", "locate", "track", "identify", "overlay", "live"} <= steps
     assert not list(tmp_path.iterdir())

@@ -1,5 +1,5 @@
 """``monodyn demo``: the main job on the clip that is installed with the program; ``monodyn warm``: the same
-where nobody looks, so that all compiled functions are there."""
+where nobody looks, so that what an ordinary clip needs is compiled."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class DemoOptions:
 
 @dataclass(frozen=True)
 class WarmOptions:
-    """Compile what runs and streams need, once after installing; what is compiled already is only loaded.
+    """Compile what ordinary runs and streams need, once after installing; what is compiled is only loaded.
 
     Attributes:
         quiet: No progress, no line at the end.
@@ -64,7 +64,10 @@ class WarmOptions:
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             warm(progress)
         if not self.quiet:
-            print(f"Everything is compiled ({time.perf_counter() - began:.0f} s); runs start at once now.")
+            print(
+                f"Runs and streams are compiled ({time.perf_counter() - began:.0f} s); what only a moving "
+                "camera, motion blur or the published method needs still is at first use."
+            )
         return 0
 
 

@@ -72,7 +72,9 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
     # tyro draws a box around its complaint and adds hints below it; both go, the words between them stay
     text = re.sub(r"[\u2500-\u257f]|-{4,}", " ", complaint)
     text = " ".join(text.split())
-    text = re.split(r"For full helptext|Argument helptext|Got errors|Perhaps you meant", text)[0].strip()
+    text = re.split(
+        r"For full helptext|Argument helptext|Arguments similar|Got errors|Perhaps you meant", text
+    )[0].strip()
     see = f"see monodyn {command} --help."
     # the names are listed in the order of this table, whatever the order of the help
     if text.startswith("Required options"):
@@ -83,8 +85,7 @@ def _one_line(complaint: str, command: str, words: list[str]) -> str:
         ]
         return f"{command}: expected {', '.join(wanted)}, got {' '.join(words) or 'nothing'}; {see}"
     if text.startswith("Unrecognized"):
-        odd = re.sub(r"^.*?Unrecognized options:\s*", "", text)
-        odd = odd.split("Arguments similar")[0].split(". ")[0].strip()
+        odd = re.sub(r"^.*?Unrecognized options:\s*", "", text).split(". ")[0].strip()
         # tyro lists what is near, each name at the beginning of a line of its box
         listed = re.findall(r"^\W{4,}--([\w.-]+)", complaint, re.MULTILINE)
         nearest = near(listed, odd.split(",")[0].removeprefix("--"))
