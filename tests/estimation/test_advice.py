@@ -10,6 +10,7 @@ from monodyn.estimation.fit import Estimate
 from monodyn.estimation.verdict import advice, undetermined
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
+from monodyn.mechanism.bundled import chain
 from monodyn.stages import identify
 
 LIVELY = "a longer record or a livelier motion would help."
@@ -165,10 +166,24 @@ def test_lengths_rest_on_the_clock(double):
     assert advice.clock(double, estimates(double, {"link1.thickness": 0.1})) == []
 
 
+def test_a_file_without_weight_is_said(double, tmp_path):
+    file = tmp_path / "flat.xml"
+    file.write_text(chain(2).replace('axis="0 -1 0"', 'axis="0 0 1"'))
+    flat = load(file)
+    assert advice.weightless(flat) == [
+        "In this mechanism file no gravity acts in the plane of motion: its hinges turn about the vertical, "
+        'as on a table, or gravity is off. If it hangs or stands, state level axes, as axis="0 1 0", and '
+        "gravity."
+    ]
+    assert advice.clock(flat, estimates(flat, {"link1.length": 0.1})) == []
+    assert advice.weightless(double) == []
+    assert advice.weightless(flat.with_choices(free=["gravity"])) == []
+
+
 def test_gravity_that_is_taken_from_the_file_is_said(double):
     assert advice.taken_gravity(double) == [
-        "Gravity is taken to be 9.81 +- 0.015 m/s^2, which the intervals of what follows from it contain; "
-        "--fix gravity=VALUE [m/s^2] gives that of the place exactly."
+        "Gravity in the plane of motion is taken to be 9.81 +- 0.015 m/s^2, which the intervals of what "
+        "follows from it contain; --fix gravity=VALUE [m/s^2] gives that of the place exactly."
     ]
 
 

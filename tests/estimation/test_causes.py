@@ -76,6 +76,17 @@ def test_what_is_lacking_is_named(push, begins):
     assert fit.advice[0].startswith(begins)
 
 
+def test_a_hinge_about_the_vertical_lacks_weight(tmp_path):
+    file = tmp_path / "flat.xml"
+    file.write_text(POLE.replace('axis="0 -1 0"', 'axis="0 0 1"'))
+    fit = identify(swung(lambda model, data: None), load(file), QUICK)
+    assert fit.grade == "refused"
+    assert any(
+        said.startswith("With weight, gravity of 9.81 m/s^2 in the plane of motion, the motion comes ")
+        for said in fit.advice
+    )
+
+
 @pytest.mark.parametrize("stiffness", [0.0, 0.05])
 def test_the_swing_that_accelerations_call_for(stiffness):
     def moved(model, data):

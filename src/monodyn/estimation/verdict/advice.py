@@ -223,6 +223,24 @@ def contradictions(negative: float) -> list[str]:
     ]
 
 
+def weightless(mechanism: Mechanism) -> list[str]:
+    """Say that nothing has weight in the file's plane of motion: no motion tells sizes then.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        Sentences; none where gravity acts or is estimated.
+    """
+    if mechanism.values["gravity"] != 0.0 or mechanism.parameter("gravity").free:
+        return []
+    return [
+        "In this mechanism file no gravity acts in the plane of motion: its hinges turn about the vertical, "
+        'as on a table, or gravity is off. If it hangs or stands, state level axes, as axis="0 1 0", and '
+        "gravity."
+    ]
+
+
 def clock(mechanism: Mechanism, parameters: Sequence[Estimate]) -> list[str]:
     """Name what identified lengths depend on; a time scale that stays open counts as none.
 
@@ -235,6 +253,8 @@ def clock(mechanism: Mechanism, parameters: Sequence[Estimate]) -> list[str]:
     """
     free = {p.name: p for p in parameters if p.free}
     if "gravity" in free or ("time_scale" in free and np.isfinite(free["time_scale"].std)):
+        return []
+    if weightless(mechanism):
         return []
     if not any(p.kind == "length" for p in mechanism.parameters if p.name in free):
         return []
@@ -255,8 +275,9 @@ def taken_gravity(mechanism: Mechanism) -> list[str]:
     """
     taken = mechanism.values["gravity"]
     return [
-        f"Gravity is taken to be {taken:.4g} +- {GRAVITY_STD * taken:.2g} m/s^2, which the intervals of what "
-        "follows from it contain; --fix gravity=VALUE [m/s^2] gives that of the place exactly."
+        f"Gravity in the plane of motion is taken to be {taken:.4g} +- {GRAVITY_STD * taken:.2g} m/s^2, "
+        "which the intervals of what follows from it contain; --fix gravity=VALUE [m/s^2] gives that of the "
+        "place exactly."
     ]
 
 

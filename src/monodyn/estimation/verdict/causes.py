@@ -1,8 +1,9 @@
 """What a model lacks that does not follow its record: one further freedom after the other, the best named.
 
-Each freedom is something that is often forgotten: quadratic drag, gravity that does not act straight down
-where the angles are measured, a clock that runs at another rate, a base that swings. Along smooth motion
-the accelerations show in a moment which of them comes closest; the best ``TRIED`` are fitted to the record.
+Each freedom is something that is often forgotten: quadratic drag, weight where the file's hinges turn about
+the vertical, gravity that does not act straight down where the angles are measured, a clock that runs at
+another rate, a base that swings. Along smooth motion the accelerations show in a moment which of them comes
+closest; the best ``TRIED`` are fitted to the record.
 
 The rule: a cause is named if with it the residuals are at most half as large. With chance alone a further
 unknown takes off a few thousandths.
@@ -27,6 +28,7 @@ from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, multiple_sh
 from monodyn.estimation.shooting.starts import match, matched
 from monodyn.estimation.shooting.swinging import Swing, swing_of
 from monodyn.estimation.torque.laws import AIR, QUADRATIC, drag_laws
+from monodyn.estimation.verdict.advice import weightless
 from monodyn.estimation.verdict.stretches import other_rate
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
@@ -40,6 +42,8 @@ TRIED = 2
 """Causes that are fitted to the record: those that come closest to its accelerations."""
 COARSE = 1e-4
 """Integration error that these fits may have [rad or m]."""
+STANDARD_GRAVITY = 9.80665
+"""Gravity that a file without any may have forgotten [m/s^2]; the standard one (3rd CGPM, 1901)."""
 PSEUDO = 0.4
 """Deviation of the base's positions about those that the accelerations call for, as a share of its largest:
 they only begin the fit."""
@@ -145,9 +149,12 @@ def _causes(records: tuple[Poses, ...], mechanism: Mechanism) -> list[Cause]:
         return []
     x = matched(problem, motion)
     found = [
-        _freed(name, names, said, (problem, x), records, smoothed)
+        _freed(name, plain.with_choices(free=names), said, (problem, x), records, smoothed)
         for name, names, said in _freedoms(plain, problem)
     ]
+    if weightless(plain):
+        heavy = plain.with_choices(fix={"gravity": STANDARD_GRAVITY})
+        found.append(_freed("weight", heavy, weighing, (problem, x), records, smoothed))
     base = _based((problem, x), motion, records)
     return [*found, *([base] if base else [])]
 
@@ -183,15 +190,14 @@ def _freedoms(mechanism: Mechanism, problem: Problem) -> list[tuple[str, list[st
 
 def _freed(
     name: str,
-    names: Sequence[str],
+    freed: Mechanism,
     said: Sentence,
     near: tuple[Problem, np.ndarray],
     records: tuple[Poses, ...],
     smoothed: tuple[Smoothed, ...],
 ) -> Cause:
-    """Match accelerations with further parameters free."""
+    """Match accelerations with a mechanism that has more unknowns, or weight."""
     problem, x = near
-    freed = problem.mechanism.with_choices(free=names)
     larger = posed(freed, problem.data)
     motion = smooth_motion(larger, smoothed)
     x = match(larger, motion, larger.unknowns.carried(x, problem.unknowns))
@@ -269,6 +275,18 @@ def dragged(law: str, names: Sequence[str], times: float) -> str:
     return (
         f"With {what} the motion comes {times:.2g} times as close to the record: "
         f"--free {' '.join(names)} estimates it."
+    )
+
+
+def weighing(_: Problem, __: Optimum, times: float) -> str:
+    """Name weight as what is lacking.
+
+    Args:
+        times: How many times as close to the record the motion comes with it.
+    """
+    return (
+        f"With weight, gravity of {STANDARD_GRAVITY:.3g} m/s^2 in the plane of motion, the motion comes "
+        f"{times:.2g} times as close to the record."
     )
 
 
