@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from chains import ALL_FREE, CAMERA, POSE, chain, falls, silhouette_of, view_of
-from monodyn.paper.placed import DEPTH, CameraFree, X, Y
+from monodyn.paper.placed import DEPTH, CameraFree, X, Y, drawn
 from monodyn.paper.start_model import StartModel
 from monodyn.paper.subproblems import (
     fit_depth,
@@ -32,6 +32,14 @@ def test_depth_from_the_area(tmp_path: Path) -> None:
     assert history.problem == "depth"
     assert falls(history)
     assert history.evaluations[-1] < 60
+
+
+def test_depth_where_the_mechanism_reaches_behind_the_camera(tmp_path: Path) -> None:
+    """Nothing can be drawn from there: the search backs off as far as it may, and ends."""
+    start = view_of(chain(tmp_path), replace(CAMERA, depth=0.001))
+    assert np.isnan(drawn(silhouette_of().moments[:1], start.rig, start.position)[0])
+    found, _ = fit_depth(silhouette_of(), start)
+    assert found.base.camera[DEPTH] >= 0.001
 
 
 def test_place_from_the_centroid(tmp_path: Path) -> None:

@@ -128,8 +128,9 @@ def fit_depth(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, Histo
     rig, camera = view.rig, view.base.camera
     depth = float(camera[DEPTH])
     # the whole drawn area, also outside of the picture, so that a start too near still gives a likely depth
-    area = max(float(drawn(image.moments[:1], rig, view.position)[0]), 1.0)
-    likely = depth * float(np.sqrt(area / image.area))
+    area = float(drawn(image.moments[:1], rig, view.position)[0])
+    # what reaches behind the camera has no area: no depth is likelier than the present one then
+    likely = depth * float(np.sqrt(max(area, 1.0) / image.area)) if area >= 0.0 else depth
     # the search starts at the present depth, which has to lie within its bounds
     lower, upper = min(DEPTH_RANGE[0] * likely, depth), max(DEPTH_RANGE[1] * likely, depth)
     calls: list[float] = []
