@@ -15,6 +15,7 @@ from fits import made_fit, record
 from monodyn.cli import show as shown
 from monodyn.cli.show import progress_on, show, show_models
 from monodyn.estimation.fit import Doubt
+from monodyn.mechanism import BUNDLED, load
 from monodyn.pipeline import Outcome
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.predict import predict
@@ -96,9 +97,15 @@ def test_a_fit_that_is_not_to_be_trusted_is_code_1_and_said_even_when_quiet(
 
 
 def test_models_are_listed_with_their_lengths(capsys: pytest.CaptureFixture[str]) -> None:
+    """The list is a file, so that it takes no time; it says what the mechanisms' own files do."""
     assert show_models(as_json=True) == 0
-    (first, *_) = json.loads(capsys.readouterr().out)
-    assert first == {"name": "single", "joints": ["joint1 (hinge)"], "lengths": {"link1.length": 0.2}}
+    listed = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in listed] == list(BUNDLED)
+    for row in listed:
+        mechanism = load(row["name"].replace("chain:N", "chain:3"))
+        lengths = {p.name: p.value for p in mechanism.parameters if p.kind == "length"}
+        assert row["joints"] == [f"{joint.name} ({joint.kind})" for joint in mechanism.joints]
+        assert row["lengths"] == pytest.approx(lengths, abs=1e-12)
     show_models(as_json=False)
     assert capsys.readouterr().out.splitlines()[-1] == (
         "chain:N has N hinges, 1 to 10; shown for 3. Any MJCF or URDF file of a planar mechanism works too."

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from monodyn.types import Progress
@@ -270,20 +271,13 @@ def show_models(*, as_json: bool) -> int:
 
 
 def _print_models(as_json: bool) -> None:
-    from monodyn.mechanism import BUNDLED, load
-
-    rows = []
-    for name in BUNDLED:
-        mechanism = load(name.replace("chain:N", "chain:3"))
-        lengths = {row.name: row.value for row in mechanism.parameters if row.kind == "length"}
-        rows.append(
-            {"name": name, "joints": [f"{j.name} ({j.kind})" for j in mechanism.joints], "lengths": lengths}
-        )
+    # what ``load`` says of them, so that neither MuJoCo nor the kernels are needed for a list
+    text = (Path(__file__).parent / "models.json").read_text(encoding="utf-8")
     if as_json:
-        print(json.dumps(rows, indent=2))
+        print(text, end="")
         return
     table = plain_table("model", "joints", "lengths [m]", left=3)
-    for row in rows:
+    for row in json.loads(text):
         lengths = ", ".join(f"{value:g}" for value in row["lengths"].values())
         table.add_row(row["name"], ", ".join(row["joints"]), lengths)
     out = console()
