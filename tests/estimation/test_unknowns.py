@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from monodyn.estimation.shooting.unknowns import assumed_sizes, choose_unknowns
+from monodyn.estimation.torque.friction import led
 from monodyn.mechanism import Measured
 from monodyn.stages import identify
 from swings import SIZES
@@ -44,6 +45,22 @@ def test_a_search_holds_proportions(double):
         "link1.tail", "link1.tip", "link1.width", "link2.tail", "link2.width"
     ]  # fmt: skip
     assert assumed_sizes(double.with_bodies("free")) == []
+
+
+LEADS = ("joint1.lead", "joint2.lead")
+
+
+@pytest.mark.parametrize(
+    ("starts", "name", "expected"),
+    [((0.0, 0.0), "joint1.lead", (0.003, 0.003)), ((0.0, 0.002), "joint2.lead", (0.0, 0.003))],
+)
+def test_leads_that_begin_at_zero_keep_their_proportion(double, starts, name, expected):
+    ended = led(double, LEADS).with_values(dict(zip(LEADS, starts, strict=True)))
+    unknowns = choose_unknowns(ended)
+    at = unknowns.x0.copy()
+    at[unknowns.names.index(name)] = 0.003
+    values = unknowns.named(at)
+    assert (values[LEADS[0]], values[LEADS[1]]) == pytest.approx(expected)
 
 
 def seen(mechanism, information):

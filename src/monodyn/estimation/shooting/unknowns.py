@@ -77,9 +77,9 @@ class Unknowns:
         lower: Lower bounds of the coordinates, (param,).
         upper: Upper bounds of the coordinates, (param,).
         tied: Sizes that keep their proportion to a length, densities and leads that keep theirs to the first
-            one.
+            one that is not zero.
         tied_to: For each of them the unknown it follows, (tied,).
-        tied_start: Their start values, (tied,).
+        tied_share: Their start values as shares of that one's; 1 where both are zero, (tied,).
     """
 
     names: tuple[str, ...]
@@ -93,7 +93,7 @@ class Unknowns:
     upper: np.ndarray
     tied: tuple[str, ...]
     tied_to: np.ndarray
-    tied_start: np.ndarray
+    tied_share: np.ndarray
 
     def __len__(self) -> int:
         return len(self.names)
@@ -192,8 +192,7 @@ class Unknowns:
             Values, (param + tied,) or (draw, param + tied).
         """
         values = self.values(x)
-        tied = self.tied_start * values[..., self.tied_to] / self.start[self.tied_to]
-        return np.concatenate((values, tied), axis=-1)
+        return np.concatenate((values, self.tied_share * values[..., self.tied_to]), axis=-1)
 
     def chain(self, x: np.ndarray) -> np.ndarray:
         """Return the derivatives of the parameters ``names`` and ``tied`` by coordinate at ``x``.
@@ -208,8 +207,7 @@ class Unknowns:
         chain = np.zeros((count + len(self.tied), count))
         chain[:count] = self.slope(x)
         # what is tied is s = (s0 / l0) l
-        follow = self.tied_start / self.start[self.tied_to]
-        chain[count:] = follow[:, None] * chain[self.tied_to]
+        chain[count:] = self.tied_share[:, None] * chain[self.tied_to]
         return chain
 
     def carried(self, x: np.ndarray, other: Unknowns, begun: Mapping[str, float] | None = None) -> np.ndarray:
@@ -312,7 +310,9 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, near: b
         upper=upper,
         tied=tuple(p.name for p in tied),
         tied_to=np.array(tied_to, dtype=int),
-        tied_start=np.array([p.value for p in tied], dtype=float),
+        tied_share=np.array(
+            [_share(p.value, start[i]) for p, i in zip(tied, tied_to, strict=True)], dtype=float
+        ),
     )
     # a place's bounds are ratios to the size at the start: the size's own bounds have no part in them
     fixed = replace(blank, against=np.full(len(names), -1))
@@ -337,12 +337,18 @@ def _followed(mechanism: Mechanism) -> dict[str, str]:
     found = {}
     for kind in ONE_FOR_ALL:
         alike = [
-            p.name
-            for p in mechanism.parameters
-            if p.kind == kind and p.free and p.name not in mechanism.chosen
+            p for p in mechanism.parameters if p.kind == kind and p.free and p.name not in mechanism.chosen
         ]
-        found |= dict.fromkeys(alike[1:], alike[0] if alike else "")
+        # a share of zero would be none
+        first = next((p for p in alike if p.value != 0.0), alike[0] if alike else None)
+        found |= {p.name: first.name for p in alike if first is not None and p is not first}
     return found
+
+
+def _share(value: float, of: float) -> float:
+    """Return a start value as a share of that of the parameter it keeps its proportion to; leads of zero are
+    equal when they grow."""
+    return 1.0 if value == of else value / of
 
 
 def assumed_sizes(mechanism: Mechanism) -> list[Parameter]:
