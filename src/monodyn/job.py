@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from monodyn.errors import FitError, MonodynError, VideoError
 from monodyn.estimation.fit import Fit, Grade
 from monodyn.estimation.record.tables import write_poses
+from monodyn.mechanism import Mechanism
 from monodyn.results.diagnosis import write_diagnosis
 from monodyn.results.export import camera_table
 from monodyn.results.filmed import write_sight_film
@@ -18,7 +19,7 @@ from monodyn.results.findings import Findings
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import RunLog
 from monodyn.results.sight import Sight
-from monodyn.results.trace import Trace
+from monodyn.results.trace import Trace, shared_errors
 from monodyn.settings import RunSettings
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.steady import CameraPath
@@ -86,14 +87,16 @@ class Job:
     sight: Sight | None = None
     masks: OpenedMasks | None = None
 
-    def write_poses(self, poses: Poses) -> None:
+    def write_poses(self, poses: Poses, mechanism: Mechanism) -> None:
         """Write ``poses.csv`` as soon as there are poses, so that an interrupted run has them.
 
         Args:
             poses: The tracked clip.
+            mechanism: The mechanism as it was located.
         """
         if self.folder is not None:
-            self.folder.write("poses.csv", lambda path: write_poses(poses, path))
+            shared = shared_errors(poses, mechanism)
+            self.folder.write("poses.csv", lambda path: write_poses(poses, path, shared=shared))
 
     def write_camera(self, video: Video, path: CameraPath | None) -> None:
         """Write ``camera.csv`` where the camera moves.

@@ -355,7 +355,7 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> Tracked:
     notes = [*notes, *blurred(exposed, settings.camera), *span.notes, *untracked(moving, repeats)]
     log.notes += [*scene.advice, *others, *notes]
     log.free_frames, log.region = span[:2], scene.masks.background.window
-    job.write_poses(poses)
+    job.write_poses(poses, scene.mechanism)
     return Tracked(scene, poses, span)
 
 
@@ -395,7 +395,7 @@ def _locate_and_track_points(job: Job, sight: Sight, tracks: PointTracks, mechan
     notes = _clip_notes(sight.video, tracks.clip)
     log.notes += [*tracks.notes, *scene.advice, *notes, *span.notes, *unshown(moving)]
     log.free_frames = span[:2]
-    job.write_poses(poses)
+    job.write_poses(poses, scene.mechanism)
     return Tracked(scene, poses, span)
 
 

@@ -35,6 +35,20 @@ def test_round_trip(tmp_path):
     assert after.metric
 
 
+def test_errors_that_positions_share_come_back(tmp_path):
+    before, shared = poses(), np.random.default_rng(2).normal(size=(2, 12, 2))
+    write_poses(before, tmp_path / "poses.csv", shared=shared)
+    after = read_poses(tmp_path / "poses.csv", ["b", "a"])
+    np.testing.assert_array_equal(after.shifts, shared[:, :, ::-1])
+    assert read_poses(tmp_path / "poses.csv", ["a"]).shifts.shape == (2, 12, 1)
+    text = (tmp_path / "poses.csv").read_text()
+    (tmp_path / "poses.csv").write_text(text.replace(repr(float(shared[1, 4, 0])), "inf"))
+    with refuses(
+        VideoError, "poses.csv: line 6, column 'a_shared2': expected a finite error, or nothing, got inf."
+    ):
+        read_poses(tmp_path / "poses.csv", ["a", "b"])
+
+
 def test_what_is_missing_is_an_empty_cell(tmp_path):
     gap = poses()
     covariance = gap.covariance.copy()

@@ -12,6 +12,7 @@ from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.trust import identified, verdict
+from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from swings import motion, record
@@ -96,25 +97,30 @@ def test_a_residual_as_large_as_the_noise_is_fine_however_large(bent):
 
 
 @pytest.mark.parametrize(
-    ("share", "noise", "grade"),
+    ("share", "noise", "correlation", "grade"),
     [
-        (0.016, 21.0, "refused"),
-        (0.014, 30.0, "approximate"),
-        (0.016, 19.0, "approximate"),
-        (0.005, 3.1, "approximate"),
-        (0.005, 2.9, None),
-        (0.003, 30.0, None),
+        (0.016, 21.0, 1.0, "refused"),
+        (0.014, 30.0, 1.0, "approximate"),
+        (0.016, 19.0, 1.0, "approximate"),
+        (0.005, 3.1, 1.0, "approximate"),
+        (0.005, 2.9, 1.0, None),
+        (0.003, 30.0, 1.0, None),
+        (0.003, 30.0, 2.0, "approximate"),
+        (0.003, 19.0, 2.0, None),
     ],
 )
-def test_a_fit_is_doubted_only_where_it_misses_by_both_measures(share, noise, grade):
-    """More than 1.5 % of the range of motion and twenty times the stated noise; or 0.4 % and three times."""
+def test_a_fit_is_doubted_only_where_it_misses_by_both_measures(share, noise, correlation, grade):
+    """More than 1.5 % of the range of motion and twenty times the stated noise; or 0.4 % and three times; or
+    twenty times what the noise is, changing slowly."""
     single, times = load("single"), np.arange(60) / 30.0
     poses = record(single, times, motion(single, times, [0.6], [0.0]), noise=1e-4)
     problem = posed(single, prepare([poses], single))
     trial = Trial(problem.unknowns.x0, np.array([[0.6, 0.0]]), Pieces(np.array([0, 60]), np.array([0])), 8)
     optimum = Optimum(trial, problem.residuals(trial), 0.0, 1.0, 1, True, np.zeros(1, dtype=bool))
     rms = share * float(np.ptp(poses.position))
-    missed = verdict(problem, optimum, {"joint1": rms}, np.array([noise]))
+    missed = verdict(
+        problem, optimum, {"joint1": rms}, NoiseFactors(np.array([noise]), np.array([correlation]))
+    )
     assert (None if missed is None else missed.grade) == grade
     if missed is not None and missed.grade == "approximate":
         assert missed.reason == (

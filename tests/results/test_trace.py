@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,17 @@ from fits import TIME, made_fit, record
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Common
 from monodyn.mechanism import load
+from monodyn.mechanism.upright import ROLL_STD
 from monodyn.results.predict import predict
-from monodyn.results.trace import counted, fitted_poses, frame_numbers, metric, rms_of, trace_of
+from monodyn.results.trace import (
+    counted,
+    fitted_poses,
+    frame_numbers,
+    metric,
+    rms_of,
+    shared_errors,
+    trace_of,
+)
 from monodyn.types import Poses
 from support import refuses
 
@@ -65,6 +75,32 @@ def test_what_positions_have_in_common_is_taken_off_once() -> None:
     assert found.shifts is not None
     np.testing.assert_allclose(np.sum(found.shifts**2, axis=0), 0.005**2)
     assert metric(found, mechanism, 1.0, common) is found
+
+
+def test_shared_errors_are_those_of_sizes_and_roll() -> None:
+    """However they are turned, their covariance is that of the shifts and of a roll of 3 deg."""
+    rng, double = np.random.default_rng(1), load("double").with_choices(free=["camera.roll"])
+    shifts = 0.01 * rng.normal(size=(3, 8, 2))
+    poses = Poses(
+        ("joint1", "joint2"), np.arange(8), np.arange(8.0), rng.normal(size=(8, 2)),
+        np.tile(1e-8 * np.eye(2), (8, 1, 1)), np.ones(8, dtype=bool), shifts=shifts,
+    )  # fmt: skip
+
+    def covariance(directions: np.ndarray) -> np.ndarray:
+        return np.tensordot(directions, directions, axes=(0, 0))
+
+    rolled = np.zeros((1, 8, 2))
+    rolled[..., 0] = ROLL_STD
+    found = shared_errors(poses, double)
+    assert found is not None
+    np.testing.assert_allclose(covariance(found), covariance(np.concatenate((shifts, rolled))), atol=1e-9)
+    given = shared_errors(poses, load("double"))
+    assert given is not None
+    np.testing.assert_allclose(covariance(given), covariance(shifts), atol=1e-9)
+    assert shared_errors(replace(poses, shifts=None, roll=None), double) is None
+    # below what all positions together tell apart
+    exact = replace(poses, shifts=1e-7 * shifts, roll=None)
+    assert shared_errors(exact, double) is None
 
 
 def test_frames_without_numbers_are_counted_where_the_stamps_tell() -> None:

@@ -89,7 +89,7 @@ def follow(
         sight = Sight(video, masks=scene.masks, scene=scene, poses=poses, fit_frames=span[:2])
         sight.free_frames = log.free_frames = span[:2]
         job = Job(settings, log, folder, progress, sight)
-        job.write_poses(poses)
+        job.write_poses(poses, scene.mechanism)
         return concluded(job, Tracked(scene, poses, span), mechanism, model, folder)
 
 

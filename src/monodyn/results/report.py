@@ -109,7 +109,8 @@ def write_results(
     said = [*_excluded_notes(findings, wrong), *unfollowed(traces, motions), *lost_in_urdf(fit.mechanism)]
     findings = findings.noted(said)
     if record is not None:
-        folder.write("poses.csv", lambda path: write_poses(record, path, wrong[0] if wrong else None))
+        marks, shared = (wrong[0], traces[0].shared) if wrong else (None, None)
+        folder.write("poses.csv", lambda path: write_poses(record, path, marks, shared))
     filmed = findings.filmed
     if filmed is not None and filmed.camera_path is not None:
         folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.mechanism.upright import ROLL, by_roll
+from monodyn.mechanism.upright import ROLL, ROLL_STD, by_roll
 from monodyn.types import Poses
 
 if TYPE_CHECKING:
@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from monodyn.results.predict import Prediction
     from monodyn.results.torques import Torques
     from monodyn.vision.clip.video import Video
+
+NEGLIGIBLE = 1.0
+"""Standard deviations of all positions together below which errors that they share do not matter."""
+
+LEAST_STD = 1e-9
+"""Noise of a position that has none [rad or m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +41,8 @@ class Trace:
         future_frame: Frame numbers of the prediction, int (frame,).
         torques: Torques at ``poses.time`` other than friction, or None where there are none.
         turning: Hinges that nothing keeps from whole turns, by number.
+        shared: Errors that the positions may share, as of ``shared_errors``, slides in metres,
+            (direction, frame, dof); None for none.
     """
 
     name: str
@@ -45,6 +53,7 @@ class Trace:
     future_frame: np.ndarray | None = None
     torques: Torques | None = None
     turning: tuple[int, ...] = ()
+    shared: np.ndarray | None = None
 
     @property
     def all_times(self) -> np.ndarray:
@@ -148,7 +157,10 @@ def trace_of(
         for i, joint in enumerate(fit.mechanism.joints)
         if joint.kind == "hinge" and not np.isfinite([joint.lower, joint.upper]).all()
     )
-    return Trace(name, record_poses, states, (first, stop), future, numbers, acting, turning)
+    shared = shared_errors(poses, fit.mechanism)
+    if shared is not None:
+        shared = shared * in_metres(poses, fit.mechanism, fit.scale)
+    return Trace(name, record_poses, states, (first, stop), future, numbers, acting, turning, shared)
 
 
 def fitted_rows(fit: Fit, poses: Poses, record: int = 0) -> tuple[int, int]:
@@ -248,7 +260,7 @@ def metric(poses: Poses, mechanism: Mechanism, scale: float, common: Common | No
         poses = replace(poses, position=poses.position - off, shifts=left, cleared=True)
     if poses.metric:
         return poses
-    factor = np.array([scale if joint.kind == "slide" else 1.0 for joint in mechanism.joints])
+    factor = in_metres(poses, mechanism, scale)
     return replace(
         poses,
         position=poses.position * factor,
@@ -256,3 +268,44 @@ def metric(poses: Poses, mechanism: Mechanism, scale: float, common: Common | No
         shifts=None if poses.shifts is None else poses.shifts * factor,
         metric=True,
     )
+
+
+def in_metres(poses: Poses, mechanism: Mechanism, scale: float) -> np.ndarray:
+    """Return what takes the positions of a record to metres, 1 for hinges, (dof,).
+
+    Args:
+        poses: The record.
+        mechanism: Its mechanism.
+        scale: Metres per unit of the start scale.
+    """
+    slide = np.array([joint.kind == "slide" for joint in mechanism.joints])
+    return np.where(slide & (not poses.metric), scale, 1.0)
+
+
+def shared_errors(poses: Poses, mechanism: Mechanism) -> np.ndarray | None:
+    """Return the errors that the positions of a record share, of sizes, camera and its roll.
+
+    No motion has told them yet. A table that is identified again has to state them: they do not average out.
+
+    Args:
+        poses: The record, as followed.
+        mechanism: The mechanism, in which the roll of a camera is free unless it was given.
+
+    Returns:
+        By how much each position is off where sizes and camera are off by one standard deviation along one of
+        several independent directions, (direction, frame, dof); None where nothing of the sort matters.
+    """
+    parts = [] if poses.shifts is None or poses.cleared else [poses.shifts]
+    if poses.roll is not None and mechanism.parameter(ROLL).free:
+        slope = dict(zip((j.name for j in mechanism.joints), by_roll(mechanism).tolist(), strict=True))
+        turned = ROLL_STD * np.array([slope[name] for name in poses.joints])
+        parts.append(np.broadcast_to(turned, (1, *poses.position.shape)))
+    if not parts:
+        return None
+    every = np.where(poses.measured, np.concatenate(parts), 0.0)
+    std = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
+    weighed = every[:, poses.measured] / np.maximum(std[poses.measured], LEAST_STD)
+    directions, size, _ = np.linalg.svd(weighed, full_matrices=False)
+    # the largest first, until the rest of them is too little
+    matters = np.sqrt(np.cumsum(size[::-1] ** 2)[::-1]) > NEGLIGIBLE
+    return np.tensordot(directions.T[matters], every, axes=1) if matters.any() else None

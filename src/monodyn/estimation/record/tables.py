@@ -30,7 +30,8 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     or 0), ``<joint>_std`` [rad or m] and ``<joint>_seen`` (1 or 0) are used when they are there, others are
     left alone. An empty or ``nan`` position is a gap. In a row whose ``seen`` is 0 the joints count whose
     own ``_seen`` is 1, unless that is said of all of them. Without a ``_std`` column the noise is estimated
-    from the record itself.
+    from the record itself. ``<joint>_shared1``, ``<joint>_shared2`` ... [rad or m] are errors that the
+    positions share: by how much each is off where what they have in common is off by one standard deviation.
 
     Args:
         path: File of comma-separated values.
@@ -62,7 +63,8 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
             std[:, dof] = table[:, columns[f"{name}_std"]]
     covariance = np.zeros((len(time), len(names), len(names)))
     covariance[:, range(len(names)), range(len(names))] = std**2
-    poses = Poses(names, frame, time, position, covariance, seen, joint_seen=joint_seen)
+    shifts = _shared(table, columns, names)
+    poses = Poses(names, frame, time, position, covariance, seen, joint_seen=joint_seen, shifts=shifts)
     return poses if np.isfinite(std[poses.measured]).all() else _with_noise(poses, std)
 
 
@@ -78,7 +80,12 @@ def column_names(path: str | Path) -> list[str]:
     return table_rows(Path(path))[0]
 
 
-def write_poses(poses: Poses, path: str | Path, excluded: np.ndarray | None = None) -> None:
+def write_poses(
+    poses: Poses,
+    path: str | Path,
+    excluded: np.ndarray | None = None,
+    shared: np.ndarray | None = None,
+) -> None:
     """Write a record as a table that `read_poses` reads back.
 
     Numbers are written with as many digits as it takes to read the same number back, what is missing as an
@@ -89,19 +96,24 @@ def write_poses(poses: Poses, path: str | Path, excluded: np.ndarray | None = No
         path: File to write.
         excluded: True for positions that an identified motion excludes, which `read_poses` does not use,
             bool (frame, dof); None writes no columns of them.
+        shared: Errors that the positions share [rad or m], one standard deviation of each of several
+            directions, (direction, frame, dof); None writes no columns of them.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     further = [f"{name}_{what}" for what in ("std", "seen") for name in poses.joints]
     if excluded is not None:
         further += [f"{name}_excluded" for name in poses.joints]
+    together = np.zeros((0, *poses.position.shape)) if shared is None else shared
+    further += [f"{name}_shared{k + 1}" for k in range(len(together)) for name in poses.joints]
     writer.writerow(["frame", "time", "seen", *poses.joints, *further])
     marks = poses.measured if excluded is None else np.hstack((poses.measured, excluded))
     std = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
     for i in range(len(poses)):
         numbers = [cell_text(float(x)) for x in (*poses.position[i], *std[i])]
         row = [int(poses.frame[i]), cell_text(float(poses.time[i])), int(poses.seen[i])]
-        writer.writerow([*row, *numbers, *marks[i].astype(int).tolist()])
+        common = [cell_text(float(x)) for x in together[:, i].ravel()]
+        writer.writerow([*row, *numbers, *marks[i].astype(int).tolist(), *common])
     Path(path).write_text(text.getvalue(), encoding="utf-8")
 
 
@@ -204,6 +216,19 @@ def _seen(
     return np.asarray(joint_seen.all(axis=1)), joint_seen
 
 
+def _shared(table: np.ndarray, columns: dict[str, int], names: tuple[str, ...]) -> np.ndarray | None:
+    """Errors that all positions share, (direction, frame, dof), or None; an empty cell is no error."""
+    found = []
+    while any(f"{name}_shared{len(found) + 1}" in columns for name in names):
+        one = np.zeros((len(table), len(names)))
+        for dof, name in enumerate(names):
+            column = columns.get(f"{name}_shared{len(found) + 1}")
+            if column is not None:
+                one[:, dof] = np.nan_to_num(table[:, column])
+        found.append(one)
+    return np.array(found) if found else None
+
+
 def _check_values(
     path: Path,
     columns: dict[str, int],
@@ -213,9 +238,11 @@ def _check_values(
 ) -> None:
     """Refuse numbers that their column cannot have: what is used must be finite, a gap or a deviation."""
     deviations = [f"{name}_std" for name in names]
+    errors = [column for column in columns if column.rstrip("0123456789") in {f"{n}_shared" for n in names}]
     rules = [
         (["frame"], lambda x: np.isfinite(x) & (x == np.rint(x)), "a whole number"),
         (names, lambda x: ~np.isinf(x), "a finite number, or nothing for a gap"),
+        (errors, lambda x: ~np.isinf(x), "a finite error, or nothing"),
         (deviations, lambda x: ~np.isinf(x) & ~(x < 0), "a standard deviation of zero or more, or nothing"),
     ]
     for chosen, holds, expected in rules:

@@ -21,8 +21,6 @@ HARDLY = 0.5
 """Share of its assumed standard deviation above which the roll of the camera is hardly known."""
 TILTED = 4.0
 """Assumed standard deviations from level above which the roll of the camera is worth a sentence."""
-SLOW = 1.5
-"""Root of what autocorrelation costs, above which residuals count as changing slowly."""
 
 
 def bounds_met(parameters: Sequence[Estimate]) -> list[str]:
@@ -71,14 +69,14 @@ def misfit(
         Sentences; none where every residual is near its noise.
     """
     advice, systematic = [], False
-    for (joint, value), ratio, correlation in zip(rms.items(), noise.size, noise.correlation, strict=True):
+    for (joint, value), ratio, slow in zip(rms.items(), noise.size, noise.slow, strict=True):
         if ratio > NOTED:
             # what a model lacks changes as slowly as the motion does; noise does not
-            slow = " and changes slowly: the model lacks something, or" if correlation > SLOW else ":"
-            systematic |= correlation > SLOW
+            reason = " and changes slowly: the model lacks something, or" if slow else ":"
+            systematic |= bool(slow)
             advice.append(
                 f"The residual of {joint}, {amount(mechanism, joint, value)}, is {ratio:.3g} times the "
-                f"stated noise{slow} the record is less exact than stated; the intervals are widened "
+                f"stated noise{reason} the record is less exact than stated; the intervals are widened "
                 "accordingly."
             )
     if not systematic:

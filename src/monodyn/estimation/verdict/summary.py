@@ -83,7 +83,7 @@ def summarize(
         quantile = _quantile(found.freedom)
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
-    missed = verdict(found.problem, found.optimum, fit.rms, found.noise.size)
+    missed = verdict(found.problem, found.optimum, fit.rms, found.noise)
     # a motion that is refused is that of another mechanism: neither intervals nor twins are any use
     lost = missed is not None and missed.grade == "refused"
     if lost and found.common is not None:

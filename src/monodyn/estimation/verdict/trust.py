@@ -1,7 +1,8 @@
 """The fit compared with the record: whether it is close enough to be used, and what speaks against it.
 
 A record of angles states its own scatter at best, not how well the mechanism is known; so a fit is doubted
-only where it misses the record by more than the scatter *and* by more than a share of the motion.
+only where it misses the record by more than the scatter *and* by more than a share of the motion. What is
+many times the scatter and changes as slowly as the motion is no scatter, however little it is.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from monodyn.estimation.fit import Doubt
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, typical_differences
+from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.estimation.wording import amount, amounts, percent
 
 FAR_SHARE = 0.015
@@ -28,20 +30,20 @@ LOST_NOISE = 5.0
 """... and above this many times the stated noise."""
 
 
-def verdict(
-    problem: Problem, optimum: Optimum, rms: dict[str, float], against_noise: np.ndarray
-) -> Doubt | None:
+def verdict(problem: Problem, optimum: Optimum, rms: dict[str, float], against: NoiseFactors) -> Doubt | None:
     """Decide from its residuals whether a fit can be used.
 
     It cannot where, for some joint, rms residual > max(20 stated noise, 1.5 % of its range of motion), with a
     range of at most one turn; or typical residual > max(5 stated noise, 10 % of the standard deviation of
-    its motion). It holds approximately where rms residual > max(3 stated noise, 0.4 % of the range).
+    its motion). It holds approximately where rms residual > max(3 stated noise, 0.4 % of the range), and,
+    however small against the range, above 20 times the stated noise where it changes as slowly as the motion:
+    no scatter does.
 
     Args:
         problem: The problem, gross errors left out, with the noise as stated.
         optimum: The optimum.
         rms: Root mean square of the residual by joint [rad or m].
-        against_noise: The same in units of the stated noise, (dof,).
+        against: The same against the stated noise.
 
     Returns:
         What speaks against it; None for nothing.
@@ -65,6 +67,7 @@ def verdict(
     # rms is in metres of the identified scale, ranges are in the record's units
     residual = np.array([rms[name] for name in names]) / unit
     ranges = np.maximum(motion_ranges(problem), 1e-12)
+    against_noise = against.size
     far = (residual > FAR_SHARE * ranges) & (against_noise > FAR_NOISE)
     if far.any():
         j = int(np.argmax(np.where(far, residual / ranges, 0.0)))
@@ -76,6 +79,7 @@ def verdict(
             "stated noise; the advice says what model or record may lack.",
         )
     shown = (residual > SHOWN_SHARE * ranges) & (against_noise > SHOWN_NOISE)
+    shown |= against.slow & (against_noise > FAR_NOISE)
     if not shown.any():
         return None
     j = int(np.argmax(np.where(shown, residual / ranges, 0.0)))

@@ -17,6 +17,8 @@ from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
 from monodyn.estimation.verdict.stamps import stamp_error
 
+SLOW = 1.5
+"""Root of what autocorrelation costs, above which residuals count as changing slowly."""
 BLIND = 1e-6
 """Singular values below this share of the largest count as zero; derivatives are exact to about 1e-8."""
 HALVINGS = 40
@@ -263,6 +265,11 @@ class NoiseFactors(NamedTuple):
     correlation: np.ndarray
     stamps: float = 0.0
     shift: np.ndarray = np.zeros((0, 0))
+
+    @property
+    def slow(self) -> np.ndarray:
+        """True where residuals change slowly, as what a model lacks does and noise does not, (dof,)."""
+        return self.correlation > SLOW
 
     def weighted(self, data: Data) -> Data:
         """Return data with the noise as found, for honest intervals.
