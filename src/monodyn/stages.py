@@ -16,6 +16,7 @@ from typing import overload
 from monodyn.errors import SettingsError, VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify_jointly
+from monodyn.estimation.record.units import wrong_units
 from monodyn.estimation.settings import IdentifySettings, check_known
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dots import as_rods, chosen_bodies
@@ -357,7 +358,7 @@ def identify(
         The identified mechanism with intervals; its ``grade``, and ``ok``, rest on the fitted frames alone.
 
     Raises:
-        VideoError: There is no record, or one that cannot be used.
+        VideoError: There is no record, or one that cannot be used, as one in degrees or milliseconds.
         MechanismError: The joints of a record are not those of the mechanism.
         SettingsError: A setting is out of its range.
 
@@ -382,6 +383,10 @@ def identify(
     settings = settings or IdentifySettings()
     method = settings.method or "fast"
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
+    # a clip has its angles from a picture, which may be of slow motion
+    wrong = wrong_units(records, mechanism) if mechanism.measured is None else None
+    if wrong:
+        raise VideoError(f"poses: {wrong}")
     # whether masses are free belongs to the mechanism: methods see it there
     bodies = chosen_bodies(mechanism, settings.bodies)
     mechanism = mechanism.with_bodies(bodies)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import monodyn
 from monodyn import load
 from monodyn.errors import VideoError
 from monodyn.estimation.record.units import wrong_units
@@ -58,6 +59,11 @@ def test_degrees_are_named(swinging: Poses) -> None:
         f"expected angles in radians, got swings of {found:.3g} turns from one reversal to the next: these "
         "look like degrees; multiply them by pi / 180."
     )
+
+
+def test_python_names_degrees_too(swinging: Poses) -> None:
+    with pytest.raises(VideoError, match=r"^poses: expected angles in radians, got swings of "):
+        monodyn.identify(replace(swinging, position=np.degrees(swinging.position)), load("double"))
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (60.0, "frame numbers or another unit")])

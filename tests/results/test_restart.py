@@ -160,7 +160,10 @@ def test_what_cannot_be_is_refused():
             ({"joint1": np.inf},),
             "restart: expected a number within 1e+06 of 0 for joint1, got inf; correct it.",
         ),
-        (({},), "restart: expected a position of every joint, got none of joint1; give it."),
+        (
+            ({},),
+            "restart: expected a position of every joint, got none of joint1; give all of them, as joint1=0.",
+        ),
         (
             (None, {"joint1": 1.0}),
             "restart: expected rates together with positions, got rates alone; give both, or neither.",

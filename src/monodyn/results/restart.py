@@ -112,8 +112,10 @@ def _by_joint(fit: Fit, given: Mapping[str, float], *, whole: bool = False) -> n
             )
     missing = [name for name in joints if whole and name not in given]
     if missing:
+        every = ",".join(f"{name}={given.get(name, 0.0):g}" for name in joints)
         raise SettingsError(
-            f"restart: expected a position of every joint, got none of {', '.join(missing)}; give it."
+            f"restart: expected a position of every joint, got none of {', '.join(missing)}; give all of "
+            f"them, as {every}."
         )
     return np.array([float(given.get(name, 0.0)) for name in joints])
 

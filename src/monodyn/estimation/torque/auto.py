@@ -53,6 +53,8 @@ SAME_END = 0.9
 HALVED = 2.0
 """Factor by which a torque over time lowers the error of rows that it was found without, at least, and what
 another reason leaves over; and a drag what is left over of the accelerations, to be sought from the start."""
+DECISIVE = 10.0
+"""Factor from which what one unknown takes off is the reason, unless a torque leaves the noise alone."""
 FEWEST_FREE = 3.0
 """Residual in units of the noise up to which free torques follow a record."""
 ONLY_FREE = (
@@ -144,7 +146,8 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
                 tried.append(found)
                 # one unknown that explains nearly as much is the likelier reason than some thirty
                 left = min(left_otherwise(passive), spring().size) if _halves(best, found) else 0.0
-                if HALVED * _size(found.solution) < left:
+                most = DECISIVE * left < _size(passive) and not _explained(found.solution)
+                if HALVED * _size(found.solution) < left and not most:
                     return _told(found, tried)
     return replace(_told(best, tried) if len(tried) > 1 else best.solution, doubt=spring().said)
 
@@ -405,7 +408,7 @@ def _reason(chosen: _Tried) -> str:
     if chosen.kind != "periodic torque" or optimum is None:
         # of what does not follow a motion the nearest is no evidence
         if not _explained(chosen.solution):
-            return f"No kind of torque explains the motion; nearest comes {chosen.kind}: {_said(chosen)}"
+            return f"Nearest comes {chosen.kind}, which leaves more than the stated noise: {_said(chosen)}"
         return f"The evidence is for {chosen.kind}: {_said(chosen)}"
     terms, period = series_of(chosen.solution.problem, optimum)
     waves = "1 harmonic" if terms == 1 else f"{terms} harmonics"

@@ -44,6 +44,8 @@ COARSE = 1e-4
 """Integration error that these fits may have [rad or m]."""
 STANDARD_GRAVITY = 9.80665
 """Gravity that a file without any may have forgotten [m/s^2]; the standard one (3rd CGPM, 1901)."""
+FARTHEST_SWING = 3.0
+"""How far a base swings at most, as a multiple of the lengths of all links together."""
 PSEUDO = 0.4
 """Deviation of the base's positions about those that the accelerations call for, as a share of its largest:
 they only begin the fit."""
@@ -149,7 +151,10 @@ def _causes(records: tuple[Poses, ...], mechanism: Mechanism) -> list[Cause]:
         return []
     x = matched(problem, motion)
     found = [
-        _freed(name, plain.with_choices(free=names), said, (problem, x), records, smoothed)
+        min(
+            (_freed(name, start, said, (problem, x), records, smoothed) for start in _starts(plain, names)),
+            key=lambda cause: cause.left,
+        )
         for name, names, said in _freedoms(plain, problem)
     ]
     if weightless(plain):
@@ -188,6 +193,16 @@ def _freedoms(mechanism: Mechanism, problem: Problem) -> list[tuple[str, list[st
     return found
 
 
+def _starts(mechanism: Mechanism, names: Sequence[str]) -> list[Mechanism]:
+    """Return a mechanism with parameters free; gravity may act from any side, for encoders have their zero
+    where a mechanism hangs, stands or lies."""
+    freed = mechanism.with_choices(free=names)
+    if ROLL not in names:
+        return [freed]
+    turns = mechanism.values[ROLL] + np.pi * np.array([0.0, 0.5, 1.0, -0.5])
+    return [freed.with_values({ROLL: float(np.angle(np.exp(1j * turn)))}) for turn in turns]
+
+
 def _freed(
     name: str,
     freed: Mechanism,
@@ -211,6 +226,10 @@ def _based(
     problem, x = near
     swing = swing_of(problem, x, motion) if len(records) == 1 and not problem.data.torques else None
     if swing is None:
+        return None
+    lengths = sum(p.value for p in problem.mechanism_at(x).parameters if p.kind == "length")
+    if float(np.ptp(swing.at(motion.time))) > FARTHEST_SWING * lengths:
+        # no base: angles that are not what they are taken for call for anything
         return None
     mechanism, joint = mounted(problem.mechanism_at(x), swing.rate)
     record = _with_base(ordered(records[0], problem.mechanism), joint, swing)

@@ -25,7 +25,7 @@ from monodyn.estimation.verdict.refits import refitted
 from monodyn.estimation.verdict.repeating import repeating_share
 from monodyn.estimation.verdict.shares import with_share
 from monodyn.estimation.verdict.springs import like_weight
-from monodyn.estimation.verdict.trust import LOST_SHARE, identified, verdict
+from monodyn.estimation.verdict.trust import LOST_SHARE, identified, motion_ranges, verdict
 from monodyn.estimation.verdict.twins import told, twins_of
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.estimation.verdict.unmodelled import unmodelled
@@ -47,6 +47,8 @@ SAME_SCALE = 0.1
 """Standard deviation of the logarithm of a ratio of lengths up to which their scale is all that is open."""
 RATIO_KNOWN = 0.5
 """Standard deviation over the value up to which a ratio counts as determined."""
+BEYOND = 1e3
+"""No motion reaches this many times its range, nor this many radians or metres where that is small."""
 CLEAR_SHARE = 0.01
 """Residuals below this share of the motion are too small for bodies or dry friction to be the reason."""
 
@@ -126,12 +128,28 @@ def _doubts(found: Refined, fit: Fit, settings: IdentifySettings, missed: Doubt 
     if reason := _unlikely(found, fit):
         return [Doubt("refused", reason), *doubts]
     found_so = [
+        *_damaged(found),
         *_hardly_scaled(fit, found.problem.mechanism),
         *advice.integration(found.substeps, found.error, settings.error_bound),
         *advice.bounds_met(fit.parameters),
         *advice.search_end(found.optimum.converged),
     ]
     return [*doubts, *(Doubt("approximate", reason) for reason in found_so)]
+
+
+def _damaged(found: Refined) -> list[str]:
+    """Say that the record holds what no motion could have left there: then it may be wrong elsewhere too."""
+    problem = found.problem
+    size = np.abs(problem.data.position) / np.maximum(motion_ranges(problem), 1.0)
+    beyond = size[found.rejected] > BEYOND
+    if not beyond.any():
+        return []
+    joint = problem.mechanism.joints[int(np.flatnonzero(beyond.any(axis=0))[0])]
+    most = np.nanmax(np.abs(problem.data.position[found.rejected]))
+    return [
+        f"The record is damaged: {int(beyond.any(axis=1).sum())} of its rows have positions that no motion "
+        f"reaches, up to {most:.3g} of {joint.name}. They were left out; look whether the others are right."
+    ]
 
 
 def _unlikely(found: Refined, fit: Fit) -> str | None:
