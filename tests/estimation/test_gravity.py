@@ -1,13 +1,16 @@
 """How well gravity is known, and what follows from it: intervals against fits with another gravity."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import monodyn.mechanism
 from driven import CART, DOUBLE, THICKNESS, simulated, started
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.verdict.gravity import GRAVITY_STD
+from monodyn.estimation.verdict.gravity import GRAVITY_STD, taken_densities
+from monodyn.mechanism import load
 from monodyn.stages import identify
 from monodyn.types import TorqueLog
 from support import slow
@@ -118,3 +121,33 @@ def test_an_exact_record_knows_gravity_no_better(double):
     length = fit.parameter("link1.length")
     assert length.std == pytest.approx(GRAVITY_STD * length.value, rel=0.15)
     assert any(line.startswith(SAID) for line in fit.advice)
+
+
+def test_the_intervals_of_a_bundled_mechanism_contain_other_densities():
+    """A ball of plastic on a rod of metal: its length and friction, and not the damping ratio, rest on that."""
+    bundled = load("bob")
+    filmed = bundled.with_values({"link1.sphere.density": 1800.0, "link1.density": 4000.0})
+    moved = record(filmed, TIMES, motion(filmed, TIMES, [0.9], [0.0]), noise=1e-3)
+    # sizes other than the length as a picture has them
+    sizes = {n: v for n, v in filmed.values.items() if n.endswith("width")}
+    found = identify(moved, bundled.with_choices(fix=sizes), VISCOUS)
+    true = filmed.values
+    for name in ("link1.length", "joint1.damping"):
+        p = found.parameter(name)
+        assert p.lower < true[name] < p.upper
+    given = {name: bundled.values[name] for name in taken_densities(bundled)}
+    assert set(given) == {"link1.density", "link1.sphere.density"}
+    exact = identify(moved, bundled.with_choices(fix=sizes | given), VISCOUS)
+    p = exact.parameter("link1.length")
+    assert not p.lower < true["link1.length"] < p.upper
+    assert any(
+        said.startswith("Nobody has stated link1.density and link1.sphere.density: ") for said in found.advice
+    )
+    assert not any(said.startswith("Nobody has stated") for said in exact.advice)
+
+
+def test_densities_of_a_file_are_its_own(tmp_path):
+    copy = tmp_path / "mine.xml"
+    copy.write_text((Path(monodyn.mechanism.__file__).parent / "models" / "bob.xml").read_text())
+    assert taken_densities(load(copy)) == []
+    assert taken_densities(load("double")) == []

@@ -9,7 +9,7 @@ import numpy as np
 
 from monodyn.estimation.fit import Estimate
 from monodyn.estimation.shooting.unknowns import Unknowns
-from monodyn.estimation.verdict.gravity import GRAVITY_STD
+from monodyn.estimation.verdict import gravity
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.estimation.wording import amount, listed
 from monodyn.mechanism import Mechanism
@@ -272,10 +272,32 @@ def taken_gravity(mechanism: Mechanism) -> list[str]:
         Sentences.
     """
     taken = mechanism.values["gravity"]
+    std = gravity.GRAVITY_STD * taken
     return [
-        f"Gravity in the plane of motion is taken to be {taken:.4g} +- {GRAVITY_STD * taken:.2g} m/s^2, "
-        "which the intervals of what follows from it contain; --fix gravity=VALUE [m/s^2] gives that of the "
-        "place exactly."
+        f"Gravity in the plane of motion is taken to be {taken:.4g} +- {std:.2g} m/s^2, which "
+        "the intervals of what follows from it contain; --fix gravity=VALUE [m/s^2] gives that of the place "
+        "exactly."
+    ]
+
+
+def taken_densities(mechanism: Mechanism) -> list[str]:
+    """Report how well densities are known where they are those of a bundled mechanism.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        Sentences.
+    """
+    names = gravity.taken_densities(mechanism)
+    if not names:
+        return []
+    factor = float(np.exp(gravity.DENSITY_STD))
+    given = " ".join(f"{name}=VALUE" for name in names)
+    return [
+        f"Nobody has stated {listed(names)}: {mechanism.values[names[0]]:.4g} kg/m^3 is the bundled "
+        f"mechanism's, taken to be right within a factor of {factor:.2g} (one standard deviation), which the "
+        f"intervals of lengths, masses and friction contain; --fix {given} [kg/m^3] gives what they are."
     ]
 
 

@@ -1,4 +1,4 @@
-"""How well gravity is known where nobody measured it, and with it everything that follows from it."""
+"""How well gravity and densities are known where nobody measured them, and with them all that follows."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from monodyn.mechanism import Mechanism
 GRAVITY_STD = 1.5e-3
 """Standard deviation of gravity where it is taken from a file, as a share of it: it is 9.780 to 9.832 m/s^2
 at sea level, less on mountains, and the air carries a part in a thousand of what is light."""
+DENSITY_STD = float(np.log(1.6))
+"""Standard deviation of the logarithm of a density of which nothing is known: from wood to steel."""
 
 
 def gravity_share(found: Refined, fit: Fit) -> Share:
@@ -32,17 +34,49 @@ def gravity_share(found: Refined, fit: Fit) -> Share:
         found: The optimum, and what is known there.
         fit: Its parameters and combinations, with the deviations that follow from what is known there.
     """
+    return _share(found, fit, "gravity", GRAVITY_STD) if _taken(found.problem.mechanism) else Share({}, {})
+
+
+def density_shares(found: Refined, fit: Fit) -> list[Share]:
+    """Return what it adds to the standard deviations that nobody has stated densities.
+
+    Args:
+        found: The optimum, and what is known there.
+        fit: As in ``gravity_share``.
+    """
+    return [_share(found, fit, name, DENSITY_STD) for name in taken_densities(found.problem.mechanism)]
+
+
+def taken_densities(mechanism: Mechanism) -> list[str]:
+    """Name the densities that are those of a bundled mechanism, where no free thickness stands for them.
+
+    Args:
+        mechanism: The mechanism.
+    """
+    if not mechanism.bundled or mechanism.torque == "free":
+        return []
+    free = {p.name for p in mechanism.parameters if p.free}
+    return [
+        p.name
+        for p in mechanism.parameters
+        if p.kind == "density"
+        and p.name not in {*free, *mechanism.chosen}
+        and p.name.removesuffix("density") + "thickness" not in free
+        and mechanism.parameter(f"{p.owner}.mass").follows
+    ]
+
+
+def _share(found: Refined, fit: Fit, name: str, std: float) -> Share:
+    """Return what it adds that a parameter is known no better than by ``std`` of its logarithm."""
     problem, optimum = found.weighted, found.optimum
-    if not _taken(problem.mechanism):
-        return Share({}, {})
-    larger = problem.of(problem.mechanism.with_choices(free=["gravity"]))
+    larger = problem.of(problem.mechanism.with_choices(free=[name]))
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     moved = replace(
         optimum,
         trial=optimum.trial.at(x, optimum.trial.states),
         at_bound=np.isin(larger.unknowns.names, np.array(problem.unknowns.names)[optimum.at_bound]),
     )
-    known = _with_its_share(found, larger, moved)
+    known = _with_its_share(found, larger, moved, name, std)
     # of deviations alone, which do not depend on the width of an interval
     return Share(
         added(fit.parameters, estimates(larger, moved, known, 1.0)),
@@ -50,14 +84,14 @@ def gravity_share(found: Refined, fit: Fit) -> Share:
     )
 
 
-def _with_its_share(found: Refined, larger: Problem, moved: Optimum) -> Knowledge:
-    """Return what is known with gravity as a further unknown.
+def _with_its_share(found: Refined, larger: Problem, moved: Optimum, name: str, std: float) -> Knowledge:
+    """Return what is known with one further unknown.
 
     The others follow a change of its logarithm by r, which leaves residuals of squared size s for a unit of
-    it; with its variance v = 1 / (1 / GRAVITY_STD^2 + s) they have the covariance v r r' in addition. (The
-    covariance of all together would lose what gravity adds where a record is exact.)
+    it; with its variance v = 1 / (1 / std^2 + s) they have the covariance v r r' in addition. (The
+    covariance of all together would lose what it adds where a record is exact.)
     """
-    problem, at = found.weighted, larger.unknowns.names.index("gravity")
+    problem, at = found.weighted, larger.unknowns.names.index(name)
     _, jacobian = larger.rows(moved.trial)
     others = np.delete(np.arange(jacobian.shape[2]), at)
     unshifted = problem.with_data(replace(problem.data, shifts=None))
@@ -66,17 +100,17 @@ def _with_its_share(found: Refined, larger: Problem, moved: Optimum) -> Knowledg
     own, rest = rows[:, at], np.delete(rows, at, axis=1)
     follows = -noise.covariance @ (rest.T @ own)
     left = float(np.sum((own + rest @ follows) ** 2) + follows @ problem.prior.information @ follows)
-    variance = 1.0 / (GRAVITY_STD**-2.0 + left)
+    variance = 1.0 / (std**-2.0 + left)
     along = np.insert(follows, at, 1.0)
     known = found.known
     covariance = np.insert(np.insert(known.covariance, at, 0.0, axis=0), at, 0.0, axis=1)
     covariance += variance * np.outer(along, along)
-    std = np.where(np.isinf(np.insert(known.std, at, 0.0)), np.inf, np.sqrt(np.diag(covariance)))
+    deviations = np.where(np.isinf(np.insert(known.std, at, 0.0)), np.inf, np.sqrt(np.diag(covariance)))
     return Knowledge(
         covariance,
         np.insert(known.open, at, 0.0, axis=0) if known.open.size else np.zeros((len(along), 0)),
         np.insert(known.relative, at, 1.0),
-        std,
+        deviations,
         known.full,
     )
 

@@ -17,7 +17,7 @@ from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict import advice, assumed, undetermined
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.common import by_record
-from monodyn.estimation.verdict.gravity import gravity_share
+from monodyn.estimation.verdict.gravity import density_shares, gravity_share
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.posterior import Posterior, posterior
 from monodyn.estimation.verdict.refine import Refined, refine
@@ -95,7 +95,8 @@ def summarize(
     by_gravity = gravity_share(found, by_noise)
     lacking = unmodelled(found)
     random = np.zeros(len(fit.rms)) if lacking is None else lacking.density
-    for more in (by_gravity,) if lost else (by_gravity, repeating_share(found, random)):
+    shares = [] if lost else [*density_shares(found, by_noise), repeating_share(found, random)]
+    for more in (by_gravity, *shares):
         parameters, ratios = with_share(
             fit.parameters, fit.combinations, more, found.problem, _quantile(found.freedom)
         )
@@ -118,6 +119,8 @@ def summarize(
     said = _advice(found, fit, records, settings)
     if fit.ok and (by_gravity.parameters or by_gravity.combinations):
         said += advice.taken_gravity(problem.mechanism)
+    if fit.ok:
+        said += advice.taken_densities(problem.mechanism)
     advised = (*solution.advice, *said, *advice.starts_tried(solution.tried))
     return replace(fit, advice=advised)
 
