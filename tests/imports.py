@@ -135,7 +135,8 @@ def upward(tree: Tree, path: Path, table: dict[str, Place]) -> Iterator[str]:
 
 def _room(module: str, table: dict[str, Place]) -> tuple[str, str]:
     """Return the room of a module, and its part of that room; empty where the room has no parts."""
-    parts = module.split(".")
+    # ``python -m monodyn`` is the command
+    parts = module.replace("__main__", "cli").split(".")
     part = ".".join(parts[:2])
     return parts[0], part if part in table else ""
 

@@ -16,7 +16,6 @@ from typing import overload
 from monodyn.errors import SettingsError, VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.identify import identify_jointly
-from monodyn.estimation.record.units import wrong_units
 from monodyn.estimation.settings import IdentifySettings, check_known
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dots import as_rods, chosen_bodies
@@ -383,10 +382,6 @@ def identify(
     settings = settings or IdentifySettings()
     method = settings.method or "fast"
     records = (poses,) if isinstance(poses, Poses) else tuple(poses)
-    # a clip has its angles from a picture, which may be of slow motion
-    wrong = wrong_units(records, mechanism) if mechanism.measured is None else None
-    if wrong:
-        raise VideoError(f"poses: {wrong}")
     # whether masses are free belongs to the mechanism: methods see it there
     bodies = chosen_bodies(mechanism, settings.bodies)
     mechanism = mechanism.with_bodies(bodies)

@@ -22,6 +22,18 @@ def test_gross_errors_and_gaps(poses, double, truth):
 
 
 @pytest.mark.slow
+def test_a_record_with_what_no_motion_reaches_is_damaged(poses, double):
+    """One sample of 1e20: whatever wrote it may have written others."""
+    position = poses.position.copy()
+    position[20, 1] = 1e20
+    fit = identify(replace(poses, position=position), double)
+    assert fit.grade == "approximate"
+    assert fit.doubts[0].reason == (
+        "The record is damaged: 1 of its rows have positions that no motion reaches, up to 1e+20 of joint2. "
+        "They were left out; look whether the others are right."
+    )
+
+
 def test_a_tail_that_does_not_follow_is_no_gross_error():
     """A pendulum held fast from frame 76 on; what is left out must be short and isolated."""
     single, times = load("single"), np.arange(100) / 30.0

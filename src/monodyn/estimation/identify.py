@@ -13,9 +13,11 @@ from functools import partial
 
 import numpy as np
 
+from monodyn.errors import VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.record.units import wrong_units
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.torque.auto import fit_auto
 from monodyn.estimation.torque.fourier import fit_series
@@ -61,7 +63,14 @@ def identify_jointly(
 
     Returns:
         The identified mechanism with intervals.
+
+    Raises:
+        VideoError: A record is in degrees, or its times are not in seconds.
     """
+    # a clip has its angles from a picture, and may be in slow motion
+    wrong = wrong_units(records, mechanism) if records and mechanism.measured is None else None
+    if wrong:
+        raise VideoError(f"poses: {wrong}")
     mechanism = slackened(mechanism, records)
     fit = _identified(records, mechanism, settings, progress)
     usual = settings.torque in ("auto", "friction") and fit.torque == "friction"
