@@ -11,13 +11,13 @@ import pytest
 
 from dotted import BALLS
 from monodyn.checks import (
+    after_refusal,
     camera_choices,
     check_tracked,
     chosen_mechanism,
     clip_and_mechanism,
     drawn_mechanism,
     fitted_range,
-    how_to_film,
     left_out,
     prediction_times,
     untracked,
@@ -204,12 +204,17 @@ def test_a_refused_clip_leads_to_the_page_on_filming() -> None:
         SimpleNamespace(tracks=tracks)
         for tracks in (None, SimpleNamespace(clip=None), SimpleNamespace(clip=object()))
     )
-    assert how_to_film(SimpleNamespace(ok=False), filmed) == said
+    assert after_refusal(SimpleNamespace(ok=False), filmed, compared=True) == said
     # dots are found in the clip
-    assert how_to_film(SimpleNamespace(ok=False), dotted) == said
-    assert how_to_film(SimpleNamespace(ok=True), filmed) == []
+    assert after_refusal(SimpleNamespace(ok=False), dotted, compared=True) == said
+    assert after_refusal(SimpleNamespace(ok=False), filmed, compared=False) == [
+        "If it may be another mechanism, run the clip without --model: the bundled ones are tried, and the one "
+        "that comes nearest is named.",
+        *said,
+    ]
+    assert after_refusal(SimpleNamespace(ok=True), filmed, compared=False) == []
     # points were filmed by somebody else
-    assert how_to_film(SimpleNamespace(ok=False), pointed) == []
+    assert after_refusal(SimpleNamespace(ok=False), pointed, compared=False) == []
 
 
 def test_a_clip_that_is_tracked_in_parts_has_advice() -> None:

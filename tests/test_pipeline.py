@@ -15,7 +15,7 @@ import monodyn
 import tracked
 from fits import identified, made_fit
 from monodyn import job, pipeline
-from monodyn.checks import FILMING
+from monodyn.checks import FILMING, UNCOMPARED
 from monodyn.doubtful import doubtful_sight
 from monodyn.errors import FitError, SettingsError, VideoError
 from monodyn.estimation.fit import Doubt, Fit
@@ -87,7 +87,7 @@ def test_a_fit_in_a_wrong_place_is_refused(
     assert not document["ok"]
     assert document["status"].startswith("The mechanism as it was located differs from what stands out")
     # the advice of the fit is about a model in the right place
-    assert document["advice"] == ["The camera is a guess.", FILMING]
+    assert document["advice"] == ["The camera is a guess.", UNCOMPARED, FILMING]
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "What was seen of the clip" in page
 

@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
 FILMING = "What makes a clip good, with examples: docs/filming.md."
+UNCOMPARED = (
+    "If it may be another mechanism, run the clip without --model: the bundled ones are tried, and the one "
+    "that comes nearest is named."
+)
 """Note on a clip that could not be used as it is."""
 
 
@@ -328,16 +332,19 @@ def left_out(background: Background, *, given: bool = False) -> list[str]:
     ]
 
 
-def how_to_film(fit: Fit, sight: Sight) -> list[str]:
-    """Return where to read how to film, for a fit to pictures that is not to be trusted; nothing otherwise.
+def after_refusal(fit: Fit, sight: Sight, *, compared: bool) -> list[str]:
+    """Return what else to try for a refused fit to pictures, and where to read how to film; else nothing.
 
     Args:
         fit: The fit.
         sight: What the run saw of its clip.
+        compared: True where the bundled mechanisms were tried.
     """
     # dots are found in the clip; points of a table are another tool's
     given = sight.tracks is not None and sight.tracks.clip is None
-    return [] if fit.ok or given else [FILMING]
+    if fit.ok or given:
+        return []
+    return [FILMING] if compared else [UNCOMPARED, FILMING]
 
 
 def unshown(poses: Poses) -> list[str]:

@@ -14,13 +14,13 @@ import numpy as np
 
 from monodyn.blur import blurred, check_exposure, follow_exposed, unsettled
 from monodyn.checks import (
+    after_refusal,
     camera_choices,
     check_tracked,
     chosen_mechanism,
     fitted_part,
     fitted_range,
     free_range,
-    how_to_film,
     left_out,
     prediction_times,
     unshown,
@@ -139,7 +139,11 @@ def concluded(
         traces = predicted(fit, poses, times, video.path.name)
         if fit.ok:
             fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
-    log.notes += [*how_to_film(fit, sight), *nearest(fit, log.comparison), *known_before(model, fit)]
+    log.notes += [
+        *after_refusal(fit, sight, compared=bool(log.comparison)),
+        *nearest(fit, log.comparison),
+        *known_before(model, fit),
+    ]
     # only the fit has the metric scale: the poses are written again with their slides in metres
     filmed = filmed_of(fit, scene, poses, sight)
     findings = Findings(

@@ -143,7 +143,8 @@ def test_the_intervals_of_a_bundled_mechanism_contain_other_densities():
     said = (
         "Nobody has stated link1.density and link1.sphere.density: 2700 kg/m^3 is the bundled mechanism's, "
         "taken to be right within a factor of 1.6 (one standard deviation), which the intervals of lengths, "
-        "masses and friction contain; --fix link1.density=VALUE link1.sphere.density=VALUE [kg/m^3] gives what they are."
+        "masses and friction contain; --fix link1.density=VALUE link1.sphere.density=VALUE [kg/m^3] gives "
+        "what they are."
     )
     assert said in found.advice
     assert not any(said.startswith("Nobody has stated") for said in exact.advice)
