@@ -208,8 +208,8 @@ def test_a_refused_clip_leads_to_the_page_on_filming() -> None:
     # dots are found in the clip
     assert after_refusal(SimpleNamespace(ok=False), dotted, compared=True) == said
     assert after_refusal(SimpleNamespace(ok=False), filmed, compared=False) == [
-        "If it may be another mechanism, run the clip without --model: the bundled ones are tried, and the one "
-        "that comes nearest is named.",
+        "If it may be another mechanism, run the clip without --model: the bundled ones are tried, and the "
+        "one that comes nearest is named.",
         *said,
     ]
     assert after_refusal(SimpleNamespace(ok=True), filmed, compared=False) == []

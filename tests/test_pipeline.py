@@ -344,7 +344,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_file(
 ) -> None:
     clip, out = seen(monkeypatch, make_clip), tmp_path / "new" / "run"
 
-    def full(poses: object, path: Path) -> None:
+    def full(poses: object, path: Path, **_: object) -> None:
         path.write_text("half a f")
         raise OSError(errno.ENOSPC, "No space left on device")
 
