@@ -9,6 +9,7 @@ import pytest
 from monodyn.mechanism import load
 from monodyn.mechanism.tree import SLIDE
 from monodyn.types import FULL, Frame
+from monodyn.vision.clip.blocks import block_means, block_squares
 from monodyn.vision.drawing.mismatch import (
     UNDRAWABLE,
     blank_cuts,
@@ -30,6 +31,7 @@ from monodyn.vision.drawing.silhouette import (
 )
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.coverage import coverage_of
+from monodyn.vision.foreground.inner import Scenery, fill_moving
 from monodyn.vision.foreground.median import FARTHEST, NEAR, NEAREST, QUARTILE, masked_median
 from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette
 from pictures import CAMERA, drawn_mask, trusted
@@ -296,3 +298,56 @@ def test_an_edge_sample_is_the_area_under_the_coverage_along_its_normal() -> Non
         area = float(np.minimum(c, FULL).sum()) * 0.01 / FULL
         # trapezoids of half a pixel over bilinear pieces
         assert sample[AWAY] == pytest.approx(area - sample[INNER], abs=0.03)
+
+
+@pytest.mark.parametrize(("shape", "size"), [((37, 53), (9, 13)), ((40, 60), (10, 15)), ((5, 7), (5, 7))])
+def test_blocks_have_the_means_and_squares_of_their_pixels(
+    shape: tuple[int, int], size: tuple[int, int]
+) -> None:
+    rng = np.random.default_rng(5)
+    one, other = rng.integers(0, 256, (2, 3, *shape), dtype=np.uint8)
+    means, squares = np.empty(size, np.uint8), np.empty(size, np.float32)
+    # rows of a decoded picture are padded
+    block_means(np.pad(one[0], ((0, 0), (0, 11)))[:, : shape[1]], means)
+    block_squares(one, other, squares)
+    rows, columns = (np.arange(n + 1) * side // n for n, side in zip(size, shape, strict=True))
+    for i in range(size[0]):
+        for j in range(size[1]):
+            block = (slice(rows[i], rows[i + 1]), slice(columns[j], columns[j + 1]))
+            assert abs(means[i, j] - one[0][block].mean()) <= 0.5
+            change = (one.astype(float) - other)[:, *block] ** 2
+            assert squares[i, j] == pytest.approx(change.sum(axis=0).mean(), rel=1e-5)
+
+
+@pytest.mark.parametrize("channels", [0, 2])
+def test_what_moves_differs_from_the_background_and_more_from_what_is_around(channels: int) -> None:
+    rng, shape, window = np.random.default_rng(6), (24, 33), Window(3, 22, 4, 30)
+    luma, *chroma = rng.integers(90, 130, (1 + channels, *shape), dtype=np.uint8)
+    back, *tint = rng.uniform(90, 130, (1 + channels, *shape)).astype(np.float32)
+    around = rng.uniform(90, 130, (1 + channels, 3, 4)).astype(np.float32)
+    noise, counts = rng.uniform(0.5, 4.0, shape).astype(np.float32), rng.random(shape) < 0.8
+    rows, columns = np.arange(shape[0]) * 3 // shape[0], np.arange(shape[1]) * 4 // shape[1]
+    tints, shades = np.array(chroma).reshape(-1, *shape).astype(np.uint8), np.array(tint).reshape(-1, *shape)
+    behind = Scenery(back, shades.astype(np.float32), around, noise, counts, window, rows, columns)
+    found = np.full(shape, 7, np.uint8)
+    fill_moving(luma, tints, behind, (8.0, 5.0), found)
+    for y in range(shape[0]):
+        for x in range(shape[1]):
+            if not (3 <= y < 22 and 4 <= x < 30):
+                assert found[y, x] == 7
+                continue
+            shown = np.array([luma[y, x], *(plane[y, x] for plane in chroma)], dtype=float)
+            usual = np.array([back[y, x], *(plane[y, x] for plane in tint)], dtype=float)
+            near = around[:, rows[y], columns[x]]
+            changed = np.linalg.norm(shown - usual) > max(8.0, 5.0 * noise[y, x])
+            absent = np.linalg.norm(shown - near) <= np.linalg.norm(usual - near)
+            assert found[y, x] == (counts[y, x] and changed and not absent)
+
+
+def test_a_median_without_noise_is_the_same() -> None:
+    stack = np.random.default_rng(7).integers(0, 256, (12, 5, 6), dtype=np.uint8)
+    every = np.zeros((0, 0, 0), np.bool_)
+    median, noise, count = masked_median(stack, every, False)
+    for found, expected in zip((median, count), masked_median(stack, every)[::2], strict=True):
+        np.testing.assert_array_equal(found, expected)
+    assert not noise.any()

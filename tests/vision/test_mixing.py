@@ -26,7 +26,10 @@ GREY = [128.0, 128.0]
 def lit(share: float, figure: list[float], ground: list[float]) -> float:
     """Return what becomes of the coverage of one pixel."""
     planes = np.full((1, 1, 1), round(FULL * share), dtype=np.uint8)
-    return float(lit_planes(planes, np.array([figure]), np.array([[ground]]))[0, 0, 0]) / FULL
+    return (
+        float(lit_planes(planes, np.array([figure]), [np.full((1, 1), value) for value in ground])[0, 0, 0])
+        / FULL
+    )
 
 
 def test_half_of_the_level_between_black_and_white_in_closed_form() -> None:

@@ -20,7 +20,7 @@ from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.sampling import frames_between
-from monodyn.vision.foreground.thumbnails import Thumbnails
+from monodyn.vision.foreground.thumbnails import Thumbnails, reduced
 from monodyn.vision.locating.scene import Scene
 
 LEAST_EXCESS = 0.2
@@ -249,13 +249,11 @@ def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndar
     import cv2
 
     height, width = thumbnails.planes.shape[2:]
-
-    def small(plane: np.ndarray) -> np.ndarray:
-        return cv2.resize(plane.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
-
     planes = [background.luma, *(background.chroma or ())][: thumbnails.planes.shape[1]]
-    behind = np.round([small(plane) for plane in planes]).astype(np.uint8)
-    inside = small(background.counts) > 0.5
+    behind = np.empty((len(planes), height, width), dtype=np.uint8)
+    reduced([np.round(plane).astype(np.uint8) for plane in planes], behind)
+    counts = background.counts.astype(np.float32)
+    inside = cv2.resize(counts, (width, height), interpolation=cv2.INTER_AREA) > 0.5
     differs = np.zeros((len(thumbnails.number), height, width), dtype=bool)
     for channel, plane in enumerate(behind):
         shown = thumbnails.planes[:, channel]

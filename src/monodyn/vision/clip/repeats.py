@@ -18,7 +18,7 @@ import numpy as np
 from monodyn.vision.clip.stamps import Steps, explaining_steps, usual_rate
 
 BLOCKS = 16
-"""The picture is divided into this many blocks along each side."""
+"""The picture is divided into this many blocks along each side, at most."""
 LONGEST = 8
 """Most repeats of one picture."""
 QUIET = 0.25
@@ -90,11 +90,11 @@ class Differences:
 
         Args:
             frame: Its frame number.
-            small: The picture, reduced, float32 (channel, height, width).
+            small: The picture, reduced, of any type, (channel, height, width).
         """
         self.frames.append(frame)
         if self._past:
-            self._pairs.append(_squares(small - self._past[-1]))
+            self._pairs.append(_squares(small, self._past[-1]))
             self._sums.append(float(self._pairs[-1].sum()))
         self._past.append(small)
         last = len(self._sums) - 1
@@ -103,7 +103,7 @@ class Differences:
         while last - first < LONGEST and first > 0 and self._sums[first - 1] < QUIET * self._sums[last]:
             first -= 1
         if 0 < first < last and max(self._sums[first:last]) < QUIET * self._sums[first - 1]:
-            across = _squares(small - self._past[first - last - 3])
+            across = _squares(small, self._past[first - last - 3])
             self._pauses.append(_Pause(first, last, across))
 
     def repeats(self, moves: np.ndarray, times: np.ndarray) -> Repeats:
@@ -115,7 +115,7 @@ class Differences:
         """
         if not self._pauses:
             return NO_REPEATS
-        blocks = _squares(moves[np.newaxis].astype(np.float32)) > 0
+        blocks = _squares(moves[np.newaxis], np.zeros_like(moves[np.newaxis])) > 0
         pairs = np.array(self._pairs)
         sizes = pairs[:, blocks].sum(axis=1)
         # where nothing ever moves the pictures differ as those of a still scene do
@@ -218,9 +218,10 @@ def _places(steps: Steps, step: float, count: int) -> tuple[np.ndarray, np.ndarr
     return first, np.interp(np.arange(count), first, exact)
 
 
-def _squares(change: np.ndarray) -> np.ndarray:
-    """Return the squared change of each block, over the channels, (block,)."""
-    import cv2
+def _squares(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the mean squared difference of two pictures in each block, over the channels, (block,)."""
+    from monodyn.vision.clip.blocks import block_squares
 
-    total = (change * change).sum(axis=0)
-    return cv2.resize(total, (BLOCKS, BLOCKS), interpolation=cv2.INTER_AREA).ravel()
+    squares = np.empty([min(BLOCKS, side) for side in one.shape[1:]], dtype=np.float32)
+    block_squares(one, other, squares)
+    return squares.ravel()

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
 from monodyn.vision.foreground.parts import Parts
@@ -18,7 +19,7 @@ CHANGED_NOISE = 5.0
 """A pixel has changed only if it differs by more than this many standard deviations of its own noise."""
 SHOWN_NOISE = 4.0
 """Contrast over the noise of a pixel from which it shows whether it is covered."""
-AT_ONCE = 100_000
+AT_ONCE = 20_000
 """Pixels whose samples are gathered at a time."""
 LEAST_NOISE = 0.5
 """Least standard deviation of a pixel: what rounding makes of no noise at all [grey levels]."""
@@ -71,7 +72,7 @@ class Medians(NamedTuple):
     Attributes:
         luma: Median grey level, float32 (height, width).
         deviation: Noise of each pixel [grey levels], float32 (height, width).
-        count: Samples that count, int32 (height, width).
+        count: Samples that count, uint16 (height, width).
         chroma: Median blue and red difference, each float32 (row, column), or None for a grey clip.
     """
 
@@ -147,15 +148,28 @@ def background_of(
 
 def _medians(frames: Sequence[Frame]) -> Medians:
     """Return what the pixels show over all frames."""
-    from monodyn.vision.foreground.median import masked_median
-
-    every = np.zeros((0, 0, 0), dtype=np.bool_)
-    luma, deviation, count = masked_median(np.stack([frame.luma for frame in frames]), every)
+    luma, deviation, count = _over_all([frame.luma for frame in frames])
     colours = [frame.chroma for frame in frames if frame.chroma is not None]
     if len(colours) < len(frames):
         return Medians(luma, deviation, count, None)
-    blue, red = (masked_median(np.stack(planes), every)[0] for planes in zip(*colours, strict=True))
+    blue, red = (_over_all(planes, noise=False)[0] for planes in zip(*colours, strict=True))
     return Medians(luma, deviation, count, (blue, red))
+
+
+def _over_all(planes: Sequence[np.ndarray], *, noise: bool = True) -> list[np.ndarray]:
+    """Return median, noise and count of the pixels of planes, each (height, width)."""
+    from monodyn.vision.foreground.median import masked_median
+
+    every = np.zeros((0, 0, 0), dtype=np.bool_)
+
+    def counted(first: int) -> tuple[np.ndarray, ...]:
+        return masked_median(np.stack([plane[first : first + rows] for plane in planes]), every, noise)
+
+    # what all frames show of a few rows stays at hand, and takes no memory to speak of
+    height, width = planes[0].shape
+    rows = max(1, AT_ONCE // width)
+    parts = on_all_cores(counted, range(0, height, rows))
+    return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
 
 def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
@@ -168,7 +182,9 @@ def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
     frames, (luma, deviation, count, chroma) = samples.frames, samples.medians
     luma, deviation, count = luma.copy(), deviation.copy(), count.copy()
 
-    def again(planes: Sequence[np.ndarray], hidden: Sequence[np.ndarray], at: np.ndarray) -> list[np.ndarray]:
+    def again(
+        planes: Sequence[np.ndarray], hidden: Sequence[np.ndarray], at: np.ndarray, *, noise: bool = True
+    ) -> list[np.ndarray]:
         """Return median, noise and count at some of the pixels, each (pixel,)."""
         rows, columns = np.nonzero(at)
         parts = []
@@ -176,25 +192,29 @@ def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
         for start in range(0, max(len(rows), 1), AT_ONCE):
             some = rows[start : start + AT_ONCE], columns[start : start + AT_ONCE]
             stack, masks = (np.stack([one[some] for one in ones])[:, np.newaxis] for ones in (planes, hidden))
-            parts.append([found[0] for found in masked_median(stack, masks)])
+            parts.append([found[0] for found in masked_median(stack, masks, noise)])
         return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
-    somewhere = _any_of(covered)
+    somewhere = any_of(covered)
     luma[somewhere], deviation[somewhere], count[somewhere] = again(
         [frame.luma for frame in frames], covered, somewhere
     )
     if chroma is not None:
         small = [_shrink(mask, chroma[0].shape) for mask in covered]
-        somewhere = _any_of(small)
+        somewhere = any_of(small)
         colours = [frame.chroma for frame in frames if frame.chroma is not None]
         chroma = (chroma[0].copy(), chroma[1].copy())
         for target, planes in zip(chroma, zip(*colours, strict=True), strict=True):
-            target[somewhere] = again(planes, small, somewhere)[0]
+            target[somewhere] = again(planes, small, somewhere, noise=False)[0]
     return Medians(luma, deviation, count, chroma)
 
 
-def _any_of(masks: Sequence[np.ndarray]) -> np.ndarray:
-    """Return where any of some masks is set, bool (height, width); they are not copied together first."""
+def any_of(masks: Sequence[np.ndarray]) -> np.ndarray:
+    """Return where any of some masks is set, bool (height, width); they are not copied together first.
+
+    Args:
+        masks: The masks, bool (height, width) each.
+    """
     somewhere = np.zeros_like(masks[0])
     for mask in masks:
         np.logical_or(somewhere, mask, out=somewhere)
@@ -209,7 +229,8 @@ def _smooth_deviation(deviation: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    return np.sqrt(np.maximum(cv2.blur(deviation**2, (5, 5)), LEAST_NOISE**2))
+    smooth = cv2.blur(deviation**2, (5, 5))
+    return np.sqrt(np.maximum(smooth, LEAST_NOISE**2, out=smooth), out=smooth)
 
 
 def within(background: Background, window: Window, others: np.ndarray | None) -> Background:
@@ -229,5 +250,5 @@ def _shrink(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Reduce a mask to the chroma planes; a pixel is set when any of its parts is."""
     import cv2
 
-    small = cv2.resize(mask.astype(np.float32), (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
-    return small > 0.0
+    full = mask.view(np.uint8) * np.uint8(255)
+    return cv2.resize(full, (shape[1], shape[0]), interpolation=cv2.INTER_AREA) > 0

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.foreground.background import CHANGED_NOISE, Background
 from monodyn.vision.foreground.shadow import Shadow, in_shadow
+from monodyn.vision.foreground.thinned import spacing, thinned, thinning
+
+if TYPE_CHECKING:
+    from monodyn.vision.foreground.inner import Scenery
 
 MOST_CONTRAST = 14.0
 """A pixel that differs from the background by more than this has changed, however strong the mechanism's
@@ -18,8 +23,14 @@ CHANGED_SHARE = 0.3
 """Share of the contrast of what stands out most from which a pixel has changed, where that is less."""
 SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
 """Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
-PIXEL_COLUMNS = FRAME + 1
-"""Number of these columns."""
+CONTRAST_FRAMES, PICKED_FRAMES = 12, 24
+"""Samples that are enough for the contrast of what moves, and for its colours."""
+PICKED = 500
+"""Pixels of such a sample that are enough for its colours."""
+LEAST_CORE = 20
+"""Pixels inside of what moves below which all that move count."""
+AROUND_PX = 90
+"""Longer side of the picture of the surroundings, at most [px]."""
 
 
 def least_contrast(samples: Sequence[Frame], background: Background, grey_only: bool) -> float:
@@ -36,17 +47,13 @@ def least_contrast(samples: Sequence[Frame], background: Background, grey_only: 
     Returns:
         The difference [grey levels].
     """
-    noise = background.pixel_noise
-    # a quarter of the pixels is plenty
-    noise = noise if noise.shape == (1, 1) else noise[::2, ::2]
-    behind = [
-        plane[::2, ::2] for plane in full_size(background.luma, None if grey_only else background.chroma)
-    ]
-    counts, found = background.counts[::2, ::2], []
-    for frame in samples[:: max(1, len(samples) // 12)]:
-        planes = [p[::2, ::2] for p in full_size(frame.luma, None if grey_only else frame.chroma)]
-        squares = apart(planes, behind)
-        found.append(squares[(squares > (CHANGED_NOISE * noise) ** 2) & counts])
+    step, found = thinning(background.luma.shape), []
+    noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[::step, ::step]
+    least, counts = (CHANGED_NOISE * noise) ** 2, background.counts[::step, ::step]
+    behind = thinned(background.luma, None if grey_only else background.chroma, step)
+    for frame in samples[:: spacing(len(samples), CONTRAST_FRAMES)]:
+        squares = apart(thinned(frame.luma, None if grey_only else frame.chroma, step), behind)
+        found.append(squares[(squares > least) & counts])
     sizes = np.sqrt(np.concatenate(found))
     typical = float(np.percentile(sizes, 95.0)) if len(sizes) else 0.0
     return float(np.clip(CHANGED_SHARE * typical, CHANGED_NOISE * background.noise, MOST_CONTRAST))
@@ -74,43 +81,57 @@ def moving_pixels(
     """
     import cv2
 
-    rows, part = [], _margined(background)
-    behind = [p[part] for p in full_size(background.luma, None if grey_only else background.chroma)]
-    inner = np.ones((3, 3), np.uint8)
-    around = [plane[part] for plane in surroundings(samples, background, contrast)]
-    noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[part]
-    counts, least = background.counts[part], np.maximum(contrast, CHANGED_NOISE * noise) ** 2
-    picks = range(0, len(samples), max(1, len(samples) // 24))
-    for i in picks:
-        frame = samples[i]
-        planes = [p[part] for p in full_size(frame.luma, None if grey_only else frame.chroma)]
-        moving = (apart(planes, behind) > least) & counts
-        # Where the first background shows the mechanism itself, what moves is its absence: such a pixel is
-        # more like its surroundings than the background is, and does not count.
-        y, x = np.nonzero(moving)
-        shown, back, near = ([plane[y, x] for plane in picture] for picture in (planes, behind, around))
-        moving[y, x] = apart(shown, near) > apart(back, near)
+    from monodyn.vision.foreground.inner import fill_moving
+
+    behind, shape = _scenery(samples, background, grey_only, contrast), background.luma.shape
+    part, least = _margined(background), (float(contrast), CHANGED_NOISE)
+
+    def picked(number: int) -> np.ndarray:
+        """Return the pixels of one sample, (pixel, column)."""
+        frame, moving = samples[number], np.zeros(shape, np.uint8)
+        # enlarged as the coverage is
+        tint = [cv2.resize(p, shape[::-1], interpolation=cv2.INTER_LINEAR) for p in frame.chroma or ()]
+        planes = [frame.luma, *([] if grey_only else tint)]
+        fill_moving(planes[0], _stacked(planes[1:], np.uint8), behind, least, moving)
         if shadow is not None:
-            moving &= ~in_shadow(frame, background, shadow)[part]
+            moving[in_shadow(frame, background, shadow)] = 0
         # pixels at an edge are mixed with the background; only a thin mechanism has no others
-        core = cv2.erode(moving.astype(np.uint8), inner) > 0
-        if core.sum() < 20:
-            core = moving
-        y, x = np.nonzero(core)
-        step = max(1, len(y) // 1500)
-        y, x = y[::step], x[::step]
-        columns = [plane[y, x] for plane in planes + behind]
-        if grey_only:
-            blank = np.zeros(len(y))
-            columns = [columns[0], blank, blank, columns[1], blank, blank]
-        rows.append(np.column_stack([*columns, np.full(len(y), i)]))
-    return np.concatenate(rows).astype(np.float64, copy=False) if rows else np.zeros((0, PIXEL_COLUMNS))
+        core = cv2.erode(moving[part], np.ones((3, 3), np.uint8))
+        inner = core if cv2.countNonZero(core) >= LEAST_CORE else moving[part]
+        at = cv2.findNonZero(inner).reshape(-1, 2) if inner.any() else np.zeros((0, 2), np.int32)
+        x, y = at[:: max(1, len(at) // PICKED)].T
+        y, x = y + part[0].start, x + part[1].start
+        blank = [np.zeros(len(y))] * (3 - len(planes))
+        shown = [plane[y, x] for plane in planes] + blank
+        back = [plane[y, x] for plane in (behind.luma, *behind.chroma)] + blank
+        return np.column_stack([*shown, *back, np.full(len(y), number)]).astype(np.float64)
+
+    return np.concatenate(on_all_cores(picked, range(0, len(samples), spacing(len(samples), PICKED_FRAMES))))
+
+
+def _scenery(samples: Sequence[Frame], background: Background, grey_only: bool, contrast: float) -> Scenery:
+    """Return what the samples are compared with."""
+    from monodyn.vision.foreground.inner import Scenery
+
+    shape = background.luma.shape
+    luma, *chroma = full_size(background.luma, None if grey_only else background.chroma)
+    around = np.stack(surroundings(samples, background, contrast))
+    rows, columns = (np.arange(shape[k]) * around.shape[k + 1] // shape[k] for k in (0, 1))
+    noise = np.broadcast_to(background.pixel_noise, shape)
+    return Scenery(
+        luma, _stacked(chroma, np.float32), around, noise, background.counts, background.window, rows, columns
+    )
 
 
 def _margined(background: Background) -> tuple[slice, slice]:
     """Return rows and columns of the part in which anything moves, and of a still pixel around it."""
     top, bottom, left, right = background.window
     return slice(max(0, top - 1), bottom + 1), slice(max(0, left - 1), right + 1)
+
+
+def _stacked(planes: Sequence[np.ndarray], kind: type) -> np.ndarray:
+    """Return planes as one array, (plane, row, column), also where there is none."""
+    return np.stack(planes) if len(planes) else np.zeros((0, 1, 1), kind)
 
 
 def surroundings(samples: Sequence[Frame], background: Background, contrast: float) -> list[np.ndarray]:
@@ -122,27 +143,32 @@ def surroundings(samples: Sequence[Frame], background: Background, contrast: flo
         contrast: Least difference of a pixel that has changed [grey levels].
 
     Returns:
-        The background's planes, filled, each (height, width).
+        The background's planes, filled and reduced, each float32 (row, column).
     """
     import cv2
 
-    lumas = [frame.luma for frame in samples[:: max(1, len(samples) // 24)]]
-    # one after the other: all of them side by side would be copied together first
-    most, least = functools.reduce(np.maximum, lumas), functools.reduce(np.minimum, lumas)
-    moves = (most.astype(np.int16) - least) > max(contrast, 8.0 * background.noise)
+    step, picks = thinning(background.luma.shape), samples[:: spacing(len(samples), PICKED_FRAMES)]
+    most, least = (picks[0].luma[::step].copy() for _ in range(2))
+    for frame in picks[1:]:
+        np.maximum(most, frame.luma[::step], out=most)
+        np.minimum(least, frame.luma[::step], out=least)
+    moves = most - least > max(contrast, 8.0 * background.noise)
     # A blur in which moving pixels have no weight, normalized by the blurred weights: it fills the places
     # where anything moves from the still ones around them.
-    still = 1.0 - cv2.dilate(moves.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.float32)
-    size = (still.shape[1] // 8, still.shape[0] // 8)
+    still = 1.0 - cv2.dilate(moves.astype(np.uint8), np.ones((3, 5), np.uint8)).astype(np.float32)
+    height, width = background.luma.shape
+    shrink = max(8.0, max(height, width) / AROUND_PX)
+    size = max(1, int(width / shrink)), max(1, int(height / shrink))
     blur = 0.06 * max(size)
 
     def blurred(plane: np.ndarray) -> np.ndarray:
         return cv2.GaussianBlur(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), (0, 0), blur)
 
     weight = np.maximum(blurred(still), 1e-6)
-    full = (still.shape[1], still.shape[0])
-    planes = full_size(background.luma, background.chroma)
-    return [cv2.resize(blurred(still * p) / weight, full, interpolation=cv2.INTER_LINEAR) for p in planes]
+    rows = [background.luma[::step]]
+    for plane in background.chroma or ():
+        rows.append(cv2.resize(plane, still.shape[::-1], interpolation=cv2.INTER_NEAREST))
+    return [blurred(still * plane) / weight for plane in rows]
 
 
 def full_size(luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None) -> list[np.ndarray]:

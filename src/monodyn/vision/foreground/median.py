@@ -9,7 +9,7 @@ NEAR = 4.0
 """Samples within this many standard deviations of the median count as noise; others show something else."""
 QUARTILE = 0.6745
 """Distance of a quartile of a normal distribution from its median over its standard deviation."""
-SHARES = (0.25, 0.5, 0.75)
+LOW, MIDDLE, HIGH = 0.25, 0.5, 0.75
 """The quartiles."""
 NEAREST, FARTHEST = 2.0, 12.0
 """Grey levels within which a sample always counts as noise (a codec repeats pictures and then corrects them),
@@ -17,7 +17,9 @@ and beyond which it never does."""
 
 
 @njit(cache=True, nogil=True)
-def masked_median(stack: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def masked_median(
+    stack: np.ndarray, hidden: np.ndarray, with_noise: bool = True
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return median, noise and number of samples of every pixel.
 
     Within the middle grey level the median is interpolated by its share of the counts, which takes the
@@ -29,24 +31,28 @@ def masked_median(stack: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np
         stack: Grey levels, uint8 (frame, height, width).
         hidden: True where a sample does not count, bool (frame, height, width), or of length 0 when all
             count.
+        with_noise: False where the noise is not wanted, which takes most of the time; it is 0 then.
 
     Returns:
-        Median and noise [grey levels], float32 (height, width); count, int32 (height, width). A pixel
+        Median and noise [grey levels], float32 (height, width); count, uint16 (height, width). A pixel
         hidden in every sample has count 0 and the median of them all.
     """
     frames, height, width = stack.shape
     median = np.zeros((height, width), dtype=np.float32)
     noise = np.zeros((height, width), dtype=np.float32)
-    count = np.full((height, width), frames, dtype=np.int32)
+    count = np.full((height, width), frames, dtype=np.uint16)
     use_hidden = hidden.shape[0] > 0
-    quartiles = np.zeros((len(SHARES), width))
+    quartiles = np.zeros((3, width))
     for y in range(height):
         shown = np.ones((frames, width), dtype=np.uint16)
         if use_hidden:
             _mark_shown(hidden[:, y], shown, count[y])
-        for i in range(len(SHARES)):
-            _fill_levels(stack[:, y], shown, SHARES[i], use_hidden, quartiles[i])
-        _fill_noise(stack[:, y], shown, quartiles, median[y], noise[y])
+        _fill_levels(stack[:, y], shown, MIDDLE, use_hidden, quartiles[1])
+        median[y] = quartiles[1]
+        if with_noise:
+            _fill_levels(stack[:, y], shown, LOW, use_hidden, quartiles[0])
+            _fill_levels(stack[:, y], shown, HIGH, use_hidden, quartiles[2])
+            _fill_noise(stack[:, y], shown, quartiles, noise[y])
     return median, noise, count
 
 
@@ -113,13 +119,11 @@ def _count_below(
 
 
 @njit(cache=True, error_model="numpy")
-def _fill_noise(
-    row: np.ndarray, shown: np.ndarray, quartiles: np.ndarray, median: np.ndarray, noise: np.ndarray
-) -> None:
-    """Fill median and noise (width,) of a row from its samples (frame, width) and quartiles (3, width)."""
+def _fill_noise(row: np.ndarray, shown: np.ndarray, quartiles: np.ndarray, noise: np.ndarray) -> None:
+    """Fill the noise (width,) of a row from its samples (frame, width) and quartiles (3, width)."""
     frames, width = row.shape
     squares, count = np.zeros(width, np.float32), np.zeros(width, np.float32)
-    near = np.zeros(width, np.float32)
+    near, median = np.zeros(width, np.float32), np.zeros(width, np.float32)
     for x in range(width):
         low, centre, high = quartiles[0, x], quartiles[1, x], quartiles[2, x]
         near[x] = min(max(NEAR / QUARTILE * min(high - centre, centre - low), NEAREST), FARTHEST)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.errors import VideoError
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
@@ -27,6 +28,7 @@ from monodyn.vision.foreground.changes import (
 )
 from monodyn.vision.foreground.masks import LEFT_OUT, NOT_SHOWN, VARIED, GeomColours, View, plain_view
 from monodyn.vision.foreground.shadow import Shadow, find_shadow
+from monodyn.vision.foreground.thinned import at_pixels
 
 CHROMA_WEIGHT = 0.25
 """Weight of a colour difference against a grey difference: a chroma sample covers four pixels."""
@@ -49,6 +51,8 @@ MERGED = 3.2
 """Clusters of moving pixels closer than this are one colour [least contrasts]."""
 RARE = 0.12
 """Share of the moving pixels below which a cluster is no colour of the mechanism."""
+AT_ONCE = 50_000
+"""Pixels whose contrast is computed at a time."""
 LEAST_PIXELS = 50
 """Moving pixels below which nothing moves."""
 
@@ -178,6 +182,18 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
     )
 
 
+def palette_over(palette: Palette, background: Background) -> Palette:
+    """Return a palette over another background of the clip.
+
+    Args:
+        palette: The palette, before colours are measured on the located mechanism.
+        background: The background.
+    """
+    any_trust = VARIED_TRUST if palette.varied else None
+    found = _palette(palette.colours, background, palette.grey_only, any_trust)
+    return replace(found, varied=palette.varied, contrast=palette.contrast, shadow=palette.shadow)
+
+
 def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool:
     """Return whether many moving pixels are as far from every colour as from their background.
 
@@ -205,27 +221,29 @@ def lingering(samples: Sequence[Frame], background: Background, palette: Palette
         For each sample the pixels of such places that look like the mechanism, bool (height, width).
     """
     around = surroundings(samples, background, palette.contrast)
-
-    def planes_of(picture: Frame | Background) -> list[np.ndarray]:
-        return full_size(picture.luma, None if palette.grey_only else picture.chroma)
-
-    suspect = _looks_like(planes_of(background), palette, around)
+    shape, near = background.luma.shape, NEAR_COLOUR * palette.contrast
+    # what is not of its grey level need not be looked at, nor most of the other pictures
+    suspect = np.zeros(shape, dtype=np.bool_)
+    for grey in palette.colours[:, 0].astype(np.float32):
+        suspect |= np.abs(background.luma - grey) < near
     rows, columns = np.nonzero(suspect)
-    found = [np.zeros(suspect.shape, dtype=np.bool_) for _ in samples]
+    usual = at_pixels(around, shape, rows, columns)
+
+    def looks_like(picture: Frame | Background) -> np.ndarray:
+        """Return at which of the pixels a picture is near a colour of the mechanism, and nearer than to what
+        is around."""
+        planes = [picture.luma, *(() if palette.grey_only else picture.chroma or ())]
+        shown = at_pixels(planes, shape, rows, columns)
+        off = np.min([apart(shown, list(colour)) for colour in palette.colours.astype(np.float32)], axis=0)
+        return (off < near**2) & (off < 0.25 * apart(shown, usual))
+
+    likely = looks_like(background)
+    rows, columns, usual = rows[likely], columns[likely], [plane[likely] for plane in usual]
+    found = [np.zeros(shape, dtype=np.bool_) for _ in samples]
     if len(rows):
-        # they are few: the rest of the pictures need not be looked at
-        near = [plane[rows, columns] for plane in around]
-        for mask, frame in zip(found, samples, strict=True):
-            shown = [plane[rows, columns] for plane in planes_of(frame)]
-            mask[rows, columns] = _looks_like(shown, palette, near)
+        for mask, like in zip(found, on_all_cores(looks_like, samples), strict=True):
+            mask[rows, columns] = like
     return found
-
-
-def _looks_like(planes: list[np.ndarray], palette: Palette, around: list[np.ndarray]) -> np.ndarray:
-    """Return where a picture is near a colour of the mechanism and nearer to it than to the surroundings."""
-    colours = palette.colours.astype(np.float32)
-    near = np.min([apart(planes, list(colour)) for colour in colours], axis=0)
-    return (near < (NEAR_COLOUR * palette.contrast) ** 2) & (near < 0.25 * apart(planes, around))
 
 
 def _clusters(pixels: np.ndarray, grey_only: bool, contrast: float) -> np.ndarray:
@@ -280,26 +298,32 @@ def _palette(
     ``any_trust`` is the trust in a last plane of any difference, None for no such plane.
     """
     planes = full_size(background.luma, None if grey_only else background.chroma)
-    full, noise = _contrast(planes, colours), background.pixel_noise
-    strength, dimmed = full, None
+    shape, dimmed = (len(colours), *background.luma.shape), None
     if light is not None and not grey_only and background.chroma is not None:
-        size = background.chroma[0].shape[::-1]
-        small = [_resized(background.luma, size), *background.chroma]
-        whole, reduced = (_dimming(p, colours, light, background.noise) for p in (planes, small))
-        dimmed = whole, reduced
-        strength = full - whole * _contrast(planes, colours, lit=True)
-    # too little contrast would blow the noise up to full coverage: such a pixel shows nothing
-    seen = strength > (SHOWN_NOISE * noise) ** 2
-    scale = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
-    trust = np.clip(np.sqrt(np.where(seen, full, 0.0)) / (TRUSTED_NOISE * noise), 0.0, 1.0)
-    trust *= background.known
-    if any_trust is not None:
-        trust = np.concatenate([trust, any_trust * background.known[np.newaxis]])
+        small = [_resized(background.luma, background.chroma[0].shape[::-1]), *background.chroma]
+        dimmed = np.empty(shape, np.float32), _dimming(small, colours, light, background.noise)
+    noise = np.broadcast_to(background.pixel_noise, shape[1:])
+    scale = np.empty(shape, np.float32)
+    trust = np.empty((shape[0] + (any_trust is not None), *shape[1:]), np.float32)
+    step = max(1, AT_ONCE // shape[2])
+    # what some rows need is at hand, and what all of them need at once would fill the memory
+    for rows in (slice(first, first + step) for first in range(0, shape[1], step)):
+        part = [plane[rows] for plane in planes]
+        full = strength = _contrast(part, colours)
+        if light is not None and dimmed is not None:
+            dimmed[0][:, rows] = whole = _dimming(part, colours, light, background.noise)
+            strength = full - whole * _contrast(part, colours, lit=True)
+        # too little contrast would blow the noise up to full coverage: such a pixel shows nothing
+        seen, known = strength > (SHOWN_NOISE * noise[rows]) ** 2, background.known[rows]
+        scale[:, rows] = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
+        sure = np.sqrt(np.where(seen, full, 0.0)) / (TRUSTED_NOISE * noise[rows])
+        trust[: len(colours), rows] = np.minimum(sure, 1.0) * known
+        if any_trust is not None:
+            trust[-1, rows] = any_trust * known
     shown = colours.copy()
     if grey_only:
         shown[:, 1:] = np.nan
-    trust = trust.astype(np.float32)
-    return Palette(shown, scale.astype(np.float32), grey_only, trust, dimmed=dimmed)
+    return Palette(shown, scale, grey_only, trust, dimmed=dimmed)
 
 
 def _contrast(planes: Sequence[np.ndarray], colours: np.ndarray, *, lit: bool = False) -> np.ndarray:

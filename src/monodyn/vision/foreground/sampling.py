@@ -101,7 +101,7 @@ class _Path:
         import cv2
 
         small = self.thumbnails.add(frame)
-        self.differences.add(frame.index, small.astype(np.float32))
+        self.differences.add(frame.index, small)
         if self._previous is not None and self._previous.shape == small.shape:
             # noise does not travel; the tiny rest keeps the path increasing while the clip stands still
             moved = np.maximum(cv2.absdiff(small, self._previous), STILL_GREY) - STILL_GREY

@@ -11,11 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import CHANGED_NOISE, SHOWN_NOISE, Background
+from monodyn.vision.foreground.thinned import spacing, thinned, thinning
 
 LIT = 0.95
 """Ratio to the background above which a pixel is no shadow."""
@@ -46,9 +48,7 @@ SIGMAS = 2.5
 LEAST_DETAIL = 1.0
 """Standard deviation of the background's detail below which it is too plain to say [grey levels]."""
 FRAMES = 12
-"""Samples in which a shadow is looked for."""
-WIDE_PX = 360
-"""Longer side of the reduced pictures in which it is looked for [px]; its offset at half of that."""
+"""Samples that are enough to look for a shadow in."""
 GREY = 128.0
 """Blue and red difference of a pixel without colour."""
 BAND_PX = 3
@@ -78,6 +78,15 @@ class _Sample:
     darkened: np.ndarray
 
 
+class _Wall(NamedTuple):
+    """The reduced background: grey level, blue and red difference if there are any, and the difference from
+    which a pixel moves."""
+
+    grey: np.ndarray
+    tint: list[np.ndarray]
+    least: np.ndarray
+
+
 def find_shadow(samples: Sequence[Frame], background: Background, contrast: float) -> Shadow | None:
     """Look for the shadow of what moves.
 
@@ -89,9 +98,11 @@ def find_shadow(samples: Sequence[Frame], background: Background, contrast: floa
     Returns:
         The shadow, or None where nothing moves like one.
     """
-    picks = samples[:: max(1, len(samples) // FRAMES)]
-    step = max(2, round(max(background.luma.shape) / WIDE_PX))
-    reduced = [_reduced(frame, background, contrast, step) for frame in picks]
+    picks = samples[:: spacing(len(samples), FRAMES)]
+    # its offset is looked for at half of that
+    step = thinning(background.luma.shape)
+    wall = _wall(background, contrast, step)
+    reduced = [_reduced(frame, wall, step) for frame in picks]
     total = sum(int(sample.moves.sum()) for sample in reduced)
     ratios = np.concatenate([sample.ratio[sample.darkened] for sample in reduced])
     found = []
@@ -185,17 +196,24 @@ def _dark_part(
     return inside, box
 
 
-def _reduced(frame: Frame, background: Background, contrast: float, step: int) -> _Sample:
-    """Return every ``step``-th pixel of a sample, to both sides."""
-    luma, behind = frame.luma[::step, ::step].astype(np.float32), background.luma[::step, ::step]
-    ratio = luma / np.maximum(behind, 1.0)
+def _wall(background: Background, contrast: float, step: int) -> _Wall:
+    """Return every ``step``-th pixel of the background, to both sides."""
+    grey, *tint = thinned(background.luma, background.chroma, step)
     noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[::step, ::step]
-    moves = np.abs(luma - behind) > np.maximum(contrast, CHANGED_NOISE * noise)
-    moves &= background.counts[::step, ::step]
+    least = np.where(background.counts[::step, ::step], np.maximum(contrast, CHANGED_NOISE * noise), np.inf)
+    return _Wall(grey, tint, least)
+
+
+def _reduced(frame: Frame, wall: _Wall, step: int) -> _Sample:
+    """Return every ``step``-th pixel of a sample, to both sides."""
+    luma, *tint = thinned(frame.luma, frame.chroma, step)
+    ratio = luma / np.maximum(wall.grey, 1.0)
+    moves = np.abs(luma - wall.grey) > wall.least
     darkened = moves & (ratio > DEEPEST) & (ratio < LIT)
-    if frame.chroma is not None and background.chroma is not None:
-        darkened &= _keeps_tint(frame.chroma, background.chroma, ratio)
-    return _Sample(ratio, behind, moves, darkened)
+    at = np.nonzero(darkened)
+    for shown, back in zip(tint, wall.tint, strict=False):
+        darkened[at] &= np.abs(shown[at] - GREY - ratio[at] * (back[at] - GREY)) < TINT
+    return _Sample(ratio, wall.grey, moves, darkened)
 
 
 def _keeps_tint(chroma: Sequence[np.ndarray], behind: Sequence[np.ndarray], ratio: np.ndarray) -> np.ndarray:

@@ -18,14 +18,24 @@ from monodyn.errors import VideoError
 from monodyn.types import Frame, Mask, Progress
 from monodyn.vision.clip.steady import NO_PARALLAX, Parallax, displaced
 from monodyn.vision.clip.video import Video, read
-from monodyn.vision.foreground.background import Background, Samples, background_of, within
+from monodyn.vision.foreground.background import Background, Samples, any_of, background_of, within
 from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
-from monodyn.vision.foreground.palette import Palette, choose_palette, lingering, measured_palette
+from monodyn.vision.foreground.palette import (
+    Palette,
+    choose_palette,
+    lingering,
+    measured_palette,
+    palette_over,
+)
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.registration.register import onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
+
+FEW_LINGER = 0.01
+"""Share of the part in which anything moves that may linger in the first background before the colours, found
+from what differs from that, are in doubt: a mechanism covers some ten times as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,17 +166,29 @@ class SoftMasks:
         Returns:
             New masks of the same clip, the colours looked for anew; a background that was given stays.
         """
-        background = self.background
         if self.parallax != NO_PARALLAX:
             covered = [
                 displaced(one[np.newaxis].astype(np.uint8), self.away(frame.index))[0] > 0
                 for frame, one in zip(self.samples.frames, covered, strict=True)
             ]
-        if not background.given:
-            background = background_of(self.samples, covered, fallback=self.background)
-        frames, settings = self.samples.frames, self.settings
-        palette = choose_palette(frames, background, settings.colour, settings.contrast)
+        background, settings = self._uncovered(covered), self.settings
+        palette = choose_palette(self.samples.frames, background, settings.colour, settings.contrast)
         return replace(self, background=background, palette=palette)
+
+    def cleared(self, covered: Sequence[np.ndarray]) -> SoftMasks:
+        """Return the masks over a background from which a little is taken out: the colours stay.
+
+        Args:
+            covered: For each of the sample frames the pixels that do not count, bool (height, width).
+        """
+        background = self._uncovered(covered)
+        return replace(self, background=background, palette=palette_over(self.palette, background))
+
+    def _uncovered(self, covered: Sequence[np.ndarray]) -> Background:
+        """Return the background from what is not covered; one that was given stays."""
+        if self.background.given:
+            return self.background
+        return background_of(self.samples, covered, fallback=self.background)
 
 
 def soft_masks(
@@ -208,7 +230,12 @@ def _masks_over(
         return masks
     # a mechanism that rests most of the time is part of the first background: it is taken out of it once
     covered = lingering(samples.frames, background, palette)
-    return masks.refined(covered) if any(mask.any() for mask in covered) else masks
+    anywhere = int(np.count_nonzero(any_of(covered)))
+    if not anywhere:
+        return masks
+    top, bottom, left, right = background.window
+    few = anywhere < FEW_LINGER * (bottom - top) * (right - left)
+    return masks.cleared(covered) if few else masks.refined(covered)
 
 
 def _given(picture: str | Path, video: Video, samples: Samples) -> Background:

@@ -7,6 +7,7 @@ mechanism would.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -104,9 +105,9 @@ class ThumbnailStore:
         # three planes of (width height / shrink^2) bytes for each frame
         least = np.sqrt(3.0 * width * height * count / THUMBNAIL_BYTES)
         self._shrink = float(max(SHRINK, least))
-        self._size = max(1, round(width / self._shrink)), max(1, round(height / self._shrink))
+        self._size = max(1, round(height / self._shrink)), max(1, round(width / self._shrink))
         self._number: list[int] = []
-        self._planes: list[np.ndarray] = []
+        self._planes, self._count, self._channels = np.zeros((0, 0, 0, 0), np.uint8), count, 0
 
     def add(self, frame: Frame) -> np.ndarray:
         """Keep the thumbnail of one frame.
@@ -117,20 +118,35 @@ class ThumbnailStore:
         Returns:
             The thumbnail, uint8 (channel, height, width).
         """
-        import cv2
-
-        planes = (frame.luma, *(frame.chroma or ()))
+        planes, row = (frame.luma, *(frame.chroma or ())), len(self._number)
+        if row == 0:
+            # what is not filled yet takes no memory
+            self._channels = len(planes)
+            self._planes = np.empty((self._count, len(planes), *self._size), dtype=np.uint8)
+        # a frame without colour in a clip with colour is rare: only the grey level is common to all then
+        self._channels = min(self._channels, len(planes))
+        small = self._planes[row, : len(planes)]
+        reduced(planes[: len(small)], small)
         self._number.append(frame.index)
-        small = [cv2.resize(plane, self._size, interpolation=cv2.INTER_AREA) for plane in planes]
-        self._planes.append(np.stack(small))
-        return self._planes[-1]
+        return small
 
     def finished(self) -> Thumbnails:
         """Return the thumbnails of all frames that were added."""
-        # a frame without colour in a clip with colour is rare: only the grey level is common to all then
-        channels = min((len(planes) for planes in self._planes), default=1)
-        planes = np.stack([planes[:channels] for planes in self._planes])
+        planes = self._planes[: len(self._number), : self._channels]
         return Thumbnails(np.array(self._number, dtype=np.int64), planes, self._shrink)
+
+
+def reduced(planes: Sequence[np.ndarray], out: np.ndarray) -> None:
+    """Reduce the planes of a picture to those of a thumbnail.
+
+    Args:
+        planes: Grey level and, where there is colour, both differences, each uint8 (row, column).
+        out: The thumbnail, uint8 (channel, height, width), which is filled.
+    """
+    from monodyn.vision.clip.blocks import block_means
+
+    for plane, small in zip(planes, out, strict=True):
+        block_means(plane, small)
 
 
 def scene_span(thumbnails: Thumbnails, contrast: float, whole: tuple[int, int]) -> tuple[int, int]:

@@ -27,6 +27,8 @@ THIN_PX = 5.0
 RIM_PX = 6.0
 """Distance from every outline beyond which a pixel of a wide geom does not count where motion blurs pictures:
 edges are judged against all coverage beside them there, and light makes rims darker or brighter."""
+MARGIN_PX = 2
+"""What is looked at goes beyond the outlines by this much."""
 LEAST_GEOM_PIXELS = 20
 """Least number of pixels for a colour."""
 SHADED_PERCENT, SHADED_LEVEL = 15.0, 0.75
@@ -246,14 +248,18 @@ def _inner_pixels(frame: Frame, background: Background, outlines: list[list[np.n
     exposure, each (pixel, column); the outlines are those of the geoms at each time."""
     import cv2
 
-    height, width = frame.luma.shape
-    planes = _colour_planes(frame, background)
-    masks, touched = [], np.zeros((height, width), dtype=np.int64)
+    # only the part of the picture that the mechanism covers, with a margin that no geom enters
+    corners = np.concatenate([polygon for drawn in outlines for polygon in drawn])
+    size = np.array(frame.luma.shape[::-1])
+    first = np.clip(np.floor(corners.min(axis=0)).astype(np.int64) - MARGIN_PX, 0, size - 1)
+    last = np.clip(np.ceil(corners.max(axis=0)).astype(np.int64) + MARGIN_PX + 1, first + 1, size)
+    shape = tuple((last - first)[::-1])
+    masks, touched = [], np.zeros(shape, dtype=np.uint8)
     for polygons in zip(*outlines, strict=True):
-        always, ever = np.ones((height, width), np.uint8), np.zeros((height, width), np.uint8)
+        always, ever = np.ones(shape, np.uint8), np.zeros(shape, np.uint8)
         for polygon in polygons:
-            mask = np.zeros((height, width), np.uint8)
-            cv2.fillPoly(mask, [np.round(polygon * 16.0).astype(np.int32)], 1, cv2.LINE_8, 4)
+            mask = np.zeros(shape, np.uint8)
+            cv2.fillPoly(mask, [np.round((polygon - first) * 16.0).astype(np.int32)], 1, cv2.LINE_8, 4)
             always &= mask
             ever |= mask
         masks.append(always)
@@ -266,20 +272,21 @@ def _inner_pixels(frame: Frame, background: Background, outlines: list[list[np.n
         y, x = np.nonzero(shows & (depth <= RIM_PX) if len(outlines) > 1 else shows)
         # at most a few hundred pixels of each frame: medians need no more
         step = max(1, len(y) // 400)
-        values = [plane[y[::step], x[::step]].astype(np.float64) for plane in planes]
-        found.append(np.column_stack([*values, np.full(len(values[0]), deepest)]))
+        at = y[::step] + first[1], x[::step] + first[0]
+        values = [*_colours_at(frame, *at), *_colours_at(background, *at)]
+        found.append(np.column_stack([*values, np.full(len(at[0]), deepest)]))
     return found
 
 
-def _colour_planes(frame: Frame, background: Background) -> list[np.ndarray]:
-    """Return the three planes of a frame and of its background at full size; NaN for missing ones."""
+def _colours_at(picture: Frame | Background, rows: np.ndarray, columns: np.ndarray) -> list[np.ndarray]:
+    """Return grey level, blue and red difference of some pixels, each (pixel,); NaN for missing ones."""
     import cv2
 
-    height, width = frame.luma.shape
-    planes: list[np.ndarray] = []
-    for luma, chroma in ((frame.luma, frame.chroma), (background.luma, background.chroma)):
-        small = chroma or ()
-        planes.append(luma)
-        planes += [cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR) for plane in small]
-        planes += [np.full(luma.shape, np.nan, dtype=np.float32)] * (2 - len(small))
-    return planes
+    found = [picture.luma[rows, columns].astype(np.float64)]
+    for plane in (picture.chroma or ()) if len(rows) else ():
+        # as if it were enlarged to the size of the picture
+        scale = np.divide(plane.shape, picture.luma.shape)
+        y, x = ((at + 0.5) * by - 0.5 for at, by in zip((rows, columns), scale, strict=True))
+        places = [places.astype(np.float32)[:, np.newaxis] for places in (x, y)]
+        found.append(cv2.remap(plane, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0])
+    return found + [np.full(len(rows), np.nan)] * (3 - len(found))

@@ -24,8 +24,8 @@ import numpy as np
 from monodyn.types import FULL, Frame
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.foreground.background import Background
-from monodyn.vision.foreground.changes import full_size
 from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT
+from monodyn.vision.foreground.thinned import at_pixels
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.search import SceneGuess
 
@@ -43,6 +43,8 @@ WHOLE = (0.95, 1.05)
 """Coverage between which a pixel shows the colour of its plane."""
 HALVINGS = 8
 """Halvings of the interval in which a coverage lies: finer than the 160 levels of a mask."""
+AT_ONCE = 50_000
+"""Pixels that are looked at at a time."""
 SEARCH = EdgeSearch(np.full(4, 4.0), 3.0)
 """How the edges are looked for: they are next to where they were."""
 
@@ -65,7 +67,7 @@ def lit_sizes(
     Returns:
         The changes by name: of sizes and depth as logarithms, of places as ratios.
     """
-    ground = _stacked(background.luma, background.chroma)
+    ground = [background.luma, *(background.chroma or ())]
     colours = _colours(masks.planes, pictures)
     decoded = replace(masks, planes=[lit_planes(planes, colours, ground) for planes in masks.planes])
     at = np.asarray(rows, dtype=np.int64)
@@ -75,13 +77,13 @@ def lit_sizes(
     return dict(zip(bundle.variables.names, (after - before).tolist(), strict=True))
 
 
-def lit_planes(planes: np.ndarray, colours: np.ndarray, ground: np.ndarray) -> np.ndarray:
+def lit_planes(planes: np.ndarray, colours: np.ndarray, ground: Sequence[np.ndarray]) -> np.ndarray:
     """Return the coverage that a mask would show if light was mixed before it was coded.
 
     Args:
         planes: A mask by colour, uint8 (colour, height, width).
         colours: Grey level, blue and red difference of each; NaN where they are not known, (colour, 3).
-        ground: The same behind the mechanism, (height, width, 3).
+        ground: The planes of what is behind the mechanism, each (row, column) of any size.
 
     Returns:
         The coverage, uint8 (colour, height, width); the same where figure and ground are nearly alike.
@@ -89,11 +91,14 @@ def lit_planes(planes: np.ndarray, colours: np.ndarray, ground: np.ndarray) -> n
     lit = planes.copy()
     for plane, colour in zip(lit, colours, strict=True):
         mixed = np.flatnonzero((plane > 0) & (plane < FULL))
-        behind = ground.reshape(-1, 3)[mixed]
-        # a colour that is not known is not apart from anything
-        apart = (colour - behind) ** 2 @ WEIGHTS > LEAST_APART**2
-        shares = plane.flat[mixed[apart]] / FULL
-        plane.flat[mixed[apart]] = np.round(FULL * _lit(shares, colour, behind[apart]))
+        # of a large picture all of them at once would fill the memory
+        for start in range(0, len(mixed), AT_ONCE):
+            some = mixed[start : start + AT_ONCE]
+            behind = _at(ground, plane.shape, *np.divmod(some, plane.shape[1]))
+            # a colour that is not known is not apart from anything
+            apart = (colour - behind) ** 2 @ WEIGHTS > LEAST_APART**2
+            shares = plane.flat[some[apart]] / FULL
+            plane.flat[some[apart]] = np.round(FULL * _lit(shares, colour, behind[apart]))
     return lit
 
 
@@ -114,12 +119,14 @@ def _lit(share: np.ndarray, colour: np.ndarray, ground: np.ndarray) -> np.ndarra
     return 0.5 * (lower + upper)
 
 
-def _stacked(luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
-    """Return a picture as grey level, blue and red difference, (height, width, 3)."""
-    planes = full_size(luma, chroma)
-    if chroma is None:
-        planes = [planes[0], *[np.full(luma.shape, neutral, np.float32) for neutral in BLACK[1:]]]
-    return np.stack(planes, axis=-1, dtype=np.float32)
+def _at(
+    planes: Sequence[np.ndarray], shape: tuple[int, ...], rows: np.ndarray, columns: np.ndarray
+) -> np.ndarray:
+    """Return grey level, blue and red difference of some pixels of a picture, (pixel, 3)."""
+    found = at_pixels(planes, shape, rows, columns)
+    if len(planes) == 1:
+        found += [np.full(len(rows), neutral, np.float32) for neutral in BLACK[1:]]
+    return np.stack(found, axis=-1)
 
 
 def _colours(masks: Sequence[np.ndarray], pictures: Sequence[Frame]) -> np.ndarray:
@@ -127,8 +134,8 @@ def _colours(masks: Sequence[np.ndarray], pictures: Sequence[Frame]) -> np.ndarr
     where it covers nothing."""
     shown: list[list[np.ndarray]] = [[] for _ in masks[0]]
     for mask, frame in zip(masks, pictures, strict=True):
-        picture = _stacked(frame.luma, frame.chroma)
         for plane, own in zip(mask, shown, strict=True):
-            own.append(picture[(plane > WHOLE[0] * FULL) & (plane < WHOLE[1] * FULL)])
+            whole = np.nonzero((plane > WHOLE[0] * FULL) & (plane < WHOLE[1] * FULL))
+            own.append(_at([frame.luma, *(frame.chroma or ())], plane.shape, *whole))
     pixels = [np.concatenate(own) for own in shown]
     return np.array([np.median(own, axis=0) if len(own) else np.full(3, np.nan) for own in pixels])

@@ -1,0 +1,67 @@
+"""numba kernels: what the blocks of a picture show, each of whole pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def block_means(plane: np.ndarray, out: np.ndarray) -> None:
+    """Fill ``out`` with the means of the blocks into which it divides a plane, as even as whole pixels are.
+
+    Args:
+        plane: Grey levels, uint8 (height, width).
+        out: The means, rounded, uint8 (row, column); at most as many of either as the plane has.
+    """
+    width, (rows, columns) = plane.shape[1], out.shape
+    total, edges = np.zeros(width, np.uint32), _edges(width, columns)
+    for i in range(rows):
+        top, bottom = i * plane.shape[0] // rows, (i + 1) * plane.shape[0] // rows
+        # down the columns first: whole registers are added at once
+        total[:] = 0
+        for y in range(top, bottom):
+            row = plane[y]
+            for x in range(width):
+                total[x] += row[x]
+        for j in range(columns):
+            left, right = edges[j], edges[j + 1]
+            block = np.uint32(0)
+            for x in range(left, right):
+                block += total[x]
+            out[i, j] = np.uint8(np.float32(block) / np.float32((bottom - top) * (right - left)) + 0.5)
+
+
+@njit(cache=True, nogil=True)
+def block_squares(one: np.ndarray, other: np.ndarray, out: np.ndarray) -> None:
+    """Fill ``out`` with the mean squared difference of two pictures in each block, summed over the channels.
+
+    Args:
+        one: A picture of any type, (channel, height, width).
+        other: Another one; channels that only one of them has do not count.
+        out: The squares, float32 (row, column); at most as many of either as the pictures have.
+    """
+    _, height, width = one.shape
+    channels, (rows, columns) = min(len(one), len(other)), out.shape
+    total, edges = np.zeros(width, np.float32), _edges(width, columns)
+    for i in range(rows):
+        top, bottom = i * height // rows, (i + 1) * height // rows
+        total[:] = 0.0
+        for c in range(channels):
+            for y in range(top, bottom):
+                first, second = one[c, y], other[c, y]
+                for x in range(width):
+                    change = np.float32(first[x]) - np.float32(second[x])
+                    total[x] += change * change
+        for j in range(columns):
+            left, right = edges[j], edges[j + 1]
+            out[i, j] = total[left:right].sum() / np.float32((bottom - top) * (right - left))
+
+
+@njit(cache=True, nogil=True)
+def _edges(size: int, blocks: int) -> np.ndarray:
+    """Return where the blocks of a side begin, and where the last one ends, int (blocks + 1,)."""
+    edges = np.empty(blocks + 1, np.int64)
+    for k in range(blocks + 1):
+        edges[k] = k * size // blocks
+    return edges
