@@ -15,7 +15,7 @@ from monodyn.estimation.verdict.trust import identified, verdict
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
 from monodyn.stages import identify
-from swings import motion, record
+from swings import motion, record, white
 
 
 @pytest.mark.slow
@@ -130,3 +130,11 @@ def test_a_fit_is_doubted_only_where_it_misses_by_both_measures(share, noise, co
         )
     said = f"Identified from 60 frames; rms residual {np.degrees(rms):.3g} deg (joint1)."
     assert identified(problem, {"joint1": rms}) == said
+
+
+@pytest.mark.slow
+def test_a_straight_line_is_no_motion_of_a_pendulum():
+    """It is followed exactly, by links as long as they may be."""
+    times = np.arange(150) / 50.0
+    line = white(("joint1", "joint2"), times, np.column_stack((0.5 * times, times)), 1e-4)
+    assert identify(line, load("double")).grade == "refused"

@@ -230,10 +230,13 @@ def surrogate_of(problem: Problem, trial: Trial, at_bound: np.ndarray) -> Surrog
         at_bound: True for unknowns on a bound, (param,): there the optimum counts as the best point.
 
     Returns:
-        The surrogate; None where the motion depends on more than the regrouped inertias.
+        The surrogate; None where the motion depends on more than the regrouped inertias, or an overhang has
+        ended at zero, which has no logarithm.
     """
     sizes = Sizes(problem)
     start = sizes.of(trial.x)
+    if not np.isfinite(start).all():
+        return None
     information, pull, shift = _information(problem, trial)
     pull = np.where(at_bound, 0.0, pull)
     # an overhang's ratio changes by itself where its logarithm changes by one
