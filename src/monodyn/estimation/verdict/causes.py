@@ -51,7 +51,7 @@ PSEUDO = 0.4
 they only begin the fit."""
 
 DRAGS = (QUADRATIC, AIR)
-"""The cause that is a torque."""
+"""The causes that are torques."""
 
 Sentence = Callable[[Problem, Optimum, float], str]
 """Names a cause, from its fit and the factor by which it makes the residuals smaller."""
