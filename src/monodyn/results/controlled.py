@@ -18,6 +18,7 @@ from monodyn.results.curves import loop_curves
 from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.linear import by_joint
+from monodyn.results.masses import mass_scale
 from monodyn.results.numbers import shown_in
 from monodyn.results.opened import open_run
 from monodyn.results.overlay import FITTED, Drawing, write_overlay
@@ -136,7 +137,7 @@ class Controlled:
             # each of these takes long, and so there are few
             if self.swing.reached < self.swing.draws:
                 notes += draws_said(self.swing.reached, self.swing.draws)
-            if self.fit.mass_scale is None:
+            if mass_scale(self.fit) is None:
                 notes.append(
                     "A swing depends on the scale of the masses, which the record leaves open: where the "
                     "mechanism has k times those of model.xml, all its torques have to be k times as large "

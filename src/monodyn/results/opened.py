@@ -339,7 +339,10 @@ def _mechanism(
             period=known.get("torque.period"),
         )
     varying = [p.name for p in mechanism.parameters if p.name in set(names)]
-    mechanism = mechanism.with_choices(free=varying)
+    # what the scale of the masses rests on is a choice of the user's, which the model does not name
+    heavy = [p for p in mechanism.parameters if p.kind == "mass" and p.name not in varying]
+    given = {p.name: p.value for p in heavy if document["mass_scale"] == "given"}
+    mechanism = mechanism.with_choices(fix=given, free=varying)
     follows = {p.name for p in mechanism.parameters if p.follows}
     here = {name: value for name, value in known.items() if name in mechanism.values and name not in follows}
     # where the written file shares a body out otherwise, into length and overhangs, it is the one that moves
