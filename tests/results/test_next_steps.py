@@ -16,9 +16,11 @@ from fits import identified, record
 from monodyn.cli.parse import parsed
 from monodyn.estimation.fit import Doubt
 from monodyn.results import next_steps as next_steps_module
+from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings
 from monodyn.results.log import RunLog
 from monodyn.results.next_steps import next_steps
+from monodyn.results.sight import Sight
 from monodyn.results.trace import trace_of
 from monodyn.settings import RunSettings
 from support import command
@@ -82,9 +84,32 @@ def test_tables_are_found_from_the_folder_of_the_run(tmp_path, monkeypatch):
     assert shlex.split(line)[2] == str(tmp_path / "swing.csv")
 
 
-def test_nothing_is_done_with_what_is_refused():
+def test_a_refused_fit_is_looked_at_and_measured_again(tmp_path, monkeypatch):
+    """No command of it takes the model that is not to be relied on."""
     fit = identified().doubted([Doubt("refused", "It is another mechanism.")])
-    assert next_steps(Findings(fit, [trace_of(fit, record(fit))])) == []
+    monkeypatch.chdir(tmp_path)
+    for given, named in (
+        ("single", "single"), ("auto", "auto"), ("a b.xml", shlex.quote(str(tmp_path / "a b.xml")))
+    ):  # fmt: skip
+        if given.endswith("xml"):
+            monodyn.write_mjcf(monodyn.load("single"), given)
+        log = RunLog("identify", {"model": given, "poses 1": "swing.csv"}, RunSettings())
+        look, again = next_steps(Findings(fit, [trace_of(fit, record(fit))], log=log))
+        assert look.what.startswith("Look at the residuals in the plots of this page")
+        assert look.command == ""
+        assert again.command == f"monodyn identify again.csv --model {named} --out again"
+        parsed("identify", shlex.split(again.command)[2:])
+
+
+def test_a_refused_clip_is_looked_at_and_filmed_again(filmed):
+    scene, poses = filmed
+    fit = replace(identified(), starts=()).doubted([Doubt("refused", "It is another mechanism.")])
+    for sight, picture in ((None, "overlay.mp4"), (Sight(scene.video), "diagnosis.png")):
+        shown = replace(filmed_of(fit, scene, poses), sight=sight)
+        look, again = next_steps(Findings(fit, filmed=shown))
+        assert look.what.startswith(f"Look at {picture}: the outline has to lie on the mechanism")
+        assert again.command == "monodyn run again.mp4 --model MODEL --out again"
+        parsed("run", shlex.split(again.command)[2:])
 
 
 def standing(tmp_path, limits=""):

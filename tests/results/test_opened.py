@@ -429,6 +429,7 @@ def test_a_file_as_it_was_written_is_believed_and_moves_as_the_fit(tmp_path, nam
         "parameters": list(rows.values()),
         "units": {joint.name: "" for joint in mechanism.joints},
         "drive": {"model": "friction"},
+        "mass_scale": None,
     }
     written = monodyn.load(tmp_path / "model.xml")
     known = {**document, "model_sha256": digest(tmp_path / "model.xml")}

@@ -10,6 +10,7 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
+from monodyn.mechanism.bundled import is_bundled
 from monodyn.mechanism.simulate import energy
 from monodyn.results.experiment import next_commands, next_motion
 from monodyn.results.findings import Findings
@@ -35,17 +36,17 @@ class Step(NamedTuple):
 
 
 def next_steps(findings: Findings) -> list[Step]:
-    """Return what one can do with an identified mechanism.
+    """Return what one can do with an identified mechanism, or about one that was refused.
 
     Args:
         findings: The fit and its records.
 
     Returns:
-        The steps; none where there is nothing to rely on.
+        The steps.
     """
     fit = findings.fit
     if not (fit.ok and fit.starts):
-        return []
+        return _refused(findings)
     joints = [joint.name for joint in fit.mechanism.joints]
     begin = ",".join(f"{name}={0.5 if k == 0 else 0:g}" for k, name in enumerate(joints))
     film = "" if findings.filmed is None else " --film"
@@ -63,6 +64,30 @@ def next_steps(findings: Findings) -> list[Step]:
         ),
     ]
     return [*steps, *_balanced(fit), *_filmed_again(findings)]
+
+
+def _refused(findings: Findings) -> list[Step]:
+    """Return where to look for what is wrong, and how to go on with another record."""
+    filmed, log = findings.filmed, findings.log
+    model = "MODEL" if log is None else _named(log.inputs.get("model", {}).get("name", "MODEL"))
+    if filmed is None:
+        return [
+            Step("Look at the residuals in the plots of this page: where they grow, or repeat, the model "
+                 "lacks something, or what was measured is wrong"),
+            Step("Measure another record, of a larger motion or with another model, and identify it",
+                 f"monodyn identify again.csv --model {model} --out again"),
+        ]  # fmt: skip
+    picture = "overlay.mp4" if filmed.sight is None else "diagnosis.png"
+    return [
+        Step(f"Look at {picture}: the outline has to lie on the mechanism, and on nothing else that moves"),
+        Step("Film it again, as docs/filming.md shows it, or give another model, and run it",
+             f"monodyn run again.mp4 --model {model} --out again"),
+    ]  # fmt: skip
+
+
+def _named(model: str) -> str:
+    """Return how the mechanism of a run is called from its folder, quoted."""
+    return shlex.quote(model if is_bundled(model) or model == "auto" else str(Path(model).resolve()))
 
 
 def _balanced(fit: Fit) -> list[Step]:
