@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from monodyn.mechanism import write_mjcf as write_mjcf
     from monodyn.mechanism import write_urdf as write_urdf
     from monodyn.pipeline import run as run
+    from monodyn.reported import report as report
     from monodyn.results.closed import closed_loop as closed_loop
     from monodyn.results.draws import drawn as drawn
     from monodyn.results.experiment import next_motion as next_motion
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
     from monodyn.results.predict import predict as predict
     from monodyn.results.regulator import Allowed as Allowed
     from monodyn.results.regulator import lqr as lqr
-    from monodyn.results.report import report as report
     from monodyn.results.restart import restart as restart
     from monodyn.results.smoother import smooth as smooth
     from monodyn.results.swing import swing_up as swing_up
@@ -96,7 +96,6 @@ _HOMES = {
     "results.experiment": ("next_motion",),
     "results.fill": ("fill",),
     "results.horizon": ("horizon",),
-    "results.report": ("report",),
     "results.closed": ("closed_loop",),
     "results.linear": ("linearize",),
     "results.regulator": ("Allowed", "lqr"),
@@ -105,6 +104,7 @@ _HOMES = {
     "results.smoother": ("smooth",),
     "settings": ("RunSettings",),
     "pipeline": ("run",),
+    "reported": ("report",),
 }
 """Public names by the module that they are loaded from."""
 

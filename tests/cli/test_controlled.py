@@ -12,13 +12,14 @@ from controllable import identified
 from monodyn.cli import controlled
 from monodyn.cli.parse import parsed
 from monodyn.results.controlled import Aim, control
+from monodyn.results.regulator import Allowed
 from support import command
 
 
 def test_options_become_an_aim(monkeypatch: pytest.MonkeyPatch) -> None:
     words = (
         "run --at joint1=1.57,slide=0.1 --actuated slide --out up --swing --start joint1=-1.5 --limit "
-        "slide=3 --within slide=-0.3:0.3 --seconds 2 --rate 100 --draws 7 --seed 3 --no-film --force"
+        "slide=3 --within slide=-0.3:0.3 --seconds 2 --rate 100 --allowed effort=1,length=0.05 --draws 7 --seed 3 --no-film --force"
     )
     options = parsed("control", words.split())
     seen = {}
@@ -37,7 +38,8 @@ def test_options_become_an_aim(monkeypatch: pytest.MonkeyPatch) -> None:
         "force": True,
         "aim": Aim(
             at={"joint1": 1.57, "slide": 0.1}, actuated=("slide",), swing=True, start={"joint1": -1.5},
-            limit={"slide": 3.0}, within={"slide": (-0.3, 0.3)}, seconds=2.0, rate=100.0, draws=7, seed=3,
+            limit={"slide": 3.0}, within={"slide": (-0.3, 0.3)}, seconds=2.0, rate=100.0,
+            allowed=Allowed(length=0.05, effort=1.0), draws=7, seed=3,
         ),
     }  # fmt: skip
 
@@ -60,6 +62,14 @@ def test_what_was_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert document["gain"][0] == pytest.approx(gain.tolist())
     controlled._print(found, as_json=False, quiet=True)
     assert capsys.readouterr().out == ""
+
+
+def test_a_weight_of_another_name_is_refused() -> None:
+    done = command("control", "run", "--at", "joint1=1", "--actuated", "slide", "--allowed", "torque=1")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "monodyn: allowed: no weight is called 'torque'; weights: 'angle', 'length', 'rate', 'effort'.\n"
+    )
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
