@@ -19,7 +19,8 @@ from support import command
 def test_options_become_an_aim(monkeypatch: pytest.MonkeyPatch) -> None:
     words = (
         "run --at joint1=1.57,slide=0.1 --actuated slide --out up --swing --start joint1=-1.5 --limit "
-        "slide=3 --within slide=-0.3:0.3 --seconds 2 --rate 100 --allowed effort=1,length=0.05 --draws 7 --seed 3 --no-film --force"
+        "slide=3 --within slide=-0.3:0.3 --seconds 2 --rate 100 --allowed "
+        "effort=1,length=0.05 --draws 7 --seed 3 --no-film --force"
     )
     options = parsed("control", words.split())
     seen = {}

@@ -65,7 +65,7 @@ class Aim:
     within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     seconds: float | None = None
     rate: float = RATE
-    allowed: Allowed = Allowed()
+    allowed: Allowed = field(default_factory=Allowed)
     draws: int = 50
     seed: int = 0
 
