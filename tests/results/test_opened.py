@@ -59,7 +59,8 @@ def pushed(name="double", **torque):
 def test_a_run_is_read_back_as_it_was(tmp_path, name, settings, torque):
     poses, _ = pushed(name, **torque)
     fit = monodyn.identify(poses, monodyn.load(name), settings)
-    monodyn.report(fit, to=tmp_path / "run", poses=poses)
+    # without the record nothing is added to what the fit says against itself
+    monodyn.report(fit, to=tmp_path / "run")
     back = monodyn.open_run(tmp_path / "run")
     np.testing.assert_allclose(back.mechanism.tree.links, fit.mechanism.tree.links, rtol=1e-12, atol=1e-300)
     times = np.linspace(0.0, 1.5, 40)
@@ -118,6 +119,46 @@ def test_a_run_as_the_model_of_another_brings_along_what_its_picture_knew(tmp_pa
     # and on from there, back to the same file
     third = identified_from(tmp_path / "second", tmp_path / "third", table).fit
     assert third.parameter("link1.length").value == pytest.approx(length, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_a_folder_that_a_program_wrote_is_the_model_of_a_run(tmp_path):
+    """It has no log of the mechanism's file: what was given and freed is as in the program."""
+    file = monodyn.load("double")
+    truth = {n: file.values[n] for n in ("link1.length", "link2.mass")}
+    chosen = file.with_choices(fix=truth, free=["gravity", "joint2.stiffness"])
+    poses, _ = pushed("double")
+    fit = monodyn.identify(poses, chosen, IdentifySettings(torque="friction"))
+    monodyn.report(fit, to=tmp_path / "run")
+    assert not (tmp_path / "run" / "run.json").exists()
+    again = monodyn.remembered(tmp_path / "run")
+    for name, value in truth.items():
+        assert not again.parameter(name).free
+        assert again.values[name] == pytest.approx(value, rel=1e-12)
+    for name in ("gravity", "joint2.stiffness", "link2.length"):
+        assert again.parameter(name).free
+        assert again.values[name] == pytest.approx(fit.mechanism.values[name], rel=1e-9)
+    assert not again.parameter("joint1.drag").free
+    monodyn.write_poses(poses, tmp_path / "poses.csv")
+    settings = {"identify": IdentifySettings(torque="friction")}
+    second = identified_from(tmp_path / "run", tmp_path / "second", tmp_path / "poses.csv", **settings).fit
+    for name in ("gravity", "link2.length"):
+        there, here = fit.parameter(name), second.parameter(name)
+        assert here.value == pytest.approx(there.value, abs=0.1 * there.std)
+        # sizes that no picture shows are about another proportion: a mass in place of a thickness
+        assert here.std == pytest.approx(there.std, rel=0.2)
+    # and on from there
+    third = monodyn.remembered(tmp_path / "second")
+    assert not third.parameter("link1.length").free
+
+
+def test_what_a_program_measured_in_pictures_goes_along(tmp_path):
+    seen = Measured(("link1.length", "link1.width"), np.array([[400.0, -400.0], [-400.0, 400.0]]))
+    fit = identified()
+    monodyn.report(replace(fit, mechanism=fit.mechanism.with_measured(seen)), to=tmp_path / "run")
+    again = monodyn.remembered(tmp_path / "run").measured
+    assert again.names == seen.names
+    np.testing.assert_array_equal(again.information, seen.information)
 
 
 @pytest.mark.slow
