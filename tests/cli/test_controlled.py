@@ -11,6 +11,7 @@ import pytest
 from controllable import identified
 from monodyn.cli import controlled
 from monodyn.cli.parse import parsed
+from monodyn.estimation.fit import Doubt
 from monodyn.results.controlled import Aim, control
 from monodyn.results.regulator import Allowed
 from support import command
@@ -47,7 +48,7 @@ def test_options_become_an_aim(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_was_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     found = control(identified("cartpole")[1], Aim({"joint1": 1.57}, ["slide"], draws=0))
-    controlled._print(replace(found, folder=Path("up")), as_json=False, quiet=False)
+    controlled._print(replace(found, folder=Path("up")))
     lines = capsys.readouterr().out.splitlines()
     gain = found.regulator.gain[0]
     assert lines[0].startswith("equilibrium: slide=")
@@ -58,11 +59,30 @@ def test_what_was_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     )
     assert lines[2:-1] == [f"- {note}" for note in found.notes]
     assert lines[-1] == "plot: up/control.html"
-    controlled._print(found, as_json=True, quiet=False)
-    document = json.loads(capsys.readouterr().out)
-    assert document["gain"][0] == pytest.approx(gain.tolist())
-    controlled._print(found, as_json=False, quiet=True)
-    assert capsys.readouterr().out == ""
+
+
+def test_what_is_printed_goes_with_the_exit_code(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A quiet command that ends with 1 says why, as those that identify do."""
+    _, fit = identified("cartpole")
+    good = control(fit, Aim({"joint1": 1.57}, ["slide"], draws=0))
+    fallen = replace(good, loop=replace(good.loop, balanced=False))
+    doubted = replace(good, fit=fit.doubted([Doubt("refused", "It is another mechanism.")]))
+    for found, code, said in (
+        (good, 0, ""),
+        (fallen, 1, "monodyn: In MuJoCo the identified mechanism does not stay balanced.\n"),
+        (doubted, 1, "monodyn: It is another mechanism.\n"),
+    ):
+        monkeypatch.setattr("monodyn.results.controlled.control_run", lambda *_, one=found, **__: one)
+        words = ["run", "--at", "joint1=1.57", "--actuated", "slide", "--quiet"]
+        assert parsed("control", words).go() == code
+        printed = capsys.readouterr()
+        assert (printed.out, printed.err) == ("", said)
+        assert parsed("control", [*words, "--json"]).go() == code
+        document = json.loads(capsys.readouterr().out)
+        assert document["gain"][0] == pytest.approx(found.regulator.gain[0].tolist())
+        assert document["out"] is None
 
 
 def test_a_weight_of_another_name_is_refused() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -69,8 +68,7 @@ class ControlOptions:
         Raises:
             SettingsError: a weight of another name.
         """
-        from monodyn.cli.show import progress_on
-        from monodyn.cli.streams import printing
+        from monodyn.cli.show import progress_on, show_result
         from monodyn.results.controlled import Aim, control_run
 
         aim = Aim(
@@ -88,9 +86,10 @@ class ControlOptions:
         )
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             found = control_run(self.run, self.out, aim, film=self.film, force=self.force, progress=progress)
-        with printing():
-            _print(found, as_json=self.json, quiet=self.quiet)
-        return 0 if found.ok else 1
+        return show_result(
+            found.document, found.folder, None if found.ok else found.status,
+            lambda: _print(found), as_json=self.json, quiet=self.quiet,
+        )  # fmt: skip
 
 
 def _allowed(given: Mapping[str, float]) -> Allowed:
@@ -107,15 +106,8 @@ def _allowed(given: Mapping[str, float]) -> Allowed:
     return Allowed(**given)
 
 
-def _print(found: Controlled, *, as_json: bool, quiet: bool) -> None:
+def _print(found: Controlled) -> None:
     """Print gains and what they do."""
-    from monodyn.results.export import jsonable
-
-    if as_json:
-        print(json.dumps(jsonable(found.document), indent=2, allow_nan=False))
-        return
-    if quiet:
-        return
     document = found.document
     where = ", ".join(
         f"{name}={round(x, 9):z.6g}" for name, x in document["operating_point"]["position"].items()

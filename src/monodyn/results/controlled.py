@@ -96,6 +96,11 @@ class Controlled:
         return self.fit.ok and self.loop.balanced
 
     @property
+    def status(self) -> str:
+        """What came of it, a sentence."""
+        return _kept(self.loop) if self.fit.ok else self.fit.status
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What one should know about it, in sentences."""
         stability, notes = self.regulator.stability, []
