@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from monodyn.errors import SettingsError as SettingsError
     from monodyn.errors import VideoError as VideoError
     from monodyn.estimation.fit import Fit as Fit
+    from monodyn.estimation.record.logs import read_torques as read_torques
     from monodyn.estimation.record.tables import read_poses as read_poses
     from monodyn.estimation.record.tables import write_poses as write_poses
     from monodyn.estimation.settings import IdentifySettings as IdentifySettings
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     from monodyn.types import Frame as Frame
     from monodyn.types import Mask as Mask
     from monodyn.types import Poses as Poses
+    from monodyn.types import TorqueLog as TorqueLog
     from monodyn.vision.clip.video import Video as Video
     from monodyn.vision.clip.video import read as read
     from monodyn.vision.dots.find import find_dots as find_dots
@@ -74,7 +76,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "errors": ("FitError", "MechanismError", "MonodynError", "SettingsError", "VideoError"),
     "choices": ("Tolerance",),
-    "types": ("Camera", "Frame", "Mask", "Poses"),
+    "types": ("Camera", "Frame", "Mask", "Poses", "TorqueLog"),
     "live.settings": ("LiveSettings",),
     "live.sources": ("open_source",),
     "live.step": ("Step",),
@@ -87,6 +89,7 @@ _HOMES = {
     "vision.points.tracks": ("PointTracks",),
     "vision.settings": ("CameraSettings", "LocateSettings", "SegmentSettings", "TrackSettings"),
     "estimation.fit": ("Fit",),
+    "estimation.record.logs": ("read_torques",),
     "estimation.record.tables": ("read_poses", "write_poses"),
     "estimation.settings": ("IdentifySettings",),
     "stages": ("identify", "locate", "segment", "track"),

@@ -18,10 +18,12 @@ from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load
 from monodyn.mechanism.bundled import is_bundled
 from monodyn.mechanism.parts import PLACE_KINDS
+from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
 from monodyn.results.intact import check_model, check_numbers, differing, digest
-from monodyn.types import Camera
+from monodyn.results.known_torques import known_torques
+from monodyn.types import Camera, TorqueLog
 
 NOTHING = 0.04
 """Information about the logarithm of a size below which a picture knows nothing of it: a factor of e^5."""
@@ -34,7 +36,7 @@ def open_run(folder: str | Path) -> Fit:
 
     Motion, prediction and their bands are those of the fit that was written. Its parameters are those of the
     written model, whose bodies have masses and inertias in place of densities and thicknesses; residuals are
-    not kept, nor are logs of known torques: without these the mechanism moves freely.
+    not kept. Known torques are those of ``torques.csv``: after record and prediction they are unknown.
 
     Args:
         folder: The run folder.
@@ -331,6 +333,10 @@ def _fit(document: Mapping[str, Any], model: Path) -> Fit:
         starts.append(Start(float(row["time"]), position, velocity, covariance[np.ix_(own, own)]))
     estimates = [_estimate(p.name, p.value, p.unit, rows.get(p.name), free=p.name in varying)
                  for p in mechanism.parameters]  # fmt: skip
+    logs: tuple[TorqueLog, ...] = ()
+    if document["drive"]["model"] == "known":
+        lag = mechanism.values[LAG]
+        logs = known_torques(model.parent / "torques.csv", joints, records=len(starts), lag=lag)
     return Fit(
         status=document["status"],
         doubts=tuple(Doubt(**doubt) for doubt in document["doubts"]),
@@ -357,6 +363,7 @@ def _fit(document: Mapping[str, Any], model: Path) -> Fit:
         else Unmodelled(np.array(lacks["density"], float), np.array(lacks["off"], float)),
         tried_torques=tuple(TriedTorque(**tried) for tried in document["tried_torques"]),
         alternatives=tuple(document["alternatives"]),
+        torques=logs,
     )
 
 
