@@ -6,17 +6,20 @@ Every record is set next to its motion, and the frames that the fit did not see 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from monodyn.doubtful import unmeasured_joints
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Doubt
+from monodyn.estimation.fit import PAYS, Doubt
 from monodyn.kept import kept_doubts
+from monodyn.mechanism.tree import BRAKES
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings
 from monodyn.results.folder import RunFolder
 from monodyn.results.heldout import heldout_doubts
+from monodyn.results.log import RunLog, recorded
 from monodyn.results.predict import predict
 from monodyn.results.report import write_results
 from monodyn.results.trace import fitted_poses, fitted_rows, trace_of
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
     from monodyn.results.predict import Prediction
     from monodyn.results.trace import Trace
+    from monodyn.vision.clip.video import Video
     from monodyn.vision.locating.scene import Scene
     from monodyn.vision.points.scene import PointScene
 
@@ -89,20 +93,22 @@ def report(
     ]
     fit = _judged(fit, whole, traces, settings, progress)
     shown = [trace.poses for trace in traces] or whole
+    log = _log(fit, video, settings)
     findings = Findings(
         fit,
         traces,
         title=fit.mechanism.name if video is None else video.path.name,
         subtitle=_subtitle(fit),
         record=shown[0] if len(whole) == 1 else None,
+        log=log,
         filmed=None if scene is None or not shown else filmed_of(fit, scene, shown[0]),
         tolerance=settings.tolerance,
         drawn=settings.ensemble,
     )
     # only after all that may refuse its input: a folder is made when there is something to write
     folder = RunFolder(to, force=force)
-    write_results(folder, findings, progress=progress)
-    folder.finish()
+    with recorded(folder, log):
+        write_results(folder, findings, progress=progress)
     return folder.path / "report.html"
 
 
@@ -150,6 +156,25 @@ def _judged(
         doubts += kept_doubts(fit, whole, mechanism, settings.identify, progress)
     doubts += [doubt for trace in traces for doubt in heldout_doubts(fit, trace)]
     return fit.doubted([doubt for doubt in doubts if doubt not in fit.doubts])
+
+
+def _log(fit: Fit, video: Video | None, settings: RunSettings) -> RunLog:
+    """Return what a later command needs to know: the file of the mechanism, the clip, what was chosen."""
+    mechanism = fit.mechanism
+    inputs = {"model": mechanism.source} | ({} if video is None else {"clip": video.path})
+    chosen = [p for p in mechanism.parameters if p.name in mechanism.chosen]
+    # free torques contain the friction, and what pays is freed by what the record shows
+    held = BRAKES if fit.torque == "free" else ()
+    fix = {p.name: p.value for p in chosen if not p.free and not (p.kind in held and p.value == 0.0)}
+    free = [p.name for p in chosen if p.free and p.kind not in PAYS]
+    settings = replace(
+        settings,
+        fix={**fix, **settings.fix},
+        free=tuple(dict.fromkeys((*settings.free, *free))),
+    )
+    log = RunLog("report", inputs, settings)
+    log.seconds["identify"] = fit.seconds
+    return log
 
 
 def _subtitle(fit: Fit) -> str:

@@ -41,6 +41,7 @@ class Mechanism:
             (param,).
         chosen: Names whose freedom the user chose; ``with_bodies`` leaves them alone.
         measured: The picture's information about sizes, or None.
+        source: The file that it was read from, or the bundled name.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Mechanism:
     own: np.ndarray
     chosen: frozenset[str] = frozenset()
     measured: Measured | None = None
+    source: str = ""
 
     @cached_property
     def tree(self) -> Tree:

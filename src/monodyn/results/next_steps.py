@@ -69,7 +69,8 @@ def next_steps(findings: Findings) -> list[Step]:
 def _refused(findings: Findings) -> list[Step]:
     """Return where to look for what is wrong, and how to go on with another record."""
     filmed, log = findings.filmed, findings.log
-    model = "MODEL" if log is None else _named(log.inputs.get("model", {}).get("name", "MODEL"))
+    name = "" if log is None else log.inputs.get("model", {}).get("name", "")
+    model = _named(name) if name else "MODEL"
     if filmed is None:
         return [
             Step("Look at the residuals in the plots of this page: where they grow, or repeat, the model "

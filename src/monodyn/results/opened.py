@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import PAYS, Combination, Doubt, Estimate, Fit, Start, TriedTorque, Unmodelled
+from monodyn.estimation.fit import Combination, Doubt, Estimate, Fit, Start, TriedTorque, Unmodelled
 from monodyn.estimation.shooting.unknowns import SEEN_ONLY, assumed_sizes
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load
@@ -84,8 +84,7 @@ def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) ->
     It is the mechanism file of that run with the identified values, the user's choices, and what the pictures
     know of sizes. What its motion has shown is the start alone: a record that is identified again is not
     counted twice. Sizes of which no picture knows anything keep the file's proportion, about which they are
-    assumed to be. A folder of ``monodyn.report`` does not know the file: there the written model takes its
-    place, with what was given, and each body's mass for what it followed from.
+    assumed to be.
 
     Args:
         folder: The run folder.
@@ -100,11 +99,6 @@ def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) ->
     """
     folder = Path(folder)
     document = _document(folder)
-    if not (folder / "run.json").is_file():
-        try:
-            return _as_written(document, folder / "model.xml")
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise _changed(folder / "fit.json", error) from None
     log, through = _json(folder / "run.json"), through | {folder.resolve()}
     try:
         model, settings = log["inputs"]["model"], log["settings"]
@@ -126,35 +120,13 @@ def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) ->
         follows = {p.name for p in mechanism.parameters if p.follows}
         here = {n: v for n, v in known.items() if n in mechanism.values and n not in follows and n != ROLL}
         file, mechanism = mechanism, mechanism.with_values(here)
-        mechanism = _with_measured(mechanism, document)
+        seen = document["measured"]
+        if seen is not None:
+            mechanism = mechanism.with_measured(Measured(tuple(seen["names"]), np.array(seen["information"])))
         mechanism = mechanism.with_values(_unseen(file, mechanism))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise _changed(folder / "run.json", error) from None
     return mechanism
-
-
-def _as_written(document: Mapping[str, Any], model: Path) -> Mechanism:
-    """Return the mechanism of a run that has no log: the written one, with what was given, and free what was
-    estimated but what is freed only where a record shows it."""
-    mechanism = _written(document, model)
-    given, free = {}, []
-    for row in document["parameters"]:
-        if row["name"] not in mechanism.values or row["name"] == ROLL:
-            continue
-        own = mechanism.parameter(row["name"])
-        if row["origin"] == "given" and own.free:
-            given[own.name] = own.value
-        if row["free"] and not own.free and own.kind not in PAYS:
-            free.append(own.name)
-    return _with_measured(mechanism.with_choices(fix=given, free=free), document)
-
-
-def _with_measured(mechanism: Mechanism, document: Mapping[str, Any]) -> Mechanism:
-    """Return a mechanism with what the pictures of a run know of its sizes."""
-    seen = document["measured"]
-    if seen is None:
-        return mechanism
-    return mechanism.with_measured(Measured(tuple(seen["names"]), np.array(seen["information"])))
 
 
 def _unseen(file: Mechanism, mechanism: Mechanism) -> dict[str, float]:
@@ -243,7 +215,7 @@ def clip_of(folder: str | Path) -> Path | None:
         SettingsError: The log is not what was written.
     """
     log = Path(folder) / "run.json"
-    # ``monodyn.report`` writes none
+    # where the mechanism of ``monodyn.report`` is of no file
     if not log.is_file():
         return None
     try:
@@ -300,8 +272,10 @@ def _finite(text: str) -> float:
     return number
 
 
-def _written(document: Mapping[str, Any], model: Path) -> Mechanism:
-    """Return the mechanism of ``model.xml``, which has to be that of ``fit.json``."""
+def _fit(document: Mapping[str, Any], model: Path) -> Fit:
+    """Return the fit that a run wrote."""
+    rows = {row["name"]: row for row in document["parameters"]}
+    names, matrix = document["covariance"]["names"], document["covariance"]["matrix"]
     if not model.is_file():
         raise SettingsError(
             f"'{model.parent}': expected the folder of a run with its model.xml, got one without; put it "
@@ -309,14 +283,6 @@ def _written(document: Mapping[str, Any], model: Path) -> Mechanism:
         )
     written = load(model)
     check_model(model, written, document)
-    return written
-
-
-def _fit(document: Mapping[str, Any], model: Path) -> Fit:
-    """Return the fit that a run wrote."""
-    rows = {row["name"]: row for row in document["parameters"]}
-    names, matrix = document["covariance"]["names"], document["covariance"]["matrix"]
-    written = _written(document, model)
     mechanism, varying = _mechanism(document, written, rows, names)
     joints = [joint.name for joint in mechanism.joints]
     states = [f"record{k}.{j}{end}" for k in range(len(document["initial_state"]))
