@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from monodyn.errors import SettingsError as SettingsError
     from monodyn.errors import VideoError as VideoError
     from monodyn.estimation.fit import Fit as Fit
+    from monodyn.estimation.record.logs import read_torques as read_torques
     from monodyn.estimation.record.tables import read_poses as read_poses
     from monodyn.estimation.record.tables import write_poses as write_poses
     from monodyn.estimation.settings import IdentifySettings as IdentifySettings
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from monodyn.mechanism import write_mjcf as write_mjcf
     from monodyn.mechanism import write_urdf as write_urdf
     from monodyn.pipeline import run as run
+    from monodyn.reported import report as report
     from monodyn.results.closed import closed_loop as closed_loop
     from monodyn.results.draws import drawn as drawn
     from monodyn.results.experiment import next_motion as next_motion
@@ -47,7 +49,6 @@ if TYPE_CHECKING:
     from monodyn.results.predict import predict as predict
     from monodyn.results.regulator import Allowed as Allowed
     from monodyn.results.regulator import lqr as lqr
-    from monodyn.results.report import report as report
     from monodyn.results.restart import restart as restart
     from monodyn.results.smoother import smooth as smooth
     from monodyn.results.swing import swing_up as swing_up
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     from monodyn.types import Frame as Frame
     from monodyn.types import Mask as Mask
     from monodyn.types import Poses as Poses
+    from monodyn.types import TorqueLog as TorqueLog
     from monodyn.vision.clip.video import Video as Video
     from monodyn.vision.clip.video import read as read
     from monodyn.vision.dots.find import find_dots as find_dots
@@ -74,7 +76,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "errors": ("FitError", "MechanismError", "MonodynError", "SettingsError", "VideoError"),
     "choices": ("Tolerance",),
-    "types": ("Camera", "Frame", "Mask", "Poses"),
+    "types": ("Camera", "Frame", "Mask", "Poses", "TorqueLog"),
     "live.settings": ("LiveSettings",),
     "live.sources": ("open_source",),
     "live.step": ("Step",),
@@ -87,6 +89,7 @@ _HOMES = {
     "vision.points.tracks": ("PointTracks",),
     "vision.settings": ("CameraSettings", "LocateSettings", "SegmentSettings", "TrackSettings"),
     "estimation.fit": ("Fit",),
+    "estimation.record.logs": ("read_torques",),
     "estimation.record.tables": ("read_poses", "write_poses"),
     "estimation.settings": ("IdentifySettings",),
     "stages": ("identify", "locate", "segment", "track"),
@@ -96,7 +99,6 @@ _HOMES = {
     "results.experiment": ("next_motion",),
     "results.fill": ("fill",),
     "results.horizon": ("horizon",),
-    "results.report": ("report",),
     "results.closed": ("closed_loop",),
     "results.linear": ("linearize",),
     "results.regulator": ("Allowed", "lqr"),
@@ -105,6 +107,7 @@ _HOMES = {
     "results.smoother": ("smooth",),
     "settings": ("RunSettings",),
     "pipeline": ("run",),
+    "reported": ("report",),
 }
 """Public names by the module that they are loaded from."""
 

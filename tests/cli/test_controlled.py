@@ -11,14 +11,17 @@ import pytest
 from controllable import identified
 from monodyn.cli import controlled
 from monodyn.cli.parse import parsed
+from monodyn.estimation.fit import Doubt
 from monodyn.results.controlled import Aim, control
+from monodyn.results.regulator import Allowed
 from support import command
 
 
 def test_options_become_an_aim(monkeypatch: pytest.MonkeyPatch) -> None:
     words = (
         "run --at joint1=1.57,slide=0.1 --actuated slide --out up --swing --start joint1=-1.5 --limit "
-        "slide=3 --within slide=-0.3:0.3 --seconds 2 --rate 100 --draws 7 --seed 3 --no-film --force"
+        "slide=3 --within slide=-0.3:0.3 --seconds 2 --rate 100 --allowed "
+        "effort=1,length=0.05 --draws 7 --seed 3 --no-film --force"
     )
     options = parsed("control", words.split())
     seen = {}
@@ -37,14 +40,15 @@ def test_options_become_an_aim(monkeypatch: pytest.MonkeyPatch) -> None:
         "force": True,
         "aim": Aim(
             at={"joint1": 1.57, "slide": 0.1}, actuated=("slide",), swing=True, start={"joint1": -1.5},
-            limit={"slide": 3.0}, within={"slide": (-0.3, 0.3)}, seconds=2.0, rate=100.0, draws=7, seed=3,
+            limit={"slide": 3.0}, within={"slide": (-0.3, 0.3)}, seconds=2.0, rate=100.0,
+            allowed=Allowed(length=0.05, effort=1.0), draws=7, seed=3,
         ),
     }  # fmt: skip
 
 
 def test_what_was_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     found = control(identified("cartpole")[1], Aim({"joint1": 1.57}, ["slide"], draws=0))
-    controlled._print(replace(found, folder=Path("up")), as_json=False, quiet=False)
+    controlled._print(replace(found, folder=Path("up")))
     lines = capsys.readouterr().out.splitlines()
     gain = found.regulator.gain[0]
     assert lines[0].startswith("equilibrium: slide=")
@@ -55,11 +59,38 @@ def test_what_was_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     )
     assert lines[2:-1] == [f"- {note}" for note in found.notes]
     assert lines[-1] == "plot: up/control.html"
-    controlled._print(found, as_json=True, quiet=False)
-    document = json.loads(capsys.readouterr().out)
-    assert document["gain"][0] == pytest.approx(gain.tolist())
-    controlled._print(found, as_json=False, quiet=True)
-    assert capsys.readouterr().out == ""
+
+
+def test_what_is_printed_goes_with_the_exit_code(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A quiet command that ends with 1 says why, as those that identify do."""
+    _, fit = identified("cartpole")
+    good = control(fit, Aim({"joint1": 1.57}, ["slide"], draws=0))
+    fallen = replace(good, loop=replace(good.loop, balanced=False))
+    doubted = replace(good, fit=fit.doubted([Doubt("refused", "It is another mechanism.")]))
+    for found, code, said in (
+        (good, 0, ""),
+        (fallen, 1, "monodyn: In MuJoCo the identified mechanism does not stay balanced.\n"),
+        (doubted, 1, "monodyn: It is another mechanism.\n"),
+    ):
+        monkeypatch.setattr("monodyn.results.controlled.control_run", lambda *_, one=found, **__: one)
+        words = ["run", "--at", "joint1=1.57", "--actuated", "slide", "--quiet"]
+        assert parsed("control", words).go() == code
+        printed = capsys.readouterr()
+        assert (printed.out, printed.err) == ("", said)
+        assert parsed("control", [*words, "--json"]).go() == code
+        document = json.loads(capsys.readouterr().out)
+        assert document["gain"][0] == pytest.approx(found.regulator.gain[0].tolist())
+        assert document["out"] is None
+
+
+def test_a_weight_of_another_name_is_refused() -> None:
+    done = command("control", "run", "--at", "joint1=1", "--actuated", "slide", "--allowed", "torque=1")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "monodyn: allowed: no weight is called 'torque'; weights: 'angle', 'length', 'rate', 'effort'.\n"
+    )
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:

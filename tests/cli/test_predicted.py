@@ -36,6 +36,7 @@ def test_json_alone_is_printed_and_commas_may_stand_between_joints(run):
     document = json.loads(done.out)
     assert document["velocity"]["joint1"][0] == 1.0
     assert document["position_std"]["joint1"][0] == 0.0
+    assert document["out"] is None
 
 
 def test_what_is_missing_is_named(run, tmp_path):
@@ -59,6 +60,8 @@ def test_a_refused_fit_predicts_with_exit_code_1_and_says_so(tmp_path):
     done = command("predict", tmp_path / "run")
     assert done.code == 1
     assert "- The mechanism is not to be relied on: It is another mechanism." in done.out
+    quiet = command("predict", tmp_path / "run", "--quiet")
+    assert (quiet.code, quiet.out, quiet.err) == (1, "", "monodyn: It is another mechanism.\n")
 
 
 def test_torques_that_belong_to_a_record_are_not_in_its_prediction(tmp_path):

@@ -11,9 +11,9 @@ import pytest
 from monodyn.estimation.verdict.summary import UNSTARTED
 from monodyn.mechanism import load
 from monodyn.paper.identify import identify_published
+from monodyn.reported import report
 from monodyn.results.fill import fill
 from monodyn.results.predict import predict
-from monodyn.results.report import report
 from monodyn.results.torques import torques
 from support import slow
 from swings import TIMES, double_truth, motion, record

@@ -21,7 +21,9 @@ from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism import load
 from monodyn.pipeline import identify_tables
 from monodyn.results import controlled as controlled_module
-from monodyn.results.controlled import Aim, camera_for, control, control_run, draws_said
+from monodyn.results.controlled import Aim, control, control_run, draws_said
+from monodyn.results.loop_film import camera_for
+from monodyn.results.regulator import Allowed
 from monodyn.results.sight import outlines_of
 from support import command, refuses
 from swings import motion, record
@@ -138,10 +140,10 @@ def test_a_doubtful_fit_and_one_that_falls_say_so() -> None:
 
 
 def test_a_film_that_is_interrupted_leaves_nothing(run: Path, tmp_path: Path, monkeypatch) -> None:
-    def stopped(*_: object) -> None:
+    def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(controlled_module, "_film", stopped)
+    monkeypatch.setattr(controlled_module, "write_loop", stopped)
     with pytest.raises(KeyboardInterrupt):
         control_run(run, tmp_path / "none", Aim(UP, ["slide"], draws=0))
     assert not (tmp_path / "none").exists()
@@ -180,7 +182,7 @@ def test_what_it_means_that_draws_fall() -> None:
     (said,) = draws_said(45, 50)
     assert said == (
         "The true mechanism is one that it does not hold with a chance of up to 20 % (95 % sure): film what "
-        "the report of the run advises, or choose other weights."
+        "the report of the run advises, or weigh the torques otherwise (--allowed effort=SHARE)."
     )
     most = brentq(lambda share: binom.cdf(5, 50, share) - 0.05, 0.1, 0.5)
     assert f"{100 * most:.0f} %" == "20 %"
@@ -194,6 +196,19 @@ def test_what_it_means_that_draws_fall() -> None:
             "mechanism. Film what the report of the run advises, or choose another equilibrium or motor."
         ]
     )
+
+
+def test_torque_that_is_allowed_more_holds_tighter() -> None:
+    """Bryson's rule against the closed form of a double integrator: with weights q = 1/x^2 and r = 1/u^2 the
+    position's gain is about u / x, so twice the torque is about twice the gain of the slide."""
+    _, fit = identified("cartpole")
+    usual, loose = (control(fit, Aim(UP, ["slide"], allowed=one, rate=2000.0, draws=0))
+                    for one in (Allowed(), Allowed(effort=1.0)))  # fmt: skip
+    assert loose.document["weights"]["torques"][0][0] == pytest.approx(
+        usual.document["weights"]["torques"][0][0] / 4.0
+    )
+    ratio = loose.regulator.gain[0, 0] / usual.regulator.gain[0, 0]
+    assert ratio == pytest.approx(2.0, rel=0.05)
 
 
 def refusal():

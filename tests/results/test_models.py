@@ -12,7 +12,7 @@ import pytest
 
 import monodyn
 from fits import made_fit
-from monodyn.estimation.fit import Combination, Fit
+from monodyn.estimation.fit import Combination, Estimate, Fit
 from monodyn.mechanism import load, write_mjcf
 from monodyn.results.fill import fill
 from monodyn.results.filmed import filmed_of
@@ -115,9 +115,10 @@ def test_the_files_say_what_is_up_to_a_factor(fit: Fit, tmp_path: Path) -> None:
     assert what_is_known(made_fit(parameters=(open_length,), combinations=(clock,)))[3:] == [
         "Known in combinations with one another alone, which fit.json has: link1.length."
     ]
+    rows = (*fit.parameters, Estimate("link1.mass", 0.1, 1e-3, 0.098, 0.102, "kg", False, True, False))
     weighed = fit.mechanism.with_choices(fix={"link1.thickness": 0.004}, free=["gravity"])
-    said = what_is_known(replace(fit, mechanism=weighed))
-    assert f"Only ratios show: {absolute} are in proportion to link1.thickness, as given." in said
+    said = what_is_known(replace(fit, mechanism=weighed, parameters=rows))
+    assert f"{absolute.capitalize()} are in SI units, as exactly as link1.thickness was given." in said
     assert not [sentence for sentence in said if "gravity" in sentence]
     run = tmp_path / "run"
     monodyn.report(fit, to=run)
@@ -139,11 +140,8 @@ def test_known_torques_and_another_clock_are_said(fit: Fit, tmp_path: Path) -> N
 
 
 def test_known_torques_make_the_numbers_absolute() -> None:
-    class Weighed(Fit):
-        mass_scale = "torques"
-
-    fit = made_fit()
-    heavy = Weighed(**{name: getattr(fit, name) for name in Fit.__dataclass_fields__})
+    rows = (*made_fit().parameters, Estimate("link1.mass", 0.1, 1e-3, 0.098, 0.102, "kg", False, True, False))
+    heavy = made_fit(parameters=rows, torque="known")
     said = "Known torques determine masses, inertias, frictions, springs and torques: they are in SI units."
     assert said in what_is_known(heavy)
 

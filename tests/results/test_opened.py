@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,7 +60,8 @@ def pushed(name="double", **torque):
 def test_a_run_is_read_back_as_it_was(tmp_path, name, settings, torque):
     poses, _ = pushed(name, **torque)
     fit = monodyn.identify(poses, monodyn.load(name), settings)
-    monodyn.report(fit, to=tmp_path / "run", poses=poses)
+    # without the record nothing is added to what the fit says against itself
+    monodyn.report(fit, to=tmp_path / "run")
     back = monodyn.open_run(tmp_path / "run")
     np.testing.assert_allclose(back.mechanism.tree.links, fit.mechanism.tree.links, rtol=1e-12, atol=1e-300)
     times = np.linspace(0.0, 1.5, 40)
@@ -118,6 +120,47 @@ def test_a_run_as_the_model_of_another_brings_along_what_its_picture_knew(tmp_pa
     # and on from there, back to the same file
     third = identified_from(tmp_path / "second", tmp_path / "third", table).fit
     assert third.parameter("link1.length").value == pytest.approx(length, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_a_folder_that_a_program_wrote_is_the_model_of_a_run(tmp_path):
+    """With the file, what was given and what was freed: intervals stay what they were."""
+    file = monodyn.load("double")
+    given = {n: file.values[n] for n in ("link1.length", "link2.mass")}
+    chosen = file.with_choices(fix=given, free=["gravity", "joint2.stiffness"])
+    poses, _ = pushed("double")
+    fit = monodyn.identify(poses, chosen, IdentifySettings(torque="friction"))
+    monodyn.report(fit, to=tmp_path / "run")
+    again = monodyn.remembered(tmp_path / "run")
+    for name, value in given.items():
+        assert not again.parameter(name).free
+        assert again.values[name] == value
+    # where a spring that is freed is slack is freed with it
+    assert again.chosen == {*chosen.chosen, "joint2.rest"}
+    monodyn.write_poses(poses, tmp_path / "poses.csv")
+    settings = {"identify": IdentifySettings(torque="friction")}
+    second = identified_from(tmp_path / "run", tmp_path / "second", tmp_path / "poses.csv", **settings).fit
+    for name in ("gravity", "link2.length", "link1.mass"):
+        there, here = fit.parameter(name), second.parameter(name)
+        assert here.value == pytest.approx(there.value, abs=0.1 * there.std)
+        assert here.std == pytest.approx(there.std, rel=0.05)
+
+
+def test_what_a_program_measured_in_pictures_goes_along(tmp_path, monkeypatch):
+    """Wherever the later command is run."""
+    seen = Measured(("link1.length", "link1.width"), np.array([[400.0, -400.0], [-400.0, 400.0]]))
+    (tmp_path / "there").mkdir()
+    monkeypatch.chdir(tmp_path / "there")
+    bundled = Path(monodyn.__file__).parent / "mechanism" / "models" / "single.xml"
+    Path("own.xml").write_text(bundled.read_text())
+    mechanism = monodyn.load("own.xml").with_measured(seen)
+    fit = replace(identified(), mechanism=mechanism)
+    monodyn.report(fit, to=tmp_path / "run")
+    monkeypatch.chdir(tmp_path)
+    again = monodyn.remembered("run").measured
+    assert again.names == seen.names
+    np.testing.assert_array_equal(again.information, seen.information)
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "done"
 
 
 @pytest.mark.slow
@@ -429,6 +472,7 @@ def test_a_file_as_it_was_written_is_believed_and_moves_as_the_fit(tmp_path, nam
         "parameters": list(rows.values()),
         "units": {joint.name: "" for joint in mechanism.joints},
         "drive": {"model": "friction"},
+        "mass_scale": None,
     }
     written = monodyn.load(tmp_path / "model.xml")
     known = {**document, "model_sha256": digest(tmp_path / "model.xml")}

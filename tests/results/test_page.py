@@ -68,3 +68,16 @@ def test_page_of_a_fit_that_failed() -> None:
 def test_settings_are_listed_with_dotted_names() -> None:
     settings = {"seed": 0, "fix": {}, "track": {"reach": 4.0, "method": None}}
     assert flat(settings) == {"seed": "0", "fix": "–", "track.reach": "4.0", "track.method": "–"}
+
+
+def test_every_page_links_the_files_of_its_folder() -> None:
+    """That of a refused fit, too, where one looks what was seen."""
+    refused = made_fit(starts=()).doubted([Doubt("refused", "Too few frames.")])
+    for fit in (made_fit(), refused):
+        text = page_text(Findings(fit, [], "x"), files=["fit.json", "diagnosis.png"])
+        assert (
+            'Files in this folder: <a href="fit.json"><code>fit.json</code></a>, '
+            '<a href="diagnosis.png"><code>diagnosis.png</code></a>.' in section(text, "All files")
+        )
+        assert "<dt>" in section(text, "What to do next")
+    assert "Files in this folder" not in page_text(Findings(refused, [], "x"))

@@ -196,6 +196,10 @@ def test_a_film_shows_the_motion_over_the_first_frame(filmed, make_clip, tmp_pat
     # something is drawn, elsewhere from frame to frame, and most of the picture stays as it is
     assert 20 < changed[0].sum() < 0.1 * first.size
     assert np.any(changed[0] != changed[-1])
+    # the folder knows where its clip is
+    predict_run(run, tmp_path / "found", Wanted(joints, until=0.5), film=True)
+    assert (tmp_path / "found" / "prediction.mp4").read_bytes() == (out / "prediction.mp4").read_bytes()
+    (run / "run.json").unlink()
     for named, got in ((None, "none"), (tmp_path / "x", f"no file {tmp_path / 'x'}")):
         with refuses(SettingsError, f"film: expected the clip of the run, got {got}; name it with --clip."):
             predict_run(run, tmp_path / "other", film=True, clip=named)

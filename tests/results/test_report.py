@@ -33,7 +33,7 @@ def test_report_writes_from_the_fit_alone(tmp_path: Path) -> None:
     fit = made_fit()
     page = monodyn.report(fit, predict(fit, until=1.0), to=tmp_path / "run")
     assert page == tmp_path / "run" / "report.html"
-    names = {"fit.json", "model.xml", "model.urdf", "states.csv", "prediction.csv", "report.html"}
+    names = {"fit.json", "model.xml", "model.urdf", "states.csv", "prediction.csv", "report.html", "run.json"}
     assert {path.name for path in page.parent.iterdir()} == names
     said = (
         f"out '{tmp_path / 'run'}': expected a folder without a run, it holds states.csv; "

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +14,7 @@ from monodyn.cli.forms import Words, apart, intervals, values
 
 if TYPE_CHECKING:
     from monodyn.results.controlled import Controlled
+    from monodyn.results.regulator import Allowed
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,9 @@ class ControlOptions:
         within: Least and largest position of a joint on the way [rad, m for slides], e.g. slide=-0.3:0.3.
         seconds: How long the swing takes; several times are tried when left out.
         rate: Measurements, and torques, a second.
+        allowed: What weighs as much as one another in the cost: angle [rad] and length [m] away from where a
+            joint is to be, rate, a multiple of these [1/s], effort, a share of a motor's usual torque; e.g.
+            effort=1,length=0.05. Those left out are 0.1, 0.1, 30 and 0.5.
         draws: Mechanisms drawn from the covariance of the parameters, all of which the gains should hold.
         seed: Of the draws.
         film: Write control.mp4, too; --no-film leaves it out.
@@ -50,6 +54,7 @@ class ControlOptions:
     within: Annotated[Words, conf.arg(metavar="JOINT=LOW:HIGH ...")] = ()
     seconds: Annotated[float | None, conf.arg(metavar="S")] = None
     rate: Annotated[float, conf.arg(metavar="HZ")] = 200.0
+    allowed: Annotated[Words, conf.arg(metavar="NAME=VALUE ...")] = ()
     draws: int = 50
     seed: int = 0
     film: bool = True
@@ -58,9 +63,12 @@ class ControlOptions:
     json: bool = False
 
     def go(self) -> int:
-        """Return the exit code after running the command."""
-        from monodyn.cli.show import progress_on
-        from monodyn.cli.streams import printing
+        """Return the exit code after running the command.
+
+        Raises:
+            SettingsError: a weight of another name.
+        """
+        from monodyn.cli.show import progress_on, show_result
         from monodyn.results.controlled import Aim, control_run
 
         aim = Aim(
@@ -72,25 +80,34 @@ class ControlOptions:
             within=intervals("within", apart(self.within)),
             seconds=self.seconds,
             rate=self.rate,
+            allowed=_allowed(values("allowed", apart(self.allowed))),
             draws=self.draws,
             seed=self.seed,
         )
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             found = control_run(self.run, self.out, aim, film=self.film, force=self.force, progress=progress)
-        with printing():
-            _print(found, as_json=self.json, quiet=self.quiet)
-        return 0 if found.ok else 1
+        return show_result(
+            found.document, found.folder, None if found.ok else found.status,
+            lambda: _print(found), as_json=self.json, quiet=self.quiet,
+        )  # fmt: skip
 
 
-def _print(found: Controlled, *, as_json: bool, quiet: bool) -> None:
+def _allowed(given: Mapping[str, float]) -> Allowed:
+    """Return what weighs as much as one another."""
+    from monodyn.errors import SettingsError
+    from monodyn.names import known
+    from monodyn.results.regulator import Allowed
+
+    for name in given:
+        if name not in Allowed._fields:
+            raise SettingsError(
+                f"allowed: no weight is called '{name}'; {known('weights', Allowed._fields, name)}"
+            )
+    return Allowed(**given)
+
+
+def _print(found: Controlled) -> None:
     """Print gains and what they do."""
-    from monodyn.results.export import jsonable
-
-    if as_json:
-        print(json.dumps(jsonable(found.document), indent=2, allow_nan=False))
-        return
-    if quiet:
-        return
     document = found.document
     where = ", ".join(
         f"{name}={round(x, 9):z.6g}" for name, x in document["operating_point"]["position"].items()

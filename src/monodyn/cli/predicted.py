@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,8 +63,7 @@ class PredictOptions:
         Raises:
             SettingsError: a film is wanted, and no folder for it; or the start is an empty word.
         """
-        from monodyn.cli.show import progress_on
-        from monodyn.cli.streams import printing
+        from monodyn.cli.show import progress_on, show_result
         from monodyn.errors import SettingsError
         from monodyn.results.predicted import Wanted, predict_run
 
@@ -88,25 +86,20 @@ class PredictOptions:
                 self.run, self.out, wanted, film=self.film, clip=self.clip, force=self.force,
                 progress=progress,
             )  # fmt: skip
-        with printing():
-            _print(found, wanted.tolerance, as_json=self.json, quiet=self.quiet)
-        return 0 if found.fit.ok else 1
+        return show_result(
+            found.document, found.folder, None if found.fit.ok else found.fit.status,
+            lambda: _print(found, wanted.tolerance), as_json=self.json, quiet=self.quiet,
+        )  # fmt: skip
 
 
-def _print(found: Predicted, tolerance: Tolerance, *, as_json: bool, quiet: bool) -> None:
+def _print(found: Predicted, tolerance: Tolerance) -> None:
     """Print the motion."""
     import numpy as np
 
     from monodyn.cli.show import console, plain_table
-    from monodyn.results.export import jsonable
     from monodyn.results.horizon import horizon_said
     from monodyn.results.numbers import shown_in
 
-    if as_json:
-        print(json.dumps(jsonable(found.document), indent=2, allow_nan=False))
-        return
-    if quiet:
-        return
     states, joints = found.states, found.fit.mechanism.joints
     table = plain_table("time", *(f"{joint.name} [{shown_in(joint)[1]}]" for joint in joints))
     for row in np.unique(np.linspace(0, len(states.time) - 1, SHOWN_ROWS).astype(int)):

@@ -6,7 +6,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -111,29 +111,51 @@ def show(outcome: Outcome, *, as_json: bool, quiet: bool) -> int:
     Returns:
         0, or 1 when the fit is not to be trusted.
     """
+    whole = _print_tracking if outcome.fit is None else _print_fit
+    trusted = outcome.fit is None or outcome.fit.ok
+    return show_result(
+        outcome.document, outcome.folder, None if trusted else str(outcome.document["status"]),
+        lambda: whole(outcome), as_json=as_json, quiet=quiet,
+    )  # fmt: skip
+
+
+def show_result(
+    document: Mapping[str, Any],
+    folder: Path | None,
+    refusal: str | None,
+    whole: Callable[[], None],
+    *,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Print a result and return the exit code.
+
+    Args:
+        document: The result as JSON has it.
+        folder: Where its files are; None where none were written.
+        refusal: Why it is not to be relied on; None where it is.
+        whole: Prints all of it as text.
+        as_json: As JSON, and nothing else.
+        quiet: Print nothing but the refusal, on the error stream.
+
+    Returns:
+        0, or 1 where there is a refusal.
+    """
     from monodyn.cli.streams import printing
 
-    code = 0 if outcome.fit is None or outcome.fit.ok else 1
     with printing():
-        _print_outcome(outcome, code, as_json, quiet)
-    return code
+        if as_json:
+            from monodyn.results.export import jsonable
 
-
-def _print_outcome(outcome: Outcome, code: int, as_json: bool, quiet: bool) -> None:
-    if as_json:
-        from monodyn.results.export import jsonable
-
-        document = {**outcome.document, "out": None if outcome.folder is None else str(outcome.folder)}
-        # what cannot be encoded is escaped: a replaced character would be lost to the reader
-        ascii_only = "utf" not in (getattr(sys.stdout, "encoding", None) or "utf").lower()
-        print(json.dumps(jsonable(document), indent=2, ensure_ascii=ascii_only, allow_nan=False))
-    elif quiet:
-        if code:
-            print(f"monodyn: {outcome.document['status']}", file=sys.stderr)
-    elif outcome.fit is None:
-        _print_tracking(outcome)
-    else:
-        _print_fit(outcome)
+            # what cannot be encoded is escaped: a replaced character would be lost to the reader
+            ascii_only = "utf" not in (getattr(sys.stdout, "encoding", None) or "utf").lower()
+            found = jsonable({**document, "out": None if folder is None else str(folder)})
+            print(json.dumps(found, indent=2, ensure_ascii=ascii_only, allow_nan=False))
+        elif not quiet:
+            whole()
+        elif refusal is not None:
+            print(f"monodyn: {refusal}", file=sys.stderr)
+    return 0 if refusal is None else 1
 
 
 def console() -> Any:

@@ -41,7 +41,7 @@ class Mechanism:
             (param,).
         chosen: Names whose freedom the user chose; ``with_bodies`` leaves them alone.
         measured: The picture's information about sizes, or None.
-        bundled: True where it is one of the bundled, whose densities nobody has stated of what is filmed.
+        source: The file that it was read from, or the bundled name.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Mechanism:
     own: np.ndarray
     chosen: frozenset[str] = frozenset()
     measured: Measured | None = None
-    bundled: bool = False
+    source: str = ""
 
     @cached_property
     def tree(self) -> Tree:

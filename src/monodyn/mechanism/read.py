@@ -49,14 +49,15 @@ def load(source: str | Path) -> Mechanism:
     """
     found = bundled(source) if isinstance(source, str) else None
     if isinstance(found, str):
-        return replace(_mechanism(found, False, {}, str(source)), bundled=True)
+        return replace(_mechanism(found, False, {}, str(source)), source=source)
     path = found or Path(source)
     if found is None and not path.exists():
         raise MechanismError(
             f"mechanism '{source}': expected an MJCF or URDF file or a bundled name, got no such file; "
             f"{known('bundled names', BUNDLED, str(source))}"
         )
-    return replace(_mechanism(*read_mechanism(path), path.name), bundled=found is not None)
+    made = _mechanism(*read_mechanism(path), path.name)
+    return replace(made, source=str(source if found else path.resolve()))
 
 
 def _mechanism(text: str, urdf: bool, meshes: dict[str, bytes], where: str) -> Mechanism:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,27 +18,16 @@ from monodyn.results.curves import loop_curves
 from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.linear import by_joint
+from monodyn.results.loop_film import write_loop
+from monodyn.results.masses import mass_scale
 from monodyn.results.numbers import shown_in
 from monodyn.results.opened import open_run
-from monodyn.results.overlay import FITTED, Drawing, write_overlay
 from monodyn.results.regulator import RATE, Allowed, Regulator, lqr
 from monodyn.results.sequel import Sequel, Table, notes_of, sequel_text
-from monodyn.results.sight import outlines_of
 from monodyn.results.swing import SwingUp, swing_up
-from monodyn.types import Camera, Frame, Progress
-from monodyn.vision.clip.video import Video
+from monodyn.types import Progress
 
 CONTROL = FolderKind("controller", ("control.json", "control.html", "control.mp4", "model.xml"), whole=True)
-WIDTH, HEIGHT = 720, 480
-"""Size of the film [px]."""
-FILM_RATE = 30.0
-"""Frames a second of the film [Hz]."""
-PAPER = 220
-"""Grey level behind the mechanism."""
-FAR_AWAY = 6.0
-"""Distance of the camera of the film, in sizes of what it shows."""
-MARGIN = 1.15
-"""How much larger what it shows is than the motion."""
 BALANCING = 10.0
 """How long a balance is simulated, also after a swing [s]."""
 ENOUGH = 20
@@ -63,6 +52,7 @@ class Aim:
         within: Least and largest position by joint on the way [rad or m], for a swing.
         seconds: How long the swing takes [s]; None tries.
         rate: Measurements, and torques, a second [Hz].
+        allowed: What weighs as much as one another in the cost.
         draws: Mechanisms drawn from the covariance of the parameters.
         seed: Of the draws.
     """
@@ -75,6 +65,7 @@ class Aim:
     within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     seconds: float | None = None
     rate: float = RATE
+    allowed: Allowed = field(default_factory=Allowed)
     draws: int = 50
     seed: int = 0
 
@@ -103,6 +94,11 @@ class Controlled:
     def ok(self) -> bool:
         """True where the mechanism was balanced, and the fit can be used."""
         return self.fit.ok and self.loop.balanced
+
+    @property
+    def status(self) -> str:
+        """What came of it, a sentence."""
+        return _kept(self.loop) if self.fit.ok else self.fit.status
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -136,7 +132,7 @@ class Controlled:
             # each of these takes long, and so there are few
             if self.swing.reached < self.swing.draws:
                 notes += draws_said(self.swing.reached, self.swing.draws)
-            if self.fit.mass_scale is None:
+            if mass_scale(self.fit) is None:
                 notes.append(
                     "A swing depends on the scale of the masses, which the record leaves open: where the "
                     "mechanism has k times those of model.xml, all its torques have to be k times as large "
@@ -214,17 +210,20 @@ def control_run(
         files = [*folder.written, *(["control.mp4"] if film else [])]
         folder.write_text("control.html", sequel_text(_page(found, Path(run)), files, Path(run), folder.path))
         if film:
-            folder.write("control.mp4", lambda path: _film(path, found, progress))
+            loop, swinging = found.loop, 0.0 if found.swing is None else found.swing.seconds
+            folder.write(
+                "control.mp4",
+                lambda path: write_loop(path, fit.mechanism, loop, swinging=swinging, progress=progress),
+            )
     return replace(found, folder=folder.path)
 
 
-def control(fit: Fit, aim: Aim, allowed: Allowed | None = None) -> Controlled:
+def control(fit: Fit, aim: Aim) -> Controlled:
     """Design a controller for an identified mechanism, and simulate it in MuJoCo.
 
     Args:
         fit: The identified mechanism.
         aim: What it is to do.
-        allowed: What weighs as much as one another in the cost; None takes the defaults.
 
     Returns:
         The controller and what it does.
@@ -238,7 +237,7 @@ def control(fit: Fit, aim: Aim, allowed: Allowed | None = None) -> Controlled:
             "control: expected limit, within and seconds together with swing, got them without; add --swing."
         )
     regulator = lqr(
-        fit, aim.at, actuated=aim.actuated, allowed=allowed, rate=aim.rate, draws=aim.draws, seed=aim.seed
+        fit, aim.at, actuated=aim.actuated, allowed=aim.allowed, rate=aim.rate, draws=aim.draws, seed=aim.seed
     )
     start = None
     if aim.start is not None:
@@ -324,7 +323,8 @@ def draws_said(held: int, draws: int) -> list[str]:
     if lost:
         return [
             f"The true mechanism is one that it does not hold with a chance of up to {percent(most)} (95 % "
-            "sure): film what the report of the run advises, or choose other weights."
+            "sure): film what the report of the run advises, or weigh the torques otherwise (--allowed "
+            "effort=SHARE)."
         ]
     return [
         f"That all of {draws} are held says little: up to {percent(most)} of those that the data allow may "
@@ -342,6 +342,7 @@ def _page(found: Controlled, run: Path) -> Sequel:
         ("motors", ", ".join(regulator.actuated)),
         ("from", _positions(mechanism, loop.position[0]) + (", swung up" if swing is not None else "")),
         ("measurements", f"{regulator.rate:g} a second, torques held in between"),
+        ("weigh as much as one another", ", ".join(f"{n} {x:g}" for n, x in aim.allowed._asdict().items())),
         ("draws", f"{aim.draws}, seed {aim.seed}"),
     ]
     if swing is not None:
@@ -389,52 +390,3 @@ def _positions(mechanism: Mechanism, position: np.ndarray) -> str:
         scale, unit = shown_in(joint)
         found.append(f"{joint.name} {round(x * scale, 3):z.4g} {unit}".replace("-", "−"))
     return ", ".join(found)
-
-
-def _film(path: Path, found: Controlled, progress: Progress | None) -> None:
-    """Write the motion as a film."""
-    loop, mechanism = found.loop, found.fit.mechanism
-    every = max(1, round(found.regulator.rate / FILM_RATE))
-    time, position = loop.time[::every], loop.position[::every]
-    camera = camera_for(mechanism, position)
-    paper = np.full((HEIGHT, WIDTH), PAPER, np.uint8)
-
-    def frames(first: int, stop: int) -> Iterator[Frame]:
-        for row in range(first, min(stop, len(time))):
-            yield Frame(row, float(time[row]), paper, None)
-
-    def drawing(frame: Frame) -> Drawing:
-        outlines = outlines_of(mechanism, camera, position[frame.index])
-        swinging = found.swing is not None and frame.time < found.swing.seconds
-        said = f"{frame.time:.2f} s  {'swing up' if swinging else 'balance'}"
-        return Drawing([(polygon, FITTED) for polygon in outlines], said)
-
-    write_overlay(path, Video(path, WIDTH, HEIGHT, time, frames), drawing, progress=progress)
-
-
-def camera_for(mechanism: Mechanism, position: np.ndarray) -> Camera:
-    """Return a camera that sees all of a motion.
-
-    Args:
-        mechanism: The mechanism.
-        position: Joint positions [rad or m], (frame, dof).
-    """
-    # a camera far away shows where everything is: from there the real one is placed
-    reach = float(np.sum(np.hypot(*mechanism.tree.links[:, :2].T)) + np.abs(mechanism.shapes.points).max())
-    slides = [i for i, joint in enumerate(mechanism.joints) if joint.kind == "slide"]
-    reach += float(np.abs(position[:, slides]).sum(axis=1).max(initial=0.0))
-    far = Camera(WIDTH, HEIGHT, focal=1e3, depth=1e3 * reach)
-    corners = np.vstack(
-        [
-            polygon
-            for q in position[:: max(1, len(position) // 100)]
-            for polygon in outlines_of(mechanism, far, q)
-        ]
-    )
-    metre = far.focal / far.depth
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    middle = (0.5 * (low + high) - [(WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0]) / metre
-    size = MARGIN * float(np.max((high - low) / [WIDTH, HEIGHT])) * HEIGHT / metre
-    return Camera(
-        WIDTH, HEIGHT, focal=FAR_AWAY * HEIGHT, x=float(middle[0]), y=float(-middle[1]), depth=FAR_AWAY * size
-    )

@@ -15,7 +15,7 @@ from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.mechanism.tree import SLIDE, Directions
-from monodyn.results.linear import weighed
+from monodyn.results.masses import mass_scale
 
 STATES = 24
 """States in which accelerations are compared."""
@@ -70,7 +70,7 @@ def drawn(fit: Fit, count: int, *, seed: int = 0, response: Response | None = No
     features = _Features(fit, _states(fit.mechanism), response or Response(np.zeros(dofs), 0))
     start, slopes = features.of(fit.mechanism)
     found: list[Mechanism] = []
-    measured = weighed(fit)
+    measured = mass_scale(fit) is not None
     for _ in range(MOST_TRIES * count):
         if len(found) == count:
             break

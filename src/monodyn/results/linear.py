@@ -21,6 +21,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
 from monodyn.names import known
+from monodyn.results.masses import mass_scale
 from monodyn.results.restart import FARTHEST
 
 DIFFERENCE = 1e-5
@@ -116,7 +117,7 @@ def linearize(
     tau[rows] = holding(tree, position, velocity, rows) if torque is None else _torque(torque, names)
     a, b, acceleration = state_matrices(tree, position, velocity, tau, rows)
     by_param = _entries(tree, directions, position, velocity, tau, rows)
-    if not weighed(fit):
+    if mass_scale(fit) is None:
         # all of B is known up to one factor: it is told in units of what the first motor does to its joint
         by_b = by_param.reshape(*a.shape[:1], -1, by_param.shape[1])[:, a.shape[1] :]
         row = len(position) + rows[0]
@@ -339,7 +340,7 @@ def _notes(fit: Fit, joint: str, moved: float) -> tuple[str, ...]:
         notes.append(f"Dry friction is left out of the linear system: it acts at {said}.")
     if mechanism.torque != "friction":
         notes.append("Torques over time that were identified are left out of the linear system.")
-    if not weighed(fit):
+    if mass_scale(fit) is None:
         unit = "kg m^2" if next(j for j in mechanism.joints if j.name == joint).kind == "hinge" else "kg"
         notes.append(
             "Masses are known up to one factor: torques are those of a mechanism in which the motor at "
@@ -347,18 +348,6 @@ def _notes(fit: Fit, joint: str, moved: float) -> tuple[str, ...]:
             "as large."
         )
     return tuple(notes)
-
-
-def weighed(fit: Fit) -> bool:
-    """Return whether a mass is known itself, by known torques or because one was given, and so all are.
-
-    Args:
-        fit: The fit.
-    """
-    kinds = {p.name: p.kind for p in fit.mechanism.parameters}
-    given = {p.name for p in fit.mechanism.parameters if p.name in fit.mechanism.chosen and not p.free}
-    masses = [p for p in fit.parameters if kinds.get(p.name) == "mass"]
-    return any(0.0 < p.std < abs(p.value) or p.name in given for p in masses)
 
 
 def _torque(torque: Sequence[float] | np.ndarray, names: tuple[str, ...]) -> np.ndarray:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from monodyn.estimation.wording import listed
 from monodyn.results.findings import openness
 from monodyn.results.folder import DRAWN, RunFolder
+from monodyn.results.masses import given_scale, mass_scale
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Fit
@@ -16,8 +18,6 @@ if TYPE_CHECKING:
     from monodyn.results.filmed import Filmed
     from monodyn.results.findings import Findings
 
-INERTIAL = ("mass", "inertia", "density", "thickness")
-"""Kinds of parameters of which a given one makes masses absolute."""
 OPEN = {
     "factor": "Known up to that factor",
     "combined": "Known in combinations with one another alone, which fit.json has",
@@ -105,12 +105,12 @@ def what_is_known(fit: Fit) -> list[str]:
 def _mass_scale_said(fit: Fit) -> str:
     """Return a sentence on what determines masses themselves."""
     absolute = "masses, inertias, frictions, springs and torques"
-    if fit.mass_scale is not None:
+    scale = mass_scale(fit)
+    if scale == "torques":
         return f"Known torques determine {absolute}: they are in SI units."
-    parameters = (p for p in fit.mechanism.parameters if p.kind in INERTIAL and not p.free)
-    given = [p.name for p in parameters if p.name in fit.mechanism.chosen]
-    if given:
-        return f"Only ratios show: {absolute} are in proportion to {', '.join(given)}, as given."
+    if scale == "given":
+        given = listed(given_scale(fit)) or "what was given"
+        return f"{absolute.capitalize()} are in SI units, as exactly as {given} was given."
     return (
         f"Only ratios show: {absolute} are known up to one common factor, that of the file that the run "
         "began with. A known torque or one measured mass makes them absolute."

@@ -18,10 +18,12 @@ from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load
 from monodyn.mechanism.bundled import is_bundled
 from monodyn.mechanism.parts import PLACE_KINDS
+from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
 from monodyn.results.intact import check_model, check_numbers, differing, digest
-from monodyn.types import Camera
+from monodyn.results.known_torques import known_torques
+from monodyn.types import Camera, TorqueLog
 
 NOTHING = 0.04
 """Information about the logarithm of a size below which a picture knows nothing of it: a factor of e^5."""
@@ -34,7 +36,7 @@ def open_run(folder: str | Path) -> Fit:
 
     Motion, prediction and their bands are those of the fit that was written. Its parameters are those of the
     written model, whose bodies have masses and inertias in place of densities and thicknesses; residuals are
-    not kept, nor are logs of known torques: without these the mechanism moves freely.
+    not kept. Known torques are those of ``torques.csv``: after record and prediction they are unknown.
 
     Args:
         folder: The run folder.
@@ -213,7 +215,7 @@ def clip_of(folder: str | Path) -> Path | None:
         SettingsError: The log is not what was written.
     """
     log = Path(folder) / "run.json"
-    # ``monodyn.report`` writes none
+    # where the mechanism of ``monodyn.report`` is of no file
     if not log.is_file():
         return None
     try:
@@ -271,6 +273,7 @@ def _finite(text: str) -> float:
 
 
 def _fit(document: Mapping[str, Any], model: Path) -> Fit:
+    """Return the fit that a run wrote."""
     rows = {row["name"]: row for row in document["parameters"]}
     names, matrix = document["covariance"]["names"], document["covariance"]["matrix"]
     if not model.is_file():
@@ -296,6 +299,10 @@ def _fit(document: Mapping[str, Any], model: Path) -> Fit:
         starts.append(Start(float(row["time"]), position, velocity, covariance[np.ix_(own, own)]))
     estimates = [_estimate(p.name, p.value, p.unit, rows.get(p.name), free=p.name in varying)
                  for p in mechanism.parameters]  # fmt: skip
+    logs: tuple[TorqueLog, ...] = ()
+    if document["drive"]["model"] == "known":
+        lag = mechanism.values[LAG]
+        logs = known_torques(model.parent / "torques.csv", joints, records=len(starts), lag=lag)
     return Fit(
         status=document["status"],
         doubts=tuple(Doubt(**doubt) for doubt in document["doubts"]),
@@ -322,6 +329,7 @@ def _fit(document: Mapping[str, Any], model: Path) -> Fit:
         else Unmodelled(np.array(lacks["density"], float), np.array(lacks["off"], float)),
         tried_torques=tuple(TriedTorque(**tried) for tried in document["tried_torques"]),
         alternatives=tuple(document["alternatives"]),
+        torques=logs,
     )
 
 
@@ -339,7 +347,10 @@ def _mechanism(
             period=known.get("torque.period"),
         )
     varying = [p.name for p in mechanism.parameters if p.name in set(names)]
-    mechanism = mechanism.with_choices(free=varying)
+    # what the scale of the masses rests on is a choice of the user's, which the model does not name
+    heavy = [p for p in mechanism.parameters if p.kind == "mass" and p.name not in varying]
+    given = {p.name: p.value for p in heavy if document["mass_scale"] == "given"}
+    mechanism = mechanism.with_choices(fix=given, free=varying)
     follows = {p.name for p in mechanism.parameters if p.follows}
     here = {name: value for name, value in known.items() if name in mechanism.values and name not in follows}
     # where the written file shares a body out otherwise, into length and overhangs, it is the one that moves

@@ -123,6 +123,9 @@ def predict_run(
     """
     wanted = wanted or Wanted()
     fit = open_run(run)
+    if wanted.positions is not None:
+        # what pushed the record does not push what is let go by hand
+        fit = replace(fit, torques=())
     begun = restart(fit, wanted.positions, wanted.rates, at=wanted.at, fix=wanted.fix, record=wanted.record)
     stamps, start = begun.time[0], begun.starts[0].time
     ends = float(fit.time[wanted.record][0]), float(fit.time[wanted.record][-1])
@@ -190,8 +193,13 @@ def _notes(fit: Fit, states: States, record: tuple[float, float]) -> tuple[str, 
         notes.append(f"It starts {off:.3g} s {where} the fitted frames, in a state that is predicted itself.")
     if not fit.ok:
         notes.append(f"The mechanism is not to be relied on: {fit.status}")
-    if fit.torque == "known":
+    if fit.torque == "known" and not fit.torques:
         notes.append("The known torques belong to the record: here none act.")
+    if fit.torques and np.isinf(states.std).any():
+        notes.append(
+            "The known torques of the run reach to the end of its prediction; after that the last of them "
+            "stands for them, and nothing is known."
+        )
     if fit.torque == "free" and np.isinf(states.std).any():
         notes.append("Free torques are known within the fitted frames alone: outside of these none act.")
     return tuple(notes)

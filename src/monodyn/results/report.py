@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from monodyn.results.export import (
     states_table,
     torque_table,
 )
-from monodyn.results.filmed import filmed_of, write_film
+from monodyn.results.filmed import write_film
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.gaps import unfollowed
@@ -28,63 +27,13 @@ from monodyn.results.intact import digest
 from monodyn.results.models import write_models
 from monodyn.results.page import page_text
 from monodyn.results.torques import torque_course
-from monodyn.results.trace import fitted_poses, trace_of
-from monodyn.types import Poses, Progress
+from monodyn.types import Progress
 
 if TYPE_CHECKING:
-    from monodyn.estimation.fit import Fit
     from monodyn.mechanism import Mechanism
-    from monodyn.results.predict import Prediction
-    from monodyn.vision.locating.scene import Scene
-    from monodyn.vision.points.scene import PointScene
 
 NOT_IN_MUJOCO = (".air", ".lead")
 """Ends of the names of parameters that ``model.xml`` has as numbers alone, which do not act."""
-
-
-def report(
-    fit: Fit,
-    future: Prediction | None = None,
-    *,
-    to: str | Path,
-    poses: Poses | None = None,
-    scene: Scene | PointScene | None = None,
-    force: bool = False,
-    progress: Progress | None = None,
-) -> Path:
-    """Write the results of a fit into a folder: tables, the identified mechanism, the report page.
-
-    Args:
-        fit: The fit.
-        future: Its prediction, from ``predict``.
-        to: The folder; it may not hold a run yet.
-        poses: The whole record to compare with, written as ``poses.csv``; the fitted frames alone when it
-            is left out.
-        scene: Where the mechanism is in the picture, from ``locate``; adds the overlay and the pictures.
-        force: Replace a run that is already there.
-        progress: Called with the number of frames drawn.
-
-    Returns:
-        The report page.
-
-    Example:
-        >>> monodyn.report(fit, future, to="run/")  # doctest: +SKIP
-    """
-    video = None if scene is None else scene.video
-    trace = trace_of(fit, fitted_poses(fit, video) if poses is None else poses, future)
-    findings = Findings(
-        fit,
-        [trace],
-        title=fit.mechanism.name if video is None else video.path.name,
-        subtitle=_subtitle(fit),
-        record=None if poses is None else trace.poses,
-        filmed=None if scene is None else filmed_of(fit, scene, trace.poses),
-    )
-    # only after all that may refuse its input: a folder is made when there is something to write
-    folder = RunFolder(to, force=force)
-    write_results(folder, findings, progress=progress)
-    folder.finish()
-    return folder.path / "report.html"
 
 
 def write_results(
@@ -177,8 +126,3 @@ def lost_in_urdf(mechanism: Mechanism) -> list[str]:
             "predict has the motion with all of them."
         )
     return [f"URDF has no place for {', '.join(lost)}, which model.urdf leaves out; {instead}"]
-
-
-def _subtitle(fit: Fit) -> str:
-    count = len(fit.mechanism.joints)
-    return f"Mechanism {fit.mechanism.name} with {count} joint{'s' if count > 1 else ''}."

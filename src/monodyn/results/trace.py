@@ -184,21 +184,22 @@ def fitted_rows(fit: Fit, poses: Poses, record: int = 0) -> tuple[int, int]:
     return first, stop
 
 
-def fitted_poses(fit: Fit, video: Video | None = None) -> Poses:
-    """Return the fitted frames of the first record, from the residual that the fit keeps.
+def fitted_poses(fit: Fit, video: Video | None = None, *, record: int = 0) -> Poses:
+    """Return the fitted frames of a record, from the residual that the fit keeps.
 
     Args:
         fit: The fit.
         video: The clip the record is from, which knows its frame numbers; without it they are those of a
             clip that starts at 0 s where the time stamps are those of one, else they count from 0.
+        record: Number of the record within the fit.
 
     Returns:
         The record without its covariance, which the fit does not keep.
     """
     from monodyn.results.fill import fill
 
-    time, residual = fit.time[0], fit.residual[0]
-    position = fill(fit, time).position + residual
+    time, residual = fit.time[record], fit.residual[record]
+    position = fill(fit, time, record=record).position + residual
     joints = tuple(joint.name for joint in fit.mechanism.joints)
     count, dofs = residual.shape
     seen = np.asarray(np.isfinite(residual).any(axis=1))

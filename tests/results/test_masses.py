@@ -1,0 +1,53 @@
+"""What determines masses themselves: only where something in proportion to them was measured."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import monodyn
+from monodyn.results.masses import mass_scale
+from swings import motion, record
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "fix", "scale"),
+    [
+        ("single", {"link1.mass": 0.2}, "given"),
+        ("single", {"link1.thickness": 0.004}, "given"),
+        ("double", {"link2.mass": 0.15}, "given"),
+        ("double", {"joint1.damping": 2e-3}, "given"),
+        # a density leaves the thickness open, and no friction is none at all scales
+        ("double", {"link1.density": 2700.0}, None),
+        ("double", {"joint1.damping": 0.0}, None),
+        ("double", {}, None),
+    ],
+)
+def test_one_measured_mass_makes_all_of_them_absolute(tmp_path, name, fix, scale):
+    """The truth is the bundled file with twice its thicknesses and dampings, but for what is given."""
+    times = np.arange(60) / 30.0
+    file = monodyn.load(name)
+    doubled = {n: 2.0 * v for n, v in file.values.items() if n.endswith((".thickness", ".damping"))}
+    true = file.with_values(doubled)
+    factor = 1.0
+    for given, value in fix.items():
+        if value and not given.endswith("density"):
+            factor = value / true.values[given]
+    start = [-0.4, 0.6][: len(file.joints)]
+    position = motion(true, times, start, [0.0] * len(start))
+    poses = record(file, times, position, noise=1e-4)
+    fit = monodyn.identify(poses, file.with_choices(fix=fix))
+    assert mass_scale(fit) == scale
+    monodyn.report(fit, to=tmp_path / "run", poses=poses)
+    assert json.loads((tmp_path / "run" / "fit.json").read_text())["mass_scale"] == scale
+    text = (tmp_path / "run" / "model.xml").read_text()
+    assert ("Only ratios show" in text) == (scale is None)
+    # read back it still is what it was
+    assert mass_scale(monodyn.open_run(tmp_path / "run")) == scale
+    if scale:
+        for body in file.bodies:
+            mass = fit.parameter(f"{body}.mass")
+            assert mass.value == pytest.approx(factor * true.values[mass.name], abs=4.0 * mass.std + 1e-12)
