@@ -287,6 +287,7 @@ def _colours_at(picture: Frame | Background, rows: np.ndarray, columns: np.ndarr
         # as if it were enlarged to the size of the picture
         scale = np.divide(plane.shape, picture.luma.shape)
         y, x = ((at + 0.5) * by - 0.5 for at, by in zip((rows, columns), scale, strict=True))
-        places = [places.astype(np.float32)[:, np.newaxis] for places in (x, y)]
-        found.append(cv2.remap(plane, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0])
+        at_x, at_y = (places.astype(np.float32)[:, np.newaxis] for places in (x, y))
+        shown = cv2.remap(plane, at_x, at_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        found.append(shown[:, 0])
     return found + [np.full(len(rows), np.nan)] * (3 - len(found))
