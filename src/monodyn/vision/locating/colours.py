@@ -289,5 +289,5 @@ def _colours_at(picture: Frame | Background, rows: np.ndarray, columns: np.ndarr
         y, x = ((at + 0.5) * by - 0.5 for at, by in zip((rows, columns), scale, strict=True))
         at_x, at_y = (places.astype(np.float32)[:, np.newaxis] for places in (x, y))
         shown = cv2.remap(plane, at_x, at_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        found.append(shown[:, 0])
+        found.append(shown[:, 0].astype(np.float64))
     return found + [np.full(len(rows), np.nan)] * (3 - len(found))
