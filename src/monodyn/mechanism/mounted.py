@@ -47,8 +47,9 @@ def mounted(mechanism: Mechanism, rate: float) -> tuple[Mechanism, str]:
         terms={kind: mass * rate**2 if kind == "stiffness" else 0.0 for kind in JOINT},
     )  # fmt: skip
     links = [base, *(replace(link, parent=link.parent + 1) for link in mechanism.plan.links)]
-    made = _grown(mechanism, links)
-    held = [p.name for p in made.parameters if p.owner == name and not p.follows]
+    made = _grown(mechanism, assembled(mechanism.name, links, values["gravity"]))
+    known = set(mechanism.plan.table.names)
+    held = [p.name for p in made.parameters if p.name not in known and not p.follows]
     return made.with_choices(fix={n: made.values[n] for n in held}).with_choices(
         free=[f"{name}.stiffness"]
     ), name
@@ -62,7 +63,7 @@ def hung(mechanism: Mechanism) -> tuple[Mechanism, str] | None:
 
     Returns:
         The mechanism with one joint more, the last one, and the name of that joint; None where the last body
-        has no length.
+        has no length, or others would be measured from its end.
     """
     last, count = mechanism.plan.links[-1], len(mechanism.plan.links)
     if not last.carries or f"{last.joint.body}.length" not in mechanism.values:
@@ -77,13 +78,13 @@ def hung(mechanism: Mechanism) -> tuple[Mechanism, str] | None:
         givens=tuple(replace(given, body=name) for given in last.givens),
         terms={kind: START_DAMPING if kind == "damping" else 0.0 for kind in JOINT},
     )  # fmt: skip
-    made = _grown(mechanism, [*mechanism.plan.links, further])
+    made = assembled(mechanism.name, [*mechanism.plan.links, further], mechanism.values["gravity"])
+    if not set(mechanism.plan.table.names) <= set(made.values):
+        return None
+    made = _grown(mechanism, made)
     # where picture or search have found other sizes of the last one than the file's, it is like these
-    alike = {
-        p.name: made.values[f"{last.joint.body}.{p.kind}"]
-        for p in made.parameters
-        if p.owner == name and not p.follows and p.name == f"{name}.{p.kind}" and p.kind in ALIKE
-    }
+    theirs = {f"{name}.{kind}": f"{last.joint.body}.{kind}" for kind in ALIKE}
+    alike = {own: made.values[other] for own, other in theirs.items() if {own, other} <= set(made.values)}
     return made.with_values(alike), name
 
 
@@ -94,9 +95,8 @@ def _new(name: str, mechanism: Mechanism) -> str:
     return name
 
 
-def _grown(mechanism: Mechanism, links: list[Link]) -> Mechanism:
-    """Return a mechanism of more links, its old parameters as they are, the new ones as they start."""
-    made = assembled(mechanism.name, links, mechanism.values["gravity"])
+def _grown(mechanism: Mechanism, made: Mechanism) -> Mechanism:
+    """Return a mechanism of more links with the old ones' parameters as they are."""
     columns = ("numbers", "lower", "upper", "own", "free")
     table, found = mechanism.plan.table, {column: getattr(made, column).copy() for column in columns}
     for row, parameter in enumerate(table.names):

@@ -24,11 +24,11 @@ FIRST = 2
 """Usual first pieces in the beginning with which the search begins."""
 GROWTH = 1.25
 """Factor by which the part grows."""
-AROUND = 8
+AROUND = 12
 """Angles of the hidden link that are tried, evenly around."""
 RATES = (0.0, 1.0, -1.0)
 """Rates of it that are tried, in units of the last hinge's usual one."""
-CARRIED = 4
+CARRIED = 6
 """Motions that are carried on."""
 ALIKE = 0.2
 """Start angles of the hidden link that differ by less are one motion [rad]."""
@@ -53,7 +53,7 @@ def hanging(problem: Problem, smoothed: Smoothed, route: Route) -> Optimum | Non
     rows = len(problem.data.times)
     logarithms = np.diag(np.where(problem.unknowns.log, LOOSE**-2, 0.0))
     loose = replace(problem, prior=problem.prior.assuming(logarithms))
-    x, part = problem.unknowns.x0, min(int(FIRST * route.piece), rows)
+    x, part = problem.unknowns.x0, min(FIRST * route.piece, rows)
     tried = [(x, state) for state in _states(problem, smoothed)]
     while True:
         here = problem if part == rows else loose.with_data(loose.data.part(np.arange(part)))
@@ -73,14 +73,13 @@ def hanging(problem: Problem, smoothed: Smoothed, route: Route) -> Optimum | Non
 
 def _states(problem: Problem, smoothed: Smoothed) -> list[np.ndarray]:
     """Return the states of the first row that are tried, (2 dof,) each."""
-    trial = problem.started(
-        problem.unknowns.x0, Pieces(np.array([0, len(problem.data.times)]), np.zeros(1, dtype=int)), (smoothed,)
-    )
+    whole = Pieces(np.array([0, len(problem.data.times)]), np.zeros(1, dtype=int))
+    start = problem.started(problem.unknowns.x0, whole, (smoothed,)).states[0]
     hinge = [k for k, joint in enumerate(problem.mechanism.joints[:-1]) if joint.kind == "hinge"]
     usual = float(np.sqrt(np.mean(smoothed.velocity[:, hinge[-1]] ** 2))) if hinge else 0.0
     found, dofs = [], len(problem.mechanism.joints)
     for angle, rate in product(2.0 * np.pi * np.arange(AROUND) / AROUND, RATES):
-        state = trial.states[0].copy()
+        state = start.copy()
         state[[dofs - 1, -1]] = angle, rate * usual
         found.append(state)
     return found
@@ -92,7 +91,9 @@ def _different(ended: Sequence[Optimum]) -> list[Optimum]:
     for one in ended:
         if not np.isfinite(one.cost) or residual_size(one) > LOST:
             continue
-        if all(abs(np.remainder(_angle(one) - _angle(k) + np.pi, 2.0 * np.pi) - np.pi) > ALIKE for k in found):
+        if all(
+            abs(np.remainder(_angle(one) - _angle(k) + np.pi, 2.0 * np.pi) - np.pi) > ALIKE for k in found
+        ):
             found.append(one)
     return found[:CARRIED]
 
