@@ -23,7 +23,7 @@ from monodyn.pipeline import identify_tables
 DRAG = "quadratic drag"
 """The one damage that the default finds by itself, and then rightly trusts."""
 CAUSES = {
-    "triple as double": ("a link more than it has",),
+    "triple as double": ("With a link more at the end of link2",),
     "a base that swings": ("On a base that swings",),
     "quadratic drag": ("With quadratic drag at its joints", f"The evidence is for friction with {DRAG}"),
     "gravity tilted by 10 deg": ("deg from straight down where the angles are measured the motion comes",),

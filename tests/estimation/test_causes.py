@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import mujoco
@@ -17,6 +18,7 @@ from monodyn.estimation.shooting.starts import matched
 from monodyn.estimation.shooting.swinging import swing_of
 from monodyn.estimation.torque import laws
 from monodyn.estimation.verdict import causes
+from monodyn.estimation.verdict.further import Further, further_link
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from support import slow
@@ -29,15 +31,15 @@ POLE = """<mujoco><option gravity="0 0 -9.81" timestep="0.0005"/><worldbody>
 QUICK = IdentifySettings(torque="friction", starts=2)
 
 
-def swung(push, frames=120):
+def swung(push, frames=120, text=POLE):
     """Return a noisy record of a pole; ``push`` changes MuJoCo's model and data before each step."""
-    model = mujoco.MjModel.from_xml_string(POLE)
+    model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     data.qpos[0] = -0.2
     rows = []
     for step in range(40 * frames):
         if step % 40 == 0:
-            rows.append(data.qpos.copy())
+            rows.append(data.qpos[:1].copy())
         push(model, data)
         mujoco.mj_step(model, data)
     noise = NOISE * np.random.default_rng(0).normal(size=(frames, 1))
@@ -109,20 +111,62 @@ def test_the_swing_that_accelerations_call_for(stiffness):
     np.testing.assert_allclose(swing.at(record.time), 0.03 * np.sin(8.0 * record.time), atol=6e-3)
 
 
+HUNG = POLE.replace(
+    "</body></worldbody>",
+    """<body pos="0.29 0 0"><joint name="joint2" type="hinge" axis="0 -1 0" damping="0.0003"/>
+<geom type="box" density="2700" size="0.1 0.003 0.012" pos="0.1 0 0"/></body></body></worldbody>""",
+)
+"""A shorter pole hangs near the end of the pole."""
+
+
+def test_a_link_more_is_named():
+    fit = identify(swung(lambda model, data: None, text=HUNG), load("single"), QUICK)
+    assert fit.grade == "refused"
+    said = fit.advice[0]
+    found = re.match(
+        r"With a link more at the end of link1, about (\d+) mm long and (\S+) times as heavy as link1, the "
+        r"motion comes (\d+) times as close to the record, to within its noise: more hangs there",
+        said,
+    )
+    assert found, said
+    length, heavier, times = map(float, found.groups())
+    assert length == pytest.approx(200.0, rel=0.1)
+    assert heavier == pytest.approx(2.0 / 3.0, rel=0.2)
+    assert times > 20.0
+
+
+def test_a_link_more_is_not_what_drags():
+    """A hidden link comes nearer to much; only what it brings to within the noise is one."""
+    record = swung(drag)
+    further = further_link((record,), load("single"), QUICK)
+    assert further is not None
+    assert further.left == np.inf
+
+
+def test_a_link_more_hangs_from_one_record_alone():
+    record = swung(drag)
+    assert further_link((record, record), load("single"), QUICK) is None
+
+
 def test_nothing_usual(monkeypatch):
     """A cause has to halve what is left over."""
     record = swung(drag)
     fit = identify(record, load("single"), replace(QUICK, starts=1))
     monkeypatch.setattr(causes, "HALVED", 1e9)
     assert causes.lacking((record,), load("single"), QUICK, fit) == (
-        "None of the usual causes halves what is left over (quadratic drag, tilted gravity and a base that "
-        "swings): look whether something else moves along with the mechanism or acts on it (a link more than "
-        "it has, a support that moves, a hand, a stop), and whether the file is that of this mechanism.",
+        "None of the usual causes halves what is left over (quadratic drag, tilted gravity, a base that "
+        "swings and a link more at the end of link1): look whether something else moves along with the "
+        "mechanism or acts on it, and whether the file is that of this mechanism.",
         False,
     )
 
 
 def test_sentences():
+    assert Further("link2", 180, 0.8, 0.2653, 1.0821).said(312.4) == (
+        "With a link more at the end of link2, about 265 mm long and 1.1 times as heavy as link2, the motion "
+        "comes 310 times as close to the record, to within its noise: more hangs there than the file has. "
+        "Take a mechanism with a body and a joint more."
+    )
     assert causes.dragged(laws.QUADRATIC, ["joint1.drag", "joint2.drag"], 6.13) == (
         "With quadratic drag at its joints the motion comes 6.1 times as close to the record: --free "
         "joint1.drag joint2.drag estimates it."

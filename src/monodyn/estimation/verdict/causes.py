@@ -3,7 +3,7 @@
 Each freedom is something that is often forgotten: quadratic drag, weight where the file's hinges turn about
 the vertical, gravity that does not act straight down where the angles are measured, a clock that runs at
 another rate, a base that swings. Along smooth motion the accelerations show in a moment which of them comes
-closest; the best ``TRIED`` are fitted to the record.
+closest; the best ``TRIED`` are fitted to the record. Where none of these leaves only noise, a link more is.
 
 The rule: a cause is named if with it the residuals are at most half as large. With chance alone a further
 unknown takes off a few thousandths.
@@ -29,6 +29,7 @@ from monodyn.estimation.shooting.starts import match, matched
 from monodyn.estimation.shooting.swinging import Swing, swing_of
 from monodyn.estimation.torque.laws import AIR, QUADRATIC, drag_laws
 from monodyn.estimation.verdict.advice import weightless
+from monodyn.estimation.verdict.further import COARSE, NOISE_ALONE, further_link
 from monodyn.estimation.verdict.stretches import other_rate
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
@@ -40,8 +41,6 @@ HALVED = 2.0
 """Factor by which a cause makes the residuals smaller, at least, to be named."""
 TRIED = 2
 """Causes that are fitted to the record: those that come closest to its accelerations."""
-COARSE = 1e-4
-"""Integration error that these fits may have [rad or m]."""
 STANDARD_GRAVITY = 9.80665
 """Gravity that a file without any may have forgotten [m/s^2]; the standard one (3rd CGPM, 1901)."""
 FARTHEST_SWING = 3.0
@@ -93,14 +92,19 @@ def lacking(
     before, tried = _size(records, fit), _causes(records, mechanism)
     if not tried or not np.isfinite(before):
         return "", False
-    joints = [joint.name for joint in mechanism.joints]
-    said, _ = _named(tried, before, joints, settings)
+    joints, names = [joint.name for joint in mechanism.joints], [cause.name for cause in tried]
+    said, after = _named(tried, before, joints, settings)
+    # what leaves only noise is the cause; what halves the residuals may stand for a link that nobody measured
+    further = further_link(records, mechanism, settings) if after > NOISE_ALONE else None
+    if further is not None:
+        names, before = [*names, further.name], _size(records, fit, further.rows)
+        if HALVED * further.left < before and further.left < after:
+            return further.said(before / further.left), True
     if said:
         return said, True
     return (
-        f"None of the usual causes halves what is left over ({listed([cause.name for cause in tried])}): "
-        "look whether something else moves along with the mechanism or acts on it (a link more than it has, "
-        "a support that moves, a hand, a stop), and whether the file is that of this mechanism."
+        f"None of the usual causes halves what is left over ({listed(names)}): look whether something else "
+        "moves along with the mechanism or acts on it, and whether the file is that of this mechanism."
     ), False
 
 
@@ -130,15 +134,18 @@ def explained_otherwise(
 def _named(
     tried: Sequence[Cause], before: float, joints: Sequence[str], settings: IdentifySettings
 ) -> tuple[str, float]:
-    """Return the sentence of the first of the likeliest causes that halves the residuals, and the size that
-    it leaves; empty and infinite for none."""
+    """Return the sentence of what comes closest of the likeliest causes that halve the residuals, and the
+    size that it leaves; empty and infinite for none."""
+    said, least = "", np.inf
     for cause in sorted(tried, key=lambda cause: cause.left)[:TRIED]:
         problem, optimum = _fitted(cause, settings)
-        if optimum.complete:
-            after = difference_size(problem, optimum, joints)
-            if HALVED * after < before:
-                return cause.said(problem, optimum, before / after), after
-    return "", np.inf
+        after = difference_size(problem, optimum, joints) if optimum.complete else np.inf
+        if HALVED * after < before and after < least:
+            said, least = cause.said(problem, optimum, before / after), after
+        # nothing comes closer than that
+        if least < NOISE_ALONE:
+            break
+    return said, least
 
 
 def _causes(records: tuple[Poses, ...], mechanism: Mechanism) -> list[Cause]:
@@ -266,14 +273,16 @@ def _fitted(cause: Cause, settings: IdentifySettings) -> tuple[Problem, Optimum]
     return problem, multiple_shooting(problem, problem.unknowns.x0, smoothed, route)
 
 
-def _size(records: Sequence[Poses], fit: Fit) -> float:
-    """Return the mean size of a fit's residuals in units of the stated noise; infinite without any."""
+def _size(records: Sequence[Poses], fit: Fit, rows: int | None = None) -> float:
+    """Return the mean size of a fit's residuals in units of the stated noise, over the first rows of each
+    record or over all; infinite without any."""
     sizes, slide = [], np.array([joint.kind == "slide" for joint in fit.mechanism.joints])
     for record, residual in zip((ordered(r, fit.mechanism) for r in records), fit.residual, strict=True):
         noise = np.sqrt(np.maximum(np.diagonal(record.covariance, axis1=1, axis2=2), 1e-300))
         # a fit has the residuals of slides in metres, a picture's positions are in the start scale
         unit = np.where(slide & (not record.metric), fit.scale, 1.0)
-        sizes.append((np.abs(residual) / (unit * noise))[np.isfinite(residual)])
+        size = (np.abs(residual) / (unit * noise))[:rows]
+        sizes.append(size[np.isfinite(size)])
     every = np.concatenate(sizes) if sizes else np.zeros(0)
     return float(np.mean(every)) if len(every) else np.inf
 
