@@ -11,7 +11,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.verdict.trust import identified, verdict
+from monodyn.estimation.verdict.trust import identified, moves_evenly, verdict
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -134,7 +134,24 @@ def test_a_fit_is_doubted_only_where_it_misses_by_both_measures(share, noise, co
 
 @pytest.mark.slow
 def test_a_straight_line_is_no_motion_of_a_pendulum():
-    """It is followed exactly, by links as long as they may be."""
+    """It is followed exactly, by links as long or as light as they may be."""
     times = np.arange(150) / 50.0
-    line = white(("joint1", "joint2"), times, np.column_stack((0.5 * times, times)), 1e-4)
-    assert identify(line, load("double")).grade == "refused"
+    for slopes in ((0.5, 1.0), (1.0, -0.5)):
+        line = white(("joint1", "joint2"), times, np.outer(times, slopes) - 1.0, 1e-4)
+        fit = identify(line, load("double"))
+        assert fit.grade == "refused"
+        assert fit.status == (
+            "The joints move evenly, or not at all: no force shows in the record, and nothing can be told by "
+            "it. Record a free swing."
+        )
+
+
+def test_what_moves_evenly():
+    """A line with noise does, a slow swing that bends by more does not."""
+    single, times = load("single"), np.arange(60) / 30.0
+    noisy = 0.3 * times + 1e-3 * np.random.default_rng(0).normal(size=60)
+    even = white(("joint1",), times, noisy[:, None], 1e-3)
+    assert moves_evenly(prepare([even], single))
+    bent = white(("joint1",), times, (noisy + 0.01 * times**2)[:, None], 1e-3)
+    assert not moves_evenly(prepare([bent], single))
+    assert not moves_evenly(prepare([even, bent], single))

@@ -24,6 +24,15 @@ SHOWN_SHARE = 0.004
 """What the model lacks shows where a joint's rms residual is above this share of its range ..."""
 SHOWN_NOISE = 3.0
 """... and above this many times its stated noise."""
+EVEN = (
+    "The joints move evenly, or not at all: no force shows in the record, and nothing can be told by it. "
+    "Record a free swing."
+)
+"""Status of a record without accelerations."""
+FEWEST_EVEN = 5
+"""Fewest samples of a joint that can show whether it moves evenly."""
+EVEN_NOISE = 3.0
+"""A joint moves evenly where a straight line misses it by at most this many times its noise."""
 LOST_SHARE = 0.1
 """Does not follow at all when the typical residual is above this share of the motion's deviation ..."""
 LOST_NOISE = 5.0
@@ -37,7 +46,7 @@ def verdict(problem: Problem, optimum: Optimum, rms: dict[str, float], against: 
     range of at most one turn; or typical residual > max(5 stated noise, 10 % of the standard deviation of
     its motion). It holds approximately where rms residual > max(3 stated noise, 0.4 % of the range), and,
     however small against the range, above 20 times the stated noise where it changes as slowly as the motion:
-    no scatter does.
+    no scatter does. Nothing can be told by a record in which all joints move evenly, whatever follows it.
 
     Args:
         problem: The problem, gross errors left out, with the noise as stated.
@@ -48,6 +57,8 @@ def verdict(problem: Problem, optimum: Optimum, rms: dict[str, float], against: 
     Returns:
         What speaks against it; None for nothing.
     """
+    if moves_evenly(problem.data):
+        return Doubt("refused", EVEN)
     usual, moved = typical_differences(problem, optimum.trial), problem.data.motion_size
     noise = np.array([_noise(problem.data, j) for j in range(len(usual))])
     unit = np.where(problem.data.slide.any(axis=0), problem.size(optimum.x), 1.0)
@@ -90,6 +101,26 @@ def verdict(problem: Problem, optimum: Optimum, rms: dict[str, float], against: 
         f"range and {against_noise[j]:.3g} times the stated noise. The model lacks something, and parameters "
         "may be off by more than their intervals say.",
     )
+
+
+def moves_evenly(data: Data) -> bool:
+    """Return whether straight lines over time follow all joints of all records within their noise.
+
+    Args:
+        data: The data, with the noise as stated.
+    """
+    for first, stop in zip(data.first[:-1], data.first[1:], strict=True):
+        for j, use in enumerate(data.measured[first:stop].T):
+            rows = first + np.flatnonzero(use)
+            # two points always lie on a line
+            if len(rows) < FEWEST_EVEN:
+                continue
+            time = data.times[rows] - data.times[rows].mean()
+            slope, middle = np.polyfit(time, data.position[rows, j], 1)
+            off = data.position[rows, j] - middle - slope * time
+            if np.sqrt(np.mean(off**2)) > EVEN_NOISE * float(np.median(data.std[rows, j])):
+                return False
+    return True
 
 
 def identified(problem: Problem, rms: dict[str, float]) -> str:
