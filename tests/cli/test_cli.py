@@ -65,6 +65,7 @@ def test_run_leaves_the_folder_that_was_promised(demo: Done) -> None:
     assert list(table(demo.folder / "poses.csv")) == [
         "frame", "time", "seen", "joint1", "joint2", "joint1_std", "joint2_std", "joint1_seen", "joint2_seen",
         "joint1_excluded", "joint2_excluded",
+        *(f"{joint}_shared{k}" for k in range(1, 14) for joint in ("joint1", "joint2")),
     ]  # fmt: skip
     assert list(table(demo.folder / "states.csv")) == [
         "frame", "time", "joint1", "joint2", "joint1_vel", "joint2_vel", "joint1_std", "joint2_std",

@@ -49,20 +49,21 @@ def density_shares(found: Refined, fit: Fit) -> list[Share]:
 
 
 def taken_densities(mechanism: Mechanism) -> list[str]:
-    """Name the densities that are those of a bundled mechanism, where no free thickness stands for them.
+    """Name the densities that are those of a bundled mechanism, where no thickness stands for them.
 
     Args:
         mechanism: The mechanism.
     """
     if not is_bundled(mechanism.source) or mechanism.torque == "free":
         return []
-    free = {p.name for p in mechanism.parameters if p.free}
+    names = {p.name for p in mechanism.parameters}
     return [
         p.name
         for p in mechanism.parameters
         if p.kind == "density"
-        and p.name not in {*free, *mechanism.chosen}
-        and p.name.removesuffix("density") + "thickness" not in free
+        and not p.free
+        and p.name not in mechanism.chosen
+        and p.name.removesuffix("density") + "thickness" not in names
         and mechanism.parameter(f"{p.owner}.mass").follows
     ]
 
