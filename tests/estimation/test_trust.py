@@ -149,8 +149,8 @@ def test_a_straight_line_is_no_motion_of_a_pendulum():
 def test_what_moves_evenly():
     """A line with noise does, a slow swing that bends by more does not."""
     single, times = load("single"), np.arange(60) / 30.0
-    noisy = 0.3 * times + 1e-3 * np.random.default_rng(0).normal(size=60)
-    even = white(("joint1",), times, noisy[:, None], 1e-3)
+    noisy = 0.3 * times + 3e-4 * np.random.default_rng(0).normal(size=60)
+    even = white(("joint1",), times, noisy[:, None], 3e-4)
     assert moves_evenly(prepare([even], single))
     bent = white(("joint1",), times, (noisy + 0.01 * times**2)[:, None], 1e-3)
     assert not moves_evenly(prepare([bent], single))

@@ -25,7 +25,14 @@ from monodyn.estimation.verdict.refits import refitted
 from monodyn.estimation.verdict.repeating import repeating_share
 from monodyn.estimation.verdict.shares import with_share
 from monodyn.estimation.verdict.springs import like_weight
-from monodyn.estimation.verdict.trust import LOST_SHARE, identified, motion_ranges, verdict
+from monodyn.estimation.verdict.trust import (
+    EVEN,
+    LOST_SHARE,
+    identified,
+    motion_ranges,
+    moves_evenly,
+    verdict,
+)
 from monodyn.estimation.verdict.twins import told, twins_of
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.estimation.verdict.unmodelled import unmodelled
@@ -162,6 +169,8 @@ def _unlikely(found: Refined, fit: Fit) -> str | None:
     if not np.isfinite(found.error):
         # small residuals with one number of steps only: neither a prediction nor a simulator follows
         return UNSTABLE
+    if moves_evenly(found.problem.data):
+        return EVEN
     if ended := _at_limit(fit, mechanism):
         return (
             f"{listed(ended)} ended at the limit of what is tried: the motion is not that of the mechanism, "

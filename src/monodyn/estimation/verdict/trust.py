@@ -32,7 +32,9 @@ EVEN = (
 FEWEST_EVEN = 5
 """Fewest samples of a joint that can show whether it moves evenly."""
 EVEN_NOISE = 3.0
-"""A joint moves evenly where a straight line misses it by at most this many times its noise."""
+"""A joint moves evenly where a straight line misses it by at most this many times its noise ..."""
+EVEN_SHARE = 2e-3
+"""... and by at most this share of its range."""
 LOST_SHARE = 0.1
 """Does not follow at all when the typical residual is above this share of the motion's deviation ..."""
 LOST_NOISE = 5.0
@@ -46,7 +48,7 @@ def verdict(problem: Problem, optimum: Optimum, rms: dict[str, float], against: 
     range of at most one turn; or typical residual > max(5 stated noise, 10 % of the standard deviation of
     its motion). It holds approximately where rms residual > max(3 stated noise, 0.4 % of the range), and,
     however small against the range, above 20 times the stated noise where it changes as slowly as the motion:
-    no scatter does. Nothing can be told by a record in which all joints move evenly, whatever follows it.
+    no scatter does.
 
     Args:
         problem: The problem, gross errors left out, with the noise as stated.
@@ -57,8 +59,6 @@ def verdict(problem: Problem, optimum: Optimum, rms: dict[str, float], against: 
     Returns:
         What speaks against it; None for nothing.
     """
-    if moves_evenly(problem.data):
-        return Doubt("refused", EVEN)
     usual, moved = typical_differences(problem, optimum.trial), problem.data.motion_size
     noise = np.array([_noise(problem.data, j) for j in range(len(usual))])
     unit = np.where(problem.data.slide.any(axis=0), problem.size(optimum.x), 1.0)
@@ -118,7 +118,8 @@ def moves_evenly(data: Data) -> bool:
             time = data.times[rows] - data.times[rows].mean()
             slope, middle = np.polyfit(time, data.position[rows, j], 1)
             off = data.position[rows, j] - middle - slope * time
-            if np.sqrt(np.mean(off**2)) > EVEN_NOISE * float(np.median(data.std[rows, j])):
+            noise, reach = float(np.median(data.std[rows, j])), float(np.ptp(data.position[rows, j]))
+            if np.sqrt(np.mean(off**2)) > min(EVEN_NOISE * noise, EVEN_SHARE * reach):
                 return False
     return True
 
