@@ -33,11 +33,12 @@ if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
 FILMING = "What makes a clip good, with examples: docs/filming.md."
+"""Note on a clip that could not be used as it is."""
 UNCOMPARED = (
     "If it may be another mechanism, run the clip without --model: the bundled ones are tried, and the one "
     "that comes nearest is named."
 )
-"""Note on a clip that could not be used as it is."""
+"""Note on a refused clip for whose mechanism only one was tried."""
 
 
 def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[Video, Mechanism]:

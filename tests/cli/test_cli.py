@@ -62,11 +62,15 @@ def test_run_leaves_the_folder_that_was_promised(demo: Done) -> None:
         "clip.mp4",
         *DRAWN,
     }
-    assert list(table(demo.folder / "poses.csv")) == [
+    columns = list(table(demo.folder / "poses.csv"))
+    assert columns[:11] == [
         "frame", "time", "seen", "joint1", "joint2", "joint1_std", "joint2_std", "joint1_seen", "joint2_seen",
         "joint1_excluded", "joint2_excluded",
-        *(f"{joint}_shared{k}" for k in range(1, 14) for joint in ("joint1", "joint2")),
     ]  # fmt: skip
+    # how many errors the positions share depends on the clip; sizes and the camera's place are among them
+    shared, joints = columns[11:], ("joint1", "joint2")
+    assert len(shared) >= 4
+    assert shared == [f"{joint}_shared{k + 1}" for k in range(len(shared) // 2) for joint in joints]
     assert list(table(demo.folder / "states.csv")) == [
         "frame", "time", "joint1", "joint2", "joint1_vel", "joint2_vel", "joint1_std", "joint2_std",
         "joint1_vel_std", "joint2_vel_std",

@@ -170,14 +170,14 @@ def test_a_file_without_weight_is_said(double, tmp_path):
     file = tmp_path / "flat.xml"
     file.write_text(chain(2).replace('axis="0 -1 0"', 'axis="0 0 1"'))
     flat = load(file)
-    assert advice.weightless(flat) == [
+    assert advice.without_weight(flat) == [
         "In this mechanism file no gravity acts in the plane of motion: its hinges turn about the vertical, "
         'as on a table, or gravity is off. If it hangs or stands, state level axes, as axis="0 1 0", and '
         "gravity."
     ]
     assert advice.clock(flat, estimates(flat, {"link1.length": 0.1})) == []
-    assert advice.weightless(double) == []
-    assert advice.weightless(flat.with_choices(free=["gravity"])) == []
+    assert advice.without_weight(double) == []
+    assert advice.without_weight(flat.with_choices(free=["gravity"])) == []
 
 
 def test_gravity_that_is_taken_from_the_file_is_said(double):

@@ -22,7 +22,7 @@ from monodyn.estimation.verdict.further import Further, further_link
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from support import slow
-from swings import white
+from swings import TIMES, motion, record, white
 
 NOISE = 1e-3
 POLE = """<mujoco><option gravity="0 0 -9.81" timestep="0.0005"/><worldbody>
@@ -141,6 +141,18 @@ def test_a_link_more_is_not_what_drags():
     further = further_link((record,), load("single"), QUICK)
     assert further is not None
     assert further.left == np.inf
+
+
+def test_sizes_that_are_not_quite_right_are_no_link_more():
+    """Over a second a hidden link meets a motion missed by a hundredth; but it moves nothing that little."""
+    double, ends = load("double"), ("link1.tail", "link1.tip", "link2.tail")
+    true = double.with_values(dict.fromkeys(ends, 0.001))
+    moved = record(true, TIMES, motion(true, TIMES, [0.9, -0.6], [0.0, 0.0]), noise=3e-4)
+    widths = ("link1.width", "link2.width")
+    given = double.with_choices(fix={name: double.values[name] for name in (*ends, *widths)})
+    fit = identify(moved, given, replace(QUICK, bodies="uniform"))
+    assert fit.grade == "approximate"
+    assert not any("link more" in said for said in fit.advice)
 
 
 def test_a_link_more_hangs_from_one_record_alone():

@@ -40,6 +40,16 @@ def by_roll(mechanism: Mechanism) -> np.ndarray:
     return slope
 
 
+def in_metres(mechanism: Mechanism, scale: float) -> np.ndarray:
+    """Return what takes positions in the start scale to metres: the scale for slides, 1 for hinges, (dof,).
+
+    Args:
+        mechanism: The mechanism.
+        scale: Metres per unit of the start scale.
+    """
+    return np.array([scale if joint.kind == "slide" else 1.0 for joint in mechanism.joints])
+
+
 def feels_roll(mechanism: Mechanism) -> bool:
     """Return whether the motion depends on the roll: on gravity's direction, or on where a spring rests.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.mechanism.upright import ROLL, ROLL_STD, by_roll
+from monodyn.mechanism.upright import ROLL, ROLL_STD, by_roll, in_metres
 from monodyn.types import Poses
 
 if TYPE_CHECKING:
@@ -158,8 +158,8 @@ def trace_of(
         if joint.kind == "hinge" and not np.isfinite([joint.lower, joint.upper]).all()
     )
     shared = shared_errors(poses, fit.mechanism)
-    if shared is not None:
-        shared = shared * in_metres(poses, fit.mechanism, fit.scale)
+    if shared is not None and not poses.metric:
+        shared = shared * in_metres(fit.mechanism, fit.scale)
     return Trace(name, record_poses, states, (first, stop), future, numbers, acting, turning, shared)
 
 
@@ -261,7 +261,7 @@ def metric(poses: Poses, mechanism: Mechanism, scale: float, common: Common | No
         poses = replace(poses, position=poses.position - off, shifts=left, cleared=True)
     if poses.metric:
         return poses
-    factor = in_metres(poses, mechanism, scale)
+    factor = in_metres(mechanism, scale)
     return replace(
         poses,
         position=poses.position * factor,
@@ -269,18 +269,6 @@ def metric(poses: Poses, mechanism: Mechanism, scale: float, common: Common | No
         shifts=None if poses.shifts is None else poses.shifts * factor,
         metric=True,
     )
-
-
-def in_metres(poses: Poses, mechanism: Mechanism, scale: float) -> np.ndarray:
-    """Return what takes the positions of a record to metres, 1 for hinges, (dof,).
-
-    Args:
-        poses: The record.
-        mechanism: Its mechanism.
-        scale: Metres per unit of the start scale.
-    """
-    slide = np.array([joint.kind == "slide" for joint in mechanism.joints])
-    return np.where(slide & (not poses.metric), scale, 1.0)
 
 
 def shared_errors(poses: Poses, mechanism: Mechanism) -> np.ndarray | None:

@@ -146,8 +146,8 @@ def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> Torq
                 tried.append(found)
                 # one unknown that explains nearly as much is the likelier reason than some thirty
                 left = min(left_otherwise(passive), spring().size) if _halves(best, found) else 0.0
-                most = DECISIVE * left < _size(passive) and not _explained(found.solution)
-                if HALVED * _size(found.solution) < left and not most:
+                by_one = DECISIVE * left < _size(passive) and not _explained(found.solution)
+                if HALVED * _size(found.solution) < left and not by_one:
                     return _told(found, tried)
     return replace(_told(best, tried) if len(tried) > 1 else best.solution, doubt=spring().said)
 

@@ -221,8 +221,17 @@ def contradictions(negative: float) -> list[str]:
     ]
 
 
-def weightless(mechanism: Mechanism) -> list[str]:
-    """Say that nothing has weight in the file's plane of motion: no motion tells sizes then.
+def weightless(mechanism: Mechanism) -> bool:
+    """Return whether nothing has weight in the file's plane of motion, and no motion tells sizes.
+
+    Args:
+        mechanism: The mechanism.
+    """
+    return mechanism.values["gravity"] == 0.0 and not mechanism.parameter("gravity").free
+
+
+def without_weight(mechanism: Mechanism) -> list[str]:
+    """Say that nothing has weight in the file's plane of motion.
 
     Args:
         mechanism: The mechanism.
@@ -230,7 +239,7 @@ def weightless(mechanism: Mechanism) -> list[str]:
     Returns:
         Sentences; none where gravity acts or is estimated.
     """
-    if mechanism.values["gravity"] != 0.0 or mechanism.parameter("gravity").free:
+    if not weightless(mechanism):
         return []
     return [
         "In this mechanism file no gravity acts in the plane of motion: its hinges turn about the vertical, "

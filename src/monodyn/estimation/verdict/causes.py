@@ -34,7 +34,7 @@ from monodyn.estimation.verdict.stretches import other_rate
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.mounted import mounted
-from monodyn.mechanism.upright import ROLL, feels_roll
+from monodyn.mechanism.upright import ROLL, feels_roll, in_metres
 from monodyn.types import Poses
 
 HALVED = 2.0
@@ -94,8 +94,10 @@ def lacking(
         return "", False
     joints, names = [joint.name for joint in mechanism.joints], [cause.name for cause in tried]
     said, after = _named(tried, before, joints, settings)
-    # what leaves only noise is the cause; what halves the residuals may stand for a link that nobody measured
-    further = further_link(records, mechanism, settings) if after > NOISE_ALONE else None
+    # what leaves only noise is the cause; what halves the residuals may stand for a link that nobody saw.
+    # Without that a motion is missed by far: what misses it by little has other sizes
+    missed = after > NOISE_ALONE and not fit.ok
+    further = further_link(records, mechanism, settings) if missed else None
     if further is not None:
         names, before = [*names, further.name], _size(records, fit, further.rows)
         if HALVED * further.left < before and further.left < after:
@@ -276,11 +278,11 @@ def _fitted(cause: Cause, settings: IdentifySettings) -> tuple[Problem, Optimum]
 def _size(records: Sequence[Poses], fit: Fit, rows: int | None = None) -> float:
     """Return the mean size of a fit's residuals in units of the stated noise, over the first rows of each
     record or over all; infinite without any."""
-    sizes, slide = [], np.array([joint.kind == "slide" for joint in fit.mechanism.joints])
+    sizes = []
     for record, residual in zip((ordered(r, fit.mechanism) for r in records), fit.residual, strict=True):
         noise = np.sqrt(np.maximum(np.diagonal(record.covariance, axis1=1, axis2=2), 1e-300))
         # a fit has the residuals of slides in metres, a picture's positions are in the start scale
-        unit = np.where(slide & (not record.metric), fit.scale, 1.0)
+        unit = 1.0 if record.metric else in_metres(fit.mechanism, fit.scale)
         size = (np.abs(residual) / (unit * noise))[:rows]
         sizes.append(size[np.isfinite(size)])
     every = np.concatenate(sizes) if sizes else np.zeros(0)

@@ -382,7 +382,7 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
         # the zero of an encoder may be a quarter turn away, which no picture's is
         level=(share <= LOST_SHARE or mechanism.measured is None) and _taken_level(problem),
     )
-    sentences = advice.weightless(mechanism)
+    sentences = advice.without_weight(mechanism)
     sentences += advice.misfit(mechanism, fit.rms, found.noise, lacking)
     sentences += advice.stamps(found.noise.stamps)
     sentences += advice.limits(mechanism, problem.simulated(optimum.trial))
