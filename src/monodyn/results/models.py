@@ -24,6 +24,8 @@ OPEN = {
     "open": "Not determined by the motion",
 }
 """What is said of parameters, by what is left open of them."""
+OF_THE_FILE = "the mechanism file states densities"
+"""How exactly masses are known where the picture shows their volumes, and the user gave nothing."""
 
 
 def write_models(folder: RunFolder, findings: Findings) -> None:
@@ -109,8 +111,9 @@ def _mass_scale_said(fit: Fit) -> str:
     if scale == "torques":
         return f"Known torques determine {absolute}: they are in SI units."
     if scale == "given":
-        given = listed(given_scale(fit)) or "what was given"
-        return f"{absolute.capitalize()} are in SI units, as exactly as {given} was given."
+        given = given_scale(fit)
+        what = f"{listed(given)} {'was' if len(given) == 1 else 'were'} given" if given else OF_THE_FILE
+        return f"{absolute.capitalize()} are in SI units, as exactly as {what}."
     return (
         f"Only ratios show: {absolute} are known up to one common factor, that of the file that the run "
         "began with. A known torque or one measured mass makes them absolute."
