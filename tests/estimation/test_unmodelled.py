@@ -86,3 +86,20 @@ def test_the_likelihood_is_that_of_all_rows_together():
         )
         values.append(ours - theirs)
     assert values[0] == pytest.approx(values[1], abs=1e-9)
+
+
+def test_a_motion_that_settles_and_then_runs_away_leaves_noise():
+    """What has settled is known far better than rounding allows a covariance to say; running away, it is to
+    be found again."""
+    rows, noise = 400, 1e-3
+    rng = np.random.default_rng(5)
+    turn, _ = np.linalg.qr(rng.normal(size=(4, 4)))
+    settling, leaving = np.diag([0.6, 0.7, 0.8, 0.9]), np.diag([1.6, 1.4, 1.2, 1.1])
+    carried = np.stack([turn @ (settling if row < rows // 2 else leaving) @ turn.T for row in range(rows)])
+    about = Wander(
+        np.full((rows, 2), noise**2), carried, np.full(rows, 0.02), np.arange(rows) == 0, np.array([1e-2, 1e-2])
+    )
+    new, logarithm = about.innovations(noise * rng.normal(size=(rows, 2, 1)), np.zeros(2))
+    assert np.sqrt(np.mean(new**2)) == pytest.approx(1.0, abs=0.1)
+    # no row is better known than its noise leaves it
+    assert logarithm <= -rows * 2 * np.log(noise)

@@ -174,57 +174,93 @@ def _filtered(
     ``moved`` is (row, dof, column), ``variance`` (row, dof), NaN in gaps; ``carried`` (row, state, state) has
     the derivative of the state at a row by that at the row before, ``unknown`` (dof,) the variance of
     positions and rates where a record begins.
+
+    Source:
+        Bierman, Factorization methods for discrete sequential estimation, 1977, chapter 2 (the update of
+        Potter).
     """
     rows, dofs, columns = moved.shape
     state, error, stepped = 2 * dofs, np.zeros((2 * dofs, columns)), np.zeros((2 * dofs, columns))
-    covariance, square = np.zeros((state, state)), np.zeros((state, state))
+    # the covariance is carried as a root, times its transpose: rounding along a motion that runs away would
+    # make one itself negative
+    pushed, wide = bool(density.any()), np.zeros((state, 2 * state))
+    root, square = np.zeros((state, state)), np.zeros((state, state))
     # products of matrices so small are written out: a library's take many times as long
-    half, gain, new = np.zeros((state, state)), np.zeros(state), np.zeros((rows, dofs, columns))
+    along, gain, new = np.zeros(state), np.zeros(state), np.zeros((rows, dofs, columns))
     logarithm, counted = 0.0, 0
     for row in range(rows):
         if begins[row]:
-            error[:], covariance[:] = 0.0, 0.0
+            error[:], root[:] = 0.0, 0.0
             for j in range(dofs):
-                covariance[j, j], covariance[dofs + j, dofs + j] = unknown[j], unknown[j]
+                root[j, j] = root[dofs + j, dofs + j] = math.sqrt(unknown[j])
         else:
             for i in range(state):
                 stepped[i] = 0.0
                 for k in range(state):
-                    half[i, k] = 0.0
+                    wide[i, k] = 0.0
                     for c in range(columns):
                         stepped[i, c] += carried[row, i, k] * error[k, c]
                     for m in range(state):
-                        half[i, k] += carried[row, i, m] * covariance[m, k]
+                        wide[i, k] += carried[row, i, m] * root[m, k]
             error[:] = stepped
-            for i in range(state):
-                for k in range(state):
-                    covariance[i, k] = 0.0
-                    for m in range(state):
-                        covariance[i, k] += half[i, m] * carried[row, k, m]
-            h = steps[row]
-            for j in range(dofs):
-                covariance[j, j] += density[j] * h**3 / 3.0
-                covariance[j, dofs + j] += density[j] * h**2 / 2.0
-                covariance[dofs + j, j] += density[j] * h**2 / 2.0
-                covariance[dofs + j, dofs + j] += density[j] * h
+            if pushed:
+                for j in range(dofs):
+                    spread = math.sqrt(density[j] * steps[row])
+                    wide[j, state + j] = spread * steps[row] / math.sqrt(3.0)
+                    wide[dofs + j, state + j] = spread * math.sqrt(3.0) / 2.0
+                    wide[dofs + j, state + dofs + j] = spread / 2.0
+                _triangular(wide, root)
+                wide[:, state:] = 0.0
+            else:
+                root[:] = wide[:, :state]
         for j in range(dofs):
             if not math.isnan(variance[row, j]):
-                total = covariance[j, j] + variance[row, j]
+                total = variance[row, j]
+                for k in range(state):
+                    along[k] = root[j, k]
+                    total += along[k] ** 2
                 for i in range(state):
-                    gain[i] = covariance[i, j] / total
+                    gain[i] = 0.0
+                    for k in range(state):
+                        gain[i] += root[i, k] * along[k] / total
                 for c in range(columns):
                     off = moved[row, j, c] - error[j, c]
                     new[row, j, c] = off / math.sqrt(total)
                     for i in range(state):
                         error[i, c] += gain[i] * off
+                share = 1.0 / (1.0 + math.sqrt(variance[row, j] / total))
                 for i in range(state):
                     for k in range(state):
-                        covariance[i, k] -= gain[i] * gain[k] * total
+                        root[i, k] -= share * gain[i] * along[k]
                 logarithm -= 0.5 * math.log(total)
         # the first rows of a record only find its state
         if row >= 4 * dofs and not begins[max(0, row - 4 * dofs) : row + 1].any():
             for i in range(state):
                 for k in range(state):
-                    square[i, k] += error[i, 0] * error[k, 0] + covariance[i, k]
+                    square[i, k] += error[i, 0] * error[k, 0]
+                    for m in range(state):
+                        square[i, k] += root[i, m] * root[k, m]
             counted += 1
     return new, logarithm, square / max(counted, 1)
+
+
+@njit(cache=True, nogil=True)
+def _triangular(wide: np.ndarray, root: np.ndarray) -> None:
+    """Write into ``root`` (row, row) the triangle whose product with its transpose is that of ``wide``
+    (row, column), whose rows are made orthogonal."""
+    rows, columns = wide.shape
+    root[:] = 0.0
+    for i in range(rows):
+        length = 0.0
+        for c in range(columns):
+            length += wide[i, c] ** 2
+        root[i, i] = math.sqrt(length)
+        if length == 0.0:
+            continue
+        for k in range(i + 1, rows):
+            shared = 0.0
+            for c in range(columns):
+                shared += wide[k, c] * wide[i, c]
+            root[k, i] = shared / root[i, i]
+            for c in range(columns):
+                wide[k, c] -= shared / length * wide[i, c]
