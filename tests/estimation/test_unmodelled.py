@@ -97,7 +97,11 @@ def test_a_motion_that_settles_and_then_runs_away_leaves_noise():
     settling, leaving = np.diag([0.6, 0.7, 0.8, 0.9]), np.diag([1.6, 1.4, 1.2, 1.1])
     carried = np.stack([turn @ (settling if row < rows // 2 else leaving) @ turn.T for row in range(rows)])
     about = Wander(
-        np.full((rows, 2), noise**2), carried, np.full(rows, 0.02), np.arange(rows) == 0, np.array([1e-2, 1e-2])
+        np.full((rows, 2), noise**2),
+        carried,
+        np.full(rows, 0.02),
+        np.arange(rows) == 0,
+        np.array([1e-2, 1e-2]),
     )
     new, logarithm = about.innovations(noise * rng.normal(size=(rows, 2, 1)), np.zeros(2))
     assert np.sqrt(np.mean(new**2)) == pytest.approx(1.0, abs=0.1)

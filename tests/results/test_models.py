@@ -122,7 +122,9 @@ def test_the_files_say_what_is_up_to_a_factor(fit: Fit, tmp_path: Path) -> None:
     assert not [sentence for sentence in said if "gravity" in sentence]
     # a capsule's volume is in the picture: its mass is known with nothing given but what the file says
     said = what_is_known(replace(fit, parameters=rows))
-    assert f"{absolute.capitalize()} are in SI units, as exactly as the mechanism file states densities." in said
+    assert (
+        f"{absolute.capitalize()} are in SI units, as exactly as the mechanism file states densities." in said
+    )
     run = tmp_path / "run"
     monodyn.report(fit, to=run)
     for name in ("model.xml", "model.urdf"):
