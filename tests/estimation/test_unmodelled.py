@@ -65,7 +65,7 @@ def test_the_likelihood_is_that_of_all_rows_together():
     residual[2], variance[2] = np.nan, np.nan
     carried, steps = np.tile(move, (rows, 1, 1)), np.full(rows, step)
     begins = np.arange(rows) == 0
-    about, values = Wander(variance, carried, steps, begins, np.array([4.0])), []
+    about, values = Wander(variance, carried, steps, begins, np.array([4.0, 4.0])), []
     for density in (0.5, 2.0):
         ours, _ = about.error(residual, np.array([density]))
         push = density * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
@@ -101,7 +101,7 @@ def test_a_motion_that_settles_and_then_runs_away_leaves_noise():
         carried,
         np.full(rows, 0.02),
         np.arange(rows) == 0,
-        np.array([1e-2, 1e-2]),
+        np.full(4, 1e-2),
     )
     new, logarithm = about.innovations(noise * rng.normal(size=(rows, 2, 1)), np.zeros(2))
     assert np.sqrt(np.mean(new**2)) == pytest.approx(1.0, abs=0.1)

@@ -13,8 +13,9 @@ import numpy as np
 
 from monodyn.estimation.fit import Combination, Estimate, Fit
 from monodyn.estimation.verdict.combinations import inertial_ratios, inertial_values
+from monodyn.estimation.verdict.unmodelled import Wander
 from monodyn.mechanism.simulate import transitions
-from monodyn.results.fill import Carried, random_push
+from monodyn.results.fill import Carried
 
 FREE = 1.0
 """Standard deviation of the start state of a record to come [rad or m]."""
@@ -173,23 +174,11 @@ def information_along(fit: Fit, motion: Carried, noise: np.ndarray) -> np.ndarra
     lacking = np.zeros(dofs) if fit.unmodelled is None else fit.unmodelled.density
     signal = motion.slopes[:, :dofs, :count]
     late = (fit.stamp_error * motion.motion[:, dofs:]) ** 2
-    covariance = np.diag(np.repeat([FREE**2, FREE_RATE**2], dofs))
-    # the filter explains the signal of each parameter by the state as far as it can; what it cannot is what
-    # the record tells of the parameter
-    explained, total = np.zeros((2 * dofs, count)), np.zeros((count, count))
-    found = np.empty((len(clock), count, count))
-    for row, step in enumerate(steps):
-        if row:
-            covariance = step @ covariance @ step.T
-            if lacking.any():
-                covariance += random_push(lacking, clock[row] - clock[row - 1])
-            explained = step @ explained
-        expected = covariance[:dofs, :dofs] + np.diag(noise**2 + late[row])
-        gain = np.linalg.solve(expected, covariance[:dofs]).T
-        surprise = signal[row] - explained[:dofs]
-        total = total + surprise.T @ np.linalg.solve(expected, surprise)
-        explained = explained + gain @ surprise
-        covariance = covariance - gain @ covariance[:dofs]
-        covariance = 0.5 * (covariance + covariance.T)
-        found[row] = total
-    return found
+    begin = np.repeat([FREE**2, FREE_RATE**2], dofs)
+    about = Wander(
+        noise**2 + late, steps, np.diff(clock, prepend=clock[0]), np.arange(len(clock)) == 0, begin
+    )
+    # the state explains the signal of each parameter as far as it can; what it cannot is what the record
+    # tells of the parameter
+    new, _ = about.innovations(signal, lacking)
+    return np.cumsum(np.einsum("fip,fir->fpr", new, new), axis=0)

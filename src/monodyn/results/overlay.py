@@ -6,7 +6,7 @@ encoder takes, so no picture is ever converted to RGB and back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Generator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 
 from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
 from monodyn.types import FULL, Camera, Frame, Poses, Progress
+from monodyn.vision.clip.ahead import made_ahead
 from monodyn.vision.clip.steady import displaced
 
 if TYPE_CHECKING:
@@ -230,8 +231,6 @@ def write_overlay(
     import av
     import av.error
 
-    # stills of the report: first, middle and last frame
-    kept = {0, (video.count - 1) // 2, video.count - 1}
     stills: list[tuple[bytes, str]] = []
     slower = max(1.0, 1.0 / (FASTEST * _step(video)))
     try:
@@ -239,14 +238,12 @@ def write_overlay(
             str(Path(path).absolute()), "w", format="mp4", options={"movflags": "faststart"}
         ) as container:
             stream = _film_stream(container, video)
-            last = -1
-            for done, frame in enumerate(video.frames(), start=1):
-                drawing = drawing_of(frame)
-                if frame.index in kept:
-                    stills.append((still(frame, drawing), f"Frame {frame.index}, {drawing.caption}"))
-                picture = av.VideoFrame.from_ndarray(draw(frame, drawing), format="yuv420p")
+            last, pictures = -1, _pictures(video, drawing_of, stills)
+            # one is drawn while the one before is encoded
+            for done, (time, planes) in enumerate(made_ahead(pictures, 2), start=1):
+                picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
                 # the encoder takes increasing stamps only: two frames in one tick are put one tick apart
-                last = max(last + 1, round((frame.time - video.times[0]) * slower * TICKS))
+                last = max(last + 1, round((time - video.times[0]) * slower * TICKS))
                 picture.pts, picture.time_base = last, Fraction(1, TICKS)
                 container.mux(stream.encode(picture))
                 if progress is not None:
@@ -256,6 +253,18 @@ def write_overlay(
     except av.error.FFmpegError as error:
         raise OSError(error.errno, error.strerror or str(error)) from error
     return stills
+
+
+def _pictures(
+    video: Video, drawing_of: Callable[[Frame], Drawing], stills: list[tuple[bytes, str]]
+) -> Generator[tuple[float, np.ndarray]]:
+    """Make the time and the planes of each picture; ``stills`` takes the first, middle and last one."""
+    kept = {0, (video.count - 1) // 2, video.count - 1}
+    for frame in video.frames():
+        drawing = drawing_of(frame)
+        if frame.index in kept:
+            stills.append((still(frame, drawing), f"Frame {frame.index}, {drawing.caption}"))
+        yield frame.time, draw(frame, drawing)
 
 
 def _film_stream(container: Any, video: Video) -> Any:

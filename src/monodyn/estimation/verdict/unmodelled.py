@@ -41,7 +41,7 @@ class Wander:
         carried: Derivative of the state at a row by that at the row before, (row, 2 dof, 2 dof).
         steps: Time since the row before [s], (row,).
         begins: True where a record begins, (row,).
-        unknown: Variance of positions and rates where a record begins [SI], (dof,).
+        unknown: Variance of positions, then rates where a record begins [SI], (2 dof,).
     """
 
     variance: np.ndarray
@@ -99,7 +99,7 @@ def wander(found: Refined) -> tuple[Wander, np.ndarray]:
     begins[trial.pieces.first[:-1]] = True
     spread = np.nanmean(residual**2, axis=0)
     unknown = UNKNOWN * spread / float(np.median(np.diff(clock))) ** 2
-    return Wander(white**2, carried, np.diff(clock, prepend=clock[0]), begins, unknown), residual
+    return Wander(white**2, carried, np.diff(clock, prepend=clock[0]), begins, np.tile(unknown, 2)), residual
 
 
 def unmodelled(found: Refined) -> Unmodelled | None:
@@ -172,8 +172,8 @@ def _filtered(
     deviations, and the mean square of the state's error as the first column has it, (state, state).
 
     ``moved`` is (row, dof, column), ``variance`` (row, dof), NaN in gaps; ``carried`` (row, state, state) has
-    the derivative of the state at a row by that at the row before, ``unknown`` (dof,) the variance of
-    positions and rates where a record begins.
+    the derivative of the state at a row by that at the row before, ``unknown`` (state,) the variance
+    of the state where a record begins.
 
     Source:
         Bierman, Factorization methods for discrete sequential estimation, 1977, chapter 2 (the update of
@@ -191,8 +191,8 @@ def _filtered(
     for row in range(rows):
         if begins[row]:
             error[:], root[:] = 0.0, 0.0
-            for j in range(dofs):
-                root[j, j] = root[dofs + j, dofs + j] = math.sqrt(unknown[j])
+            for i in range(state):
+                root[i, i] = math.sqrt(unknown[i])
         else:
             for i in range(state):
                 stepped[i] = 0.0
