@@ -18,6 +18,7 @@ from monodyn.checks import (
     clip_and_mechanism,
     drawn_mechanism,
     fitted_range,
+    free_range,
     left_out,
     prediction_times,
     untracked,
@@ -30,6 +31,7 @@ from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.thumbnails import Window
+from monodyn.vision.release import FreeSpan
 from monodyn.vision.settings import CameraSettings, LocateSettings
 from support import DEMO, ClipMaker, refuses
 
@@ -163,6 +165,20 @@ def test_frames_of_the_fit() -> None:
         )
         with refuses(SettingsError, said):
             fitted_range((first, stop), 12)
+
+
+def test_frames_of_the_fit_where_the_mechanism_moves_freely() -> None:
+    """It hangs in frames 20 to 29, and is held before and after 100."""
+    span = FreeSpan(30, 100, (), 10)
+    assert free_range(None, (0, 90), span) == (30, 83)
+    assert free_range((25, None), (25, 120), span) == (25, 100)
+    assert free_range((5, 60), (5, 60), span) == (20, 60)
+    with refuses(
+        FitError,
+        "fit-frames: expected frames in which the mechanism moves freely, 30:100, got 99:120; give a range "
+        "there, or --time-range A:B [s] where it moves freely.",
+    ):
+        free_range((99, 120), (99, 120), span)
 
 
 def test_a_prediction_goes_on_in_steps_of_the_clip(video: Video) -> None:

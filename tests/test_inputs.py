@@ -17,7 +17,7 @@ from monodyn.blur import check_exposure
 from monodyn.checks import unshown
 from monodyn.doubtful import doubtful_sight
 from monodyn.errors import SettingsError, VideoError
-from monodyn.inputs import masks_and_mechanism, opened, points_and_mechanism
+from monodyn.inputs import check_torques, clip_torques, masks_and_mechanism, opened, points_and_mechanism
 from monodyn.settings import RunSettings
 from monodyn.types import FULL
 from monodyn.vision.clip.lens import lens_of
@@ -188,6 +188,25 @@ def test_an_exposure_is_shorter_than_the_time_between_two_pictures(make_clip: Cl
         check_exposure(video, CameraSettings(readout=-0.04))
     # what both were rounded by does not count
     check_exposure(video, CameraSettings(exposure=0.034, readout=-1 / 30))
+
+
+def test_torques_reach_over_the_frames_that_the_user_names(tmp_path: Path) -> None:
+    """Where nobody does, the clip has to be seen first."""
+    log = tmp_path / "torques.csv"
+    log.write_text("time,joint1\n" + "".join(f"{0.1 * k},0.5\n" for k in range(10, 31)), encoding="utf-8")
+    times, settings = np.arange(90) / 30.0, RunSettings(torques=(log,))
+    known = clip_torques(settings, monodyn.load("single"), times, (0, 67))
+    assert known is not None
+    said = (
+        "torques: expected a log of all of the frames to fit (0:67), 0 to 2.2 s, got one from 1 to 3 s; both "
+        "are on one clock: shift the times of the log, or fit what it covers (--fit-frames A:B)."
+    )
+    with refuses(VideoError, said):
+        clip_torques(replace(settings, fit_frames=(0, 67)), monodyn.load("single"), times, (0, 67))
+    with refuses(VideoError, said):
+        check_torques(known, times, (0, 67))
+    check_torques(known, times, (30, 67))
+    check_torques(None, times, (0, 67))
 
 
 def test_a_lens_bends_no_lengths_of_a_scene(tmp_path: Path) -> None:

@@ -248,7 +248,8 @@ def free_range(
     """
     if wanted is None:
         return span.first, span.stop - (span.stop - span.first) // 4
-    first, stop = max(frames[0], span.first), min(frames[1], span.stop)
+    # what hangs at rest moves freely, too: the user may want it
+    first, stop = max(frames[0], span.first - span.hanging), min(frames[1], span.stop)
     if stop < first + 2:
         raise FitError(
             f"fit-frames: expected frames in which the mechanism moves freely, {span.first}:{span.stop}, got "

@@ -137,7 +137,10 @@ def with_torques(records: Sequence[Poses], mechanism: Mechanism, settings: RunSe
 def clip_torques(
     settings: RunSettings, mechanism: Mechanism, times: np.ndarray, frames: tuple[int, int]
 ) -> TorqueLog | None:
-    """Return the known torques of a clip, or None; they have to reach over the frames to fit.
+    """Return the known torques of a clip, or None.
+
+    They have to reach over the frames to fit, which are known before the clip is seen where the user names
+    them.
 
     Args:
         settings: The user's choices.
@@ -146,11 +149,26 @@ def clip_torques(
         frames: First frame to fit and the one after the last.
     """
     log = opened_torques(settings, mechanism, 1)[0]
+    if settings.fit_frames is not None:
+        check_torques(log, times, frames)
+    return log
+
+
+def check_torques(log: TorqueLog | None, times: np.ndarray, frames: tuple[int, int]) -> None:
+    """Refuse known torques of a clip that do not reach over the frames to fit.
+
+    Args:
+        log: The torques, or None.
+        times: Time stamps of the clip [s], (frame,).
+        frames: First frame to fit and the one after the last.
+
+    Raises:
+        VideoError: they begin too late or end too early.
+    """
     if log is not None:
         first, stop = frames
         what = f"the frames to fit ({first}:{stop})"
         check_covered(log, float(times[first]), float(times[stop - 1]), what)
-    return log
 
 
 def opened_torques(settings: RunSettings, mechanism: Mechanism, records: int) -> list[TorqueLog] | list[None]:

@@ -32,7 +32,7 @@ from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
-from monodyn.inputs import clip_torques, input_files, opened, torque_files, with_torques
+from monodyn.inputs import check_torques, clip_torques, input_files, opened, torque_files, with_torques
 from monodyn.job import Job, Outcome, Tracked, shown_if_refused
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
@@ -129,7 +129,9 @@ def concluded(
     frames = free_range(settings.fit_frames, sight.fit_frames, span)
     sight.fit_frames = frames
     # the motion may have shown that the stamps are not the times
-    times = prediction_times(video.timed(poses.frame, poses.time).times, frames[1], settings.until)
+    stamps = video.timed(poses.frame, poses.time).times
+    check_torques(poses.torques, stamps, frames)
+    times = prediction_times(stamps, frames[1], settings.until)
     # the fit must not see the frames that it will be compared with
     first, stop = np.searchsorted(poses.frame, frames).tolist()
     check_tracked(poses.part(first, stop), video, log.notes)

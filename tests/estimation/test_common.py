@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monodyn.estimation.fit import Common
-from monodyn.estimation.record.samples import prepare
+from monodyn.estimation.record.samples import moves_a_zero, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
@@ -22,6 +22,7 @@ from monodyn.estimation.verdict.common import (
     less,
     unknown_errors,
 )
+from monodyn.mechanism.upright import ROLL_STD, by_roll, with_roll
 from monodyn.stages import identify
 from swings import NOISE, TIMES, motion, record
 
@@ -143,3 +144,31 @@ def test_errors_are_taken_off_where_something_was_measured(poses, double) -> Non
     left = left_open(data, np.array([[0.5]]))
     assert left.shifts is not None
     np.testing.assert_allclose(left.shifts, 0.5 * shifts)
+
+
+@pytest.mark.slow
+def test_a_roll_that_a_table_states_is_told_as_well_as_that_of_a_clip(truth, double) -> None:
+    """A table is against gravity but for an error of that size; a clip has the roll as an unknown."""
+    position, roll = motion(truth, TIMES, [0.3, 0.5], [0.0, 1.0]), 0.02
+    poses = record(truth, TIMES, position - roll * by_roll(double))
+    clip = identify(poses, with_roll(double, 0.0, free=True), VISCOUS)
+    turned = np.where(poses.measured, ROLL_STD * by_roll(double), 0.0)[np.newaxis]
+    table = identify(replace(poses, shifts=turned), double, VISCOUS)
+    assert table.common_of(0) is not None
+    assert table.common_of(0).mean[0] * ROLL_STD == pytest.approx(-roll, abs=2e-3)
+    for name in ("link1.length", "link2.length"):
+        ours, theirs = table.parameter(name), clip.parameter(name)
+        assert ours.std == pytest.approx(theirs.std, rel=0.25)
+        assert abs(ours.value - theirs.value) < ours.std
+
+
+def test_an_error_of_a_zero_is_one_joint_off_by_the_same_in_every_row() -> None:
+    measured = np.ones((6, 2), dtype=bool)
+    measured[0], measured[3, 0] = False, False
+    shifts = np.zeros((4, 6, 2))
+    shifts[0, :, 0] = 0.05
+    # of both joints, from row to row, and in some rows alone
+    shifts[1], shifts[2, :, 1], shifts[3, 4:, 1] = 0.05, np.linspace(0.1, 0.2, 6), 0.05
+    shifts[3, 1, 1] = 0.05
+    assert moves_a_zero(np.where(measured, shifts, 0.0), measured).tolist() == [True, False, False, False]
+    assert not len(moves_a_zero(None, measured))

@@ -147,7 +147,7 @@ def test_torques_that_cannot_be_used_are_refused(pushed) -> None:
     with refuses(
         VideoError,
         "torques: expected a log of all of record 0, 0 to 2.467 s, got one from -0.2 to 0.995 s; both are on "
-        "one clock: shift the times of the log, or leave out the rows that it does not cover.",
+        "one clock: shift the times of the log, or fit what it covers (--fit-frames A:B).",
     ):
         identify(replace(pushed, torques=short), double)
     with refuses(

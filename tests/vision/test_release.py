@@ -113,8 +113,8 @@ def test_a_rest_at_the_lowest_place_is_no_hold(monkeypatch: pytest.MonkeyPatch) 
         assert span.hanging == (span.first if hanging else 0)
         begin, end = span.first / 30.0, (COUNT - 1) / 30.0
         said = (
-            f"The mechanism hangs at rest before frame {span.first}; the fit begins there (--fit-frames A:B "
-            "gives another range)."
+            f"The mechanism hangs at rest before frame {span.first}, where the fit begins unless "
+            "--fit-frames A:B says otherwise."
             if hanging
             else f"The mechanism moves freely in frames {span.first}:{COUNT}, {begin:.3f} to {end:.3f} s; "
             "outside of these something touches or holds it (--time-range A:B [s] gives another range)."

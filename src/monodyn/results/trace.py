@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import VideoError
+from monodyn.estimation.record.samples import moves_a_zero
 from monodyn.mechanism.upright import ROLL, ROLL_STD, by_roll, in_metres
 from monodyn.types import Poses
 
@@ -284,17 +285,26 @@ def shared_errors(poses: Poses, mechanism: Mechanism) -> np.ndarray | None:
         By how much each position is off where sizes and camera are off by one standard deviation along one of
         several independent directions, (direction, frame, dof); None where nothing of the sort matters.
     """
-    parts = [] if poses.shifts is None or poses.cleared else [poses.shifts]
+    unclear = np.zeros((0, *poses.position.shape))
+    if poses.shifts is not None and not poses.cleared:
+        shifts, alone = (
+            np.where(poses.measured, poses.shifts, 0.0),
+            moves_a_zero(poses.shifts, poses.measured),
+        )
+        unclear = np.concatenate((shifts[alone], _largest(poses, shifts[~alone])))
     if poses.roll is not None and mechanism.parameter(ROLL).free:
         slope = dict(zip((j.name for j in mechanism.joints), by_roll(mechanism).tolist(), strict=True))
         turned = ROLL_STD * np.array([slope[name] for name in poses.joints])
-        parts.append(np.broadcast_to(turned, (1, *poses.position.shape)))
-    if not parts:
-        return None
-    every = np.where(poses.measured, np.concatenate(parts), 0.0)
+        # by itself: that it is the same in all rows tells it from what else is unclear
+        unclear = np.concatenate((np.where(poses.measured, turned, 0.0)[np.newaxis], unclear))
+    return unclear if unclear.any() else None
+
+
+def _largest(poses: Poses, shifts: np.ndarray) -> np.ndarray:
+    """Return independent directions of what moves the positions, the largest, (direction, frame, dof)."""
     std = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
-    weighed = every[:, poses.measured] / np.maximum(std[poses.measured], LEAST_STD)
+    weighed = shifts[:, poses.measured] / np.maximum(std[poses.measured], LEAST_STD)
     directions, size, _ = np.linalg.svd(weighed, full_matrices=False)
     # the largest first, until the rest of them is too little
     matters = np.sqrt(np.cumsum(size[::-1] ** 2)[::-1]) > NEGLIGIBLE
-    return np.tensordot(directions.T[matters], every, axes=1) if matters.any() else None
+    return np.tensordot(directions.T[matters], shifts, axes=1)

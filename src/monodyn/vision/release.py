@@ -321,8 +321,8 @@ def _notes(poses: Poses, shown: tuple[int, int], free: FreeSpan) -> list[str]:
         )
     if free.hanging:
         notes.append(
-            f"The mechanism hangs at rest before frame {free.first}; the fit begins there (--fit-frames A:B "
-            "gives another range)."
+            f"The mechanism hangs at rest before frame {free.first}, where the fit begins unless "
+            "--fit-frames A:B says otherwise."
         )
     if (free.first - free.hanging, free.stop) != shown:
         rows = np.searchsorted(poses.frame, [free.first, free.stop])

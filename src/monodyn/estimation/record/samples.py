@@ -18,6 +18,8 @@ from monodyn.types import Poses, TorqueLog
 
 MOST_PARTS = 1000
 """A gap is divided into at most this many steps, however long it is."""
+SAME = 1e-9
+"""Share by which what moves a joint's zero may differ from row to row, as a table rounds it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +229,7 @@ def check_covered(log: TorqueLog, begin: float, end: float, what: str) -> None:
         raise VideoError(
             f"torques: expected a log of all of {what}, {begin:.4g} to {end:.4g} s, got one from "
             f"{log.time[0]:.4g} to {log.time[-1]:.4g} s; both are on one clock: shift the times of the log, "
-            "or leave out the rows that it does not cover."
+            "or fit what it covers (--fit-frames A:B)."
         )
 
 
@@ -242,6 +244,26 @@ def _shifts(records: Sequence[Poses], first: np.ndarray, source: np.ndarray) -> 
             own[:, rows] = record.shifts[:, source[rows]]
             parts.append(own)
     return np.concatenate(parts) if parts else None
+
+
+def moves_a_zero(shifts: np.ndarray | None, measured: np.ndarray) -> np.ndarray:
+    """Return which errors move a single joint, by the same in each row, as a roll of the camera does.
+
+    Args:
+        shifts: Errors that positions share, (direction, row, dof), or None.
+        measured: Where positions were measured, bool (row, dof).
+
+    Returns:
+        True for those, bool (direction,).
+    """
+    found = []
+    for shift in () if shifts is None else shifts:
+        rows, dofs = np.nonzero(measured & (shift != 0.0))
+        one = shift[rows, dofs]
+        # among the rows of a record none is left out
+        whole = len(rows) > 0 and len(rows) == measured[rows[0] : rows[-1] + 1, dofs[0]].sum()
+        found.append(whole and np.ptp(dofs) == 0 and np.ptp(one) <= SAME * np.abs(one[0]))
+    return np.array(found, dtype=np.bool_)
 
 
 def ordered(record: Poses, mechanism: Mechanism) -> Poses:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.estimation.fit import Common
-from monodyn.estimation.record.samples import Data, Pieces
+from monodyn.estimation.record.samples import Data, Pieces, moves_a_zero
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.uncertainty import whitened_shifts, without_states
@@ -50,7 +50,7 @@ def common_error(problem: Problem, trial: Trial, so_far: np.ndarray) -> Common:
 
     Returns:
         How many deviations of each are likeliest once unknowns and start states have followed; at least
-        ``UNSURE`` of each stay open.
+        ``UNSURE`` of each stay open, but for the zero of a joint.
 
     Source:
         Lindley and Smith, Bayes estimates for the linear model, 1972.
@@ -67,12 +67,17 @@ def common_error(problem: Problem, trial: Trial, so_far: np.ndarray) -> Common:
     unknowns, moved, left = stacked[:, :count], stacked[:, count:-1], stacked[:, -1]
     basis = _span(unknowns)
     moved, left = moved - basis @ (basis.T @ moved), left - basis @ (basis.T @ left)
-    information = moved.T @ moved / ALIKE
+    # edges are off in the ways that sizes and camera move them, and not as a joint's zero does
+    exact = moves_a_zero(problem.data.shifts, problem.data.measured)
+    alike = _span(moved[:, ~exact])
+    counted = np.column_stack((moved, left))
+    counted -= (1.0 - 1.0 / ALIKE) * alike @ (alike.T @ counted)
+    information = moved.T @ counted[:, :-1]
     # the residuals are those of positions less ``so_far``
-    pull = information @ so_far - moved.T @ left / ALIKE
-    nothing = np.eye(len(so_far))
+    pull = information @ so_far - moved.T @ counted[:, -1]
+    nothing, unsure = np.eye(len(so_far)), np.where(exact, 0.0, UNSURE)
     covariance = np.linalg.inv(nothing + information)
-    return Common(covariance @ pull, covariance + UNSURE**2 * (nothing - covariance))
+    return Common(covariance @ pull, covariance + np.outer(unsure, unsure) * (nothing - covariance))
 
 
 def less(data: Data, mean: np.ndarray) -> Data:
@@ -125,6 +130,8 @@ def _projected(
 
 def _span(columns: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis of what the columns span, whatever their sizes, (row, direction)."""
+    if not columns.shape[1]:
+        return columns
     size = np.linalg.norm(columns, axis=0)
     left, singular, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
     return left[:, singular > SEEN * singular.max(initial=0.0)]
