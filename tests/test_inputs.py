@@ -17,7 +17,14 @@ from monodyn.blur import check_exposure
 from monodyn.checks import unshown
 from monodyn.doubtful import doubtful_sight
 from monodyn.errors import SettingsError, VideoError
-from monodyn.inputs import check_torques, clip_torques, masks_and_mechanism, opened, points_and_mechanism
+from monodyn.inputs import (
+    check_torques,
+    clip_torques,
+    frames_with_torques,
+    masks_and_mechanism,
+    opened,
+    points_and_mechanism,
+)
 from monodyn.settings import RunSettings
 from monodyn.types import FULL
 from monodyn.vision.clip.lens import lens_of
@@ -206,6 +213,12 @@ def test_torques_reach_over_the_frames_that_the_user_names(tmp_path: Path) -> No
     with refuses(VideoError, said):
         check_torques(known, times, (0, 67))
     check_torques(known, times, (30, 67))
+    note = ["The log of torques covers frames 30:67 alone, which the fit is of."]
+    assert frames_with_torques(known, times, (0, 67)) == ((30, 67), note)
+    assert frames_with_torques(known, times, (31, 67)) == ((31, 67), [])
+    assert frames_with_torques(None, times, (0, 67)) == ((0, 67), [])
+    with refuses(VideoError, said.replace("(0:67), 0 to 2.2 s", "(0:20), 0 to 0.6333 s")):
+        frames_with_torques(known, times, (0, 20))
     check_torques(None, times, (0, 67))
 
 

@@ -154,6 +154,34 @@ def clip_torques(
     return log
 
 
+def frames_with_torques(
+    log: TorqueLog | None, times: np.ndarray, frames: tuple[int, int]
+) -> tuple[tuple[int, int], list[str]]:
+    """Leave out the frames before and after known torques of a clip.
+
+    Args:
+        log: The torques, or None.
+        times: Time stamps of the clip [s], (frame,).
+        frames: First frame to fit and the one after the last.
+
+    Returns:
+        The frames that are left, and a sentence on those that are not.
+
+    Raises:
+        VideoError: fewer than two are left.
+    """
+    if log is None:
+        return frames, []
+    first, stop = frames
+    covered = np.flatnonzero((times[first:stop] >= log.time[0]) & (times[first:stop] <= log.time[-1]))
+    if len(covered) < 2:
+        check_torques(log, times, frames)
+    begin, end = first + int(covered[0]), first + int(covered[-1]) + 1
+    if (begin, end) == frames:
+        return frames, []
+    return (begin, end), [f"The log of torques covers frames {begin}:{end} alone, which the fit is of."]
+
+
 def check_torques(log: TorqueLog | None, times: np.ndarray, frames: tuple[int, int]) -> None:
     """Refuse known torques of a clip that do not reach over the frames to fit.
 

@@ -32,7 +32,15 @@ from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
-from monodyn.inputs import check_torques, clip_torques, input_files, opened, torque_files, with_torques
+from monodyn.inputs import (
+    check_torques,
+    clip_torques,
+    frames_with_torques,
+    input_files,
+    opened,
+    torque_files,
+    with_torques,
+)
 from monodyn.job import Job, Outcome, Tracked, shown_if_refused
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
@@ -127,10 +135,13 @@ def concluded(
     assert sight.fit_frames is not None
     (scene, poses, span), video = tracked, sight.video
     frames = free_range(settings.fit_frames, sight.fit_frames, span)
-    sight.fit_frames = frames
     # the motion may have shown that the stamps are not the times
     stamps = video.timed(poses.frame, poses.time).times
+    if settings.fit_frames is None:
+        frames, said = frames_with_torques(poses.torques, stamps, frames)
+        log.notes += said
     check_torques(poses.torques, stamps, frames)
+    sight.fit_frames = frames
     times = prediction_times(stamps, frames[1], settings.until)
     # the fit must not see the frames that it will be compared with
     first, stop = np.searchsorted(poses.frame, frames).tolist()
