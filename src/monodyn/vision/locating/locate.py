@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Progress
 from monodyn.vision.drawing.camera import PARAMETERS, X, with_values
@@ -291,12 +292,14 @@ def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarra
     rig = rig_of(bundle.mechanism, bundle.camera)
     lower, upper = joint_limits(bundle.mechanism)
     limits = MoveLimits(lower, upper, np.full(len(lower), 1.0))
-    positions, good = [], []
-    for frame, start in zip(frames.frames, guess.positions, strict=True):
-        q, _, found = follow(frame.planes, frames.view, rig, start, limits, POSE)
-        positions.append(q)
-        good.append(found.matched > LEAST_MATCHED and found.inside > LEAST_INSIDE)
-    return np.array(positions), np.array(good)
+
+    def followed(row: int) -> tuple[np.ndarray, bool]:
+        planes, start = frames.frames[row].planes, guess.positions[row]
+        q, _, found = follow(planes, frames.view, rig, start, limits, POSE)
+        return q, found.matched > LEAST_MATCHED and found.inside > LEAST_INSIDE
+
+    poses = on_all_cores(followed, range(len(frames.frames)))
+    return np.array([q for q, _ in poses]), np.array([good for _, good in poses])
 
 
 def refined_whole(

@@ -21,6 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.types import FULL, Frame
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.foreground.background import Background
@@ -69,7 +70,7 @@ def lit_sizes(
     """
     ground = [background.luma, *(background.chroma or ())]
     colours = _colours(masks.planes, pictures)
-    decoded = replace(masks, planes=[lit_planes(planes, colours, ground) for planes in masks.planes])
+    decoded = replace(masks, planes=on_all_cores(lambda one: lit_planes(one, colours, ground), masks.planes))
     at = np.asarray(rows, dtype=np.int64)
     guess = SceneGuess(bundle.mechanism, bundle.camera, bundle.positions[at], bundle.rms_px[at])
     coded, lit = (refine(shown, guess, bundle.variables, SEARCH) for shown in (masks, decoded))
@@ -111,9 +112,10 @@ def _lit(share: np.ndarray, colour: np.ndarray, ground: np.ndarray) -> np.ndarra
     along /= np.sum(difference**2 * WEIGHTS, axis=1, keepdims=True)
     figure, behind = (np.maximum((x - BLACK) @ RED_GREEN_BLUE.T, 0.0) for x in (colour, ground))
     lower, upper = np.zeros(len(share)), np.ones(len(share))
+    dark, more = behind**GAMMA, figure**GAMMA - behind**GAMMA
     for _ in range(HALVINGS):
         middle = 0.5 * (lower + upper)
-        light = behind**GAMMA + middle[:, np.newaxis] * (figure**GAMMA - behind**GAMMA)
+        light = dark + middle[:, np.newaxis] * more
         below = np.sum(along * (light ** (1.0 / GAMMA) - behind), axis=1) < share
         lower, upper = np.where(below, middle, lower), np.where(below, upper, middle)
     return 0.5 * (lower + upper)
