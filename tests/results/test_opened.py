@@ -202,10 +202,10 @@ def test_what_the_run_before_knew_is_named(tmp_path):
 def test_a_bundled_name_is_the_mechanism_whatever_folder_has_that_name(tmp_path, monkeypatch):
     """As with ``--model single --out single``: the run's own folder is there when it is asked again."""
     monkeypatch.chdir(tmp_path)
-    for name in ("single", "chain:3"):
+    for name in ("single", "chain:3", "auto"):
         (tmp_path / name).mkdir()
         assert not opened_module.is_run(name)
-        assert chosen_mechanism(name, RunSettings(), camera=False).name == name
+        assert name == "auto" or chosen_mechanism(name, RunSettings(), camera=False).name == name
         assert RunLog("identify", {"model": name}, RunSettings()).inputs["model"] == {"name": name}
     assert opened_module.known_before("single", identified()) == []
     # a folder of that name is given as a path
@@ -244,6 +244,30 @@ def test_a_run_that_leads_back_to_itself_is_refused(tmp_path):
         f"'{folder}' again; give the file itself with --model.",
     ):
         monodyn.remembered(folder)
+
+
+def test_a_run_never_replaces_those_from_which_its_mechanism_comes(tmp_path):
+    """Neither the one that is its model nor one before that: their files are what it leads back to."""
+    first, second, table = tmp_path / "first", tmp_path / "second", tmp_path / "poses.csv"
+    monodyn.write_poses(pushed("single")[0], table)
+    settings = {"identify": IdentifySettings(torque="friction")}
+    identified_from("single", first, table, **settings)
+    identified_from(first, second, table, **settings)
+    written = (first / "run.json").read_text()
+    for model, out in ((first, first), (second, second), (second, first)):
+        with refuses(
+            SettingsError,
+            f"out '{out}': expected another folder than that of the inputs, got the one of "
+            f"'{out / 'fit.json'}', which the run would replace; give another with --out.",
+        ):
+            identified_from(model, out, table, **settings)
+    assert (first / "run.json").read_text() == written
+    # what came of a run may be replaced
+    identified_from(first, second, table, **settings)
+    assert opened_module.origins(second) == [
+        *(folder / name for folder in (second, first) for name in ("fit.json", "run.json")),
+        Path("single"),
+    ]
 
 
 def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):

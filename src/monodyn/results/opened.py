@@ -78,6 +78,26 @@ def is_run(model: str | Path) -> bool:
     return not is_bundled(model) and Path(model).is_dir()
 
 
+def origins(model: str | Path) -> list[Path]:
+    """Name the files to which a mechanism leads back: without them it cannot be opened again.
+
+    Args:
+        model: What was given as the mechanism, and could be opened.
+
+    Returns:
+        Its file; where it is a run folder, what is read of that run and of those before it, and the file with
+        which they began.
+
+    Raises:
+        SettingsError: From deeper down: it could not be opened.
+    """
+    if not is_run(model):
+        return [Path(model)]
+    folder = Path(model)
+    before = _same(_json(folder / "run.json")["inputs"]["model"], folder)
+    return [folder / "fit.json", folder / "run.json", *origins(before)]
+
+
 def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) -> Mechanism:
     """Return the mechanism of a run as the start of another one: what its picture knows of it goes along.
 
