@@ -93,10 +93,11 @@ class PredictOptions:
 
 
 def _print(found: Predicted, tolerance: Tolerance) -> None:
-    """Print the motion."""
+    """Print the motion, with half the width of its 95 % bands."""
     import numpy as np
 
     from monodyn.cli.show import console, plain_table
+    from monodyn.results.curves import BAND
     from monodyn.results.horizon import horizon_said
     from monodyn.results.numbers import shown_in
 
@@ -106,12 +107,13 @@ def _print(found: Predicted, tolerance: Tolerance) -> None:
         cells = [f"{states.time[row]:.3f} s"]
         for dof, joint in enumerate(joints):
             scale = shown_in(joint)[0]
-            value, std = states.position[row, dof] * scale, states.std[row, dof] * scale
-            known = f"{std:.2g}" if np.isfinite(std) else "unknown"
+            value, half = states.position[row, dof] * scale, BAND * states.std[row, dof] * scale
+            known = f"{half:.2g}" if np.isfinite(half) else "unknown"
             cells.append(f"{value:.4g} ± {known}".replace("-", "−"))
         table.add_row(*cells)
     out = console()
     out.print(table)
+    out.print("± half the width of the 95 % band", markup=False)
     out.print(horizon_said(found.fit, found.horizon, tolerance, since="the start"), markup=False)
     for note in found.notes:
         out.print(f"- {note}", markup=False)

@@ -23,6 +23,7 @@ from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
 from monodyn.results.intact import check_model, check_seal, differing, digest
 from monodyn.results.known_torques import known_torques
+from monodyn.results.log import fingerprint
 from monodyn.types import Camera, TorqueLog
 
 NOTHING = 0.04
@@ -243,6 +244,22 @@ def clip_of(folder: str | Path) -> Path | None:
         return None if clip is None else Path(clip["name"])
     except (KeyError, TypeError, AttributeError) as error:
         raise _changed(log, error) from None
+
+
+def is_other_clip(folder: str | Path, clip: str | Path) -> bool:
+    """Return whether a clip is another file than the one that a run was made of, as far as its log says.
+
+    Args:
+        folder: The run folder.
+        clip: The clip.
+
+    Raises:
+        SettingsError: The log is not what was written.
+    """
+    log = Path(folder) / "run.json"
+    known = _json(log)["inputs"].get("clip", {}) if log.is_file() else {}
+    found = fingerprint("clip", clip)
+    return any(found.get(name) != value for name, value in known.items() if name != "name")
 
 
 def _document(folder: Path) -> dict[str, Any]:
