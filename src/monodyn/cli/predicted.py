@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro import conf
 
-from monodyn.cli.forms import Words, apart, tolerance, values
+from monodyn.cli.forms import Words, tolerance, values
 
 if TYPE_CHECKING:
     from monodyn.choices import Tolerance
@@ -61,7 +61,7 @@ class PredictOptions:
         """Return the exit code after running the command.
 
         Raises:
-            SettingsError: a film is wanted, and no folder for it; or the start is an empty word.
+            SettingsError: a film is wanted, and no folder for it.
         """
         from monodyn.cli.show import progress_on, show_result
         from monodyn.errors import SettingsError
@@ -69,12 +69,9 @@ class PredictOptions:
 
         if self.film and self.out is None:
             raise SettingsError("film: expected a folder for it, got none; name one with --out.")
-        positions = values("from", apart(self.start))
-        if self.start and not positions:
-            raise SettingsError("from: expected JOINT=POSITION, got an empty word; e.g. joint1=0.5,joint2=0.")
         wanted = Wanted(
-            positions=positions or None,
-            rates=values("rates", apart(self.rates)),
+            positions=values("from", self.start) or None,
+            rates=values("rates", self.rates),
             at=self.at,
             until=self.until,
             fix=values("fix", self.fix),

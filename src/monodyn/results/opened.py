@@ -37,7 +37,8 @@ def open_run(folder: str | Path) -> Fit:
 
     Motion, prediction and their bands are those of the fit that was written. Its parameters are those of the
     written model, whose bodies have masses and inertias in place of densities and thicknesses; residuals are
-    not kept. Known torques are those of ``torques.csv``: after record and prediction they are unknown.
+    not kept, so that ``report`` and ``smooth`` refuse it. Known torques are those of ``torques.csv``: after
+    record and prediction they are unknown.
 
     Args:
         folder: The run folder.
