@@ -47,6 +47,22 @@ def test_the_form_is_that_of_its_schema() -> None:
         jsonschema.validate(broken, schema)
 
 
+def test_the_schema_says_what_every_field_is() -> None:
+    schema = json.loads(files("monodyn.results").joinpath("fit.schema.json").read_text(encoding="utf-8"))
+    assert undescribed(schema, "") == []
+
+
+def undescribed(schema: dict[str, Any], name: str) -> list[str]:
+    """Name the fields of a schema, and of what is in them, that have no description."""
+    found = []
+    for key, field in schema.get("properties", {}).items():
+        found += [] if field.get("description") else [f"{name}.{key}"]
+        found += undescribed(field, f"{name}.{key}")
+    for inner in (schema.get("items"), schema.get("additionalProperties")):
+        found += undescribed(inner, f"{name}[]") if isinstance(inner, dict) else []
+    return found
+
+
 def written(findings: Findings) -> dict[str, Any]:
     """Return what a run writes next to its model.xml."""
     return sealed({**fit_document(findings), "model_sha256": "that of a file"})
