@@ -221,13 +221,18 @@ def test_a_film_shows_the_motion_over_the_first_frame(filmed, make_clip, tmp_pat
     assert (tmp_path / "found" / "prediction.mp4").read_bytes() == (out / "prediction.mp4").read_bytes()
     copy = tmp_path / "copy"
     shutil.copytree(clip, copy)
-    assert predict_run(run, tmp_path / "copied", Wanted(joints), film=True, clip=copy).notes == (refused,)
+    assert predict_run(run, tmp_path / "copied", Wanted(joints, until=0.5), film=True, clip=copy).notes == (
+        refused,
+    )
     (copy / "more.txt").write_text("Another one.")
     said = (
         f"The film is drawn over '{copy}', which is not the file that the run was made of: unless it is a "
         "copy of the same clip, camera and scene are others, and the mechanism is drawn in the wrong place."
     )
-    assert predict_run(run, tmp_path / "other", Wanted(joints), film=True, clip=copy).notes == (refused, said)
+    assert predict_run(run, tmp_path / "other", Wanted(joints, until=0.5), film=True, clip=copy).notes == (
+        refused,
+        said,
+    )
     assert json.loads((tmp_path / "other" / "prediction.json").read_text())["notes"] == [refused, said]
     shutil.rmtree(tmp_path / "other")
     (run / "run.json").unlink()
