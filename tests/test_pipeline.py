@@ -20,6 +20,7 @@ from monodyn.doubtful import doubtful_sight
 from monodyn.errors import FitError, SettingsError, VideoError
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.record.tables import read_poses, write_poses
+from monodyn.live.run import follow
 from monodyn.mechanism import load
 from monodyn.pipeline import Job, identify_tables, run, track_clip
 from monodyn.results.log import RunLog
@@ -288,6 +289,18 @@ def test_free_torques_leave_the_distance_of_the_camera_open(
     run(clip, "single", tmp_path / "run")
     document = json.loads((tmp_path / "run" / "fit.json").read_text())
     assert document["camera"]["std"] == {"camera.depth": None, "camera.roll": 0.2}
+
+
+def test_a_run_of_a_clip_never_replaces_its_model(make_clip: ClipMaker, tmp_path: Path) -> None:
+    clip, folder = make_clip(), tmp_path / "run"
+    monodyn.report(identified(), to=folder)
+    said = (
+        f"out '{folder}': expected another folder than that of the inputs, got the one of "
+        f"'{folder / 'fit.json'}', which the run would replace; give another with --out."
+    )
+    for made in (run, track_clip, follow):
+        with refuses(SettingsError, said):
+            made(clip, folder, folder, force=True)
 
 
 def test_what_can_be_refused_is_refused_before_a_frame_is_read(

@@ -144,3 +144,15 @@ def test_a_record_of_another_length_is_not_taken_for_the_fitted_one(tmp_path: Pa
     longer = replace(record(fit), time=record(fit).time + 1.0)
     with pytest.raises(monodyn.VideoError, match="expected the record that was fitted"):
         monodyn.report(fit, to=tmp_path / "run", poses=longer)
+
+
+def test_the_file_of_the_mechanism_is_not_replaced(tmp_path: Path) -> None:
+    fit, file = identified(), tmp_path / "model.xml"
+    monodyn.write_mjcf(fit.mechanism, file)
+    read = replace(fit, mechanism=replace(fit.mechanism, source=str(file)))
+    said = (
+        f"out '{tmp_path}': expected another folder than that of the inputs, got the one of '{file}', which "
+        "the run would replace; give another with --out."
+    )
+    with refuses(SettingsError, said):
+        monodyn.report(read, to=tmp_path, force=True)

@@ -40,8 +40,6 @@ from monodyn.vision.locating.scene import Scene
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
-AUTO = "auto"
-"""What stands for the bundled mechanism that the evidence prefers."""
 FIRST = (("single", "bob"), ("cartpole", "double"), ("triple",))
 """The mechanisms that are tried, by their number of joints; chains of more links come after them."""
 CHARGE = 0.1

@@ -26,7 +26,7 @@ from monodyn.checks import (
     unshown,
     untracked,
 )
-from monodyn.choose import AUTO, candidates, choose, nearest
+from monodyn.choose import candidates, choose, nearest
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit
@@ -43,13 +43,14 @@ from monodyn.inputs import (
 )
 from monodyn.job import Job, Outcome, Tracked, shown_if_refused
 from monodyn.kept import kept_doubts
+from monodyn.mechanism.bundled import AUTO
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.heldout import heldout_doubts
 from monodyn.results.log import RunLog, recorded
-from monodyn.results.opened import known_before
+from monodyn.results.opened import known_before, origins
 from monodyn.results.predict import predict
 from monodyn.results.report import write_results
 from monodyn.results.sight import Sight
@@ -105,7 +106,7 @@ def run(
     torques = clip_torques(settings, mechanism, video.times, wanted)
     inputs = input_files(clip, model, settings)
     log = RunLog("run", inputs, settings)
-    folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))
+    folder = RunFolder(out, force=force, inputs=(*inputs.values(), *origins(model), settings.background))
     sight = Sight(video, fit_frames=wanted, tracks=given if isinstance(given, PointTracks) else None)
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
@@ -229,7 +230,7 @@ def track_clip(
     video, given, mechanism = opened(clip, next(iter(models), model), settings)
     inputs = input_files(clip, model, settings)
     log = RunLog("track", inputs, settings)
-    folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))
+    folder = RunFolder(out, force=force, inputs=(*inputs.values(), *origins(model), settings.background))
     sight = Sight(video, tracks=given if isinstance(given, PointTracks) else None)
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
@@ -289,7 +290,11 @@ def identify_tables(
     measured = {f"poses {i + 1}": table for i, table in enumerate(tables)}
     inputs = {"model": model, **measured, **torque_files(settings)}
     log = RunLog("identify", inputs, settings)
-    folder = None if out is None else RunFolder(out, force=force, inputs=(model, *tables, *settings.torques))
+    folder = (
+        None
+        if out is None
+        else RunFolder(out, force=force, inputs=(*origins(model), *tables, *settings.torques))
+    )
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         with log.stage("identify"):

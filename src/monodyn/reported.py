@@ -106,7 +106,7 @@ def report(
         drawn=settings.ensemble,
     )
     # only after all that may refuse its input: a folder is made when there is something to write
-    folder = RunFolder(to, force=force)
+    folder = RunFolder(to, force=force, inputs=[source["name"] for source in log.inputs.values()])
     with recorded(folder, log):
         write_results(folder, findings, progress=progress)
     return folder.path / "report.html"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from monodyn.choices import Tolerance
@@ -10,6 +12,7 @@ from monodyn.cli.forms import (
     intervals,
     names,
     numbers,
+    paths,
     rectangle,
     sides,
     time_range,
@@ -36,7 +39,15 @@ def test_repeated_options_are_read_in_order() -> None:
     assert names("free", (("a", "b"), ("c",))) == ("a", "b", "c")
 
 
-@pytest.mark.parametrize("word", ["gravity", "a=1=2", "a="])
+def test_blanks_or_commas_stand_between_words() -> None:
+    assert values("fix", (("a=1,b=2",), ("c=0,", "d=1"))) == {"a": 1.0, "b": 2.0, "c": 0.0, "d": 1.0}
+    assert intervals("bounds", (("a=1:2,b=0:1",),)) == {"a": (1.0, 2.0), "b": (0.0, 1.0)}
+    assert names("free", (("a,b", "c"),)) == ("a", "b", "c")
+    assert words("points.map", [["a=joint1,b=none"]]) == {"a": "joint1", "b": "none"}
+    assert paths("torques", (("a,b.csv",),)) == (Path("a,b.csv"),)
+
+
+@pytest.mark.parametrize("word", ["gravity", "a=1=2", "a=", "", ","])
 def test_a_value_is_a_name_and_a_number(word: str) -> None:
     with refuses(SettingsError, f"fix: expected NAME=VALUE with a number, got '{word}'; e.g. gravity=9.81."):
         values("fix", ((word,),))

@@ -10,7 +10,7 @@ import pytest
 
 import monodyn
 from fits import identified, record
-from monodyn.estimation.fit import Doubt
+from monodyn.estimation.fit import Doubt, Estimate
 from support import command
 
 
@@ -31,6 +31,17 @@ def test_the_table_has_the_start_and_the_end_and_says_how_long_it_holds(run, tmp
     assert (tmp_path / "ahead" / "prediction.csv").is_file()
 
 
+def test_the_table_has_half_the_width_of_the_band_and_says_so(run):
+    done = command("predict", run, "--until", 2)
+    document = json.loads(command("predict", run, "--until", 2, "--quiet", "--json").out)
+    half = 1.96 * np.degrees(document["position_std"]["joint1"])
+    assert half[-1] > 0.0
+    rows = [line for line in done.out.splitlines() if "±" in line]
+    assert f"± {half[0]:.2g} " in rows[0]
+    assert f"± {half[-1]:.2g} " in rows[-2]
+    assert rows[-1] == "± half the width of the 95 % band"
+
+
 def test_json_alone_is_printed_and_commas_may_stand_between_joints(run):
     done = command("predict", run, "--from", "joint1=0.5,", "--rates=joint1=1", "--quiet", "--json")
     document = json.loads(done.out)
@@ -42,8 +53,7 @@ def test_json_alone_is_printed_and_commas_may_stand_between_joints(run):
 def test_what_is_missing_is_named(run, tmp_path):
     for words, code, message in [
         (("--film",), 2, "monodyn: film: expected a folder for it, got none; name one with --out."),
-        (("--from", ""), 2, "monodyn: from: expected JOINT=POSITION, got an empty word; e.g. "
-         "joint1=0.5,joint2=0."),
+        (("--from", ""), 2, "monodyn: from: expected NAME=VALUE with a number, got ''; e.g. gravity=9.81."),
         (("--from", "joint1=0", "joint1=1"), 2, "monodyn: from: expected each name once, got 'joint1' twice; "
          "keep one of them."),
     ]:  # fmt: skip
@@ -79,3 +89,17 @@ def test_torques_that_belong_to_a_record_are_not_in_its_prediction(tmp_path):
         monodyn.report(fit, to=tmp_path / torque)
         done = command("predict", tmp_path / torque, "--from", "joint1=0.5", "--until", 1)
         assert said in done.out
+
+
+def test_torques_that_act_on_are_told(tmp_path):
+    single = identified().mechanism.with_torque("fourier", terms=1, period=0.7)
+    torques = [Estimate(p.name, p.value, 0.0, p.value, p.value, p.unit, False, True, False)
+               for p in single.parameters if "torque" in p.name]  # fmt: skip
+    parameters = (*identified().parameters, *torques)
+    fit = replace(identified(), mechanism=single, torque="fourier", parameters=parameters)
+    monodyn.report(fit, to=tmp_path / "run")
+    words = ("predict", tmp_path / "run", "--from", "joint1=0.5", "--at", 0.2, "--until", 1)
+    assert json.loads(command(*words, "--quiet", "--json").out)["notes"] == [
+        "The torques over time that were identified act here, too: it begins with those of 0.2 s, and with "
+        "others at another --at."
+    ]

@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from importlib.resources import files
+from typing import Any
 
 import jsonschema
 import numpy as np
@@ -16,6 +17,7 @@ from fits import identified, made_fit, record
 from monodyn.estimation.fit import Doubt, Estimate, Fit
 from monodyn.results.export import json_text
 from monodyn.results.findings import SCHEMA, Findings, fit_document, listed_rows, origin
+from monodyn.results.intact import sealed
 from monodyn.results.trace import trace_of
 
 
@@ -39,10 +41,31 @@ def test_the_form_is_that_of_its_schema() -> None:
     refused = fit.doubted([Doubt("refused", "It is another mechanism.")])
     acting = [Findings(driven(kind)) for kind in ("fourier", "free", "known")]
     for findings in (Findings(fit, [trace_of(fit, record(fit))]), Findings(fit), Findings(refused), *acting):
-        jsonschema.validate(json.loads(json_text(fit_document(findings))), schema)
-    broken = {**json.loads(json_text(fit_document(Findings(fit)))), "rms": 1.0}
+        jsonschema.validate(json.loads(json_text(written(findings))), schema)
+    broken = {**json.loads(json_text(written(Findings(fit)))), "rms": 1.0}
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(broken, schema)
+
+
+def test_the_schema_says_what_every_field_is() -> None:
+    schema = json.loads(files("monodyn.results").joinpath("fit.schema.json").read_text(encoding="utf-8"))
+    assert undescribed(schema, "") == []
+
+
+def undescribed(schema: dict[str, Any], name: str) -> list[str]:
+    """Name the fields of a schema, and of what is in them, that have no description."""
+    found = []
+    for key, field in schema.get("properties", {}).items():
+        found += [] if field.get("description") else [f"{name}.{key}"]
+        found += undescribed(field, f"{name}.{key}")
+    for inner in (schema.get("items"), schema.get("additionalProperties")):
+        found += undescribed(inner, f"{name}[]") if isinstance(inner, dict) else []
+    return found
+
+
+def written(findings: Findings) -> dict[str, Any]:
+    """Return what a run writes next to its model.xml."""
+    return sealed({**fit_document(findings), "model_sha256": "that of a file"})
 
 
 def driven(kind: str) -> Fit:

@@ -20,7 +20,7 @@ from monodyn.mechanism import Measured
 from monodyn.mechanism.simulate import simulate
 from monodyn.pipeline import identify_tables
 from monodyn.results import opened as opened_module
-from monodyn.results.intact import check_model, digest
+from monodyn.results.intact import check_model, digest, sealed
 from monodyn.results.log import RunLog
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
@@ -106,7 +106,7 @@ def test_a_run_as_the_model_of_another_brings_along_what_its_picture_knew(tmp_pa
     document = json.loads((folder / "fit.json").read_text())
     assert document["measured"] is None
     document["measured"] = {"names": names, "information": seen.information.tolist()}
-    (folder / "fit.json").write_text(json.dumps(document))
+    (folder / "fit.json").write_text(json.dumps(sealed(document)))
     again = monodyn.remembered(folder)
     assert again.measured.names == names
     assert again.values["gravity"] == 9.8
@@ -202,10 +202,10 @@ def test_what_the_run_before_knew_is_named(tmp_path):
 def test_a_bundled_name_is_the_mechanism_whatever_folder_has_that_name(tmp_path, monkeypatch):
     """As with ``--model single --out single``: the run's own folder is there when it is asked again."""
     monkeypatch.chdir(tmp_path)
-    for name in ("single", "chain:3"):
+    for name in ("single", "chain:3", "auto"):
         (tmp_path / name).mkdir()
         assert not opened_module.is_run(name)
-        assert chosen_mechanism(name, RunSettings(), camera=False).name == name
+        assert name == "auto" or chosen_mechanism(name, RunSettings(), camera=False).name == name
         assert RunLog("identify", {"model": name}, RunSettings()).inputs["model"] == {"name": name}
     assert opened_module.known_before("single", identified()) == []
     # a folder of that name is given as a path
@@ -246,6 +246,30 @@ def test_a_run_that_leads_back_to_itself_is_refused(tmp_path):
         monodyn.remembered(folder)
 
 
+def test_a_run_never_replaces_those_from_which_its_mechanism_comes(tmp_path):
+    """Neither the one that is its model nor one before that: their files are what it leads back to."""
+    first, second, table = tmp_path / "first", tmp_path / "second", tmp_path / "poses.csv"
+    monodyn.write_poses(pushed("single")[0], table)
+    settings = {"identify": IdentifySettings(torque="friction")}
+    identified_from("single", first, table, **settings)
+    identified_from(first, second, table, **settings)
+    written = (first / "run.json").read_text()
+    for model, out in ((first, first), (second, second), (second, first)):
+        with refuses(
+            SettingsError,
+            f"out '{out}': expected another folder than that of the inputs, got the one of "
+            f"'{out / 'fit.json'}', which the run would replace; give another with --out.",
+        ):
+            identified_from(model, out, table, **settings)
+    assert (first / "run.json").read_text() == written
+    # what came of a run may be replaced
+    identified_from(first, second, table, **settings)
+    assert opened_module.origins(second) == [
+        *(folder / name for folder in (second, first) for name in ("fit.json", "run.json")),
+        Path("single"),
+    ]
+
+
 def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
     folder = tmp_path / "run"
     monodyn.report(identified(), to=folder)
@@ -253,7 +277,7 @@ def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
     document = json.loads(file.read_text())
 
     def opened(**change):
-        file.write_text(json.dumps({**document, **change}))
+        file.write_text(json.dumps(sealed({**document, **change})))
         return monodyn.open_run(folder)
 
     assert opened().status == identified().status
@@ -289,118 +313,76 @@ def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
         monodyn.open_run(folder)
 
 
+def doubled(document):
+    """Double a value and its interval, whole."""
+    row = next(row for row in document["parameters"] if row["name"] == "joint1.damping")
+    row |= {name: 2.0 * row[name] for name in ("value", "std", "lower", "upper") if row[name]}
+
+
+def narrowed(document):
+    """Make every band a hundred times narrower."""
+    rows = document["covariance"]["matrix"]
+    rows[:] = [[1e-4 * x for x in row] for row in rows]
+
+
 CHANGES = [
-    # where in fit.json, what stands there then, what is expected, and what is got
-    (("parameters", 0, "value"), 9.0, "link1.length within its interval, {low} to {high}", "9"),
-    (("parameters", 0, "std"), -1.0, "a standard deviation of link1.length that is not negative", "-1"),
-    (
-        ("covariance", "matrix", 0, 1),
-        0.5,
-        "a symmetric covariance",
-        "0.5 in row 0, column 1, and {across} across",
-    ),
-    (("covariance", "matrix", 0, 0), -1.0, "variances that are not negative in covariance", "-1"),
-    (
-        ("covariance", "matrix", 0, 1),
-        None,
-        "a symmetric covariance",
-        "None in row 0, column 1, and {across} across",
-    ),
-    (
-        ("covariance", "matrix"),
-        [[1.0]],
-        "a covariance of {count}x{count} numbers, as many as it has names",
-        "1x1",
-    ),
-    (
-        ("covariance", "names"),
-        ["gravity"],
-        "a covariance of 1x1 numbers, as many as it has names",
-        "{count}x{count}",
-    ),
-    (("fitted",), [], "as many fitted stretches as start states, 1", "0"),
-    (("grade",), "refused", "the grade of its doubts, trusted", "refused"),
-    (("ok",), False, "ok true of the grade trusted", "false"),
-    (("rms",), None, "object as rms", "null"),
-    (("drive",), None, "object as drive", "null"),
-    (("fitted", 0, "rows"), True, "integer as fitted[0].rows", "true"),
-    (("fitted", 0, "last"), -1.0, "a fitted stretch that ends after it begins", "0 to -1 s"),
-    (
-        ("unmodelled",),
-        {"density": [-1.0], "off": [[1.0, 0.0], [0.0, 1.0]]},
-        "a density of unmodelled by joint (1), none negative",
-        "[-1.0]",
-    ),
-    (
-        ("unmodelled",),
-        {"density": [1.0], "off": [[1.0]]},
-        "a unmodelled.off of 2x2 numbers, as many as it has names",
-        "1x1",
-    ),
-    (
-        ("unmodelled",),
-        {"density": [1.0], "off": [[1.0, 2.0], [2.0, 1.0]]},
-        "no negative eigenvalue of unmodelled.off, in units of its variances",
-        "-1",
-    ),
-    (
-        ("measured",),
-        {"names": ["link1.length"], "information": [[1.0, 2.0]]},
-        "a measured.information of 1x1 numbers, as many as it has names",
-        "1x2",
-    ),
+    doubled,
+    narrowed,
+    lambda document: document["initial_state"][0]["position"].update(joint1=5.0),
+    lambda document: document["parameters"][0].update(std=document["parameters"][0]["std"] / 2.0),
+    lambda document: document["parameters"][0].update(value=float(np.nextafter(1.0, 2.0))),
+    lambda document: document.update(parameters=[]),
+    lambda document: document.update(mine="a field of one's own"),
+    lambda document: document.pop("model_sha256"),
+    lambda document: document["drive"].update(time_scale=1),
 ]
+"""What may be changed by hand in a ``fit.json``: what contradicts the rest of it, and what does not."""
 
 
-@pytest.mark.parametrize(("where", "value", "expected", "got"), CHANGES)
-def test_numbers_that_contradict_one_another_are_refused(tmp_path, where, value, expected, got):
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_fit_that_was_changed_after_it_was_written_is_refused(tmp_path, change):
     file = tmp_path / "run" / "fit.json"
     monodyn.report(identified(), to=tmp_path / "run")
     document = json.loads(file.read_text())
-    row, covariance = document["parameters"][0], document["covariance"]
-    known = {"low": row["lower"], "high": row["upper"]}
-    known |= {"across": covariance["matrix"][1][0], "count": len(covariance["names"])}
-    place = document
-    for key in where[:-1]:
-        place = place[key]
-    place[where[-1]] = value
+    # in what order, and how far indented, its fields stand is no content
+    file.write_text(json.dumps(dict(reversed(document.items()))))
+    assert monodyn.open_run(tmp_path / "run").status == identified().status
+    change(document)
+    file.write_text(json.dumps(document))
+    for read in (monodyn.open_run, monodyn.remembered, opened_module.filmed_by):
+        with refuses(
+            SettingsError,
+            f"'{file}': expected the file as it was written, got one that was changed since; run it again, "
+            "or give other values with --fix.",
+        ):
+            read(tmp_path / "run")
+
+
+def test_a_fit_that_does_not_state_its_content_is_refused(tmp_path):
+    file = tmp_path / "run" / "fit.json"
+    monodyn.report(identified(), to=tmp_path / "run")
+    document = json.loads(file.read_text())
+    del document["sha256"]
     file.write_text(json.dumps(document))
     with refuses(
         SettingsError,
-        f"'{file}': expected {expected.format(**known)}, got {got.format(**known)}: it was changed; run it "
-        "again.",
+        f"'{file}': expected the file as it was written, got one without its sha256; run it again, or give "
+        "other values with --fix.",
     ):
         monodyn.open_run(tmp_path / "run")
 
 
 @pytest.mark.parametrize(
-    ("model", "where", "name"),
-    [
-        ("fourier", ("period",), "torque.period"),
-        ("fourier", ("joints", "joint1", "sin", 0), "joint1.torque.sin1"),
-        ("free", ("joints", "joint1", "values", 1), "joint1.torque.1"),
-    ],
+    ("kind", "values"), [("fourier", {"period": 0.7}), ("free", {"knots": [0.0, 0.3, 0.6]})]
 )
-def test_a_drive_that_is_not_that_of_the_parameters_is_refused(tmp_path, model, where, name):
-    single = identified().mechanism.with_torque(model, terms=1, period=0.7, knots=np.array([0.0, 0.3, 0.6]))
+def test_a_fit_under_torques_over_time_is_read_back(tmp_path, kind, values):
+    knots = np.array(values.get("knots", []))
+    single = identified().mechanism.with_torque(kind, terms=1, period=values.get("period"), knots=knots)
     rows = [Estimate(p.name, p.value, 0.0, p.value, p.value, p.unit, False, True, False)
             for p in single.parameters if "torque" in p.name]  # fmt: skip
     parameters = (*identified().parameters, *rows)
-    monodyn.report(replace(identified(), mechanism=single, torque=model, parameters=parameters), to=tmp_path)
-    assert monodyn.open_run(tmp_path).torque == model
-    file = tmp_path / "fit.json"
-    document = json.loads(file.read_text())
-    place = document["drive"]
-    for key in where[:-1]:
-        place = place[key]
-    before, place[where[-1]] = place[where[-1]], 9.0
-    file.write_text(json.dumps(document))
-    with refuses(
-        SettingsError,
-        f"'{file}': expected {name} {before:g} in drive, as among the parameters, got 9: it was changed; run "
-        "it again.",
-    ):
-        monodyn.open_run(tmp_path)
+    monodyn.report(replace(identified(), mechanism=single, torque=kind, parameters=parameters), to=tmp_path)
+    assert monodyn.open_run(tmp_path).torque == kind
 
 
 @pytest.mark.parametrize("text", ["NaN", "-Infinity", "1e999"])
@@ -454,6 +436,12 @@ def test_a_model_that_was_changed_beside_its_fit_is_refused(tmp_path):
     file.write_text(written.replace('"joint1"', '"elbow"'))
     with refuses(SettingsError, f"'{file}': expected the joints of fit.json, joint1, got elbow; {DO}"):
         monodyn.open_run(tmp_path / "run")
+    file.write_text(written.replace('"link1', '"arm'))
+    with refuses(
+        SettingsError,
+        f"'{file}': expected the bodies of fit.json, got also arm; {DO}",
+    ):
+        monodyn.open_run(tmp_path / "run")
     # what stands beside the numbers may be changed
     file.write_text(written.replace("<mujoco", "<!-- mine -->\n<mujoco", 1))
     assert monodyn.open_run(tmp_path / "run").status == fit.status
@@ -479,7 +467,7 @@ def test_a_file_as_it_was_written_is_believed_and_moves_as_the_fit(tmp_path, nam
     check_model(tmp_path / "model.xml", written, known)
     if name != "tree":
         with pytest.raises(SettingsError, match="length"):
-            check_model(tmp_path / "model.xml", written, document)
+            check_model(tmp_path / "model.xml", written, {**document, "model_sha256": "another"})
     back, _ = opened_module._mechanism(document, written, rows, [])
     state = rng.uniform(-1.0, 1.0, (2, len(mechanism.joints)))
     there, here = (simulate(m, TIME, *state, tolerance=1e-10).position for m in (mechanism, back))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
 from html import unescape
 
 import av
@@ -117,7 +118,24 @@ def test_a_length_that_moves_the_next_hinge_alone_is_told(tmp_path):
     )
     # the frame of the second link alone is elsewhere
     np.testing.assert_array_equal(after[0], before[0])
-    assert said not in predict_run(tmp_path / "run", None, Wanted(fix={"link1.mass": 0.3})).notes
+    # one that moves nothing has a mass in its place
+    with refuses(
+        SettingsError,
+        "fix: expected parameters on which the motion depends, got link2.length: in a run folder mass, "
+        "centre of mass and inertia stand for the sizes of link2; give link2.mass, link2.com_x or "
+        "link2.inertia, or identify again with monodyn run --fix link2.length=0.3.",
+    ):
+        predict_run(tmp_path / "run", None, Wanted(fix={"link2.length": 0.3}))
+    alone = (
+        "Known only in ratios, and changed alone: link1.mass. The other masses, inertias and frictions stay "
+        "as in the run, so that the motion is another one; a measured value belongs to the run (monodyn run "
+        "--fix link1.mass=0.3), where the others follow it."
+    )
+    assert predict_run(tmp_path / "run", None, Wanted(fix={"link1.mass": 0.3})).notes == (alone,)
+    # without any friction, or with the mass that it has, nothing is out of proportion
+    same = predict_run(tmp_path / "run").fit.mechanism.values["link1.mass"]
+    for fix in ({"joint1.damping": 0.0}, {"link1.mass": same}):
+        assert predict_run(tmp_path / "run", None, Wanted(fix=fix)).notes == ()
 
 
 def test_it_is_as_long_as_the_record_and_begins_where_that_ends(run):
@@ -168,6 +186,7 @@ def test_a_film_that_is_interrupted_leaves_the_folder_as_it_was(run, tmp_path, m
     def stopped(*_) -> None:
         raise KeyboardInterrupt
 
+    monkeypatch.setattr(predicted_module, "_clip", lambda *_: tmp_path)
     monkeypatch.setattr(predicted_module, "_background", lambda *_: object())
     monkeypatch.setattr(predicted_module, "_film", stopped)
     with pytest.raises(KeyboardInterrupt):
@@ -197,8 +216,25 @@ def test_a_film_shows_the_motion_over_the_first_frame(filmed, make_clip, tmp_pat
     assert 20 < changed[0].sum() < 0.1 * first.size
     assert np.any(changed[0] != changed[-1])
     # the folder knows where its clip is
-    predict_run(run, tmp_path / "found", Wanted(joints, until=0.5), film=True)
+    found = predict_run(run, tmp_path / "found", Wanted(joints, until=0.5), film=True)
+    (refused,) = found.notes
     assert (tmp_path / "found" / "prediction.mp4").read_bytes() == (out / "prediction.mp4").read_bytes()
+    copy = tmp_path / "copy"
+    shutil.copytree(clip, copy)
+    assert predict_run(run, tmp_path / "copied", Wanted(joints, until=0.5), film=True, clip=copy).notes == (
+        refused,
+    )
+    (copy / "more.txt").write_text("Another one.")
+    said = (
+        f"The film is drawn over '{copy}', which is not the file that the run was made of: unless it is a "
+        "copy of the same clip, camera and scene are others, and the mechanism is drawn in the wrong place."
+    )
+    assert predict_run(run, tmp_path / "other", Wanted(joints, until=0.5), film=True, clip=copy).notes == (
+        refused,
+        said,
+    )
+    assert json.loads((tmp_path / "other" / "prediction.json").read_text())["notes"] == [refused, said]
+    shutil.rmtree(tmp_path / "other")
     (run / "run.json").unlink()
     for named, got in ((None, "none"), (tmp_path / "x", f"no file {tmp_path / 'x'}")):
         with refuses(SettingsError, f"film: expected the clip of the run, got {got}; name it with --clip."):

@@ -162,9 +162,12 @@ def apart(given: Sequence[Sequence[str]]) -> list[list[str]]:
     """Return words that may stand together with commas between them one by one.
 
     Args:
-        given: What the user wrote, by use of the option.
+        given: What the user wrote, by use of the option; a word without any is left for the complaint.
     """
-    return [[part for word in group for part in word.split(",") if part] for group in given]
+    return [
+        [part for word in group for part in [one for one in word.split(",") if one] or [word]]
+        for group in given
+    ]
 
 
 def words(option: str, given: Sequence[Sequence[str]]) -> dict[str, str]:
@@ -229,23 +232,23 @@ def intervals(option: str, words: Sequence[Sequence[str]]) -> dict[str, tuple[fl
 
 
 def names(option: str, words: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Return the names of repeated options in order.
+    """Return the names of repeated options in order, with blanks or commas between them.
 
     Args:
         option: Name of the option.
         words: What the user wrote, by use of the option.
     """
-    return tuple(word for group in words for word in group)
+    return tuple(word for group in apart(words) for word in group)
 
 
 def paths(option: str, words: Sequence[Sequence[str]]) -> tuple[Path, ...]:
-    """Return the files of repeated options in order.
+    """Return the files of repeated options in order; a comma is part of a name.
 
     Args:
         option: Name of the option.
         words: What the user wrote, by use of the option.
     """
-    return tuple(Path(name) for name in names(option, words))
+    return tuple(Path(name) for group in words for name in group)
 
 
 def _assigned(option: str, words: Sequence[Sequence[str]]) -> list[tuple[str, str, str]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro import conf
 
-from monodyn.cli.forms import Words, apart, tolerance, values
+from monodyn.cli.forms import Words, tolerance, values
 
 if TYPE_CHECKING:
     from monodyn.choices import Tolerance
@@ -61,7 +61,7 @@ class PredictOptions:
         """Return the exit code after running the command.
 
         Raises:
-            SettingsError: a film is wanted, and no folder for it; or the start is an empty word.
+            SettingsError: a film is wanted, and no folder for it.
         """
         from monodyn.cli.show import progress_on, show_result
         from monodyn.errors import SettingsError
@@ -69,12 +69,9 @@ class PredictOptions:
 
         if self.film and self.out is None:
             raise SettingsError("film: expected a folder for it, got none; name one with --out.")
-        positions = values("from", apart(self.start))
-        if self.start and not positions:
-            raise SettingsError("from: expected JOINT=POSITION, got an empty word; e.g. joint1=0.5,joint2=0.")
         wanted = Wanted(
-            positions=positions or None,
-            rates=values("rates", apart(self.rates)),
+            positions=values("from", self.start) or None,
+            rates=values("rates", self.rates),
             at=self.at,
             until=self.until,
             fix=values("fix", self.fix),
@@ -93,10 +90,11 @@ class PredictOptions:
 
 
 def _print(found: Predicted, tolerance: Tolerance) -> None:
-    """Print the motion."""
+    """Print the motion, with half the width of its 95 % bands."""
     import numpy as np
 
     from monodyn.cli.show import console, plain_table
+    from monodyn.results.curves import BAND
     from monodyn.results.horizon import horizon_said
     from monodyn.results.numbers import shown_in
 
@@ -106,12 +104,13 @@ def _print(found: Predicted, tolerance: Tolerance) -> None:
         cells = [f"{states.time[row]:.3f} s"]
         for dof, joint in enumerate(joints):
             scale = shown_in(joint)[0]
-            value, std = states.position[row, dof] * scale, states.std[row, dof] * scale
-            known = f"{std:.2g}" if np.isfinite(std) else "unknown"
+            value, half = states.position[row, dof] * scale, BAND * states.std[row, dof] * scale
+            known = f"{half:.2g}" if np.isfinite(half) else "unknown"
             cells.append(f"{value:.4g} ± {known}".replace("-", "−"))
         table.add_row(*cells)
     out = console()
     out.print(table)
+    out.print("± half the width of the 95 % band", markup=False)
     out.print(horizon_said(found.fit, found.horizon, tolerance, since="the start"), markup=False)
     for note in found.notes:
         out.print(f"- {note}", markup=False)

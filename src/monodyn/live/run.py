@@ -21,6 +21,7 @@ from monodyn.live.stream import Session
 from monodyn.pipeline import concluded
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import RunLog, recorded
+from monodyn.results.opened import origins
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
 from monodyn.types import Poses, Progress
@@ -72,7 +73,7 @@ def follow(
         return None
     inputs = input_files(clip, model, settings)
     log = RunLog("live", inputs, settings)
-    folder = RunFolder(out, force=force, inputs=(*inputs.values(), settings.background))
+    folder = RunFolder(out, force=force, inputs=(*inputs.values(), *origins(model), settings.background))
     with recorded(folder, log):
         with log.stage("live"), Session(opened, mechanism, live, settings) as session:
             video = _watched(session, shown, folder)

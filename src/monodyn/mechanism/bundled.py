@@ -11,6 +11,8 @@ BUNDLED_FILES = ("single", "double", "triple", "bob", "cartpole")
 BUNDLED = (*BUNDLED_FILES, "chain:N")
 """Names that ``load`` takes; N is the number of links of a chain, 1 to 10."""
 
+AUTO = "auto"
+"""What stands for the one of them that the evidence prefers."""
 LONGEST_CHAIN = 10
 
 _HEAD = """<mujoco>
@@ -24,12 +26,12 @@ _HEAD = """<mujoco>
 
 
 def is_bundled(source: object) -> bool:
-    """Return whether a mechanism is named that comes with the package, whatever file or folder has the name.
+    """Return whether a mechanism is named that comes with the package, or any, whatever file has the name.
 
     Args:
         source: What was given as a mechanism; a path is none of these names.
     """
-    return isinstance(source, str) and (source in BUNDLED_FILES or source.startswith("chain:"))
+    return isinstance(source, str) and (source in (*BUNDLED_FILES, AUTO) or source.startswith("chain:"))
 
 
 def bundled(name: str) -> str | Path | None:

@@ -72,7 +72,7 @@ class RunLog:
             settings: The settings, a dataclass.
         """
         self.command = command
-        self.inputs = {part: _fingerprint(part, value) for part, value in inputs.items()}
+        self.inputs = {part: fingerprint(part, value) for part, value in inputs.items()}
         values = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         self.settings: dict[str, Any] = jsonable(values)
         self.versions = versions()
@@ -89,7 +89,7 @@ class RunLog:
         Args:
             comparison: All that were tried, the chosen one first.
         """
-        self.inputs["model"] = _fingerprint("model", comparison[0].model)
+        self.inputs["model"] = fingerprint("model", comparison[0].model)
         self.settings["fix"] = {**self.settings["fix"], **comparison[0].fixed}
         self.comparison = comparison
 
@@ -187,8 +187,13 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _fingerprint(part: str, value: object) -> dict[str, Any]:
-    """Name an input and hash it when it is a file; a folder counts by the names and sizes of its files."""
+def fingerprint(part: str, value: object) -> dict[str, Any]:
+    """Name an input and hash it when it is a file; a folder counts by the names and sizes of its files.
+
+    Args:
+        part: What part it has in the run, as ``clip``.
+        value: A path, or a bundled name.
+    """
     path = Path(str(value))
     if part == "model" and is_bundled(value):
         return {"name": str(value)}

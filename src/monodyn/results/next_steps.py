@@ -88,7 +88,7 @@ def _refused(findings: Findings) -> list[Step]:
 
 def _named(model: str) -> str:
     """Return how the mechanism of a run is called from its folder, quoted."""
-    return shlex.quote(model if is_bundled(model) or model == "auto" else str(Path(model).resolve()))
+    return shlex.quote(model if is_bundled(model) else str(Path(model).resolve()))
 
 
 def _balanced(fit: Fit) -> list[Step]:

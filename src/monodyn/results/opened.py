@@ -21,8 +21,9 @@ from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
-from monodyn.results.intact import check_model, check_numbers, differing, digest
+from monodyn.results.intact import check_model, check_seal, differing, digest
 from monodyn.results.known_torques import known_torques
+from monodyn.results.log import fingerprint
 from monodyn.types import Camera, TorqueLog
 
 NOTHING = 0.04
@@ -36,7 +37,8 @@ def open_run(folder: str | Path) -> Fit:
 
     Motion, prediction and their bands are those of the fit that was written. Its parameters are those of the
     written model, whose bodies have masses and inertias in place of densities and thicknesses; residuals are
-    not kept. Known torques are those of ``torques.csv``: after record and prediction they are unknown.
+    not kept, so that ``report`` and ``smooth`` refuse it. Known torques are those of ``torques.csv``: after
+    record and prediction they are unknown.
 
     Args:
         folder: The run folder.
@@ -45,8 +47,8 @@ def open_run(folder: str | Path) -> Fit:
         The fit.
 
     Raises:
-        SettingsError: There is no such run, nothing was identified in it, or its files were changed: they
-            contradict themselves, or each other.
+        SettingsError: There is no such run, nothing was identified in it, or its files were changed after
+            they were written.
         MechanismError: ``model.xml`` is no mechanism.
 
     Example:
@@ -76,6 +78,26 @@ def is_run(model: str | Path) -> bool:
         model: What was given as the mechanism.
     """
     return not is_bundled(model) and Path(model).is_dir()
+
+
+def origins(model: str | Path) -> list[Path]:
+    """Name the files to which a mechanism leads back: without them it cannot be opened again.
+
+    Args:
+        model: What was given as the mechanism, and could be opened.
+
+    Returns:
+        Its file; where it is a run folder, what is read of that run and of those before it, and the file with
+        which they began.
+
+    Raises:
+        SettingsError: From deeper down: it could not be opened.
+    """
+    if not is_run(model):
+        return [Path(model)]
+    folder = Path(model)
+    before = _same(_json(folder / "run.json")["inputs"]["model"], folder)
+    return [folder / "fit.json", folder / "run.json", *origins(before)]
 
 
 def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) -> Mechanism:
@@ -225,6 +247,22 @@ def clip_of(folder: str | Path) -> Path | None:
         raise _changed(log, error) from None
 
 
+def is_other_clip(folder: str | Path, clip: str | Path) -> bool:
+    """Return whether a clip is another file than the one that a run was made of, as far as its log says.
+
+    Args:
+        folder: The run folder.
+        clip: The clip.
+
+    Raises:
+        SettingsError: The log is not what was written.
+    """
+    log = Path(folder) / "run.json"
+    known = _json(log)["inputs"].get("clip", {}) if log.is_file() else {}
+    found = fingerprint("clip", clip)
+    return any(found.get(name) != value for name, value in known.items() if name != "name")
+
+
 def _document(folder: Path) -> dict[str, Any]:
     """Return the content of ``fit.json`` of a run that has identified something."""
     document = _json(folder / "fit.json")
@@ -233,16 +271,11 @@ def _document(folder: Path) -> dict[str, Any]:
             f"'{folder / 'fit.json'}': expected a file of schema {SCHEMA}, got "
             f"{document.get('schema') or 'none'}; run it again with this version."
         )
-    if "initial_state" not in document or "status" not in document:
-        raise _changed(folder / "fit.json", KeyError("initial_state"))
+    check_seal(folder / "fit.json", document)
     if not document["initial_state"]:
         raise SettingsError(
             f"'{folder}': expected an identified mechanism, got a run without one: {document['status']}"
         )
-    try:
-        check_numbers(folder / "fit.json", document)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise _changed(folder / "fit.json", error) from None
     return document
 
 

@@ -12,18 +12,21 @@ import numpy as np
 from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
+from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.dimensions import MASS_KINDS
 from monodyn.mechanism.tree import INERTIA, MASS
 from monodyn.results.curves import BAND, state_curves
 from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.horizon import Horizon, allowed, horizon, horizon_said, lasts
+from monodyn.results.masses import mass_scale
 from monodyn.results.numbers import shown_in
-from monodyn.results.opened import clip_of, filmed_by, open_run
+from monodyn.results.opened import clip_of, filmed_by, is_other_clip, open_run
 from monodyn.results.overlay import PREDICTED, Drawing, write_overlay
 from monodyn.results.predict import evenly, spacing
-from monodyn.results.restart import restart
+from monodyn.results.restart import acting, restart
 from monodyn.results.sequel import Sequel, notes_of, sequel_text
 from monodyn.results.sight import outlines_of
 from monodyn.types import Frame, Progress
@@ -32,6 +35,10 @@ from monodyn.vision.clip.video import Video, read
 PREDICTION = FolderKind(
     "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4"), whole=True
 )
+
+
+SIZES = ("length", "width", "thickness", "tail", "tip")
+"""Kinds of sizes of a body, for which its mass may stand."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +133,7 @@ def predict_run(
     if wanted.positions is not None:
         # what pushed the record does not push what is let go by hand
         fit = replace(fit, torques=())
+    _refuse_sizes(fit, wanted.fix)
     begun = restart(fit, wanted.positions, wanted.rates, at=wanted.at, fix=wanted.fix, record=wanted.record)
     stamps, start = begun.time[0], begun.starts[0].time
     ends = float(fit.time[wanted.record][0]), float(fit.time[wanted.record][-1])
@@ -133,7 +141,8 @@ def predict_run(
     if not start < end < np.inf:
         raise SettingsError(f"until: expected a time after the start at {start:g} s, got {end:g} s.")
     times = evenly(start, end, spacing(stamps))
-    background = _background(Path(run), clip) if film else None
+    over = _clip(Path(run), clip) if film else None
+    background = None if over is None else _background(Path(run), over)
     if clip is not None and not film:
         raise SettingsError("clip: expected --film with it, got none; add it, or leave the clip out.")
     if out is not None and Path(out).resolve() == Path(run).resolve():
@@ -144,7 +153,10 @@ def predict_run(
     states = _followed(begun, times)
     found = Predicted(
         begun, states, horizon(begun, wanted.tolerance),
-        (*_stayed(fit.mechanism, begun.mechanism, wanted.fix), *_notes(begun, states, ends)),
+        (
+            *_stayed(fit.mechanism, begun.mechanism, wanted.fix), *_alone(fit, wanted.fix),
+            *_notes(begun, states, ends), *([] if over is None else _other_clip(Path(run), over)),
+        ),
     )  # fmt: skip
     if out is None:
         return found
@@ -152,6 +164,20 @@ def predict_run(
     with folder.filling():
         _write(folder, found, wanted, Path(run), background, progress)
     return replace(found, folder=folder.path)
+
+
+def _refuse_sizes(fit: Fit, fix: Mapping[str, float]) -> None:
+    """Refuse sizes of a body on which the motion does not depend, as its mass was written in their place."""
+    mechanism = fit.mechanism.with_choices(fix=fix)
+    for name, value in fix.items():
+        row = mechanism.parameter(name)
+        if row.kind in SIZES and not acting(mechanism, [name]):
+            raise SettingsError(
+                f"fix: expected parameters on which the motion depends, got {name}: in a run folder mass, "
+                f"centre of mass and inertia stand for the sizes of {row.owner}; give {row.owner}.mass, "
+                f"{row.owner}.com_x or {row.owner}.inertia, or identify again with monodyn run --fix "
+                f"{name}={value:g}."
+            )
 
 
 def _followed(fit: Fit, times: np.ndarray) -> States:
@@ -184,6 +210,19 @@ def _stayed(before: Mechanism, after: Mechanism, fix: Mapping[str, float]) -> li
     return notes
 
 
+def _alone(fit: Fit, fix: Mapping[str, float]) -> list[str]:
+    """Return a note on masses that are changed alone where only their ratios are known."""
+    rows = [fit.mechanism.parameter(name) for name in fix]
+    heavy = [p.name for p in rows if p.kind in MASS_KINDS and fix[p.name] not in (p.value, 0.0)]
+    if not heavy or mass_scale(fit) is not None:
+        return []
+    return [
+        f"Known only in ratios, and changed alone: {listed(heavy, 12)}. The other masses, inertias and "
+        "frictions stay as in the run, so that the motion is another one; a measured value belongs to the "
+        f"run (monodyn run --fix {heavy[0]}={fix[heavy[0]]:g}), where the others follow it."
+    ]
+
+
 def _notes(fit: Fit, states: States, record: tuple[float, float]) -> tuple[str, ...]:
     """Return what one should know about a prediction; ``record`` is where the fitted frames begin and end."""
     notes, start = [], fit.starts[0].time
@@ -202,6 +241,11 @@ def _notes(fit: Fit, states: States, record: tuple[float, float]) -> tuple[str, 
         )
     if fit.torque == "free" and np.isinf(states.std).any():
         notes.append("Free torques are known within the fitted frames alone: outside of these none act.")
+    elif fit.torque in ("fourier", "free"):
+        notes.append(
+            f"The torques over time that were identified act here, too: it begins with those of {start:g} s, "
+            "and with others at another --at."
+        )
     return tuple(notes)
 
 
@@ -266,15 +310,32 @@ def _state(mechanism: Mechanism, states: States) -> list[str]:
     return found
 
 
-def _background(run: Path, clip: str | Path | None) -> Frame:
-    """Return the first frame of the clip of a run."""
-    camera, _ = filmed_by(run)
+def _clip(run: Path, clip: str | Path | None) -> Path:
+    """Return the clip of a run: the one that was named, or the one that it found."""
+    # without a camera no clip is of any use
+    filmed_by(run)
     clip = clip_of(run) if clip is None else clip
     if clip is None or not Path(clip).exists():
         raise SettingsError(
             f"film: expected the clip of the run, got {'none' if clip is None else f'no file {clip}'}; name "
             "it with --clip."
         )
+    return Path(clip)
+
+
+def _other_clip(run: Path, clip: Path) -> list[str]:
+    """Return a note on a clip that is not the file of the run, but may be a copy of it in another format."""
+    if not is_other_clip(run, clip):
+        return []
+    return [
+        f"The film is drawn over '{clip}', which is not the file that the run was made of: unless it is a "
+        "copy of the same clip, camera and scene are others, and the mechanism is drawn in the wrong place."
+    ]
+
+
+def _background(run: Path, clip: Path) -> Frame:
+    """Return the first frame of a clip, which has to be of the size of that of a run."""
+    camera, _ = filmed_by(run)
     frame = next(read(clip).frames(0, 1))
     height, width = frame.luma.shape
     if (width, height) != (camera.width, camera.height):

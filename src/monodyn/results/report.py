@@ -23,7 +23,7 @@ from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.gaps import unfollowed
 from monodyn.results.heldout import excluded, excluded_note
-from monodyn.results.intact import digest
+from monodyn.results.intact import digest, sealed
 from monodyn.results.models import write_models
 from monodyn.results.page import page_text
 from monodyn.results.torques import torque_course
@@ -64,8 +64,8 @@ def write_results(
     if filmed is not None and filmed.camera_path is not None:
         folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))
     write_models(folder, findings)
-    # so that a model that was changed by hand is told from the one that belongs to the fit
-    document = {**fit_document(findings), "model_sha256": digest(folder.stage / "model.xml")}
+    # so that a file that was changed by hand is told from the one that was written
+    document = sealed({**fit_document(findings), "model_sha256": digest(folder.stage / "model.xml")})
     folder.write_text("fit.json", json_text(document))
     joints = [joint.name for joint in fit.mechanism.joints]
     moved = [replace(trace, states=motion) for trace, motion in zip(traces, motions, strict=True)]
