@@ -67,7 +67,7 @@ def test_what_is_printed_goes_with_the_exit_code(
     """A quiet command that ends with 1 says why, as those that identify do."""
     _, fit = identified("cartpole")
     good = control(fit, Aim({"joint1": 1.57}, ["slide"], draws=0))
-    fallen = replace(good, loop=replace(good.loop, balanced=False))
+    fallen = replace(good, loop=replace(good.loop, balanced=False), push=None)
     doubted = replace(good, fit=fit.doubted([Doubt("refused", "It is another mechanism.")]))
     for found, code, said in (
         (good, 0, ""),

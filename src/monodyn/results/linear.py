@@ -339,7 +339,10 @@ def _notes(fit: Fit, joint: str, moved: float) -> tuple[str, ...]:
         said = listed([mechanism.joints[i].name for i in rubbing])
         notes.append(f"Dry friction is left out of the linear system: it acts at {said}.")
     if mechanism.torque != "friction":
-        notes.append("Torques over time that were identified are left out of the linear system.")
+        notes.append(
+            "Torques over time that were identified are left out, of the linear system as of the closed "
+            "loop in MuJoCo."
+        )
     if mass_scale(fit) is None:
         unit = "kg m^2" if next(j for j in mechanism.joints if j.name == joint).kind == "hinge" else "kg"
         notes.append(

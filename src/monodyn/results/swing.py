@@ -8,7 +8,7 @@ data allow.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class SwingUp:
     """A way from a start into an equilibrium, with the gains that keep to it.
 
     Attributes:
-        regulator: Takes over at its end.
+        regulator: Takes over at its end, and has the equilibrium there: on the turn on which the way ends.
         time: Times of measurements [s], (frame,).
         states: Joint positions, then rates [rad or m, rad/s or m/s], (frame, 2 dof).
         torque: Torques that are held from one measurement to the next [N m or N], (frame - 1, motor).
@@ -84,7 +84,7 @@ class SwingUp:
 
     @property
     def position(self) -> np.ndarray:
-        """The equilibrium [rad or m], (dof,)."""
+        """The equilibrium, on the turn on which the way ends [rad or m], (dof,)."""
         return self.regulator.position
 
     @property
@@ -178,9 +178,7 @@ def swing_up(
             if way is None:
                 continue
             tried = [_reaches(one, way) for one in (mechanism, *others)]
-            way = SwingUp(
-                regulator, way.time, way.states, way.torque, way.gain, most, len(others), sum(tried[1:])
-            )
+            way = replace(way, draws=len(others), reached=sum(tried[1:]))
             found += 1
             if tried[0] and (best is None or way.reached > best.reached):
                 best = way
@@ -298,6 +296,8 @@ def _way(
         return None
     states, torque, slopes = along(shot, found, each * shot.parts)
     gain = _tracking(regulator, slopes)
+    # the same equilibrium counted in the turns of the way, so that their difference is none at its end
+    regulator = replace(regulator, linear=replace(regulator.linear, position=goal))
     return SwingUp(regulator, np.arange(len(states)) / regulator.rate, states, torque, gain, limit)
 
 
