@@ -186,9 +186,11 @@ def motors(mechanism: Mechanism, actuated: Sequence[str] | None) -> list[int]:
         actuated: Their names; None is all joints.
 
     Raises:
-        SettingsError: There are none, one is named twice, or one is not in the mechanism.
+        SettingsError: There are none, one is named twice, one is not in the mechanism, or they are no list.
     """
     names = [joint.name for joint in mechanism.joints]
+    if isinstance(actuated, str):
+        raise SettingsError(f"actuated: expected a list of joints, got '{actuated}'; give ['{actuated}'].")
     chosen = names if actuated is None else list(actuated)
     for name in chosen:
         if name not in names:
