@@ -36,6 +36,8 @@ CLOSED = 1e-3
 """Largest gap of a way that counts as found [rad or m, rad/s or m/s]."""
 KNOTS = Shot.intervals * Shot.parts
 """Pieces of the torques of a way."""
+HALF = np.pi + 1e-6
+"""Half a turn, and what rounding may add to it [rad]."""
 SETTLING = 3.0
 """Time after the swing in which a mechanism has to come to rest [s]."""
 SLOWEST = 0.5
@@ -298,8 +300,10 @@ def _way(
 ) -> SwingUp | None:
     """Return a way of about a duration; None where none was found."""
     still, goal = np.zeros(len(begin)), regulator.position
-    # of a hinge that may turn all around the shorter way
-    goal = begin + off(goal, begin, regulator.turns)
+    # of a hinge that may turn all around the shorter way; of two equal ones that towards the turn asked for
+    away = goal - begin
+    whole = 2.0 * np.pi * np.ceil((np.abs(away) - HALF) / (2.0 * np.pi))
+    goal = np.where(regulator.turns, goal - np.sign(away) * whole, goal)
     rows, tree = motors(mechanism, regulator.actuated), without_dry_friction(mechanism.tree)
     each = _each(seconds, regulator.rate)
     shot = Shot(
