@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from typing import Literal, NamedTuple, get_args
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Literal, get_args
 
 from monodyn.errors import SettingsError
 
@@ -16,7 +18,8 @@ MOST_DRAWN = 100
 """Models that may be drawn from what the data allow."""
 
 
-class Tolerance(NamedTuple):
+@dataclass(frozen=True)
+class Tolerance:
     """How far off a prediction may be.
 
     Attributes:
@@ -27,6 +30,13 @@ class Tolerance(NamedTuple):
     angle: float = math.radians(5.0)
     length: float = 0.02
 
+    def __post_init__(self) -> None:
+        for name, value, unit in (("angle", self.angle, "rad"), ("length", self.length, "m")):
+            if not isinstance(value, Real) or not 0.0 < value < math.inf:
+                raise SettingsError(
+                    f"tolerance: expected a finite {name} above 0 [{unit}], got {value}; change it."
+                )
+
     def of(self, joint: str) -> float:
         """Return the tolerance of a joint [rad or m].
 
@@ -34,6 +44,20 @@ class Tolerance(NamedTuple):
             joint: Its kind, ``hinge`` or ``slide``.
         """
         return self.angle if joint == "hinge" else self.length
+
+
+def check_whole(name: str, value: object) -> None:
+    """Refuse what is no count, nor a seed.
+
+    Args:
+        name: Name of the setting, for the message.
+        value: What was given.
+
+    Raises:
+        SettingsError: ``value`` is no whole number, or less than 0.
+    """
+    if not isinstance(value, Integral) or value < 0:
+        raise SettingsError(f"{name}: expected 0 or more, got {value}; give a whole number.")
 
 
 def check_choice(name: str, value: str | None, choices: Collection[str | None]) -> None:

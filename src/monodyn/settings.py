@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_args
 
-from monodyn.choices import METHOD_NAMES, MOST_DRAWN, Method, Tolerance, check_choice
+from monodyn.choices import METHOD_NAMES, MOST_DRAWN, Method, Tolerance, check_choice, check_whole
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings, Uncertainty, check_known
 from monodyn.vision.settings import (
@@ -154,8 +154,7 @@ class RunSettings:
     identify: IdentifySettings = field(default_factory=IdentifySettings)
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise SettingsError(f"seed: expected 0 or more, got {self.seed}; give a whole number.")
+        check_whole("seed", self.seed)
         if not 0 <= self.ensemble <= MOST_DRAWN:
             raise SettingsError(
                 f"ensemble: expected 0 to {MOST_DRAWN} models, got {self.ensemble}; give a number in between."

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import monodyn
 from controllable import identified
 from monodyn.cli import controlled
 from monodyn.cli.parse import parsed
@@ -67,7 +68,7 @@ def test_what_is_printed_goes_with_the_exit_code(
     """A quiet command that ends with 1 says why, as those that identify do."""
     _, fit = identified("cartpole")
     good = control(fit, Aim({"joint1": 1.57}, ["slide"], draws=0))
-    fallen = replace(good, loop=replace(good.loop, balanced=False))
+    fallen = replace(good, loop=replace(good.loop, balanced=False), push=None)
     doubted = replace(good, fit=fit.doubted([Doubt("refused", "It is another mechanism.")]))
     for found, code, said in (
         (good, 0, ""),
@@ -91,6 +92,14 @@ def test_a_weight_of_another_name_is_refused() -> None:
     assert done.err == (
         "monodyn: allowed: no weight is called 'torque'; weights: 'angle', 'length', 'rate', 'effort'.\n"
     )
+
+
+def test_a_seed_below_zero_is_refused(tmp_path: Path) -> None:
+    _, fit = identified("cartpole")
+    monodyn.report(fit, to=tmp_path / "run")
+    done = command("control", tmp_path / "run", "--at", "joint1=1.57", "--actuated", "slide", "--seed", "-1")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == "monodyn: seed: expected 0 or more, got -1; give a whole number.\n"
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:

@@ -67,8 +67,9 @@ def test_a_name_comes_once() -> None:
 
 
 def test_tolerances_are_an_angle_a_length_or_both() -> None:
-    assert tolerance("tolerance", "5deg, 2cm") == (pytest.approx(0.0872664626), 0.02)
-    assert tolerance("tolerance", "3mm") == Tolerance(length=pytest.approx(3e-3))
+    both = tolerance("tolerance", "5deg, 2cm")
+    assert (both.angle, both.length) == (pytest.approx(0.0872664626), 0.02)
+    assert tolerance("tolerance", "3mm").length == pytest.approx(3e-3)
     assert tolerance("tolerance", ".1rad") == Tolerance(angle=0.1)
     assert tolerance("tolerance", None) == Tolerance()
     for text in ("5", "5deg,3deg", "0deg", "-1deg", "5 %", ""):

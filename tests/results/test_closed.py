@@ -114,3 +114,18 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
     assert str(found.value) == (
         f"closed_loop: expected a file that MuJoCo reads, got '{path}' ({why}); give another."
     )
+
+
+def test_times_and_factors_that_are_none_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """MuJoCo would write its complaint of a torque that is no number into the working directory."""
+    monkeypatch.chdir(tmp_path)
+    none = Constant(("joint1", "joint2"), ("joint1",), 0.0)
+    for name, values, most in (
+        ("seconds", (-1.0, 0.0, np.nan, np.inf), 1e5),
+        ("factor", (0.0, np.nan, np.inf), 1e6),
+    ):
+        for value in values:
+            said = f"closed_loop: expected {name} above 0 and up to {most:g}, got {value:g}; change it."
+            with refuses(SettingsError, said):
+                closed_loop(load("double"), none, np.zeros(2), **{name: value})
+    assert list(tmp_path.iterdir()) == []

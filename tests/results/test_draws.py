@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from controllable import TIMES, identified
 from monodyn.mechanism.simulate import acceleration_derivatives, rollout
+from monodyn.results import draws
 from monodyn.results.draws import Response, drawn
 from monodyn.results.fill import fill
 
@@ -46,6 +48,19 @@ def test_draws_have_the_response_to_a_torque_in_common_where_masses_are_open() -
     ]
     # a draw is found where all features are met within 1e-4
     np.testing.assert_allclose(responses[1:], responses[0], rtol=2e-4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_few_draws_are_found_where_one_in_ten_is(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """The tries that a small number gets do not run out by bad luck: 20 would find none every eighth time."""
+    _, fit = identified("cartpole")
+    luck, nearest = np.random.default_rng(seed), draws._nearest
+
+    def seldom(*given):
+        return nearest(*given) if luck.uniform() < 0.1 else None
+
+    monkeypatch.setattr(draws, "_nearest", seldom)
+    assert [len(drawn(fit, count)) for count in (1, 2, 3)] == [1, 2, 3]
 
 
 def test_draws_follow_from_the_seed_and_stay_within_the_bounds() -> None:

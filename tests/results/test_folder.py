@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from monodyn.errors import SettingsError
-from monodyn.results.folder import FolderKind, RunFolder
+from monodyn.results.controlled import CONTROL
+from monodyn.results.folder import RUN, FolderKind, RunFolder
+from monodyn.results.predicted import PREDICTION
 from support import refuses
 
 
@@ -88,13 +90,41 @@ def test_a_folder_that_holds_a_run_is_refused(tmp_path: Path) -> None:
     )
     with refuses(SettingsError, said):
         RunFolder(tmp_path)
-    (tmp_path / "page.html").write_text("old")
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "page.html").write_text("old")
     said = (
-        f"out '{tmp_path}': expected a folder without an experiment, it holds page.html; "
+        f"out '{other}': expected a folder without an experiment, it holds page.html; "
         "give another folder, or --force to replace the experiment."
     )
     with refuses(SettingsError, said):
-        RunFolder(tmp_path, kind=OTHER)
+        RunFolder(other, kind=OTHER)
+
+
+@pytest.mark.parametrize(
+    ("kind", "word", "sign"),
+    [
+        (CONTROL, "run", "fit.json"), (CONTROL, "prediction", "prediction.json"),
+        (PREDICTION, "run", "run.json"), (PREDICTION, "controller", "control.json"),
+        (RUN, "controller", "control.json"), (RUN, "prediction", "prediction.json"),
+        (OTHER, "run", "fit.json"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("force", [False, True])
+def test_a_result_of_another_kind_is_never_replaced(
+    tmp_path: Path, kind: FolderKind, word: str, sign: str, force: bool
+) -> None:
+    """They share model.xml and prediction.csv, which a swap would take from the other."""
+    files = [sign, "model.xml", "prediction.csv"]
+    for name in files:
+        (tmp_path / name).write_text("old")
+    said = (
+        f"out '{tmp_path}': expected a folder without a {word}, it holds {sign}; give another folder with "
+        "--out."
+    )
+    with refuses(SettingsError, said):
+        RunFolder(tmp_path, force=force, kind=kind)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(files)
 
 
 def test_an_input_is_never_replaced(tmp_path: Path) -> None:

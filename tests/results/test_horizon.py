@@ -39,6 +39,14 @@ def test_a_wide_tolerance_is_kept_and_none_is_left_at_once(fit):
         horizon(fit, record=1)
 
 
+@pytest.mark.parametrize("value", [-1.0, 0.0, np.nan, np.inf, "5deg"])
+def test_a_tolerance_that_is_none_is_refused(value):
+    with refuses(SettingsError, f"tolerance: expected a finite angle above 0 [rad], got {value}; change it."):
+        Tolerance(angle=value)
+    with refuses(SettingsError, f"tolerance: expected a finite length above 0 [m], got {value}; change it."):
+        Tolerance(length=value)
+
+
 def test_what_was_measured_shortens_it(fit, truth):
     mechanism, q, _ = truth
     poses = replace(record(mechanism, ALL, q), frame=np.arange(120))

@@ -155,7 +155,10 @@ def test_notes_say_what_is_left_out_and_in_which_units_torques_are() -> None:
     np.testing.assert_allclose(found.system.A, linearize(fit, UPRIGHT).system.A)
     assert not without_dry_friction(rubbing.mechanism.tree).links[:, 10].any()
     driven = replace(fit, mechanism=fit.mechanism.with_torque("fourier", terms=1, period=1.0))
-    said = "Torques over time that were identified are left out of the linear system."
+    said = (
+        "Torques over time that were identified are left out, of the linear system as of the closed loop in "
+        "MuJoCo."
+    )
     assert linearize(driven, UPRIGHT).notes[0] == said
     known = [replace(p, std=0.01) if p.name == "cart.mass" else p for p in fit.parameters]
     assert linearize(replace(fit, parameters=tuple(known)), UPRIGHT).notes == ()

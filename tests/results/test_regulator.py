@@ -158,5 +158,12 @@ def test_numbers_that_are_none_are_refused() -> None:
             lqr(fit, upright, actuated=motors, rate=value)
     with refuses(SettingsError, "lqr: expected 0 draws or more, got -1; change it."):
         lqr(fit, upright, actuated=motors, draws=-1)
+    for seed in (-1, 1.5, np.nan):
+        with refuses(SettingsError, f"seed: expected 0 or more, got {seed}; give a whole number."):
+            lqr(fit, upright, actuated=motors, seed=seed)
+    with refuses(SettingsError, "draws: expected 0 or more, got 1.5; give a whole number."):
+        lqr(fit, upright, actuated=motors, draws=1.5)
+    with refuses(SettingsError, "actuated: expected a list of joints, got 'joint1'; give ['joint1']."):
+        lqr(fit, upright, actuated="joint1")
     with refuses(SettingsError, "at: expected a number within 1e+06 of 0 for joint1, got nan."):
         lqr(fit, {"joint1": np.nan}, actuated=motors)

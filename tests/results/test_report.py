@@ -121,7 +121,7 @@ def test_an_ensemble_that_cannot_be_drawn_is_said():
     unknown = replace(fit, covariance=np.full_like(fit.covariance, np.nan))
     assert Findings(unknown, drawn=3).advice[-1] == (
         "0 of 3 models of the ensemble were drawn: the fit does not say well enough what the mechanism "
-        "may be."
+        "may be, or nearly all that it allows lies beyond the bounds of the parameters."
     )
     with refuses(SettingsError, "ensemble: expected 0 to 100 models, got 101; give a number in between."):
         RunSettings(ensemble=101)

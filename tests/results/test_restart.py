@@ -171,6 +171,14 @@ def test_what_cannot_be_is_refused():
     ]:
         with refuses(SettingsError, message):
             restart(fit, *given)
+    for given in ([0.5, 0.0], 0.5):
+        said = f"restart: expected numbers by name, got {given}; name them, as {{'joint1': 0.5}}."
+        with refuses(SettingsError, said):
+            restart(fit, given)
+        with refuses(SettingsError, said):
+            restart(fit, {"joint1": 0.5}, given)
+        with refuses(SettingsError, said.replace("joint1", "gravity")):
+            restart(fit, fix=given)
     with refuses(SettingsError, "restart: expected a record from 0 to 0, got 1."):
         restart(fit, record=1)
     for at in (1e9, np.nan):

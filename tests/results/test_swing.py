@@ -7,10 +7,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from controllable import identified, regulated
+from controllable import UPRIGHT, identified, regulated
 from monodyn.errors import SettingsError
 from monodyn.mechanism import load
 from monodyn.results.closed import closed_loop
+from monodyn.results.regulator import lqr
 from monodyn.results.swing import SwingUp, hanging, swing_up
 from support import refuses
 
@@ -106,17 +107,31 @@ def test_times_and_room_that_are_none_are_refused() -> None:
 def test_no_way_is_refused() -> None:
     _, fit = identified("cartpole")
     said = (
-        "swing_up: expected a way up within the torques slide=0.001, but found none in 0.25 s; give larger "
-        "limits, more room, or another time."
+        "swing_up: expected a way up within the torques slide=0.001, but found none in 0.25 s at 200 "
+        "measurements a second; give larger limits, more room, or another time."
     )
     with refuses(SettingsError, said):
         swing_up(fit, regulated("cartpole"), limit={"slide": 1e-3}, seconds=0.25, draws=0)
     within = (
         "swing_up: expected a way up within the torques slide=0.001 and the positions slide=-0.001:0.001, "
-        "but found none in 0.25 s; give larger limits, more room, or another time."
+        "but found none in 0.25 s at 200 measurements a second; give larger limits, more room, or another "
+        "time."
     )
     with refuses(SettingsError, within):
         swing_up(
             fit, regulated("cartpole"), limit={"slide": 1e-3}, within={"slide": (-1e-3, 1e-3)}, seconds=0.25,
             draws=0,
         )  # fmt: skip
+
+
+def test_a_rate_at_which_there_may_be_no_way_is_named() -> None:
+    """At five measurements a second the shortest way is one of ten seconds, whatever time is tried."""
+    _, fit = identified("cartpole")
+    seldom = lqr(fit, UPRIGHT, actuated=["slide"], rate=5.0, draws=0)
+    said = (
+        "swing_up: expected a way up within the torques slide=0.001 and the positions slide=-0.3:0.3, but "
+        "found none in 10 s at 5 measurements a second; measure more often (--rate) or give larger limits, "
+        "more room, or another time."
+    )
+    with refuses(SettingsError, said):
+        swing_up(fit, seldom, limit={"slide": 1e-3}, within={"slide": (-0.3, 0.3)}, draws=0)

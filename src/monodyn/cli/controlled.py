@@ -28,7 +28,9 @@ class ControlOptions:
         out: Folder for control.json, control.html, control.mp4 and model.xml; nothing is written when left
             out.
         swing: Swing it up from where it hangs, or from --start, then balance it.
-        start: Joint positions at the beginning [rad, m for slides]; those left out are those of --at.
+        start: Joint positions at the beginning [rad, m for slides]; those left out are those of --at. Without
+            it a swing begins hanging, and a balance with the first hinge that has no motor 0.2 rad from --at,
+            or 0.05 rad where there are several hinges.
         limit: Largest torque of a motor during the swing [N m, N for slides], e.g. joint1=0.5.
         within: Least and largest position of a joint on the way [rad, m for slides], e.g. slide=-0.3:0.3.
         seconds: How long the swing takes; several times are tried when left out.
@@ -109,9 +111,8 @@ def _allowed(given: Mapping[str, float]) -> Allowed:
 def _print(found: Controlled) -> None:
     """Print gains and what they do."""
     document = found.document
-    where = ", ".join(
-        f"{name}={round(x, 9):z.6g}" for name, x in document["operating_point"]["position"].items()
-    )
+    at = zip(found.regulator.joints, found.regulator.position, strict=True)
+    where = ", ".join(f"{name}={round(x, 9):z.6g}" for name, x in at)
     print(f"equilibrium: {where}")
     for motor, row in zip(document["motors"], found.regulator.gain, strict=True):
         gains = ", ".join(f"{name} {x:.5g}" for name, x in zip(document["states"], row, strict=True))

@@ -118,6 +118,7 @@ def write_mjcf(
     *,
     keyframes: Sequence[Keyframe] = (),
     camera: Eye | None = None,
+    motors: Sequence[str] = (),
     remarks: Sequence[str] = (),
 ) -> None:
     """Write the mechanism as an MJCF file.
@@ -134,6 +135,7 @@ def write_mjcf(
         path: File to write.
         keyframes: States to begin in.
         camera: The camera that saw it.
+        motors: Joints that have a motor though the mechanism is not driven.
         remarks: Sentences for comments at the top.
     """
     root = ET.Element("mujoco", model=mechanism.name)
@@ -161,15 +163,26 @@ def write_mjcf(
     if camera is not None:
         scene.append(_camera(camera))
     if mechanism.torque != "friction":
+        motors = [joint.name for joint in mechanism.joints]
+    if motors:
         actuator = ET.SubElement(root, "actuator")
-        for joint in mechanism.joints:
-            ET.SubElement(actuator, "motor", name=f"{joint.name}_torque", joint=joint.name, gear="1")
+        for name in motors:
+            ET.SubElement(actuator, "motor", name=motor_at(name), joint=name, gear="1")
     if keyframes:
         listed = ET.SubElement(root, "keyframe")
         for key in keyframes:
             qpos, qvel = numbers(*key.position), numbers(*key.velocity)
             ET.SubElement(listed, "key", name=key.name, time=numbers(key.time), qpos=qpos, qvel=qvel)
     save(root, path, [*remarks, INTEGRATOR])
+
+
+def motor_at(joint: str) -> str:
+    """Return the name of the motor at a joint.
+
+    Args:
+        joint: Name of the joint.
+    """
+    return f"{joint}_torque"
 
 
 def _customs(mechanism: Mechanism) -> list[ET.Element]:

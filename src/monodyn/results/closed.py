@@ -20,6 +20,8 @@ AT_END = 1.0
 """Last part of a motion, in which it has to be where it is to be [s]."""
 LOST = 1e3
 """Rates beyond which a motion is given up [rad/s or m/s]."""
+LONGEST, STRONGEST = 1e5, 1e6
+"""Longest time [s] and largest factor that are simulated."""
 ANGLE, LENGTH = 0.1, 0.1
 """How far off a balanced joint may be [rad, m]."""
 
@@ -115,9 +117,14 @@ def closed_loop(
         The motion; it ends early where it runs away.
 
     Raises:
-        SettingsError: The model has not the controller's joints, MuJoCo cannot read it, or a joint of the
-            start is not there.
+        SettingsError: The model has not the controller's joints, MuJoCo cannot read it, the time or the
+            factor is not above 0 or too large; from deeper down: a joint of the start is not there.
     """
+    for name, value, most in (("seconds", seconds, LONGEST), ("factor", factor, STRONGEST)):
+        if not 0.0 < value <= most:
+            raise SettingsError(
+                f"closed_loop: expected {name} above 0 and up to {most:g}, got {value:g}; change it."
+            )
     mujoco: Any = importlib.import_module("mujoco")
     body = _body(mujoco, model)
     known = [body.joint(i).name for i in range(body.njnt)]

@@ -11,8 +11,8 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
-from monodyn.estimation.wording import percent
-from monodyn.mechanism import Mechanism, write_mjcf
+from monodyn.mechanism import Mechanism
+from monodyn.results.caveats import draws_said, seldom, turned, undrawn
 from monodyn.results.closed import ClosedLoop, closed_loop
 from monodyn.results.curves import loop_curves
 from monodyn.results.export import json_text
@@ -20,8 +20,10 @@ from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.linear import by_joint
 from monodyn.results.loop_film import write_loop
 from monodyn.results.masses import mass_scale
+from monodyn.results.models import write_controlled
 from monodyn.results.numbers import shown_in
 from monodyn.results.opened import open_run
+from monodyn.results.push import Push, let_go
 from monodyn.results.regulator import RATE, Allowed, Regulator, lqr
 from monodyn.results.sequel import Sequel, Table, notes_of, sequel_text
 from monodyn.results.swing import SwingUp, swing_up
@@ -30,12 +32,20 @@ from monodyn.types import Progress
 CONTROL = FolderKind("controller", ("control.json", "control.html", "control.mp4", "model.xml"), whole=True)
 BALANCING = 10.0
 """How long a balance is simulated, also after a swing [s]."""
-ENOUGH = 20
-"""Draws from which on it says something that all of them are held: up to one in seven may not be."""
-FALLEN = 2.0
-"""How many times as far from the equilibrium a mechanism may be at the next measurement without torque."""
-PUSHED = 0.2
-"""How far the first hinge without a motor is from the equilibrium at the beginning of a balance [rad]."""
+LAW = (
+    "torque = operating torque - gain (state - operating state), held for 1 / rate seconds; of each joint in "
+    "turning the position's difference is taken less the whole turns in it, so that it is at most half a turn"
+)
+"""How torques follow from what ``control.json`` has."""
+LAW_OF_A_SWING = (
+    "; from k / rate seconds on, gain, torque and state of row k of the swing stand in their place, after "
+    "its last torque the operating ones; each torque is clipped to plus or minus its limit of the swing, "
+    "then, too"
+)
+APPLIED = (
+    "In N m and N, by rad, m, rad/s and m/s. The law is in control.json; in model.xml each of these joints "
+    "has a motor, whose control is the torque."
+)
 
 
 @dataclass(frozen=True)
@@ -47,7 +57,7 @@ class Aim:
         actuated: Joints with a motor.
         swing: True swings it up from where it hangs, or from ``start``.
         start: Joint positions at the beginning [rad or m], by name; those left out are where the equilibrium
-            has them. None: hanging for a swing, else 0.2 rad away.
+            has them. None: hanging for a swing, else one joint is a little away, as `Push` says.
         limit: Largest torque by joint [N m or N], for a swing.
         within: Least and largest position by joint on the way [rad or m], for a swing.
         seconds: How long the swing takes [s]; None tries.
@@ -81,6 +91,7 @@ class Controlled:
         swing: What swings it up, or None.
         loop: The identified mechanism under it, in MuJoCo.
         folder: Where the files are; None where none were written.
+        push: Where the balance begins; None for a swing, and where the start was given.
     """
 
     aim: Aim
@@ -89,6 +100,7 @@ class Controlled:
     swing: SwingUp | None
     loop: ClosedLoop
     folder: Path | None = None
+    push: Push | None = None
 
     @property
     def ok(self) -> bool:
@@ -98,14 +110,32 @@ class Controlled:
     @property
     def status(self) -> str:
         """What came of it, a sentence."""
-        return _kept(self.loop) if self.fit.ok else self.fit.status
+        return self.kept if self.fit.ok else self.fit.status
+
+    @property
+    def kept(self) -> str:
+        """Whether the identified mechanism was balanced, a sentence."""
+        said, push = "In MuJoCo the identified mechanism", self.push
+        if self.loop.balanced:
+            return f"{said} stays balanced."
+        if push is None:
+            return f"{said} does not stay balanced."
+        return f"{said} does not stay balanced {push.fallen}."
+
+    @property
+    def doubt(self) -> str:
+        """Why the mechanism is not to be relied on, a sentence; empty where it is."""
+        return "" if self.fit.ok else f"The mechanism is not to be relied on: {self.fit.status}"
+
+    @property
+    def held(self) -> np.ndarray:
+        """The equilibrium, after a swing on the turn on which that ends [rad or m], (dof,)."""
+        return (self.swing or self.regulator).position
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What one should know about it, in sentences."""
-        stability, notes = self.regulator.stability, []
-        if not self.fit.ok:
-            notes.append(f"The mechanism is not to be relied on: {self.fit.status}")
+        stability, notes = self.regulator.stability, [self.doubt] if self.doubt else []
         if stability.draws:
             notes.append(
                 f"The gains hold {stability.stable} of {stability.draws} mechanisms that the data allow; the "
@@ -118,12 +148,13 @@ class Controlled:
                     "beyond the bounds of the parameters."
                 )
             # what falls between two measurements says nothing of the data
-            notes += _seldom(self.regulator) or draws_said(stability.stable, stability.draws)
+            notes += seldom(self.regulator) or draws_said(stability.stable, stability.draws)
         else:
-            notes.append("No mechanisms were drawn: the gains were tried on the identified mechanism alone.")
+            why = undrawn(self.fit, self.aim.draws)
+            notes.append(f"{why}: the gains were tried on the identified mechanism alone.")
         if stability.lightest < stability.heaviest:
             held = f"{stability.lightest:.2g} to {stability.heaviest:.2g}"
-            notes.append(f"The balance holds with {held} times the masses.")
+            notes.append(f"The linear system stays balanced with {held} times the masses.")
         if self.swing is not None:
             notes.append(
                 f"The swing takes {self.swing.seconds:.3g} s and reaches the balance with "
@@ -138,8 +169,10 @@ class Controlled:
                     "mechanism has k times those of model.xml, all its torques have to be k times as large "
                     "(closed_loop has factor= for it)."
                 )
+            notes += turned(self.regulator.joints, self.regulator.position, self.held)
+        begun = [self.push.begun] if self.push is not None and self.loop.balanced else []
         # of both, gains and swing, it may be the same
-        return (*dict.fromkeys(notes), _kept(self.loop), *self.regulator.linear.notes)
+        return (*dict.fromkeys(notes), self.kept, *begun, *self.regulator.linear.notes)
 
     @property
     def document(self) -> dict[str, Any]:
@@ -150,13 +183,13 @@ class Controlled:
         return {
             "grade": self.fit.grade,
             "notes": list(self.notes),
-            "law": "torque = operating torque - gain (state - operating state), held for 1 / rate seconds; "
-            "within a swing with the gain, torque and state of each of its rows in their place",
+            "law": LAW if self.swing is None else LAW + LAW_OF_A_SWING,
             "states": states,
+            "turning": [name for name, turns in zip(names, regulator.turns, strict=True) if turns],
             "motors": list(regulator.actuated),
             "rate": regulator.rate,
             "operating_point": {
-                "position": dict(zip(names, linear.position, strict=True)),
+                "position": dict(zip(names, self.held, strict=True)),
                 "torque": dict(zip(regulator.actuated, linear.torque, strict=True)),
             },
             "gain": regulator.gain,
@@ -206,7 +239,7 @@ def control_run(
     )
     with folder.filling():
         folder.write_text("control.json", json_text(found.document))
-        folder.write("model.xml", lambda path: write_mjcf(fit.mechanism, path))
+        write_controlled(folder, fit, found.regulator.actuated, found.loop, found.held)
         files = [*folder.written, *(["control.mp4"] if film else [])]
         folder.write_text("control.html", sequel_text(_page(found, Path(run)), files, Path(run), folder.path))
         if film:
@@ -245,27 +278,16 @@ def control(fit: Fit, aim: Aim) -> Controlled:
         named = np.array([name in aim.start for name in regulator.joints])
         start = np.where(named, given, regulator.position)
     if not aim.swing:
-        begin = _pushed(fit.mechanism, regulator) if start is None else start
-        loop = closed_loop(fit.mechanism, regulator, begin, seconds=BALANCING)
+        if start is None:
+            push, loop = let_go(fit.mechanism, regulator, BALANCING)
+            return Controlled(aim, fit, regulator, None, loop, push=push)
+        loop = closed_loop(fit.mechanism, regulator, start, seconds=BALANCING)
         return Controlled(aim, fit, regulator, None, loop)
     swing = swing_up(
         fit, regulator, start=start, limit=aim.limit, within=aim.within, seconds=aim.seconds, seed=aim.seed
     )
     loop = closed_loop(fit.mechanism, swing, swing.start, seconds=swing.seconds + BALANCING)
     return Controlled(aim, fit, regulator, swing, loop)
-
-
-def _pushed(mechanism: Mechanism, regulator: Regulator) -> np.ndarray:
-    """Return positions away from the equilibrium, (dof,): by 0.2 rad where a motor has to catch a hinge on a
-    slide, else by a quarter of that."""
-    position = regulator.position.copy()
-    hinges = [i for i, joint in enumerate(mechanism.joints) if joint.kind == "hinge"]
-    free = [i for i in hinges if regulator.joints[i] not in regulator.actuated] or hinges
-    # of several hinges in a row a motor catches less
-    alone = len(hinges) == 1
-    for i in free[:1]:
-        position[i] += PUSHED if alone else PUSHED / 4.0
-    return position
 
 
 def _way(swing: SwingUp, states: Sequence[str]) -> dict[str, Any]:
@@ -282,60 +304,10 @@ def _way(swing: SwingUp, states: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _seldom(regulator: Regulator) -> list[str]:
-    """Return a note where a mechanism falls too far from one measurement to the next; none else."""
-    fastest = float(np.max(np.real(np.linalg.eigvals(regulator.linear.system.A))))
-    grown = np.exp(min(max(fastest, 0.0) / regulator.rate, 99.0))
-    if grown < FALLEN:
-        return []
-    return [
-        f"From one measurement to the next, {1.0 / regulator.rate:.3g} s, it falls {grown:.2g} times as far "
-        "from the equilibrium as it was, which leaves no room for any error of the model: measure more often "
-        "with --rate."
-    ]
-
-
-def draws_said(held: int, draws: int) -> list[str]:
-    """Say what it means for the true mechanism how many draws of it a controller holds.
-
-    Args:
-        held: How many of them.
-        draws: How many were drawn.
-
-    Returns:
-        A sentence; none where enough were drawn, and all are held.
-
-    Source:
-        Clopper and Pearson, The use of confidence or fiducial limits illustrated in the case of the binomial,
-        1934: the upper limit of the share that is not held.
-    """
-    if not draws or held == draws >= ENOUGH:
-        return []
-    from scipy.special import betaincinv
-
-    lost = draws - held
-    most = 1.0 if lost == draws else float(betaincinv(lost + 1, held, 0.95))
-    if 2 * held < draws:
-        return [
-            "The data do not tell the mechanism well enough for this controller: it is not one for the true "
-            "mechanism. Film what the report of the run advises, or choose another equilibrium or motor."
-        ]
-    if lost:
-        return [
-            f"The true mechanism is one that it does not hold with a chance of up to {percent(most)} (95 % "
-            "sure): film what the report of the run advises, or weigh the torques otherwise (--allowed "
-            "effort=SHARE)."
-        ]
-    return [
-        f"That all of {draws} are held says little: up to {percent(most)} of those that the data allow may "
-        f"not be (95 % sure); {ENOUGH} draws or more say it better."
-    ]
-
-
 def _page(found: Controlled, run: Path) -> Sequel:
     """Return what the page of a controller says."""
     fit, regulator, loop, swing, aim = found.fit, found.regulator, found.loop, found.swing, found.aim
-    mechanism, stability = fit.mechanism, regulator.stability
+    mechanism, stability, status = fit.mechanism, regulator.stability, found.doubt or found.kept
     states = [*regulator.joints, *(f"{name} rate" for name in regulator.joints)]
     asked = [
         ("equilibrium", _positions(mechanism, regulator.position)),
@@ -353,10 +325,17 @@ def _page(found: Controlled, run: Path) -> Sequel:
         asked += [("on the way [rad, m]", ", ".join(ways))] if ways else []
     facts = [
         (f"{loop.time[-1]:.3g} s", "simulated in MuJoCo"),
-        (f"{stability.stable} of {stability.draws}", "draws of what the data allow held"),
+        (f"{stability.stable} of {stability.draws}", "draws of what the data allow held")
+        if stability.draws
+        else (f"0 of {aim.draws}", "mechanisms that the data allow drawn"),
     ]
     if stability.lightest < stability.heaviest:
-        facts.append((f"{stability.lightest:.2g} to {stability.heaviest:.2g}", "times the masses balanced"))
+        facts.append(
+            (
+                f"{stability.lightest:.2g} to {stability.heaviest:.2g}",
+                "times the masses balanced, of the linear system",
+            )
+        )
     if swing is not None:
         facts.append((f"{swing.reached} of {swing.draws}", "draws swung up and balanced"))
     plan = None if swing is None else (swing.time, swing.states)
@@ -367,20 +346,14 @@ def _page(found: Controlled, run: Path) -> Sequel:
         f"{', '.join(regulator.actuated)}",
         subtitle=f"Controller of the mechanism that was identified in '{run.resolve().name}'.",
         grade=fit.grade if loop.balanced else "refused",
-        status=_kept(loop),
-        notes=notes_of(fit, [note for note in found.notes if note != _kept(loop)]),
+        status=status,
+        notes=notes_of(fit, [note for note in found.notes if note != status]),
         facts=facts,
         asked=asked,
         plots=loop_curves(mechanism, loop, regulator.actuated, plan),
         legend=[("fitted", "in MuJoCo"), *([("observed", "planned")] if swing is not None else [])],
-        tables=[Table("Gains", ["torque at", *states], gains, "In N m and N, by rad, m, rad/s and m/s.")],
+        tables=[Table("Gains", ["torque at", *states], gains, APPLIED)],
     )
-
-
-def _kept(loop: ClosedLoop) -> str:
-    """Say whether the identified mechanism was balanced."""
-    kept = "stays balanced" if loop.balanced else "does not stay balanced"
-    return f"In MuJoCo the identified mechanism {kept}."
 
 
 def _positions(mechanism: Mechanism, position: np.ndarray) -> str:

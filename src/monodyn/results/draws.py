@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.choices import check_whole
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
@@ -27,8 +28,9 @@ MET = 1e-4
 """A draw is found where its accelerations are met to that share of the usual ones."""
 LONGEST = 0.3
 """Longest step of a parameter, as a share of its value."""
-MOST_TRIES = 10
-"""Draws a mechanism that is found, at most."""
+MOST_TRIES, SPARE_TRIES = 10, 200
+"""Draws a mechanism that is found, at most, and how many more: of one in ten that lies within the bounds a
+few draws would often find none."""
 SEEN = 1e-7
 """Directions along which accelerations change less than this share of the most stay as they are."""
 
@@ -58,9 +60,14 @@ def drawn(fit: Fit, count: int, *, seed: int = 0, response: Response | None = No
     Returns:
         The mechanisms; fewer where some were not found, none where the fit has no covariance.
 
+    Raises:
+        SettingsError: From deeper down: the number or the seed is no whole number, or less than 0.
+
     Example:
         ``[monodyn.write_mjcf(one, f"{k}.xml") for k, one in enumerate(drawn(fit, 20))]``
     """
+    check_whole("seed", seed)
+    check_whole("draws", count)
     covariance = fit.shared_covariance
     if not fit.shared or not np.all(np.isfinite(covariance)):
         return []
@@ -71,7 +78,7 @@ def drawn(fit: Fit, count: int, *, seed: int = 0, response: Response | None = No
     start, slopes = features.of(fit.mechanism)
     found: list[Mechanism] = []
     measured = mass_scale(fit) is not None
-    for _ in range(MOST_TRIES * count):
+    for _ in range(SPARE_TRIES + MOST_TRIES * count):
         if len(found) == count:
             break
         change = root @ rng.normal(size=len(values))

@@ -126,7 +126,7 @@ def _fewer(found: int, wanted: int) -> str:
     """Say that fewer models were drawn than were asked for."""
     return (
         f"{found} of {wanted} models of the ensemble were drawn: the fit does not say well enough what the "
-        "mechanism may be."
+        "mechanism may be, or nearly all that it allows lies beyond the bounds of the parameters."
     )
 
 

@@ -39,6 +39,13 @@ FILES = (
 )
 """Names of the files of a run; nothing else in the folder is ever touched."""
 
+SIGNS = {
+    "run": ("fit.json", "run.json"),
+    "controller": ("control.json",),
+    "prediction": ("prediction.json",),
+}
+"""Files by which a folder is known to hold a result, by the word of its kind; others have names in common."""
+
 STAGE = "unfinished"
 ASIDE = "replaced"
 
@@ -90,7 +97,7 @@ class RunFolder:
 
         Raises:
             SettingsError: the path is a file, holds a run and ``force`` is not set, holds an input under a
-                name of ours, or cannot be created.
+                name of ours or a result of another kind, or cannot be created.
         """
         self.path, self.kind = Path(path), kind
         if not str(path):
@@ -99,6 +106,7 @@ class RunFolder:
         self._spare(inputs)
         if self.path.exists() and not self.path.is_dir():
             raise SettingsError(f"out '{self.path}': expected a folder, got a file; give another name.")
+        self._be_alone()
         old = [name for name in kind.files if (self.path / name).exists()]
         if old and not force:
             article = "an" if kind.word[0] in "aeiou" else "a"
@@ -126,6 +134,16 @@ class RunFolder:
                 raise SettingsError(
                     f"out '{self.path}': expected another folder than that of the inputs, got the one of "
                     f"'{given}', which the {self.kind.word} would replace; give another with --out."
+                )
+
+    def _be_alone(self) -> None:
+        """Raise if the folder holds a result of another kind: replacing ours would take files from it."""
+        for word, names in SIGNS.items():
+            found = [name for name in names if name not in self.kind.files and (self.path / name).exists()]
+            if word != self.kind.word and found:
+                raise SettingsError(
+                    f"out '{self.path}': expected a folder without a {word}, it holds {found[0]}; give "
+                    "another folder with --out."
                 )
 
     def write(self, name: str, writer: Callable[[Path], None]) -> None:

@@ -186,9 +186,11 @@ def motors(mechanism: Mechanism, actuated: Sequence[str] | None) -> list[int]:
         actuated: Their names; None is all joints.
 
     Raises:
-        SettingsError: There are none, one is named twice, or one is not in the mechanism.
+        SettingsError: There are none, one is named twice, one is not in the mechanism, or they are no list.
     """
     names = [joint.name for joint in mechanism.joints]
+    if isinstance(actuated, str):
+        raise SettingsError(f"actuated: expected a list of joints, got '{actuated}'; give ['{actuated}'].")
     chosen = names if actuated is None else list(actuated)
     for name in chosen:
         if name not in names:
@@ -339,7 +341,10 @@ def _notes(fit: Fit, joint: str, moved: float) -> tuple[str, ...]:
         said = listed([mechanism.joints[i].name for i in rubbing])
         notes.append(f"Dry friction is left out of the linear system: it acts at {said}.")
     if mechanism.torque != "friction":
-        notes.append("Torques over time that were identified are left out of the linear system.")
+        notes.append(
+            "Torques over time that were identified are left out, of the linear system as of the closed "
+            "loop in MuJoCo."
+        )
     if mass_scale(fit) is None:
         unit = "kg m^2" if next(j for j in mechanism.joints if j.name == joint).kind == "hinge" else "kg"
         notes.append(

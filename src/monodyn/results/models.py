@@ -13,8 +13,13 @@ from monodyn.results.folder import DRAWN, RunFolder
 from monodyn.results.masses import given_scale, mass_scale
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+
     from monodyn.estimation.fit import Fit
     from monodyn.mechanism.mjcf import Eye, Keyframe
+    from monodyn.results.closed import ClosedLoop
     from monodyn.results.filmed import Filmed
     from monodyn.results.findings import Findings
 
@@ -50,6 +55,36 @@ def write_models(folder: RunFolder, findings: Findings) -> None:
     for name, one in zip(DRAWN, findings.ensemble, strict=False):
         remarks = [f"One of {len(findings.ensemble)} models that the data allow.", *known]
         folder.write(name, lambda path, m=one, r=remarks: write_mjcf(m, path, keyframes=keys, remarks=r))
+
+
+def write_controlled(
+    folder: RunFolder, fit: Fit, actuated: Sequence[str], loop: ClosedLoop, held: np.ndarray
+) -> None:
+    """Write the identified mechanism as the ``model.xml`` of a controller, with its motors.
+
+    Args:
+        folder: Where to.
+        fit: The fit.
+        actuated: Joints with a motor.
+        loop: Its motion under the controller, the first state of which is a keyframe.
+        held: The equilibrium, which is another [rad or m], (dof,).
+    """
+    from monodyn.mechanism import write_mjcf
+    from monodyn.mechanism.mjcf import Keyframe, motor_at
+
+    keys = [
+        Keyframe("start", 0.0, loop.position[0], loop.velocity[0]),
+        Keyframe("equilibrium", 0.0, held, 0.0 * held),
+    ]
+    said = [
+        *what_is_known(fit),
+        "Keyframe start is where the closed loop of control.json begins, equilibrium where it is to stay. "
+        f"Controls of {listed([motor_at(name) for name in actuated])} are the torques of its law.",
+    ]
+    folder.write(
+        "model.xml",
+        lambda path: write_mjcf(fit.mechanism, path, keyframes=keys, motors=actuated, remarks=said),
+    )
 
 
 def keyframes(fit: Fit) -> list[Keyframe]:

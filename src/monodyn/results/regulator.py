@@ -41,6 +41,8 @@ RATE, FASTEST = 200.0, 1e5
 """How often a controller measures, and sets its torques, which stay in between [Hz]."""
 STEERED = 1e-9
 """A pole, in discrete time, nearer to the circle of one than that is none that a motor moves."""
+FALLEN = 2.0
+"""How many times as far from the equilibrium a mechanism may be at the next measurement without torque."""
 UNWEIGHTED = 10.0
 """Acceleration that stands for gravity where there is no weight to hold [rad/s^2 or m/s^2]."""
 SCALES = np.geomspace(1e-2, 1e2, 401)
@@ -131,6 +133,12 @@ class Regulator:
     def position(self) -> np.ndarray:
         """The equilibrium [rad or m], (dof,)."""
         return self.linear.position
+
+    @property
+    def falls(self) -> float:
+        """How many times as far from the equilibrium it is one measurement later without torque."""
+        fastest = float(np.max(np.real(np.linalg.eigvals(self.linear.system.A))))
+        return float(np.exp(min(max(fastest, 0.0) / self.rate, 99.0)))
 
     def torque_at(self, time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the torques of the motors [N m or N], (motor,).

@@ -49,9 +49,9 @@ def restart(
 
     Raises:
         SettingsError: Nothing was identified, there is no such record or joint, a joint has no position,
-            rates are given without positions, the time is far from the record, or a parameter that is fixed
-            does not act on the motion, as a width beside a given mass, or the roll of the camera: positions
-            are against gravity.
+            rates are given without positions, something is not given by name, the time is far from the
+            record, or a parameter that is fixed does not act on the motion, as a width beside a given mass,
+            or the roll of the camera: positions are against gravity.
         MechanismError: From the mechanism: there is no such parameter, or it cannot have that value.
 
     Example:
@@ -100,6 +100,7 @@ def restart(
 
 def _by_joint(fit: Fit, given: Mapping[str, float], *, whole: bool = False) -> np.ndarray:
     """Return what is given by joint, zero where nothing is, (dof,)."""
+    _check_named(given, fit.mechanism.joints[0].name)
     joints = [joint.name for joint in fit.mechanism.joints]
     for name, value in given.items():
         if name not in joints:
@@ -120,6 +121,14 @@ def _by_joint(fit: Fit, given: Mapping[str, float], *, whole: bool = False) -> n
     return np.array([float(given.get(name, 0.0)) for name in joints])
 
 
+def _check_named(given: object, name: str) -> None:
+    """Refuse what does not go by names."""
+    if not isinstance(given, Mapping):
+        raise SettingsError(
+            f"restart: expected numbers by name, got {given}; name them, as {{'{name}': 0.5}}."
+        )
+
+
 def _moment(fit: Fit, time: float, record: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the state of a record at a time, and its covariance together with that of the parameters."""
     state, slopes = moment(fit, time, record=record)
@@ -136,6 +145,7 @@ def _changed(fit: Fit, fix: Mapping[str, float]) -> Fit:
     """Return a fit some of whose parameters have another value, exactly."""
     if not fix:
         return fit
+    _check_named(fix, "gravity")
     mechanism = fit.mechanism.with_choices(fix=fix)
     idle = set(fix) - acting(mechanism, list(fix), logged=bool(fit.torques))
     if idle:

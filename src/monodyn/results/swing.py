@@ -7,8 +7,8 @@ data allow.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from monodyn.mechanism.tree import SLIDE
 from monodyn.results.closed import closed_loop
 from monodyn.results.draws import Response, drawn
 from monodyn.results.linear import State, by_joint, motors, state_matrices, without_dry_friction
-from monodyn.results.regulator import Regulator, off
+from monodyn.results.regulator import FALLEN, Regulator, off
 from monodyn.results.shot import Shot, along, shoot
 
 PLANNED = 0.8
@@ -34,6 +34,10 @@ WAYS = 3
 """Ways that are found at most, of which the best is taken."""
 CLOSED = 1e-3
 """Largest gap of a way that counts as found [rad or m, rad/s or m/s]."""
+KNOTS = Shot.intervals * Shot.parts
+"""Pieces of the torques of a way."""
+HALF = np.pi + 1e-6
+"""Half a turn, and what rounding may add to it [rad]."""
 SETTLING = 3.0
 """Time after the swing in which a mechanism has to come to rest [s]."""
 SLOWEST = 0.5
@@ -45,7 +49,7 @@ class SwingUp:
     """A way from a start into an equilibrium, with the gains that keep to it.
 
     Attributes:
-        regulator: Takes over at its end.
+        regulator: Takes over at its end, and has the equilibrium there: on the turn on which the way ends.
         time: Times of measurements [s], (frame,).
         states: Joint positions, then rates [rad or m, rad/s or m/s], (frame, 2 dof).
         torque: Torques that are held from one measurement to the next [N m or N], (frame - 1, motor).
@@ -84,7 +88,7 @@ class SwingUp:
 
     @property
     def position(self) -> np.ndarray:
-        """The equilibrium [rad or m], (dof,)."""
+        """The equilibrium, on the turn on which the way ends [rad or m], (dof,)."""
         return self.regulator.position
 
     @property
@@ -178,16 +182,16 @@ def swing_up(
             if way is None:
                 continue
             tried = [_reaches(one, way) for one in (mechanism, *others)]
-            way = SwingUp(
-                regulator, way.time, way.states, way.torque, way.gain, most, len(others), sum(tried[1:])
-            )
+            way = replace(way, draws=len(others), reached=sum(tried[1:]))
             found += 1
             if tried[0] and (best is None or way.reached > best.reached):
                 best = way
             if best is not None and (best.reached == len(others) or found >= WAYS):
                 return best
     if best is None:
-        tried_times = ", ".join(f"{period:.2g}" for period in lasting)
+        tried_times = ", ".join(
+            dict.fromkeys(f"{_each(x, regulator.rate) * KNOTS / regulator.rate:.2g}" for x in lasting)
+        )
         said = ", ".join(f"{name}={x:.3g}" for name, x in zip(regulator.actuated, most, strict=True))
         ways = ", ".join(
             f"{joint.name}={low:g}:{high:g}"
@@ -195,9 +199,11 @@ def swing_up(
             if np.isfinite(low) or np.isfinite(high)
         )
         room = f" and the positions {ways}" if ways else ""
+        often = "measure more often (--rate) or " if _seldom(regulator, lasting) else ""
         raise SettingsError(
             f"swing_up: expected a way up within the torques {said}{room}, but found none in {tried_times} "
-            "s; give larger limits, more room, or another time."
+            f"s at {regulator.rate:g} measurements a second; {often}give larger limits, more room, or "
+            "another time."
         )
     return best
 
@@ -272,6 +278,17 @@ def _lasting(mechanism: Mechanism, begin: np.ndarray) -> tuple[float, ...]:
     return tuple(multiple * period for multiple in LASTING)
 
 
+def _each(seconds: float, rate: float) -> int:
+    """Return how many measurements there are from knot to knot of a way of about a duration."""
+    return max(1, round(seconds * rate / KNOTS))
+
+
+def _seldom(regulator: Regulator, lasting: Sequence[float]) -> bool:
+    """Return whether there are so few measurements that a way may be missing because of it: it falls too far
+    in between, or knots, which are at measurements, cannot be as close as they should."""
+    return regulator.falls >= FALLEN or min(lasting) * regulator.rate < KNOTS
+
+
 def _way(
     mechanism: Mechanism,
     regulator: Regulator,
@@ -283,21 +300,23 @@ def _way(
 ) -> SwingUp | None:
     """Return a way of about a duration; None where none was found."""
     still, goal = np.zeros(len(begin)), regulator.position
-    # of a hinge that may turn all around the shorter way
-    goal = begin + off(goal, begin, regulator.turns)
+    # of a hinge that may turn all around the shorter way; of two equal ones that towards the turn asked for
+    away = goal - begin
+    whole = 2.0 * np.pi * np.ceil((np.abs(away) - HALF) / (2.0 * np.pi))
+    goal = np.where(regulator.turns, goal - np.sign(away) * whole, goal)
     rows, tree = motors(mechanism, regulator.actuated), without_dry_friction(mechanism.tree)
-    # knots are at measurements
-    knots = Shot.intervals * Shot.parts
-    each = max(1, round(seconds * regulator.rate / knots))
+    each = _each(seconds, regulator.rate)
     shot = Shot(
         tree, tuple(rows), np.concatenate((begin, still)), np.concatenate((goal, still)),
-        each * knots / regulator.rate, PLANNED * limit, *ranges,
+        each * KNOTS / regulator.rate, PLANNED * limit, *ranges,
     )  # fmt: skip
     found = shoot(shot, seed=seed)
     if not found.gap < CLOSED:
         return None
     states, torque, slopes = along(shot, found, each * shot.parts)
     gain = _tracking(regulator, slopes)
+    # the same equilibrium counted in the turns of the way, so that their difference is none at its end
+    regulator = replace(regulator, linear=replace(regulator.linear, position=goal))
     return SwingUp(regulator, np.arange(len(states)) / regulator.rate, states, torque, gain, limit)
 
 
