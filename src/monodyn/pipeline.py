@@ -51,10 +51,9 @@ from monodyn.results.folder import RunFolder
 from monodyn.results.heldout import heldout_doubts
 from monodyn.results.log import RunLog, recorded
 from monodyn.results.opened import known_before, origins
-from monodyn.results.predict import predict
+from monodyn.results.predict import predicted_trace
 from monodyn.results.report import write_results
 from monodyn.results.sight import Sight
-from monodyn.results.trace import Trace, trace_of
 from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track_freely
 from monodyn.tabled import Tabled, best_fit, tabled
@@ -141,7 +140,8 @@ def concluded(
     if settings.fit_frames is None:
         frames, said = frames_with_torques(poses.torques, stamps, frames)
         log.notes += said
-    check_torques(poses.torques, stamps, frames)
+    else:
+        check_torques(poses.torques, stamps, frames)
     sight.fit_frames = frames
     times = prediction_times(stamps, frames[1], settings.until)
     # the fit must not see the frames that it will be compared with
@@ -150,7 +150,7 @@ def concluded(
     with log.stage("identify"):
         fit, poses = _identified(job, sight, scene, poses, (first, stop), mechanism)
     with log.stage("predict"):
-        traces = predicted(fit, poses, times, video.path.name)
+        traces = predicted_trace(fit, poses, times, video.path.name)
         if fit.ok:
             fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
     log.notes += [
@@ -307,7 +307,7 @@ def identify_tables(
         records, mechanism, traces = best.records, best.mechanism, []
         if fit.starts:
             for i, record in enumerate(records):
-                traces += predicted(fit, record, times[i], names[i], record=i)
+                traces += predicted_trace(fit, record, times[i], names[i], record=i)
         if fit.ok:
             fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
         about = f"Joint positions with the model {mechanism.name}."
@@ -424,23 +424,6 @@ def _locate_and_track_points(job: Job, sight: Sight, tracks: PointTracks, mechan
 def _clip_notes(video: Video, masks: Video | None) -> list[str]:
     """Return the notes of a clip and of the masks of it, a clip of their own, each once."""
     return list(dict.fromkeys([*video.notes, *(() if masks is None else masks.notes)]))
-
-
-def predicted(fit: Fit, poses: Poses, times: np.ndarray, name: str, *, record: int = 0) -> list[Trace]:
-    """Put a record next to its motion by the fit, and that motion on beyond the fitted frames.
-
-    Args:
-        fit: The fit.
-        poses: The tracked clip, or a table.
-        times: Time stamps to predict [s], (frame,).
-        name: Name of the record.
-        record: Its number within the fit.
-
-    Returns:
-        One trace, or none where the fit has no motion.
-    """
-    future = predict(fit, times=times, record=record) if fit.starts and len(times) else None
-    return [trace_of(fit, poses, future, name=name, record=record)] if fit.starts else []
 
 
 def _about(video: Video, mechanism: Mechanism) -> str:
