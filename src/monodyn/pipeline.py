@@ -48,10 +48,9 @@ from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
-from monodyn.results.heldout import heldout_doubts
+from monodyn.results.heldout import heldout_doubts, predicted_trace
 from monodyn.results.log import RunLog, recorded
 from monodyn.results.opened import known_before, origins
-from monodyn.results.predict import predicted_trace
 from monodyn.results.report import write_results
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from monodyn.estimation.fit import Common
-from monodyn.estimation.record.samples import moves_a_zero, prepare
+from monodyn.estimation.record.samples import prepare
+from monodyn.estimation.record.shared import moves_a_zero
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed

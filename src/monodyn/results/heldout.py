@@ -8,7 +8,8 @@ import numpy as np
 
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.wording import amount, listed
-from monodyn.results.trace import Trace
+from monodyn.results.predict import predict
+from monodyn.results.trace import Trace, trace_of
 from monodyn.types import Poses
 
 WITHIN = 0.1
@@ -57,6 +58,23 @@ class Judged(NamedTuple):
 
     motion: Doubt | None
     band: Doubt | None
+
+
+def predicted_trace(fit: Fit, poses: Poses, times: np.ndarray, name: str, *, record: int = 0) -> list[Trace]:
+    """Put a record next to its motion by the fit, and that motion on beyond the fitted frames.
+
+    Args:
+        fit: The fit.
+        poses: The tracked clip, or a table.
+        times: Time stamps to predict [s], (frame,).
+        name: Name of the record.
+        record: Its number within the fit.
+
+    Returns:
+        One trace, or none where the fit has no motion.
+    """
+    future = predict(fit, times=times, record=record) if fit.starts and len(times) else None
+    return [trace_of(fit, poses, future, name=name, record=record)] if fit.starts else []
 
 
 def held_out(fit: Fit, trace: Trace) -> HeldOut | None:

@@ -9,8 +9,6 @@ import numpy as np
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.results.fill import States, fill
-from monodyn.results.trace import Trace, trace_of
-from monodyn.types import Poses
 
 MOST_ROWS = 1_000_000
 """Rows of a prediction at most: a typing error in a time must not fill the disk."""
@@ -95,20 +93,3 @@ def evenly(begin: float, end: float, step: float) -> np.ndarray:
             f"until: expected at most {MOST_ROWS} rows of {step:g} s, got {rows:.0f}; end it earlier."
         )
     return begin + step * np.arange(int(rows))
-
-
-def predicted_trace(fit: Fit, poses: Poses, times: np.ndarray, name: str, *, record: int = 0) -> list[Trace]:
-    """Put a record next to its motion by the fit, and that motion on beyond the fitted frames.
-
-    Args:
-        fit: The fit.
-        poses: The tracked clip, or a table.
-        times: Time stamps to predict [s], (frame,).
-        name: Name of the record.
-        record: Its number within the fit.
-
-    Returns:
-        One trace, or none where the fit has no motion.
-    """
-    future = predict(fit, times=times, record=record) if fit.starts and len(times) else None
-    return [trace_of(fit, poses, future, name=name, record=record)] if fit.starts else []

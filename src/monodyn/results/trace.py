@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import VideoError
-from monodyn.estimation.record.samples import moves_a_zero
+from monodyn.estimation.record.shared import moves_a_zero
 from monodyn.mechanism.upright import ROLL, ROLL_STD, by_roll, in_metres
 from monodyn.types import Poses
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.errors import MechanismError, VideoError
+from monodyn.estimation.record.shared import end_to_end
 from monodyn.estimation.record.smooth import motion_size
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.logged import LoggedTorque, logged
@@ -18,8 +19,6 @@ from monodyn.types import Poses, TorqueLog
 
 MOST_PARTS = 1000
 """A gap is divided into at most this many steps, however long it is."""
-SAME = 1e-9
-"""Share by which what moves a joint's zero may differ from row to row, as a table rounds it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +169,7 @@ def prepare(poses: Sequence[Poses], mechanism: Mechanism) -> Data:
     times, position, white, measured, source = (np.concatenate(part) for part in zip(*parts, strict=True))
     turning = by_roll(mechanism)
     turned = np.array([turning * (record.roll is not None) for record in poses])
-    shifts = _shifts([ordered(record, mechanism) for record in poses], first, source)
+    shifts = end_to_end([ordered(record, mechanism) for record in poses], first, source)
     stamps = np.split(times, first[1:-1])
     torques = known_torques(poses, mechanism, stamps)
     return Data(times, position, white, measured, first, source, slide, turned, shifts, torques)
@@ -231,39 +230,6 @@ def check_covered(log: TorqueLog, begin: float, end: float, what: str) -> None:
             f"{log.time[0]:.4g} to {log.time[-1]:.4g} s; both are on one clock: shift the times of the log, "
             "or fit what it covers (--fit-frames A:B)."
         )
-
-
-def _shifts(records: Sequence[Poses], first: np.ndarray, source: np.ndarray) -> np.ndarray | None:
-    """Lay end to end what moves the positions of each record together, (direction, row, dof)."""
-    parts = []
-    for k, record in enumerate(records):
-        if record.shifts is not None and not record.cleared:
-            rows = np.arange(first[k], first[k + 1])[source[first[k] : first[k + 1]] >= 0]
-            # what is not known of one scene says nothing of another
-            own = np.zeros((len(record.shifts), len(source), record.shifts.shape[2]))
-            own[:, rows] = record.shifts[:, source[rows]]
-            parts.append(own)
-    return np.concatenate(parts) if parts else None
-
-
-def moves_a_zero(shifts: np.ndarray | None, measured: np.ndarray) -> np.ndarray:
-    """Return which errors move a single joint, by the same in each row, as a roll of the camera does.
-
-    Args:
-        shifts: Errors that positions share, (direction, row, dof), or None.
-        measured: Where positions were measured, bool (row, dof).
-
-    Returns:
-        True for those, bool (direction,).
-    """
-    found = []
-    for shift in () if shifts is None else shifts:
-        rows, dofs = np.nonzero(measured & (shift != 0.0))
-        one = shift[rows, dofs]
-        # among the rows of a record none is left out
-        whole = len(rows) > 0 and len(rows) == measured[rows[0] : rows[-1] + 1, dofs[0]].sum()
-        found.append(whole and np.ptp(dofs) == 0 and np.ptp(one) <= SAME * np.abs(one[0]))
-    return np.array(found, dtype=np.bool_)
 
 
 def ordered(record: Poses, mechanism: Mechanism) -> Poses:

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.estimation.fit import Common
-from monodyn.estimation.record.samples import Data, Pieces, moves_a_zero
+from monodyn.estimation.record.samples import Data, Pieces
+from monodyn.estimation.record.shared import moves_a_zero
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.uncertainty import whitened_shifts, without_states
