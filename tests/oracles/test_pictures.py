@@ -300,7 +300,10 @@ def test_an_edge_sample_is_the_area_under_the_coverage_along_its_normal() -> Non
         assert sample[AWAY] == pytest.approx(area - sample[INNER], abs=0.03)
 
 
-@pytest.mark.parametrize(("shape", "size"), [((37, 53), (9, 13)), ((40, 60), (10, 15)), ((5, 7), (5, 7))])
+@pytest.mark.parametrize(
+    ("shape", "size"),
+    [((37, 53), (9, 13)), ((40, 60), (10, 15)), ((41, 60), (10, 15)), ((24, 36), (12, 18)), ((5, 7), (5, 7))],
+)
 def test_blocks_have_the_means_and_squares_of_their_pixels(
     shape: tuple[int, int], size: tuple[int, int]
 ) -> None:

@@ -24,12 +24,27 @@ def block_means(plane: np.ndarray, out: np.ndarray) -> None:
             row = plane[y]
             for x in range(width):
                 total[x] += row[x]
-        for j in range(columns):
-            left, right = edges[j], edges[j + 1]
-            block = np.uint32(0)
-            for x in range(left, right):
-                block += total[x]
-            out[i, j] = np.uint8(np.float32(block) / np.float32((bottom - top) * (right - left)) + 0.5)
+        # blocks of luma and chroma of most clips, written out: so they fill registers, too
+        if width == 4 * columns:
+            for j in range(columns):
+                block = total[4 * j] + total[4 * j + 1] + total[4 * j + 2] + total[4 * j + 3]
+                out[i, j] = _rounded(block, 4 * (bottom - top))
+        elif width == 2 * columns:
+            for j in range(columns):
+                out[i, j] = _rounded(total[2 * j] + total[2 * j + 1], 2 * (bottom - top))
+        else:
+            for j in range(columns):
+                left, right = edges[j], edges[j + 1]
+                block = np.uint32(0)
+                for x in range(left, right):
+                    block += total[x]
+                out[i, j] = _rounded(block, (bottom - top) * (right - left))
+
+
+@njit(cache=True, inline="always")
+def _rounded(total: int, count: int) -> int:
+    """Return a mean, rounded; signed numbers are what registers convert."""
+    return np.uint8(np.int32(np.float32(np.int32(total)) / np.float32(count) + np.float32(0.5)))
 
 
 @njit(cache=True, nogil=True)
