@@ -15,6 +15,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import dropwhile
 from pathlib import Path
 from typing import Any
 
@@ -257,8 +258,10 @@ def paced(rate: int) -> list[Figure]:
         subprocess.run([*monodyn_command(), *words, "--ndjson", str(lines)], check=False)
         steps = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
     followed_ = [step for step in steps if step["phase"] == "following"]
-    fresh = [step["fresh"] for step in followed_ if step["fresh"] is not None]
-    late = len(followed_) - len(fresh)
+    # what waited while the mechanism was looked for is identified with together, before the first
+    started = [step["fresh"] for step in dropwhile(lambda step: step["fresh"] is None, followed_)]
+    fresh = [seconds for seconds in started if seconds is not None]
+    late = len(started) - len(fresh) if started else len(followed_)
     pose = 1e3 * np.percentile([step["latency"] for step in followed_] or [np.nan], [50.0, 99.0])
     known = 1e3 * np.percentile(fresh or [np.nan], [50.0, 99.0])
     usual = rate == 30

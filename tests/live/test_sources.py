@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
@@ -163,6 +164,21 @@ def test_of_a_source_that_waits_only_a_few_frames_are_read_ahead():
         assert 1 + AHEAD <= len(read) <= 2 + AHEAD
         assert len(taken(feed)) == 49
         feed.close()
+
+
+def test_the_last_frame_of_a_source_waits_for_what_is_made_of_it():
+    """Nothing is missed by waiting once there are no more; while one waits, or nobody wants any, it is."""
+    with no_thread_left():
+        feed, job = Feed(made(lambda: map(frame, range(2)), live=True), 5), Future()
+        first = taken(feed, 1)
+        feed.waits(job)
+        assert not job.done()
+        assert len(first + taken(feed)) == 2
+        threading.Timer(0.1, job.set_result, (None,)).start()
+        feed.waits(job)
+        assert job.done()
+        feed.close()
+        feed.waits(Future())
 
 
 def test_a_file_at_its_own_pace_takes_as_long_as_it_plays(tmp_path):

@@ -87,7 +87,7 @@ class Feed:
             return None
 
     def waits(self, job: Future[Any]) -> None:
-        """Wait until a job is done, or there is something better to do: a frame waits, or there are no more.
+        """Wait until a job is done, or there is something better to do: a frame waits, or nobody wants more.
 
         Args:
             job: The job.
@@ -97,7 +97,7 @@ class Feed:
             return
         job.add_done_callback(lambda _: self._wake())
         with self._change:
-            self._change.wait_for(lambda: self._waiting or self._ended or job.done())
+            self._change.wait_for(lambda: self._waiting or self._closed or job.done())
 
     def _wake(self) -> None:
         with self._change:

@@ -42,7 +42,7 @@ def block_means(plane: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(cache=True, inline="always")
-def _rounded(total: int, count: int) -> int:
+def _rounded(total: np.uint32, count: int) -> np.uint8:
     """Return a mean, rounded; signed numbers are what registers convert."""
     return np.uint8(np.int32(np.float32(np.int32(total)) / np.float32(count) + np.float32(0.5)))
 
