@@ -217,6 +217,8 @@ def test_torques_reach_over_the_frames_that_the_user_names(tmp_path: Path) -> No
     assert frames_with_torques(known, times, (0, 67)) == ((30, 67), note)
     assert frames_with_torques(known, times, (31, 67)) == ((31, 67), [])
     assert frames_with_torques(None, times, (0, 67)) == ((0, 67), [])
+    coarse = replace(known, time=np.array([0.5, 1.5]), torque=np.ones((2, 1)))
+    assert frames_with_torques(coarse, times, (0, 12)) == ((0, 12), [])
     with refuses(VideoError, said.replace("(0:67), 0 to 2.2 s", "(0:20), 0 to 0.6333 s")):
         frames_with_torques(known, times, (0, 20))
     check_torques(None, times, (0, 67))

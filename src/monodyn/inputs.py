@@ -175,7 +175,9 @@ def frames_with_torques(
     first, stop = frames
     covered = np.flatnonzero((times[first:stop] >= log.time[0]) & (times[first:stop] <= log.time[-1]))
     if len(covered) < 2:
+        # of a log with few rows all of them may lie within a row's time of its ends
         check_torques(log, times, frames)
+        return frames, []
     begin, end = first + int(covered[0]), first + int(covered[-1]) + 1
     if (begin, end) == frames:
         return frames, []

@@ -289,11 +289,8 @@ def identify_tables(
     measured = {f"poses {i + 1}": table for i, table in enumerate(tables)}
     inputs = {"model": model, **measured, **torque_files(settings)}
     log = RunLog("identify", inputs, settings)
-    folder = (
-        None
-        if out is None
-        else RunFolder(out, force=force, inputs=(*origins(model), *tables, *settings.torques))
-    )
+    spared = (*inputs.values(), *origins(model))
+    folder = None if out is None else RunFolder(out, force=force, inputs=spared)
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):
         with log.stage("identify"):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro import conf
 
-from monodyn.cli.forms import Words, apart, intervals, values
+from monodyn.cli.forms import Words, intervals, names, values
 
 if TYPE_CHECKING:
     from monodyn.results.controlled import Controlled
@@ -74,15 +74,15 @@ class ControlOptions:
         from monodyn.results.controlled import Aim, control_run
 
         aim = Aim(
-            at=values("at", apart(self.at)),
-            actuated=tuple(word for group in apart(self.actuated) for word in group),
+            at=values("at", self.at),
+            actuated=names("actuated", self.actuated),
             swing=self.swing,
-            start=values("start", apart(self.start)) or None,
-            limit=values("limit", apart(self.limit)),
-            within=intervals("within", apart(self.within)),
+            start=values("start", self.start) or None,
+            limit=values("limit", self.limit),
+            within=intervals("within", self.within),
             seconds=self.seconds,
             rate=self.rate,
-            allowed=_allowed(values("allowed", apart(self.allowed))),
+            allowed=_allowed(values("allowed", self.allowed)),
             draws=self.draws,
             seed=self.seed,
         )
