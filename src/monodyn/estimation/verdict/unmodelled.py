@@ -180,13 +180,10 @@ def _filtered(
         Potter).
     """
     rows, dofs, columns = moved.shape
-    state, error, stepped = 2 * dofs, np.zeros((2 * dofs, columns)), np.zeros((2 * dofs, columns))
+    state, error, new = 2 * dofs, np.zeros((2 * dofs, columns)), np.zeros((rows, dofs, columns))
     # the covariance is carried as a root, times its transpose: rounding along a motion that runs away would
     # make one itself negative
-    pushed, wide = bool(density.any()), np.zeros((state, 2 * state))
     root, square = np.zeros((state, state)), np.zeros((state, state))
-    # products of matrices so small are written out: a library's take many times as long
-    along, gain, new = np.zeros(state), np.zeros(state), np.zeros((rows, dofs, columns))
     logarithm, counted = 0.0, 0
     for row in range(rows):
         if begins[row]:
@@ -194,44 +191,13 @@ def _filtered(
             for i in range(state):
                 root[i, i] = math.sqrt(unknown[i])
         else:
-            for i in range(state):
-                stepped[i] = 0.0
-                for k in range(state):
-                    wide[i, k] = 0.0
-                    for c in range(columns):
-                        stepped[i, c] += carried[row, i, k] * error[k, c]
-                    for m in range(state):
-                        wide[i, k] += carried[row, i, m] * root[m, k]
-            error[:] = stepped
-            if pushed:
-                for j in range(dofs):
-                    spread = math.sqrt(density[j] * steps[row])
-                    wide[j, state + j] = spread * steps[row] / math.sqrt(3.0)
-                    wide[dofs + j, state + j] = spread * math.sqrt(3.0) / 2.0
-                    wide[dofs + j, state + dofs + j] = spread / 2.0
-                _triangular(wide, root)
-                wide[:, state:] = 0.0
-            else:
-                root[:] = wide[:, :state]
+            error = _product(carried[row], error)
+            root = _product(carried[row], root)
+            if density.any():
+                root = _pushed_on(root, density, steps[row])
         for j in range(dofs):
             if not math.isnan(variance[row, j]):
-                total = variance[row, j]
-                for k in range(state):
-                    along[k] = root[j, k]
-                    total += along[k] ** 2
-                for i in range(state):
-                    gain[i] = 0.0
-                    for k in range(state):
-                        gain[i] += root[i, k] * along[k] / total
-                for c in range(columns):
-                    off = moved[row, j, c] - error[j, c]
-                    new[row, j, c] = off / math.sqrt(total)
-                    for i in range(state):
-                        error[i, c] += gain[i] * off
-                share = 1.0 / (1.0 + math.sqrt(variance[row, j] / total))
-                for i in range(state):
-                    for k in range(state):
-                        root[i, k] -= share * gain[i] * along[k]
+                total = _measured(moved[row, j], variance[row, j], j, error, root, new[row, j])
                 logarithm -= 0.5 * math.log(total)
         # the first rows of a record only find its state
         if row >= 4 * dofs and not begins[max(0, row - 4 * dofs) : row + 1].any():
@@ -245,22 +211,55 @@ def _filtered(
 
 
 @njit(cache=True, nogil=True)
-def _triangular(wide: np.ndarray, root: np.ndarray) -> None:
-    """Write into ``root`` (row, row) the triangle whose product with its transpose is that of ``wide``
-    (row, column), whose rows are made orthogonal."""
-    rows, columns = wide.shape
-    root[:] = 0.0
-    for i in range(rows):
-        length = 0.0
-        for c in range(columns):
-            length += wide[i, c] ** 2
-        root[i, i] = math.sqrt(length)
+def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return the product of matrices so small that a library's takes many times as long."""
+    found = np.zeros((left.shape[0], right.shape[1]))
+    for i in range(left.shape[0]):
+        for k in range(left.shape[1]):
+            for c in range(right.shape[1]):
+                found[i, c] += left[i, k] * right[k, c]
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _measured(
+    moved: np.ndarray, variance: float, j: int, error: np.ndarray, root: np.ndarray, new: np.ndarray
+) -> float:
+    """Take up the position of joint ``j``, (column,), in the error (state, column) and the root of its
+    covariance (state, state); fill what is new in it (column,), and return the variance of that."""
+    state, along = len(root), root[j].copy()
+    total = variance + np.sum(along**2)
+    share = 1.0 / (1.0 + math.sqrt(variance / total))
+    for c in range(len(moved)):
+        new[c] = (moved[c] - error[j, c]) / math.sqrt(total)
+    for i in range(state):
+        gain = np.sum(root[i] * along) / total
+        for c in range(len(moved)):
+            error[i, c] += gain * math.sqrt(total) * new[c]
+        for k in range(state):
+            root[i, k] -= share * gain * along[k]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _pushed_on(root: np.ndarray, density: np.ndarray, step: float) -> np.ndarray:
+    """Return a root of the covariance with what random accelerations add in a step: the triangle whose
+    product with its transpose is that of all their roots side by side, whose rows are made orthogonal."""
+    state, dofs = len(root), len(density)
+    wide, triangle = np.zeros((state, 2 * state)), np.zeros((state, state))
+    wide[:, :state] = root
+    for j in range(dofs):
+        spread = math.sqrt(density[j] * step)
+        wide[j, state + j] = spread * step / math.sqrt(3.0)
+        wide[dofs + j, state + j] = spread * math.sqrt(3.0) / 2.0
+        wide[dofs + j, state + dofs + j] = spread / 2.0
+    for i in range(state):
+        length = np.sum(wide[i] ** 2)
+        triangle[i, i] = math.sqrt(length)
         if length == 0.0:
             continue
-        for k in range(i + 1, rows):
-            shared = 0.0
-            for c in range(columns):
-                shared += wide[k, c] * wide[i, c]
-            root[k, i] = shared / root[i, i]
-            for c in range(columns):
-                wide[k, c] -= shared / length * wide[i, c]
+        for k in range(i + 1, state):
+            shared = np.sum(wide[k] * wide[i])
+            triangle[k, i] = shared / triangle[i, i]
+            wide[k] -= shared / length * wide[i]
+    return triangle
