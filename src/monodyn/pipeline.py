@@ -308,15 +308,9 @@ def identify_tables(
             fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
         about = f"Joint positions with the model {mechanism.name}."
         findings = Findings(
-            fit,
-            traces,
-            ", ".join(names),
-            about,
-            log.notes,
-            log=log,
-            tolerance=settings.tolerance,
-            drawn=settings.ensemble,
-        )
+            fit, traces, ", ".join(names), about, log.notes,
+            log=log, tolerance=settings.tolerance, drawn=settings.ensemble,
+        )  # fmt: skip
         document = fit_document(findings) if folder is None else write_results(folder, findings)
     return job.outcome(document, records[0], findings)
 
