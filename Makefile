@@ -9,7 +9,7 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # the matrices are small: more threads only wait for each other
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test check fmt lint types docs bench clean
+.PHONY: demo test check fmt lint types docs bench fuzz clean
 
 $(READY): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
@@ -46,6 +46,10 @@ bench: $(READY)  ## accuracy (needs MONODYN_DATA) and speed tables
 	@if test -n "$$MONODYN_DATA"; then $(BIN)/python benchmarks/accuracy.py && $(BIN)/python benchmarks/published.py; \
 	else echo "accuracy.py, published.py: SKIPPED, MONODYN_DATA is not set; it names the folder with the recordings."; fi
 	$(BIN)/python benchmarks/speed.py
+
+FUZZ ?= --cases 1000
+fuzz: $(READY)  ## a thousand cases of bad input, signals, full disks, two runs at once; FUZZ="--cases 100 --seed 7"
+	$(BIN)/python benchmarks/fuzz.py --gate $(FUZZ)
 
 clean:
 	rm -rf .venv build dist $(DEMO)
