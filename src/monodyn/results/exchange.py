@@ -1,0 +1,64 @@
+"""Two names of a file system exchanged in one indivisible step, and what is written made to outlast a power cut."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+AT_FDCWD = -100
+"""In place of a descriptor, on Linux: names begin in the working folder."""
+EXCHANGE = 2
+"""The flag of Linux (``RENAME_EXCHANGE``) and that of macOS (``RENAME_SWAP``)."""
+
+
+def exchange(one: Path, other: Path) -> None:
+    """Give each of two files or folders the name of the other.
+
+    Args:
+        one: A file or folder.
+        other: Another one on the same file system.
+
+    Raises:
+        OSError: The system cannot do it here.
+    """
+    library = ctypes.CDLL(None, use_errno=True) if sys.platform in ("linux", "darwin") else None
+    names = os.fsencode(one), os.fsencode(other)
+    # neither is in all versions of the C library
+    if sys.platform == "linux" and hasattr(library, "renameat2"):
+        failed = library.renameat2(AT_FDCWD, names[0], AT_FDCWD, names[1], EXCHANGE)
+    elif sys.platform == "darwin" and hasattr(library, "renamex_np"):
+        failed = library.renamex_np(*names, EXCHANGE)
+    else:
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS), str(one))
+    if failed:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number), str(one))
+
+
+def settle_on_disk(path: Path) -> None:
+    """Have a file, or the names in a folder, written before anything that follows.
+
+    Args:
+        path: The file or folder; what the system cannot open so is left to it.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    if path.is_dir():
+        # Windows opens no folders; some network drives write none
+        with suppress(OSError):
+            _written(path, os.O_RDONLY)
+    else:
+        _written(path, os.O_RDWR)
+
+
+def _written(path: Path, flags: int) -> None:
+    number = os.open(path, flags)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
