@@ -98,6 +98,7 @@ def never_lost() -> Iterator[list[int]]:
     # whoever calls us from a thread, or has a handler of their own, has other ways to end us
     ours = [number for number, handler in ENDING.items() if main and signal.getsignal(number) is handler]
     came: list[int] = []
+    dropped: list[bool] = []
     again: list[bool] = []
     over: list[bool] = []
     # unlike all that has a lock it may be used in a handler, whatever that has interrupted
@@ -122,6 +123,7 @@ def never_lost() -> Iterator[list[int]]:
 
     def hook(lost: Any) -> None:
         if ours and issubclass(lost.exc_type, KeyboardInterrupt):
+            dropped.append(True)
             doubtful.put(True)
         else:
             usual(lost)
@@ -136,7 +138,7 @@ def never_lost() -> Iterator[list[int]]:
         yield came
     except Exception as error:
         # where a library written in C was loaded, the error does not tell what is behind it
-        if came:
+        if came or dropped:
             raise KeyboardInterrupt from error
         raise
     finally:
