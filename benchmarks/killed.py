@@ -1,4 +1,4 @@
-"""What is left where a run ends before its end: killed at every step of a swap, two at once, Ctrl-C at any time.
+"""What is left of runs that are killed at every step of a swap, of two at once, of Ctrl-C at any time.
 
 ``swap`` kills a process at every line that it runs from the moment at which its run is complete, ``recovery``
 at every line with which the next one begins; ``together`` starts two runs into one folder; ``interrupted``
@@ -12,6 +12,7 @@ import argparse
 import contextlib
 import io
 import json
+import math
 import os
 import random
 import shutil
@@ -160,7 +161,7 @@ def prepared(path: Path) -> None:
 
 
 def next_start(path: Path, expected: str) -> list[str]:
-    """Begin the next run in a folder, and say what is wrong with what it found.
+    """Return what is wrong with what the next run finds in a folder.
 
     Args:
         path: The folder.
@@ -202,6 +203,9 @@ def swap(path: Path, signals: tuple[signal.Signals, ...] = SIGNALS, every: int =
         path: A folder that may be made and removed.
         signals: Which signals.
         every: Of so many lines one.
+
+    Returns:
+        How often each was found, by way and signal.
     """
     counts: Counter[str] = Counter()
     for way in WAYS:
@@ -236,7 +240,10 @@ def recovery(path: Path, every: int = 1) -> Counter[str]:
 
     Args:
         path: A folder that may be made and removed.
-        every: Of so many lines at which the first is killed one.
+        every: Of so many lines at which each is killed one.
+
+    Returns:
+        How often each was found, by way.
     """
     counts: Counter[str] = Counter()
     crashed = path.parent.with_name("crashed")
@@ -279,6 +286,9 @@ def table(path: Path, rows: int) -> Path:
     Args:
         path: The table.
         rows: How many.
+
+    Returns:
+        The path.
     """
     motion = json.loads(DEMO.read_text())
     lines = [f"{t},{a},{b}" for t, (a, b) in zip(motion["times"][:rows], motion["q"], strict=False)]
@@ -287,7 +297,7 @@ def table(path: Path, rows: int) -> Path:
 
 
 def command(*words: str | Path, **environment: str) -> subprocess.Popen[str]:
-    """Start the command line.
+    """Return the command line, started.
 
     Args:
         *words: The words after the name of the program.
@@ -311,7 +321,7 @@ def digests(path: Path) -> dict[str, bytes]:
 
 
 def together(root: Path, rounds: int = 20) -> Counter[str]:
-    """Start two runs into one folder, the second a little later each time.
+    """Count how two runs into one folder end, the second begun a little later.
 
     Args:
         root: A folder for what is made.
@@ -365,7 +375,7 @@ BAD = ("mixed", "lost", "refused otherwise", "left behind", "old run lost", "bad
 
 
 def interrupted(root: Path, rounds: int = 30) -> Counter[str]:
-    """End commands at random times: while they load, while they compile, while they work.
+    """Count how commands end at random times: while they load, while they compile, while they work.
 
     Args:
         root: A folder for what is made.
@@ -391,7 +401,7 @@ def interrupted(root: Path, rounds: int = 30) -> Counter[str]:
             took, code = time.perf_counter() - began, process.returncode
             key = f"{kind}, {sent.name}"
             counts[f"{key}: rounds"] += 1
-            # before the first line of the program it ends as any program of Python, after the last one it is done
+            # before its first line it ends as any program of Python, after its last one it is done
             counts[f"{key}: before the program began"] += code == -sent
             counts[f"{key}: done before"] += code in (0, 1)
             swallowed = code not in (128 + sent, -sent) and not (code in (0, 1) and took < 1.0)
@@ -399,7 +409,9 @@ def interrupted(root: Path, rounds: int = 30) -> Counter[str]:
             counts[f"{key}: bad"] += bad
             if bad:
                 print(f"{key}: exit {code} after {took:.1f} s: {said}", file=sys.stderr)
-            counts[f"{key}: longest end"] = max(counts[f"{key}: longest end"], round(took, 1))  # type: ignore[type-var]
+            counts[f"{key}: seconds to the end, at most"] = max(
+                counts[f"{key}: seconds to the end, at most"], math.ceil(took)
+            )
             shutil.rmtree(root / f"cache{number}", ignore_errors=True)
     return counts
 

@@ -3,8 +3,8 @@
 
 ``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
-stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted, 143 ended
-by SIGTERM.
+stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted, 143
+ended by SIGTERM.
 """
 
 from __future__ import annotations

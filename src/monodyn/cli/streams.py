@@ -113,11 +113,11 @@ def never_lost() -> Iterator[list[int]]:
             _send(ours[0])
 
     def press(number: int, frame: Any) -> None:
-        if again:
-            again.clear()
-        else:
-            came.append(number)
         doubtful.put(True)
+        if not again:
+            came.append(number)
+            raise KeyboardInterrupt
+        again.clear()
         if not is_interrupt(sys.exc_info()[1]):
             raise KeyboardInterrupt
 

@@ -1,4 +1,4 @@
-"""Two names of a file system exchanged in one indivisible step, and what is written made to outlast a power cut."""
+"""Two names exchanged in one indivisible step; what was written made to outlast a power failure."""
 
 from __future__ import annotations
 

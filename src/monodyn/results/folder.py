@@ -1,10 +1,10 @@
 """The run folder: which files are ours, and how they get there without ever destroying anything.
 
-One process at a time writes to a folder. Every file is written under another name and renamed when it is whole.
-A folder that already holds a run is refused unless it may be replaced. Then the new run is written into the
-sub-folder ``unfinished`` and takes the place of the old one, in one step, only when it is complete: a full disk
-or Ctrl-C leaves the old run as it was. What a run that was stopped has left there is kept for its owner. Results
-of other kinds get into their folders in the same way.
+One process at a time writes to a folder. Every file is written under another name and renamed when it is
+whole. A folder that already holds a run is refused unless it may be replaced. Then the new run is written
+into the sub-folder ``unfinished`` and takes the place of the old one, in one step, only when it is complete:
+a full disk or Ctrl-C leaves the old run as it was. What a run that was stopped has left there is kept for
+its owner. Results of other kinds get into their folders in the same way.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ class FolderLock:
 
 
 def _locked(folder: Path) -> int | None:
-    """Return the descriptor of the locked file; None where it was removed meanwhile, and is to be made anew."""
+    """Return the descriptor of the locked file; None where it was removed meanwhile."""
     from filelock import lock_descriptor
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -130,6 +130,6 @@ def _in_use(folder: Path) -> SettingsError:
         where = "" if found["host"] == socket.gethostname() else f" of {found['host']}"
         who = f"process {found['process']}{where} since {found['since']} ({command})"
     return SettingsError(
-        f"out '{folder}': expected a folder that nothing else writes to, got one in use by {who}; wait for its "
-        "end, or give another with --out."
+        f"out '{folder}': expected a folder that nothing else writes to, got one in use by {who}; wait for "
+        "its end, or give another with --out."
     )

@@ -4,8 +4,9 @@ The new run is a folder of its own. It goes beside the old one, and the two exch
 step. What else is in the folder follows, each name on its own; until then a link in its place leads to it.
 
 Where the system has no such step, or the folder has to stay (it is the working folder, a mount, somebody
-else's), all old files move aside, one renaming says that the new run is the one that counts, and all new files
-move in. What was stopped on the way is undone before that renaming and completed after it, by ``settle``.
+else's), all old files move aside, one renaming says that the new run is the one that counts, and all new
+files move in. What was stopped on the way is undone before that renaming, and completed after it, by
+``settle``.
 """
 
 from __future__ import annotations
@@ -111,7 +112,7 @@ def _may_go(real: Path) -> bool:
 
 
 def _exchange(real: Path, old: Sequence[str]) -> None:
-    """Exchange the names of a folder and of the new run in it, which gets a link for all else in the folder."""
+    """Exchange the names of a folder and of the new run, which gets a link for all else in the folder."""
     stage, beside = real / STAGE, _beside(real)
     (stage / NEW).write_text(json.dumps(old), encoding="utf-8")
     settle_on_disk(stage / NEW)
