@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -10,6 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import filelock
 import pytest
 
 from monodyn.errors import SettingsError
@@ -40,7 +42,8 @@ def test_a_second_run_in_the_same_folder_is_told_who_is_there(
     since = owner(path)["since"]
     said = (
         f"out '{path}': expected a folder that nothing else writes to, got one in use by process "
-        f"{os.getpid()} since {since} (monodyn run 'my clip.mp4'); wait for its end, or give another with --out."
+        f"{os.getpid()} since {since} (monodyn run 'my clip.mp4'); wait for its end, or give another with "
+        "--out."
     )
     for force in (False, True):
         with refuses(SettingsError, said):
@@ -112,6 +115,22 @@ def test_a_lock_that_was_given_back_leaves_that_of_another_alone(tmp_path: Path)
     second.release()
     second.release()
     assert not (tmp_path / LOCK).exists()
+
+
+@pytest.mark.parametrize("number", [errno.ENOSYS, errno.ENOLCK, errno.EIO])
+def test_where_the_file_system_has_no_locks_a_run_goes_on(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> bool:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(filelock, "lock_descriptor", fail)
+    if number == errno.EIO:
+        with pytest.raises(SettingsError, match="cannot create the folder"):
+            RunFolder(tmp_path / "run")
+    else:
+        RunFolder(tmp_path / "run").close()
+        assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends SIGKILL")

@@ -6,6 +6,7 @@ import ctypes
 import errno
 import os
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,6 +14,23 @@ AT_FDCWD = -100
 """In place of a descriptor, on Linux: names begin in the working folder."""
 EXCHANGE = 2
 """The flag of Linux (``RENAME_EXCHANGE``) and that of macOS (``RENAME_SWAP``)."""
+
+
+def can_exchange() -> bool:
+    """Return whether the system knows how, wherever it may be."""
+    return _function() is not None
+
+
+def _function() -> Callable[[bytes, bytes], int] | None:
+    """Return what exchanges two names, 0 where it did; None where the C library has no such function."""
+    if sys.platform not in ("linux", "darwin"):
+        return None
+    library = ctypes.CDLL(None, use_errno=True)
+    if sys.platform == "linux" and hasattr(library, "renameat2"):
+        return lambda one, other: library.renameat2(AT_FDCWD, one, AT_FDCWD, other, EXCHANGE)
+    if sys.platform == "darwin" and hasattr(library, "renamex_np"):
+        return lambda one, other: library.renamex_np(one, other, EXCHANGE)
+    return None
 
 
 def exchange(one: Path, other: Path) -> None:
@@ -25,16 +43,10 @@ def exchange(one: Path, other: Path) -> None:
     Raises:
         OSError: The system cannot do it here.
     """
-    library = ctypes.CDLL(None, use_errno=True) if sys.platform in ("linux", "darwin") else None
-    names = os.fsencode(one), os.fsencode(other)
-    # neither is in all versions of the C library
-    if sys.platform == "linux" and hasattr(library, "renameat2"):
-        failed = library.renameat2(AT_FDCWD, names[0], AT_FDCWD, names[1], EXCHANGE)
-    elif sys.platform == "darwin" and hasattr(library, "renamex_np"):
-        failed = library.renamex_np(*names, EXCHANGE)
-    else:
+    function = _function()
+    if function is None:
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS), str(one))
-    if failed:
+    if function(os.fsencode(one), os.fsencode(other)):
         number = ctypes.get_errno()
         raise OSError(number, os.strerror(number), str(one))
 

@@ -5,6 +5,7 @@ What keeps others out is the lock, not the file: the file of a process that died
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shlex
@@ -23,6 +24,8 @@ SKIPPED = b" "
 """What the file begins with: on Windows nobody else can read the byte that is locked."""
 LONGEST = 80
 """Characters of a command that are shown."""
+WITHOUT = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
+"""What file systems say that have no locks: there nobody is kept out."""
 TRIES = 100
 """How often the file may be removed by whoever had the folder before while it is being locked."""
 
@@ -90,8 +93,12 @@ def _locked(folder: Path) -> int | None:
         return None
     kept = False
     try:
-        if not lock_descriptor(number, blocking=False):
-            raise _in_use(folder)
+        try:
+            if not lock_descriptor(number, blocking=False):
+                raise _in_use(folder)
+        except OSError as error:
+            if error.errno not in WITHOUT:
+                raise
         # the lock on a file that was removed keeps nobody out
         kept = _is_same(number, file)
     finally:

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from monodyn.results.exchange import exchange, settle_on_disk
+from monodyn.results.exchange import can_exchange, exchange, settle_on_disk
 from monodyn.results.lock import LOCK, FolderLock
 
 STAGE = "unfinished"
@@ -108,7 +108,7 @@ def _may_go(real: Path) -> bool:
         owned = not hasattr(os, "geteuid") or real.stat().st_uid == os.geteuid()
     except OSError:
         return False
-    return owned and not stands and not os.path.lexists(_beside(real))
+    return can_exchange() and owned and not stands and not os.path.lexists(_beside(real))
 
 
 def _exchange(real: Path, old: Sequence[str]) -> None:
