@@ -187,7 +187,7 @@ def first_press(stop: Callable[[], bool]) -> Iterator[list[int]]:
         if stop():
             came.append(number)
         else:
-            usual[number](number, frame)
+            usual[signal.Signals(number)](number, frame)
 
     try:
         for number in usual:
