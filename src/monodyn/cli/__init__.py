@@ -3,7 +3,8 @@
 
 ``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
-stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted.
+stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted, 143
+ended by SIGTERM.
 """
 
 from __future__ import annotations
@@ -40,8 +41,13 @@ examples:
   monodyn control run --at joint1=1.5708 --actuated slide --out balance
 
 monodyn COMMAND --help lists the options of a command. Exit codes: 0 done; 1 the fit is not to be trusted;
-2 bad input or usage; 130 interrupted.
+2 bad input or usage; 130 interrupted; 143 ended by SIGTERM.
 """
+
+SIGNALLED = 128
+"""The exit code of a program that a signal has ended is this much more than the number of the signal."""
+INTERRUPT = 2
+"""The number of Ctrl-C (SIGINT)."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -69,11 +75,12 @@ def _main(words: list[str]) -> int:
     from monodyn.cli.streams import never_lost
     from monodyn.errors import FitError, MonodynError, is_interrupt
 
+    came: list[int] = []
     try:
-        with never_lost():
+        with never_lost() as came:
             return _dispatch(words)
     except KeyboardInterrupt as stop:
-        return _interrupted(*stop.args)
+        return _interrupted(*stop.args, number=(*came, INTERRUPT)[0])
     except Exception as error:
         # an import that is stopped may come out as a package that is not installed
         if is_interrupt(error):
@@ -87,10 +94,10 @@ def _main(words: list[str]) -> int:
         raise
 
 
-def _interrupted(said: str = "nothing was written.") -> int:
-    """Say that Ctrl-C was pressed, and what there is."""
-    _fail(f"interrupted; {said}")
-    return 130
+def _interrupted(said: str = "nothing was written.", number: int = INTERRUPT) -> int:
+    """Say that Ctrl-C was pressed, or SIGTERM was sent, and what there is; return the exit code."""
+    _fail(f"{'interrupted' if number == INTERRUPT else 'terminated'}; {said}")
+    return SIGNALLED + number
 
 
 def _unusable(error: OSError) -> str:

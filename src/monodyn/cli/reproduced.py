@@ -109,6 +109,8 @@ def _print(made: Experiment) -> None:
     for claim in made.claims:
         said = [claim.judged[method].words.ljust(16) for method in methods]
         print("  ".join([claim.text.ljust(width), *said]).rstrip())
+    for note in made.notes:
+        print(f"\n{note}")
     print(f"\n{made.seconds:.0f} s. page: {made.folder / 'reproduce.html'}")
 
 

@@ -19,7 +19,7 @@ from monodyn.live.sources import Pictures, open_source
 from monodyn.live.step import Step
 from monodyn.live.stream import Session
 from monodyn.pipeline import concluded
-from monodyn.results.folder import RunFolder
+from monodyn.results.folder import RECORDING, RunFolder
 from monodyn.results.log import RunLog, recorded
 from monodyn.results.opened import origins
 from monodyn.results.sight import Sight
@@ -28,8 +28,8 @@ from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.release import FreeSpan
 
-CLIP, RECORDING = "clip.mp4", "recording.mp4"
-"""What a stream is recorded as, in the end and until then."""
+CLIP = "clip.mp4"
+"""What a stream is recorded as in the end."""
 
 
 def follow(

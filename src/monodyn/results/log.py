@@ -149,6 +149,8 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
         KeyboardInterrupt: Ctrl-C was pressed, in whatever form it came out of the block.
     """
     try:
+        if folder is not None:
+            log.notes += folder.notes
         yield log
         if folder is not None:
             # last of all files: a folder whose run.json has the status done is complete
@@ -163,17 +165,19 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
             kept = place is not None and place.is_dir()
             raise KeyboardInterrupt(*([f"what was finished is in '{place}'."] if kept else [])) from error
         raise
+    finally:
+        if folder is not None:
+            folder.close()
 
 
 def _record_failure(folder: RunFolder, log: RunLog, error: BaseException, interrupted: bool) -> None:
     """Write ``run.json`` of a run that did not come to its end."""
     message = str(error) if isinstance(error, MonodynError) else type(error).__name__
     # bad input of which nothing was written leaves no trace, not even an empty folder
-    if folder.written or interrupted:
+    if not folder.finished and (folder.written or interrupted):
         status = "interrupted" if interrupted else "failed"
         with suppress(MonodynError):
             folder.write_text("run.json", json_text(log.document(status, list(folder.written), message)))
-    folder.abandon()
 
 
 def versions() -> dict[str, str]:

@@ -21,6 +21,7 @@ from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL
 from monodyn.results.findings import SCHEMA
+from monodyn.results.folder import recover
 from monodyn.results.intact import check_model, check_seal, differing, digest
 from monodyn.results.known_torques import known_torques
 from monodyn.results.log import fingerprint
@@ -265,6 +266,7 @@ def is_other_clip(folder: str | Path, clip: str | Path) -> bool:
 
 def _document(folder: Path) -> dict[str, Any]:
     """Return the content of ``fit.json`` of a run that has identified something."""
+    recover(folder)
     document = _json(folder / "fit.json")
     if document.get("schema") != SCHEMA:
         raise SettingsError(

@@ -161,6 +161,7 @@ def predict_run(
     if out is None:
         return found
     folder = RunFolder(out, force=force, inputs=[run, clip], kind=PREDICTION)
+    found = replace(found, notes=(*found.notes, *folder.notes))
     with folder.filling():
         _write(folder, found, wanted, Path(run), background, progress)
     return replace(found, folder=folder.path)
