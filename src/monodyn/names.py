@@ -39,12 +39,15 @@ def meant(names: Sequence[str]) -> str:
 
     Args:
         names: The names, the likeliest first.
+
+    Returns:
+        The end of a sentence with its stop, or nothing.
     """
     return f"did you mean {' or '.join(repr(name) for name in names)}?" if names else ""
 
 
 def quoted(names: Sequence[str]) -> str:
-    """Write names between quotes with commas between them, ``MOST`` of them; the rest are counted.
+    """Return names between quotes with commas between them, ``MOST`` of them; the rest are counted.
 
     Args:
         names: The names.
