@@ -48,4 +48,6 @@ def test_the_middle_of_a_long_name_is_left_out() -> None:
 def test_a_long_list_is_cut() -> None:
     names = [f"joint{k}.damping" for k in range(1, 15)]
     said = known("parameters", names, "gravity")
-    assert said == f"parameters: {', '.join(map(repr, names[:12]))} and 2 more."
+    assert said == f"parameters: {', '.join(map(repr, names[:9]))} and 5 more."
+    letters = [str(k) for k in range(20)]
+    assert quoted(letters) == f"{', '.join(map(repr, letters[:12]))} and 8 more"

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from difflib import SequenceMatcher
 from pathlib import Path
 
-MOST = 12
-"""Names that are written out where none is near; the rest are counted."""
+MOST, MOST_LETTERS = 12, 160
+"""Names that are written out where none is near, and their letters; the rest are counted."""
 LONGEST = 60
 """Letters of a name that are written out; the middle of a longer one is left out."""
 NEAR, NEAREST = 0.8, 2
@@ -47,13 +47,16 @@ def meant(names: Sequence[str]) -> str:
 
 
 def quoted(names: Sequence[str]) -> str:
-    """Return names between quotes with commas between them, ``MOST`` of them; the rest are counted.
+    """Return names between quotes with commas between them, as many as are read; the rest are counted.
 
     Args:
         names: The names.
     """
-    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return f"{', '.join(repr(short(name)) for name in names[:MOST])}{more}"
+    said = [repr(short(name)) for name in names[:MOST]]
+    while len(said) > 1 and len(", ".join(said)) > MOST_LETTERS:
+        said.pop()
+    more = f" and {len(names) - len(said)} more" if len(names) > len(said) else ""
+    return f"{', '.join(said)}{more}"
 
 
 def short(name: str, most: int = LONGEST) -> str:
