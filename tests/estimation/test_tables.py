@@ -195,6 +195,12 @@ def test_bad_tables_have_whole_messages(tmp_path, text, message):
         read_poses(tmp_path / "log.csv", ["a"])
 
 
+def test_the_column_of_another_joint_was_not_meant(tmp_path):
+    (tmp_path / "log.csv").write_text("time,joint1,joint1_std\n0,1,1\n")
+    with refuses(VideoError, "log.csv: column 'joint2' is missing; columns: 'time', 'joint1'."):
+        read_poses(tmp_path / "log.csv", ["joint1", "joint2"])
+
+
 def test_files_that_are_no_tables(tmp_path):
     none = tmp_path / "none.csv"
     with refuses(

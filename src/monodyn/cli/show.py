@@ -8,7 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -23,6 +23,8 @@ STYLES = {"trusted": "bold green", "approximate": "bold yellow", "refused": "bol
 """How the status is shown, by grade."""
 WIDEST = 10_000
 """Columns of what tables are laid out on."""
+USUAL = 80
+"""Columns of a terminal that does not say how many it has."""
 BESIDE = 46
 """Columns beside a bar: what it is of, how many, how fast and how long still."""
 NARROWEST = BESIDE + 8
@@ -39,7 +41,7 @@ def progress_on(stream: TextIO, *, quiet: bool) -> Iterator[Progress | None]:
     """
     if quiet:
         yield None
-    elif stream.isatty() and (width := _columns(stream)) >= NARROWEST:
+    elif width := drawable(stream):
         yield from _bars(stream, width)
     else:
         lines = _ProgressLines(stream)
@@ -47,16 +49,22 @@ def progress_on(stream: TextIO, *, quiet: bool) -> Iterator[Progress | None]:
         lines.close()
 
 
-def _columns(stream: TextIO) -> int:
-    """Return how wide a terminal is, as the user or it says."""
-    said = os.environ.get("COLUMNS", "")
-    if said.isdigit():
-        return int(said)
-    try:
-        # a terminal without a size says 0
-        return os.get_terminal_size(stream.fileno()).columns or 80
-    except (OSError, ValueError):
-        return 80
+def drawable(stream: TextIO) -> int:
+    """Return the columns of a terminal that can be drawn on: 0 where it is too narrow, or is none.
+
+    Args:
+        stream: The terminal, or what is none.
+    """
+    if not stream.isatty():
+        return 0
+    said, width = os.environ.get("COLUMNS", ""), USUAL
+    if said.isdecimal():
+        width = int(said)
+    else:
+        with suppress(OSError, ValueError):
+            # a terminal without a size says 0
+            width = os.get_terminal_size(stream.fileno()).columns or USUAL
+    return width if width >= NARROWEST else 0
 
 
 def _bars(stream: TextIO, width: int) -> Iterator[Progress]:

@@ -220,9 +220,12 @@ def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str,
     """Index of each column by its name."""
     missing = [name for name in ("time", *names) if name not in header]
     if missing:
-        # a header in capitals lacks them all
-        asked = [repr(found) for name in missing for found in near(header, name)[:1]]
-        end = f"did you mean {' and '.join(asked)}?" if asked else f"columns: {quoted(header)}."
+        there = [name for name in ("time", *names) if name in header]
+        plain = [name for name in header if not name.startswith(tuple(f"{one}_" for one in there))]
+        # a header in capitals lacks them all; the column of another joint was not meant
+        others = [name for name in plain if name not in there]
+        asked = [repr(found) for name in missing for found in near(others, name)[:1]]
+        end = f"did you mean {' and '.join(asked)}?" if asked else f"columns: {quoted(plain)}."
         raise VideoError(f"{path.name}: column {quoted(missing)} is missing; {end}")
     twice = sorted({name for name in header if name and header.count(name) > 1})
     if twice:
