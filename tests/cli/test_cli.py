@@ -351,7 +351,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
         (["run", CLIP, "--model", MODEL, "--out", "o", "--rate", "1e-300"],
          "rate: expected 0.001 to 1e+06 Hz, got 1e-300; give the true frames a second."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--background", "a" * 300],
-         f"'{'a' * 80}...{'a' * 40}': expected a place the system can use, got 'File name too long'; "
+         f"'{'a' * 79}...{'a' * 35}': expected a place the system can use, got 'File name too long'; "
          "give another."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--seed", "-1"],
          "seed: expected 0 or more, got -1; give a whole number."),
@@ -363,6 +363,17 @@ def test_bad_usage(
     monkeypatch.chdir(tmp_path)
     assert refused(*words) == message
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("given", "shown"),
+    [("b" * 1000, f"'{'b' * 39}...{'b' * 16}'"), ("b c " * 300, "'" + "b c " * 40)],
+)
+def test_a_message_has_at_most_300_letters_whatever_was_given(given: str, shown: str) -> None:
+    message = refused("run", CLIP, "--model", MODEL, "--out", "o", "--free", given)
+    assert len(message) <= 300
+    assert message.startswith(f"parameter {shown}")
+    assert message.endswith(" more.")
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,50 @@ def test_names_that_the_terminal_cannot_show_are_replaced(monkeypatch: pytest.Mo
     assert raw.getvalue() == b"?\n"
 
 
+def test_a_minus_that_the_terminal_cannot_show_stays_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    raw = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
+    with streams.safe(), streams.printing():
+        print("−1.5e−05 ± 0.1 × ∞ – §")
+    assert raw.getvalue() == b"-1.5e-05 +- 0.1 x inf - ?\n"
+
+
+NOISY = """
+import os, sys, warnings
+from monodyn.cli import main, show
+def noisy(**_):
+    os.write(2, b"libpng error: broken\\n")
+    warnings.warn("overflow encountered")
+    print("ours", file=sys.stderr)
+    return 0
+show.show_models = noisy
+"""
+
+
+@pytest.mark.parametrize(
+    ("ended", "said"),
+    [
+        ("sys.exit(main())", "ours\n"),
+        # a process that is not ours keeps what it had
+        ("import io; main(['models'])", "libpng error: broken\nours\n"),
+        ("main(); os.write(2, b'after')", "ours\nafter"),
+    ],
+)
+def test_what_libraries_write_on_the_error_stream_is_not_shown(ended: str, said: str) -> None:
+    code = f"import warnings\n{NOISY}\n{ended}"
+    done = subprocess.run([sys.executable, "-c", code, "models"], capture_output=True, text=True)
+    lines = [line for line in done.stderr.splitlines(True) if "warn" not in line and "overflow" not in line]
+    assert "".join(lines) == said
+
+
+def test_warnings_that_were_asked_for_are_shown() -> None:
+    code = f"{NOISY}\nsys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-W", "always", "-c", code, "models"], capture_output=True, text=True
+    )
+    assert "overflow encountered" in done.stderr
+
+
 def test_compiled_functions_go_to_a_temporary_folder_when_no_other_can_be_written(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -14,6 +14,7 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any
 
 HELP = """usage: monodyn COMMAND ...
@@ -60,9 +61,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     try:
-        from monodyn.cli.streams import safe
+        from monodyn.cli.streams import alone, safe
 
-        with safe():
+        # whoever calls us in a process of their own wants to hear what libraries say
+        with alone() if argv is None else nullcontext(), safe():
             return _main(list(sys.argv[1:] if argv is None else argv))
     # before anything was loaded, or while the streams are put back
     except KeyboardInterrupt:
@@ -102,9 +104,7 @@ def _interrupted(said: str = "nothing was written.", number: int = INTERRUPT) ->
 
 def _unusable(error: OSError) -> str:
     """Say which place the system could not use."""
-    # a name that is too long is what the error is about: its ends are enough to find it
     name = str(error.filename or "a file")
-    name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
     return f"'{name}': expected a place the system can use, got '{error.strerror or error}'; give another."
 
 
@@ -139,5 +139,16 @@ def _dispatch(words: list[str]) -> int:
     return options.go()
 
 
+MOST_LETTERS = 300
+"""Letters of a message, at most."""
+
+
 def _fail(message: str) -> None:
-    print(f"monodyn: {' '.join(message.split())}", file=sys.stderr)
+    from monodyn.names import short
+
+    # what was given is repeated in it, however long: the ends of a word are enough to find it
+    for longest in (120, 60, 30):
+        words = [short(word, longest) for word in message.split()]
+        if len(line := " ".join(words)) <= MOST_LETTERS:
+            break
+    print(f"monodyn: {short(line, MOST_LETTERS)}", file=sys.stderr)

@@ -255,9 +255,10 @@ def _screen(options: Any, ahead: float, meter: Meter) -> Any:
     # lines of JSON on the same terminal would be drawn over
     if options.quiet or (options.ndjson == STANDARD and sys.stdout.isatty()):
         return None
+    from monodyn.cli.show import drawable
     from monodyn.live.terminal import PlainLines, Terminal
 
-    if not sys.stderr.isatty():
+    if not drawable(sys.stderr):
         return PlainLines(sys.stderr, options.name, meter)
     from rich.console import Console
 

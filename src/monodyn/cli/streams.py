@@ -5,13 +5,16 @@ SIGTERM, by which one program ends another, is as Ctrl-C.
 
 from __future__ import annotations
 
+import codecs
 import contextlib
+import faulthandler
 import os
 import signal
 import sys
 import tempfile
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import SimpleQueue
@@ -19,6 +22,10 @@ from typing import Any
 
 from monodyn.errors import SettingsError, is_interrupt
 
+SPELT = "monodyn-spelt"
+"""Name of what is done with a letter that a stream cannot encode."""
+SPELLINGS = {"−": "-", "–": "-", "±": "+-", "×": "x", "∞": "inf"}
+"""Letters that numbers are written with, in those that every stream can encode."""
 SOON = 0.05
 """How much later a Ctrl-C comes again that may have been lost [s]."""
 ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
@@ -54,6 +61,46 @@ class _Lossy:
         return getattr(self._stream, name)
 
 
+def _spell(error: UnicodeError) -> tuple[str, int]:
+    """Return what stands for letters that a stream cannot encode: a minus must not become a question mark."""
+    assert isinstance(error, UnicodeEncodeError)
+    lost = error.object[error.start : error.end]
+    return "".join(SPELLINGS.get(letter, "?") for letter in lost), error.end
+
+
+codecs.register_error(SPELT, _spell)
+
+
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """Keep what libraries write on the error stream by themselves away from the user: warnings of Python, and
+    the lines of decoders written in C, which know of no other place.
+
+    What they find wrong is found by us as well, and said in one line. The process has to be our own.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    usual = sys.stderr
+    try:
+        # theirs is the number 2, whatever Python has behind its name
+        if usual is not None and usual.fileno() == 2:
+            sys.stderr = os.fdopen(os.dup(2), "w", 1, encoding=usual.encoding, errors=usual.errors)
+            # a crash in their code, which leaves nothing else to read
+            faulthandler.enable(sys.stderr)
+            _silence(usual)
+    except (OSError, ValueError):
+        sys.stderr = usual
+    try:
+        yield
+    finally:
+        if sys.stderr is not usual:
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(sys.stderr.fileno(), 2)
+                faulthandler.disable()
+                sys.stderr.flush()
+            sys.stderr = usual
+
+
 @contextlib.contextmanager
 def safe() -> Iterator[None]:
     """Make both streams print whatever they can and never fail on a name; a lost error stream is no error."""
@@ -71,7 +118,7 @@ def safe() -> Iterator[None]:
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
-            reconfigure(errors="replace")
+            reconfigure(errors=SPELT)
     sys.stderr = _Lossy(sys.stderr)
     try:
         yield

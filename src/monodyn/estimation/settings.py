@@ -71,12 +71,12 @@ class IdentifySettings:
         if self.torque != "fourier" and self.terms:
             raise SettingsError(
                 "identify.terms: expected --identify.torque fourier with it, got "
-                f"'{self.torque}'; add it, or leave it out."
+                f"'{self.torque}'; choose that torque, or leave the terms out."
             )
         if self.torque in ("auto", "friction") and self.series is not None:
             raise SettingsError(
                 "identify.series: expected --identify.torque fourier or free with it, got "
-                f"'{self.torque}'; add it, or leave it out."
+                f"'{self.torque}'; choose one of them, or leave the series out."
             )
         ranges = (
             ("terms", 0, MOST_TERMS),

@@ -74,8 +74,8 @@ class PaperTrackSettings(TrackSettings):
         super().__post_init__()
         if self.method == "fast" and (self.move_share != USUAL_MOVE_SHARE or not self.adaptive):
             raise SettingsError(
-                "track.move_share, track.adaptive: move limits belong to track.method paper; add it, or "
-                "leave them out."
+                "track.move_share, track.adaptive: expected --track.method paper with them, got the method "
+                "'fast'; choose that method, or leave the move limits out."
             )
         if not 1e-3 <= self.move_share <= 0.5:
             raise SettingsError(f"track.move_share: expected 0.001 to 0.5, got {self.move_share}.")
@@ -119,12 +119,15 @@ class PaperIdentifySettings(IdentifySettings):
                     )
         if self.method == "fast" and (self.rates or self.states == "filtered"):
             raise SettingsError(
-                "identify.rates, identify.states: rates and filtered states belong to --identify.method "
-                "paper; the fast method weighs the measured positions with their covariance."
+                "identify.rates, identify.states: expected --identify.method paper with them, got the method "
+                "'fast'; choose that method, or leave them out."
             )
         if tuple(self.gains) != PAPER_GAINS:
             if self.method == "fast":
-                raise SettingsError("identify.gains: the filter belongs to --identify.method paper; add it.")
+                raise SettingsError(
+                    "identify.gains: expected --identify.method paper with them, got the method 'fast'; "
+                    "choose that method, or leave the gains out."
+                )
             # checked here, so that gains out of range are refused before a clip is read
             from monodyn.paper.filter import Gains
 
