@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import Field, dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -41,6 +41,32 @@ COEFFICIENTS = (4, 5)
 """How many numbers say how a lens bends the picture."""
 SHARED = ("seed", "roi", "time_range", "uncertainty")
 """Settings of a stage that always take the value of the whole run."""
+
+_OF_CLIP = (
+    "roi", "time_range", "background", "masks", "points", "points_map", "points_size", "points_axis",
+    "distortion", "rate", "segment", "camera", "locate", "track",
+)  # fmt: skip
+UNUSED: dict[str, tuple[str, ...]] = {
+    "run": (),
+    "live": (
+        "fit_frames", "time_range", "until", "tolerance", "masks", "points", "points_map", "points_size",
+        "points_axis", "distortion", "torques", "ensemble", "uncertainty", "method",
+    ),
+    "track": (
+        "fit_frames", "until", "tolerance", "ensemble", "bounds", "torques", "uncertainty", "identify",
+    ),
+    "identify": _OF_CLIP,
+}  # fmt: skip
+"""Settings that a command has no use for, by command: a table of joint positions has none for those of a clip."""
+
+
+def option_name(setting: Field[Any]) -> str:
+    """Return what a setting is called on the command line and in a settings file, without its stage.
+
+    Args:
+        setting: The field.
+    """
+    return setting.metadata.get("name", setting.name.replace("_", "-"))
 
 
 @contextmanager

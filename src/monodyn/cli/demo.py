@@ -6,11 +6,9 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from tyro import conf
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from monodyn.types import Progress
@@ -31,7 +29,7 @@ class DemoOptions:
         json: The result as JSON on the standard output.
     """
 
-    out: Annotated[Path, conf.arg(metavar="DIR")] = Path("demo-run")
+    out: Path = field(default=Path("demo-run"), metadata={"metavar": "DIR"})
     force: bool = False
     quiet: bool = False
     json: bool = False

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from tyro import conf
+from typing import TYPE_CHECKING
 
 from monodyn.errors import SettingsError
 
@@ -40,14 +38,14 @@ class ReproduceOptions:
         seeds: How many pendulums: the usual one, then others drawn by --seed; 3 unless --clip is given.
     """
 
-    out: Annotated[Path, conf.arg(metavar="DIR")]
-    clip: Annotated[Path | None, conf.arg(metavar="CLIP")] = None
-    model: Annotated[str | None, conf.arg(metavar="MODEL")] = None
-    truth: Annotated[Path | None, conf.arg(metavar="FILE")] = None
+    out: Path = field(metadata={"metavar": "DIR"})
+    clip: Path | None = field(default=None, metadata={"metavar": "CLIP"})
+    model: str | None = field(default=None, metadata={"metavar": "MODEL", "file": True})
+    truth: Path | None = None
     force: bool = False
     quiet: bool = False
     seed: int = 0
-    seeds: Annotated[int | None, conf.arg(metavar="N")] = None
+    seeds: int | None = None
 
     def go(self) -> int:
         """Return the exit code after running the command.
