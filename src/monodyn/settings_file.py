@@ -1,7 +1,8 @@
 """``run.toml``: a run as a settings file that does it again, to the last digit.
 
-It has every setting that has a value, under the name of its option and as the command line writes it; what is
-left open is left out. Files are named from the root of the file system, so that it works in every folder.
+It has every setting that has a value, under the name of its option and as the command line writes it; what
+is left open is left out, and the method of a stage that is the whole run's. Files are named by their whole
+paths, so that it works in every folder.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from monodyn import __version__
 from monodyn.forms import notation
 from monodyn.mechanism.bundled import is_bundled
 from monodyn.settings import SHARED, STAGES, UNUSED, RunSettings, option_name
@@ -34,7 +34,8 @@ def settings_text(
         settings: The settings of the run.
         live: How a stream was read and followed, as ``LiveSettings`` has it.
     """
-    plain: dict[str, Any] = {name: _input(value) for name, value in inputs.items() if value is not None}
+    given = {name: value for name, value in inputs.items() if value is not None}
+    plain: dict[str, Any] = {name: _input(name, value) for name, value in given.items()}
     hints, stages = get_type_hints(RunSettings), {}
     for setting in fields(RunSettings):
         if setting.name in UNUSED[command]:
@@ -42,6 +43,9 @@ def settings_text(
         value = getattr(settings, setting.name)
         if setting.name in STAGES:
             stages[setting.name] = _written(value)
+            # so that another method of the whole run, on the command line, is that of its stages
+            if value.method == settings.method or setting.name == "segment":
+                del stages[setting.name]["method"]
         elif value is not None:
             plain[option_name(setting)] = notation(hints[setting.name]).write(value)
     if live is not None:
@@ -53,10 +57,12 @@ def _document(command: str, plain: Mapping[str, Any], stages: Mapping[str, Mappi
     """Return TOML: single values first, then the tables."""
     tables = {name: value for name, value in plain.items() if isinstance(value, dict) and value}
     lines = [
-        f"# monodyn {__version__}. This does the run again, into another folder:",
+        "# The settings of this run. To do it again, into another folder:",
         f"#   monodyn {command} --config run.toml --out again",
     ]
-    lines += [_line(name, value) for name, value in plain.items() if value not in ({}, []) and name not in tables]
+    lines += [
+        _line(name, value) for name, value in plain.items() if value not in ({}, []) and name not in tables
+    ]
     for name, table in {**tables, **stages}.items():
         lines += ["", f"[{_key(name)}]", *(_line(key, value) for key, value in table.items())]
     return "\n".join(lines) + "\n"
@@ -83,11 +89,13 @@ def is_no_file(text: object) -> bool:
     return is_bundled(text) or text == "-" or text.isdigit() or "://" in text
 
 
-def _input(value: object) -> object:
+def _input(name: str, value: object) -> object:
     """Return an input so that it is found from every folder: a file by its whole path, a name as it is."""
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_input(one) for one in value]
-    return str(value) if is_no_file(value) else os.path.abspath(Path(str(value)))
+        return [_input(name, one) for one in value]
+    if name in ("model", "source") and is_no_file(value):
+        return str(value)
+    return os.path.abspath(Path(str(value)))
 
 
 def _line(name: str, value: object) -> str:

@@ -76,7 +76,9 @@ def _words(where: str, option: Option, value: Any) -> list[str]:
     """Return the words of a command line that a value of a file stands for."""
     if option.form.named:
         if not isinstance(value, dict):
-            raise SettingsError(f"{where}: expected a table of NAME = VALUE, got {value!r}; e.g. [{option.name}].")
+            raise SettingsError(
+                f"{where}: expected a table of NAME = VALUE, got {value!r}; e.g. [{option.name}]."
+            )
         return [f"{name}={_word(where, one)}" for name, one in value.items()]
     if isinstance(value, list) and option.several:
         return [_word(where, one) for one in value]

@@ -20,7 +20,7 @@ class ControlOptions:
     Attributes:
         run: Folder of a run that identified a mechanism.
         at: Joint positions of the equilibrium [rad, m for slides], e.g. joint1=1.5708; those left out are 0.
-        actuated: Joints with a motor, e.g. slide.
+        actuated: Joints with a motor, e.g. slide; commas between several.
         out: Folder for control.json, control.html, control.mp4 and model.xml; nothing is written when left
             out.
         swing: Swing it up from where it hangs, or from --start, then balance it.
@@ -35,11 +35,11 @@ class ControlOptions:
             joint is to be, rate, a multiple of these [1/s], effort, a share of a motor's usual torque; e.g.
             effort=1,length=0.05. Those left out are 0.1, 0.1, 30 and 0.5.
         draws: Mechanisms drawn from the covariance of the parameters, all of which the gains should hold.
-        seed: Of the draws.
-        film: Write control.mp4, too; --no-film leaves it out.
+        seed: Seed of the draws.
+        film: Write control.mp4, too.
         force: Replace a controller that is already in DIR.
-        quiet: No progress, nothing printed.
-        json: The result as JSON on the standard output.
+        quiet: Show no progress and print nothing.
+        json: Print the result as JSON, in place of tables.
     """
 
     run: Path = field(metadata={"metavar": "RUN", "word": True})

@@ -25,8 +25,8 @@ class DemoOptions:
     Attributes:
         out: Folder for the results.
         force: Replace a run that is already in DIR.
-        quiet: No progress, no table.
-        json: The result as JSON on the standard output.
+        quiet: Show no progress and print nothing.
+        json: Print the result as JSON, in place of tables.
     """
 
     out: Path = field(default=Path("demo-run"), metadata={"metavar": "DIR"})
@@ -49,7 +49,7 @@ class WarmOptions:
     """Compile what ordinary runs and streams need, once after installing; what is compiled is only loaded.
 
     Attributes:
-        quiet: No progress, no line at the end.
+        quiet: Show no progress and print nothing.
     """
 
     quiet: bool = False

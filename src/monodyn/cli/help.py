@@ -1,23 +1,16 @@
-"""The help pages: of the program, and of each command in two levels, as wide as the terminal."""
+"""The help page of a command, in two levels: the options that most people need, and all of them."""
 
 from __future__ import annotations
 
-import shutil
-import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import MISSING
 from typing import Any
 
 from monodyn.choices import Tolerance
 from monodyn.cli.options import COMMANDS
-from monodyn.cli.parse import CONFIG, config_option
-from monodyn.cli.table import Option, described
+from monodyn.cli.pages import command_line, paragraph, two_columns
+from monodyn.cli.table import CONFIG, Option, described
 from monodyn.settings import RunSettings
-
-WIDEST, LEAST = 100, 24
-"""Columns of a page: lines that are longer are hard to read; and no page is narrower."""
-NARROW = 64
-"""Columns below which what is said of an option stands under its name, not beside it."""
 
 
 def page(command: str, options: Sequence[Option], *, whole: bool) -> str:
@@ -29,7 +22,7 @@ def page(command: str, options: Sequence[Option], *, whole: bool) -> str:
         whole: All of them; else those that most people need.
     """
     entry = COMMANDS[command]
-    listed = [*options, *([config_option()] if entry.file else [])]
+    listed = [*options, *([CONFIG] if entry.file else [])]
     named = {option.name: option for option in listed}
     # where a command has few options the first level has them all
     first = entry.people.split() or list(named)
@@ -39,15 +32,19 @@ def page(command: str, options: Sequence[Option], *, whole: bool) -> str:
     sections.append(("Options", [option for option in shown if not option.word]))
     if whole:
         sections += _groups(others)
-    lines = [_usage(command, options), *_about(command)]
+    lines = [*_usage(command, options), *_about(command)]
     for title, rows in sections:
         if rows:
-            lines += ["", *([f"{title}:"] if title else []), *table((_left(row), _right(row)) for row in rows)]
-    lines += ["", *table(_helps(others, whole=whole))]
+            lines += [
+                "",
+                *paragraph(f"{title}:" if title else ""),
+                *two_columns((_left(row), _right(row)) for row in rows),
+            ]
+    lines += ["", *two_columns(_helps(others, whole=whole))]
     return "\n".join(lines) + "\n"
 
 
-def _usage(command: str, options: Sequence[Option]) -> str:
+def _usage(command: str, options: Sequence[Option]) -> list[str]:
     """Return how a command is used, in a line or two."""
     parts = []
     for option in options:
@@ -62,29 +59,7 @@ def _about(command: str) -> list[str]:
     """Return what a command does, and an example."""
     entry = COMMANDS[command]
     said = (entry.options.__doc__ or "").splitlines()[0].replace("``", "'")
-    return ["", *textwrap.wrap(said, width(), break_on_hyphens=False), "", "Example:", f"  {example(command)}"]
-
-
-def example(command: str) -> str:
-    """Return the example of a command, in several lines where it is wider than the page.
-
-    Args:
-        command: Its name.
-    """
-    return command_line(COMMANDS[command].example, "  ")
-
-
-def command_line(text: str, indent: str = "") -> str:
-    """Return a command line that is broken between words where it is wider than the page.
-
-    Args:
-        text: The command line.
-        indent: What stands before it.
-    """
-    lines = textwrap.wrap(
-        text, width() - len(indent) - 2, break_on_hyphens=False, break_long_words=False, subsequent_indent="    "
-    )
-    return f" \\\n{indent}".join(lines)
+    return ["", *paragraph(said), "", "Example:", *command_line(entry.example, "  ")]
 
 
 def _groups(options: Sequence[Option]) -> list[tuple[str, list[Option]]]:
@@ -105,13 +80,12 @@ def _small(sentence: str) -> str:
 
 def _helps(others: Sequence[Option], *, whole: bool) -> list[tuple[str, str]]:
     """Return the rows that name the pages themselves."""
-    more = f"Show all options, {len(others)} more: every number and choice of every stage."
-    short, full = ("-h, --help", "Show this page."), ("--help-all", more)
+    this = "Show this page."
     if not others:
-        return [short]
-    return [("-h, --help", "Show the options that most people need."), ("--help-all", "Show this page.")] if whole else [
-        short, full
-    ]
+        return [("-h, --help", this)]
+    if whole:
+        return [("-h, --help", "Show the options that most people need."), ("--help-all", this)]
+    return [("-h, --help", this), ("--help-all", f"Show all options, {len(others)} more.")]
 
 
 def _left(option: Option) -> str:
@@ -126,6 +100,8 @@ def _right(option: Option) -> str:
     """Return what is said of an option, and its usual value."""
     if option.usual is MISSING and not option.word:
         return f"{option.help} Required."
+    if option.usual is True:
+        return f"Do not {_small(option.help)}."
     usual = _usual(option.usual)
     return f"{option.help} Default: {usual}." if usual else option.help
 
@@ -139,30 +115,3 @@ def _usual(value: Any) -> str:
     if isinstance(value, tuple):
         return ",".join(f"{one:g}" for one in value)
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def table(rows: Iterable[tuple[str, str]]) -> list[str]:
-    """Return rows of two columns as lines; in a narrow page the second stands under the first.
-
-    Args:
-        rows: A name, and what is said of it.
-    """
-    lines: list[str] = []
-    wide = width() >= NARROW
-    at = 26 if wide else 6
-    for left, right in rows:
-        said = textwrap.wrap(right, width() - at, break_on_hyphens=False, break_long_words=False) or [""]
-        if wide and len(left) <= at - 4:
-            lines.append(f"  {left:{at - 2}}{said.pop(0)}".rstrip())
-        else:
-            lines += textwrap.wrap(
-                left, width() - 2, initial_indent="  ", subsequent_indent="    ", break_on_hyphens=False,
-                break_long_words=False,
-            )  # fmt: skip
-        lines += [" " * at + line for line in said]
-    return lines
-
-
-def width() -> int:
-    """Return how many columns a page has."""
-    return max(LEAST, min(WIDEST, shutil.get_terminal_size().columns))

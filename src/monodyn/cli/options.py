@@ -38,7 +38,7 @@ class CommonOptions:
     Attributes:
         settings: The settings of the run.
         model: Mechanism file (MJCF, URDF), bundled name (see monodyn models), or folder of a run that goes on
-            with its mechanism; auto tries the bundled ones and takes the one that the evidence prefers.
+            with its mechanism; ``auto`` tries the bundled ones and takes the one that the evidence prefers.
         force: Replace a run that is already in DIR.
         quiet: Show no progress and print nothing.
         json: Print the result as JSON, in place of tables.
@@ -91,8 +91,8 @@ class RunOptions(CommonOptions):
     """Track a clip, identify the mechanism on some of its frames, predict the others, write the run folder.
 
     Attributes:
-        clip: Video file, or folder of numbered pictures; may be named with --clip, too. Next to --points or
-            --masks it gives time stamps, size and overlay, and can be left out.
+        clip: Video file, or folder of numbered pictures. Next to --points or --masks it gives time stamps,
+            size and overlay, and may be left out.
         out: Folder for the results.
     """
 
@@ -114,8 +114,8 @@ class TrackOptions(CommonOptions):
     """Track a clip and write poses.csv; slides are in the start scale of the model.
 
     Attributes:
-        clip: Video file, or folder of numbered pictures; may be named with --clip, too. Next to --points or
-            --masks it gives time stamps, size and overlay, and can be left out.
+        clip: Video file, or folder of numbered pictures. Next to --points or --masks it gives time stamps,
+            size and overlay, and may be left out.
         out: Folder for the results.
     """
 
@@ -180,8 +180,8 @@ class LiveOptions(CommonOptions):
         view: Serve a page with the stream, the mechanism drawn over it, at this port of this machine (needs
             monodyn[live]); with HOST: to other machines, too.
         force: Replace a run that is already in DIR, and FILE.
-        quiet: Show nothing, no table.
-        json: The result as JSON on the standard output.
+        quiet: Show no progress and print nothing.
+        json: Print the result as JSON, in place of tables.
         live: How the stream is read and followed.
     """
 
@@ -210,7 +210,7 @@ class ModelsOptions:
     """List the bundled mechanisms with their joints and sizes.
 
     Attributes:
-        json: The list as JSON.
+        json: Print the list as JSON.
     """
 
     json: bool = False
@@ -220,6 +220,19 @@ class ModelsOptions:
         from monodyn.cli.show import show_models
 
         return show_models(as_json=self.json)
+
+
+@dataclass(frozen=True)
+class FileOptions:
+    """What a command takes whose options may come from a file.
+
+    Attributes:
+        config: Take options from a TOML file, such as the run.toml that every run writes: NAME = VALUE by the
+            names of options, without dashes. Options on the command line win. Paths in the file start at its
+            folder.
+    """
+
+    config: Path | None = None
 
 
 class Command(NamedTuple):

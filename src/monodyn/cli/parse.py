@@ -12,15 +12,14 @@ from dataclasses import MISSING
 from typing import Any
 
 from monodyn.cli.options import COMMANDS
-from monodyn.cli.table import Option, listed
+from monodyn.cli.table import CONFIG, Option, listed
 from monodyn.errors import SettingsError
 from monodyn.forms import NUMBER, apart
 from monodyn.live.settings import LiveSettings
 from monodyn.names import near
-from monodyn.settings import UNUSED, RunSettings
+from monodyn.settings import RunSettings, settings_classes
 
 HELP, HELP_ALL = ("-h", "--help"), "--help-all"
-CONFIG = "config"
 Given = dict[str, list[str]]
 """The words of each option that was given, by its name."""
 
@@ -45,16 +44,16 @@ def parsed(command: str, words: Sequence[str]) -> Any:
         print(page(command, options, whole=HELP_ALL in words), end="")
         return 0
     given, filed = split(command, options, words), {}
-    if CONFIG in given:
+    if CONFIG.name in given:
         from monodyn.cli.config import read_config
 
-        filed = read_config(given.pop(CONFIG)[-1], command, options)
+        filed = read_config(given.pop(CONFIG.name)[-1], command, options)
     both = merged(options, filed, given)
     lacking = [option.flag for option in options if option.usual is MISSING and option.name not in both]
     if lacking:
         got = " ".join(words) or "nothing"
         raise SettingsError(f"{command}: expected {', '.join(lacking)}, got {got}; {_see(command)}")
-    return _built(command, {option: both[option.name] for option in options if option.name in both})
+    return _built(command, options, both)
 
 
 def split(command: str, options: Sequence[Option], words: Sequence[str]) -> Given:
@@ -69,61 +68,57 @@ def split(command: str, options: Sequence[Option], words: Sequence[str]) -> Give
         SettingsError: an option is unknown, lacks its word, or has one too many.
     """
     named = _named(command, options)
-    place = next((option for option in options if option.word), None)
+    alone = [option.name for option in options if option.word]
     given: Given = {}
     odd, rest = [], list(words)
     while rest:
         word = rest.pop(0)
-        if not _is_option(word):
-            if place is None:
-                odd.append(word)
-            else:
-                given.setdefault(place.name, []).append(word)
-            continue
-        name, equals, value = word.partition("=")
-        option = named.get(name.replace("_", "-"))
-        if option is None:
-            odd += [word, *([rest.pop(0)] if rest and not _is_option(rest[0]) and not equals else [])]
-            continue
-        if not option.metavar:
-            if equals:
-                raise SettingsError(f"{command}: {name}: expected no value, got '{value}'; leave it out.")
-            given.setdefault(option.name, []).append("false" if option.usual is True else "true")
-            continue
-        if not equals:
-            if not rest or _is_option(rest[0]):
-                raise SettingsError(f"{command}: {name}: expected {option.metavar}, got nothing; give it.")
-            value = rest.pop(0)
-        given.setdefault(option.name, []).append(value)
-        while not equals and rest and _goes_on(option, rest[0]):
-            given[option.name].append(rest.pop(0))
+        name = word.partition("=")[0].replace("_", "-")
+        if name in named and _is_option(word):
+            taken = _taken(command, named[name], word, rest)
+            given.setdefault(named[name].name, []).extend(taken)
+        elif alone and not _is_option(word):
+            given.setdefault(alone[0], []).append(word)
+        else:
+            odd.append(word)
+            # what follows an option that is not known is hardly the clip
+            if _is_option(word) and rest and not _is_option(rest[0]):
+                odd.append(rest.pop(0))
     if odd:
-        listing = ", ".join(odd)
-        nearest = near([name.removeprefix("--") for name in named], odd[0].removeprefix("--").split("=")[0])
+        nearest = near([one.removeprefix("--") for one in named], odd[0].removeprefix("--").split("=")[0])
         meant = f" Did you mean --{nearest[0]}?" if nearest else ""
-        raise SettingsError(f"{command}: expected known options, got {listing}; {_see(command)}{meant}")
-    _refuse_repeated(command, options, given)
+        raise SettingsError(
+            f"{command}: expected known options, got {', '.join(odd)}; {_see(command)}{meant}"
+        )
+    _refuse_repeated(command, [*options, CONFIG], given)
     return given
+
+
+def _taken(command: str, option: Option, word: str, rest: list[str]) -> list[str]:
+    """Return the words that belong to an option; those of the words after it are taken out of these."""
+    name, equals, value = word.partition("=")
+    if not option.metavar:
+        if equals:
+            raise SettingsError(f"{command}: {name}: expected no value, got '{value}'; leave it out.")
+        return ["true" if name.replace("_", "-") == f"--{option.name}" else "false"]
+    if equals:
+        return [value]
+    if not rest or _is_option(rest[0]):
+        raise SettingsError(f"{command}: {name}: expected {option.metavar}, got nothing; {_see(command)}")
+    taken = [rest.pop(0)]
+    while rest and _goes_on(option, rest[0]):
+        taken.append(rest.pop(0))
+    return taken
 
 
 def _named(command: str, options: Sequence[Option]) -> dict[str, Option]:
     """Return the options by what stands for them on the command line."""
-    named = {(f"--{option.name}" if option.word else option.flag): option for option in options}
+    named = {f"--{option.name}": option for option in options}
     named |= {f"--{option.also}": option for option in options if option.also}
+    named |= {option.negated: option for option in options if not option.metavar}
     if COMMANDS[command].file:
-        named[f"--{CONFIG}"] = config_option()
+        named[f"--{CONFIG.name}"] = CONFIG
     return named
-
-
-def config_option() -> Option:
-    """Return the option that names a settings file."""
-    from monodyn.forms import notation
-
-    said = (
-        "Take options from a TOML file, such as the run.toml that every run writes: name = value, by the names "
-        "of the options without dashes. Options on the command line win; paths in the file start at its folder."
-    )
-    return Option(CONFIG, "", CONFIG, str, None, said, notation(str), "FILE")
 
 
 def _is_option(word: str) -> bool:
@@ -159,14 +154,16 @@ def _refuse_repeated(command: str, options: Sequence[Option], given: Mapping[str
     """Refuse two values where there can be one, and an empty name of a file."""
     for option in options:
         words = given.get(option.name, ())
-        if len(words) > 1 and option.metavar and not option.several:
+        if len({*words} if not option.metavar else words) > 1 and not option.several:
             listing = " and ".join(repr(word) for word in words)
             raise SettingsError(f"{command}: expected one {option.flag}, got {listing}; leave one out.")
         if "" in words and option.file:
             raise SettingsError(f"{command}: {option.flag}: expected a name, got an empty one; give one.")
 
 
-def merged(options: Sequence[Option], filed: Mapping[str, list[str]], given: Mapping[str, list[str]]) -> Given:
+def merged(
+    options: Sequence[Option], filed: Mapping[str, list[str]], given: Mapping[str, list[str]]
+) -> Given:
     """Return what a file and the command line give: the latter wins, of ``NAME=...`` name by name.
 
     Args:
@@ -183,23 +180,22 @@ def merged(options: Sequence[Option], filed: Mapping[str, list[str]], given: Map
     return both
 
 
-def _built(command: str, given: Mapping[Option, list[str]]) -> Any:
+def _built(command: str, options: Sequence[Option], given: Given) -> Any:
     """Return the options of a command with the values of all words, the rest as usual."""
-    values: dict[str, dict[str, Any]] = {}
-    for option, words in given.items():
-        value = option.form.read(option.name, words if option.several else words[-1])
-        values.setdefault(option.place, {})[option.field] = value
+    values: dict[str, dict[str, Any]] = {option.place: {} for option in options}
+    for option in options:
+        if option.name in given:
+            words = given[option.name]
+            value = option.form.read(option.name, words if option.several else words[-1])
+            values[option.place][option.field] = value
     own = values.pop("", {})
-    if command not in UNUSED:
-        return COMMANDS[command].options(**own)
     if "live" in values:
         own["live"] = LiveSettings(**values.pop("live"))
-    whole = values.pop("settings", {})
-    from monodyn.settings import settings_classes
-
-    classes = settings_classes()
-    stages = {stage: classes[stage](**chosen) for stage, chosen in values.items()}
-    return COMMANDS[command].options(**own, settings=RunSettings(**whole, **stages))
+    if "settings" in values:
+        whole, classes = values.pop("settings"), settings_classes()
+        stages = {stage: classes[stage](**chosen) for stage, chosen in values.items()}
+        own["settings"] = RunSettings(**whole, **stages)
+    return COMMANDS[command].options(**own)
 
 
 def _see(command: str) -> str:

@@ -36,8 +36,8 @@ class PredictOptions:
         film: Draw the motion over the first frame of the clip, as prediction.mp4.
         clip: Where the clip is, if no longer where the run found it.
         force: Replace a prediction that is already in DIR.
-        quiet: No progress, no table.
-        json: The result as JSON on the standard output.
+        quiet: Show no progress and print nothing.
+        json: Print the result as JSON, in place of tables.
     """
 
     run: Path = field(metadata={"metavar": "RUN", "word": True})

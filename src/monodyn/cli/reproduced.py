@@ -33,7 +33,7 @@ class ReproduceOptions:
         truth: The true motion of --clip: a JSON document with q by frame [rad, m for slides], or a table as
             monodyn identify reads it.
         force: Replace an experiment that is already in DIR.
-        quiet: No progress, no table.
+        quiet: Show no progress and print nothing.
         seed: Random numbers of the made clips, of the drawn pendulums and of the start values.
         seeds: How many pendulums: the usual one, then others drawn by --seed; 3 unless --clip is given.
     """

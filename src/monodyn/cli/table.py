@@ -1,9 +1,8 @@
 """The options of each command as one table, made from the typed settings.
 
-A command states its own options as the fields of a dataclass; one with a field ``settings`` takes all
-settings of a run, too, but for those that it has no use for. A new field of `RunSettings`, or of a stage's
-settings, is an option of every command that takes them, with its help text and its usual value, without a line
-here.
+A command states its own options as the fields of a dataclass; those of ``UNUSED`` take the settings of a run,
+too, but for those that they have no use for. A new field of `RunSettings`, or of a stage's settings, is an
+option of every command that takes them, with its help text and its usual value, without a line here.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from dataclasses import MISSING, Field, dataclass, fields
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from monodyn.cli.options import COMMANDS
+from monodyn.cli.options import COMMANDS, FileOptions
 from monodyn.forms import Notation, notation
 from monodyn.live.settings import LiveSettings
 from monodyn.settings import SHARED, UNUSED, RunSettings, option_name, settings_classes
@@ -24,7 +23,7 @@ SHORT = ("pace", "ahead")
 """Settings of a stream that have a short name, too: ``--pace`` for ``--live.pace``."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Option:
     """One option of a command.
 
@@ -59,9 +58,14 @@ class Option:
         """What stands on the command line for it: ``--out``, or the word of the usage for a word."""
         if self.word:
             return self.metavar.split()[0]
-        head, _, tail = self.name.rpartition(".")
         # a flag that is on by itself is there to be turned off
-        return f"--{head}{'.' if head else ''}{'no-' if self.usual is True else ''}{tail}"
+        return self.negated if self.usual is True else f"--{self.name}"
+
+    @property
+    def negated(self) -> str:
+        """What turns a flag off, as ``--track.no-adaptive``."""
+        head, dot, tail = self.name.rpartition(".")
+        return f"--{head}{dot}no-{tail}"
 
     @property
     def several(self) -> bool:
@@ -131,3 +135,7 @@ def described(kind: type[Any]) -> dict[str, str]:
             name, _, said = entry.partition(":")
             found[name] = " ".join(said.replace("``", "'").split())
     return found
+
+
+(CONFIG,) = _of(FileOptions, "")
+"""The option that names a settings file."""
