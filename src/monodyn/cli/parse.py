@@ -49,7 +49,9 @@ def parsed(command: str, words: Sequence[str]) -> Any:
 
         filed = read_config(given.pop(CONFIG.name)[-1], command, options)
     both = merged(options, filed, given)
-    lacking = [option.flag for option in options if option.usual is MISSING and option.name not in both]
+    # what stands alone comes first
+    needed = sorted((o for o in options if o.usual is MISSING), key=lambda o: not o.word)
+    lacking = [option.flag for option in needed if option.name not in both]
     if lacking:
         got = " ".join(words) or "nothing"
         raise SettingsError(f"{command}: expected {', '.join(lacking)}, got {got}; {_see(command)}")
