@@ -137,6 +137,11 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     refused(path, f"config '{path}': until: expected a number, got 'x'.")
     path = written(tmp_path, "[trak]\nreach = 1")
     refused(path, f"config '{path}': monodyn run has no option 'trak.reach'; did you mean 'track.reach'?")
+    path = written(tmp_path, "ndjson = '-'")
+    refused(
+        path,
+        f"config '{path}': monodyn run has no option 'ndjson'; it belongs to monodyn live; leave it out.",
+    )
     path = written(tmp_path, "seed = ")
     refused(
         path, f"config '{path}': expected TOML, got an error: Invalid value (at end of document); correct it."

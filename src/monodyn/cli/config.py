@@ -10,7 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from monodyn.cli.table import Option
+from monodyn.cli.options import COMMANDS
+from monodyn.cli.table import Option, listed
 from monodyn.errors import SettingsError
 from monodyn.forms import notation
 from monodyn.names import known
@@ -45,10 +46,11 @@ def read_config(file: str | Path, command: str, options: Sequence[Option]) -> di
     for key, value in _entries(document, by_name):
         name = key.replace("_", "-")
         if name not in by_name:
-            raise SettingsError(
-                f"config '{path}': monodyn {command} has no option '{key}'; "
-                f"{known('options', list(by_name), name)}"
-            )
+            # a file of another command may have it
+            others = [one for one in COMMANDS if name in {option.name for option in listed(one)}]
+            said = f"it belongs to monodyn {' and '.join(others[:2])}; leave it out."
+            meant = said if others else known("options", list(by_name), name)
+            raise SettingsError(f"config '{path}': monodyn {command} has no option '{key}'; {meant}")
         option = by_name[name]
         where = f"config '{path}': {name}"
         found[name] = [_placed(option, word, path.parent) for word in _words(where, option, value)]

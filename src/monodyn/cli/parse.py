@@ -147,7 +147,8 @@ def _is_parameter(word: str) -> bool:
 
     kinds = {*DIMENSIONS, "x", "y", "depth", "roll", "pitch", "yaw", "focal"}
     return all(
-        name in ("gravity", "time_scale") or ("." in name and name.rpartition(".")[2] in kinds)
+        name in ("gravity", "time_scale")
+        or ("." in name and (name.rpartition(".")[2] in kinds or ".torque." in name))
         for name in apart([word])
     )
 
