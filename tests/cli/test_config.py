@@ -137,6 +137,10 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     refused(path, f"config '{path}': until: expected a number, got 'x'.")
     path = written(tmp_path, "[trak]\nreach = 1")
     refused(path, f"config '{path}': monodyn run has no option 'trak.reach'; did you mean 'track.reach'?")
+    path = written(tmp_path, "background = ''")
+    refused(path, f"config '{path}': background: expected a name, got an empty one; give one.")
+    path = written(tmp_path, "fit_frames = '0:9'\nfit-frames = '0:8'")
+    refused(path, f"config '{path}': expected one 'fit-frames', got two; leave one out.")
     path = written(tmp_path, "ndjson = '-'")
     refused(
         path,

@@ -34,6 +34,7 @@ Commands:
 Examples:
   monodyn run clip.mp4 --model double.xml --out run
   monodyn run clip.mp4 --model chain:3 --out run --fit-frames 0:120 --fix gravity=9.81
+  monodyn run --config run/run.toml --out again
   monodyn live 0 --model double.xml --view 8000 --out run
   monodyn identify run/poses.csv --model run --out fit
   monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead --film

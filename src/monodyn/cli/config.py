@@ -32,8 +32,30 @@ def read_config(file: str | Path, command: str, options: Sequence[Option]) -> di
             that no option can have.
     """
     path = Path(file)
+    by_name = {option.name: option for option in options}
+    found: dict[str, list[str]] = {}
+    for key, value in _entries(_document(path), by_name):
+        name = key.replace("_", "-")
+        if name not in by_name:
+            raise SettingsError(
+                f"config '{path}': monodyn {command} has no option '{key}'; {_meant(name, by_name)}"
+            )
+        if name in found:
+            raise SettingsError(f"config '{path}': expected one '{name}', got two; leave one out.")
+        option = by_name[name]
+        words = _words(f"config '{path}': {name}", option, value)
+        try:
+            option.form.read(name, words if option.several else words[-1])
+        except SettingsError as error:
+            raise SettingsError(f"config '{path}': {error}") from None
+        found[name] = [_placed(option, word, path) for word in words]
+    return found
+
+
+def _document(path: Path) -> dict[str, Any]:
+    """Return what is in a TOML file."""
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise SettingsError(
             f"config '{path}': expected a settings file, got '{error.strerror}'; check the path."
@@ -41,24 +63,14 @@ def read_config(file: str | Path, command: str, options: Sequence[Option]) -> di
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         why = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "no UTF-8 text"
         raise SettingsError(f"config '{path}': expected TOML, got an error: {why}; correct it.") from None
-    by_name = {option.name: option for option in options}
-    found: dict[str, list[str]] = {}
-    for key, value in _entries(document, by_name):
-        name = key.replace("_", "-")
-        if name not in by_name:
-            # a file of another command may have it
-            others = [one for one in COMMANDS if name in {option.name for option in listed(one)}]
-            said = f"it belongs to monodyn {' and '.join(others[:2])}; leave it out."
-            meant = said if others else known("options", list(by_name), name)
-            raise SettingsError(f"config '{path}': monodyn {command} has no option '{key}'; {meant}")
-        option = by_name[name]
-        where = f"config '{path}': {name}"
-        found[name] = [_placed(option, word, path.parent) for word in _words(where, option, value)]
-        try:
-            option.form.read(name, found[name] if option.several else found[name][-1])
-        except SettingsError as error:
-            raise SettingsError(f"config '{path}': {error}") from None
-    return found
+
+
+def _meant(name: str, options: Mapping[str, Option]) -> str:
+    """Return to which command an option belongs, or which name may have been meant."""
+    others = [one for one in COMMANDS if name in {option.name for option in listed(one)}]
+    if others:
+        return f"it belongs to monodyn {' and '.join(others[:2])}; leave it out."
+    return known("options", list(options), name)
 
 
 def _entries(
@@ -98,14 +110,16 @@ def _word(where: str, value: Any) -> str:
     return str(value)
 
 
-def _placed(option: Option, word: str, folder: Path) -> str:
+def _placed(option: Option, word: str, path: Path) -> str:
     """Return the name of a file as it is found from here; any other word as it is."""
     if not option.file:
         return word
+    if not word:
+        raise SettingsError(f"config '{path}': {option.name}: expected a name, got an empty one; give one.")
     # a text may stand for something else than a file
     if option.form is notation(str):
         from monodyn.settings_file import is_no_file
 
         if is_no_file(word):
             return word
-    return str(folder / Path(word).expanduser())
+    return str(path.parent / Path(word).expanduser())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING
+from dataclasses import MISSING, fields
 from typing import Any
 
 from monodyn.cli.options import COMMANDS
@@ -144,8 +144,9 @@ def _goes_on(option: Option, word: str) -> bool:
 def _is_parameter(word: str) -> bool:
     """Return whether all names in a word are like that of a parameter."""
     from monodyn.mechanism.dimensions import DIMENSIONS
+    from monodyn.types import Camera
 
-    kinds = {*DIMENSIONS, "x", "y", "depth", "roll", "pitch", "yaw", "focal"}
+    kinds = {*DIMENSIONS, *(part.name for part in fields(Camera))}
     return all(
         name in ("gravity", "time_scale")
         or ("." in name and (name.rpartition(".")[2] in kinds or ".torque." in name))
