@@ -56,7 +56,7 @@ def test_the_default_path_runs(pictures: Path, tmp_path: Path) -> None:
 
 
 def test_help_leaves_out_the_options_of_the_method() -> None:
-    done = run_without_paper("run", "--help")
+    done = run_without_paper("run", "--help-all")
     assert (done.returncode, done.stderr) == (0, "")
     assert "--locate.search-frames" in done.stdout
     assert "--track.move-share" not in done.stdout

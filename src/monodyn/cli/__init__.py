@@ -1,7 +1,7 @@
 """The commands: ``run``, ``live``, ``track``, ``identify``, ``predict``, ``control``, ``demo``, ``warm``,
 ``models``, ``reproduce``. The only place that prints.
 
-``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
+``table`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
 stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted, 143
 ended by SIGTERM.
@@ -17,32 +17,35 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any
 
-HELP = """usage: monodyn COMMAND ...
+HELP = """Usage: monodyn COMMAND ...
 
 A clip of a planar mechanism in, a simulator of it out.
 
-commands:
-  run       track a clip, identify the mechanism, predict, write the run folder
-  live      follow and identify a mechanism while a camera, a stream or a clip plays
-  track     track a clip and write poses.csv
-  identify  identify a mechanism from tables of joint positions
-  predict   predict how the mechanism of a run moves, from any state or moment
-  control   design a controller for the mechanism of a run, and simulate it
-  demo      run the clip that is installed with the program
-  warm      compile what runs need, once after installing
-  models    list the bundled mechanisms
-  reproduce repeat the experiment of the 2012 paper and write a page about it
+Commands:
+  run        track a clip, identify the mechanism, predict, write the run folder
+  live       follow and identify a mechanism while a camera, a stream or a clip plays
+  track      track a clip and write poses.csv
+  identify   identify a mechanism from tables of joint positions
+  predict    predict how the mechanism of a run moves, from any state or moment
+  control    design a controller for the mechanism of a run, and simulate it
+  demo       run the clip that is installed with the program
+  warm       compile what runs need, once after installing
+  models     list the bundled mechanisms
+  reproduce  repeat the experiment of the 2012 paper and write a page about it
 
-examples:
+Examples:
   monodyn run clip.mp4 --model double.xml --out run
   monodyn run clip.mp4 --model chain:3 --out run --fit-frames 0:120 --fix gravity=9.81
+  monodyn run --config run/run.toml --out again
   monodyn live 0 --model double.xml --view 8000 --out run
   monodyn identify run/poses.csv --model run --out fit
   monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead --film
   monodyn control run --at joint1=1.5708 --actuated slide --out balance
 
-monodyn COMMAND --help lists the options of a command. Exit codes: 0 done; 1 the fit is not to be trusted;
-2 bad input or usage; 130 interrupted; 143 ended by SIGTERM.
+monodyn COMMAND --help shows the options of a command that most people need, --help-all all of them.
+
+Exit codes: 0 done; 1 the fit is not to be trusted; 2 bad input or usage; 130 interrupted; 143 ended by
+SIGTERM.
 """
 
 SIGNALLED = 128
@@ -113,10 +116,11 @@ def _dispatch(words: list[str]) -> int:
 
     if not words or words[0] in ("-h", "--help", "help", "-V", "--version"):
         import monodyn
+        from monodyn.cli.pages import fitted
 
         with printing():
             version = bool(words) and words[0] in ("-V", "--version")
-            print(f"monodyn {monodyn.__version__}\n" if version else HELP, end="")
+            print(f"monodyn {monodyn.__version__}\n" if version else fitted(HELP), end="")
         return 0 if words else 2
     # a process that ends need not search all that it holds for circles, which takes a third of a second
     atexit.register(gc.freeze)

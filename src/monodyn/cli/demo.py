@@ -6,11 +6,9 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from tyro import conf
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from monodyn.types import Progress
@@ -27,11 +25,11 @@ class DemoOptions:
     Attributes:
         out: Folder for the results.
         force: Replace a run that is already in DIR.
-        quiet: No progress, no table.
-        json: The result as JSON on the standard output.
+        quiet: Show no progress and print nothing.
+        json: Print the result as JSON, in place of tables.
     """
 
-    out: Annotated[Path, conf.arg(metavar="DIR")] = Path("demo-run")
+    out: Path = field(default=Path("demo-run"), metadata={"metavar": "DIR"})
     force: bool = False
     quiet: bool = False
     json: bool = False
@@ -51,7 +49,7 @@ class WarmOptions:
     """Compile what ordinary runs and streams need, once after installing; what is compiled is only loaded.
 
     Attributes:
-        quiet: No progress, no line at the end.
+        quiet: Show no progress and print nothing.
     """
 
     quiet: bool = False

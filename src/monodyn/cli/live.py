@@ -37,7 +37,7 @@ def go_live(options: Any) -> int:
     Raises:
         SettingsError: an option, or a place for results, cannot be used.
     """
-    settings, live = options.settings(), options.live_settings()
+    settings, live = options.settings, options.live
     if options.ndjson == STANDARD and options.json:
         raise SettingsError(
             "ndjson: expected a file next to --json, got the standard output, which that takes; name a file, "

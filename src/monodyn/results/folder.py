@@ -39,6 +39,7 @@ FILES = (
     "diagnosis.png",
     "report.html",
     *DRAWN,
+    "run.toml",
     "run.json",
 )
 """Names of the files of a run; nothing else in the folder is ever touched."""
