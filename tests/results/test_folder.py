@@ -181,7 +181,7 @@ def test_a_folder_of_somebody_else_is_not_taken_for_a_run(tmp_path: Path) -> Non
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="forks")
 def test_a_run_that_is_killed_while_it_replaces_another_leaves_one_of_them() -> None:
     script = Path(__file__).parents[2] / "benchmarks" / "killed.py"
-    for words in (("swap", "--every", "11"), ("recovery", "--every", "29")):
+    for words in (("swap", "--every", "17"), ("recovery", "--every", "61")):
         done = subprocess.run([sys.executable, script, *words], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
 
