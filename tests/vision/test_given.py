@@ -193,8 +193,8 @@ def test_masks_that_are_not_there_are_no_clip(tmp_path: Path) -> None:
     path = tmp_path / "nothing"
     with refuses(
         VideoError,
-        f"masks '{path}': expected a film, a folder of pictures or an array (.npz, .npy), found nothing; check "
-        "the path.",
+        f"masks '{path}': expected a film, a folder of pictures or an array (.npz, .npy), found nothing; "
+        "check the path.",
     ):
         read_masks(path, load("double"))
     path = tmp_path / "mask.mp4"
