@@ -93,12 +93,12 @@ def alone() -> Iterator[None]:
     try:
         yield
     finally:
-        if sys.stderr is not usual:
+        ours, sys.stderr = sys.stderr, usual
+        if ours is not None and ours is not usual:
             with contextlib.suppress(OSError, ValueError):
-                os.dup2(sys.stderr.fileno(), 2)
+                os.dup2(ours.fileno(), 2)
                 faulthandler.disable()
-                sys.stderr.flush()
-            sys.stderr = usual
+                ours.flush()
 
 
 @contextlib.contextmanager
