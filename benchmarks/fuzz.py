@@ -185,7 +185,7 @@ def drawn_cases(count: int, seed: int, kinds: tuple[str, ...]) -> Iterator[tuple
 
 
 def prepared(home: Path) -> Good:
-    """Make what is right: a clip, the folder of its run, models.
+    """Return what is right: a clip, the folder of its run, models.
 
     Args:
         home: Where it goes; what is there already is taken.
@@ -205,14 +205,14 @@ def prepared(home: Path) -> Good:
     return Good(path, lengths, run, (*models, (run / "model.urdf").read_text(encoding="utf-8")))
 
 
-def of_clip(rng: np.random.Generator, good: Good, home: Path) -> Case:
+def _of_clip(rng: np.random.Generator, good: Good, home: Path) -> Case:
     """Run or track a damaged clip."""
     path = mutations.clip(rng, good.clip, home)
     command = str(rng.choice(["run", "run", "track"]))
     return Case((command, str(path), "--model", "double", "--out", str(home / "out")))
 
 
-def of_model(rng: np.random.Generator, good: Good, home: Path) -> Case:
+def _of_model(rng: np.random.Generator, good: Good, home: Path) -> Case:
     """Identify a table, or run a clip, with a damaged model."""
     path = mutations.model(rng, str(rng.choice(good.models)), home)
     if rng.random() < 0.2:
@@ -221,7 +221,7 @@ def of_model(rng: np.random.Generator, good: Good, home: Path) -> Case:
     return Case(("identify", poses, "--model", str(path), "--out", str(home / "out")))
 
 
-def of_table(rng: np.random.Generator, good: Good, home: Path) -> Case:
+def _of_table(rng: np.random.Generator, good: Good, home: Path) -> Case:
     """Identify from a table to which something was done."""
     if rng.random() < 0.25:
         record = DAMAGES[str(rng.choice(list(DAMAGES)))](rng)
@@ -235,7 +235,7 @@ def of_table(rng: np.random.Generator, good: Good, home: Path) -> Case:
     return Case(("identify", str(path), "--model", "double", "--out", str(home / "out")))
 
 
-def of_words(rng: np.random.Generator, good: Good, home: Path) -> Case:
+def _of_words(rng: np.random.Generator, good: Good, home: Path) -> Case:
     """Call any command with options that are not right, or not for it."""
     command = str(
         rng.choice(["run", "track", "identify", "predict", "control", "live", "models", "warm", "nothing"])
@@ -267,7 +267,7 @@ VALUES = (
 """Options, and values of some of them."""
 
 
-def of_folder(rng: np.random.Generator, good: Good, home: Path) -> Case:
+def _of_folder(rng: np.random.Generator, good: Good, home: Path) -> Case:
     """Predict from, control or go on with a folder of a run that was changed."""
     folder = str(mutations.run_folder(rng, good.run, home))
     out = str(home / "out")
@@ -280,18 +280,18 @@ def of_folder(rng: np.random.Generator, good: Good, home: Path) -> Case:
     )
 
 
-def of_signal(rng: np.random.Generator, good: Good, home: Path) -> Case:
+def _of_signal(rng: np.random.Generator, good: Good, home: Path) -> Case:
     """Stop a run at any moment."""
     what = signal.Signals(int(rng.choice([signal.SIGINT, signal.SIGTERM, signal.SIGKILL])))
     return replace(_over_another(rng, good, home), stop=(what, float(rng.uniform(0.0, 7.0))))
 
 
-def of_disk(rng: np.random.Generator, good: Good, home: Path) -> Case:
+def _of_disk(rng: np.random.Generator, good: Good, home: Path) -> Case:
     """Run where the system refuses files beyond a size."""
     return replace(_over_another(rng, good, home), room=int(10 ** rng.uniform(1.0, 6.0)))
 
 
-def of_two(rng: np.random.Generator, good: Good, home: Path) -> Case:
+def _of_two(rng: np.random.Generator, good: Good, home: Path) -> Case:
     """Run the same command twice at once."""
     return replace(_over_another(rng, good, home), twice=True)
 
@@ -314,14 +314,14 @@ def _over_another(rng: np.random.Generator, good: Good, home: Path) -> Case:
 
 
 KINDS: dict[str, tuple[Callable[[np.random.Generator, Good, Path], Case], float]] = {
-    "clip": (of_clip, 20),
-    "model": (of_model, 22),
-    "table": (of_table, 22),
-    "words": (of_words, 18),
-    "folder": (of_folder, 7),
-    "signal": (of_signal, 6),
-    "disk": (of_disk, 3),
-    "two": (of_two, 2),
+    "clip": (_of_clip, 20),
+    "model": (_of_model, 22),
+    "table": (_of_table, 22),
+    "words": (_of_words, 18),
+    "folder": (_of_folder, 7),
+    "signal": (_of_signal, 6),
+    "disk": (_of_disk, 3),
+    "two": (_of_two, 2),
 }
 """Kinds of cases, and how often each is drawn."""
 
@@ -332,7 +332,7 @@ def _in_time(ends: float, kind: str, seed: int, good: Good, home: Path) -> Found
 
 
 def tried(kind: str, seed: int, good: Good, home: Path) -> Found:
-    """Draw a case, run it, and say what was wrong.
+    """Return what became of a case that is drawn from a seed.
 
     Args:
         kind: Its kind.
@@ -353,7 +353,7 @@ def tried(kind: str, seed: int, good: Good, home: Path) -> Found:
 
 
 def run(case: Case, where: Path) -> tuple[int | None, str]:
-    """Run a case; return its exit code, None where it hangs, and what it printed.
+    """Return the exit code of a case that is run, None where it hangs, and what it printed.
 
     Args:
         case: What is run.

@@ -1,6 +1,6 @@
 """Good input to which one thing is done, drawn from a seed: clips, models, tables and folders of runs.
 
-Every function takes a generator and what is good, and leaves a file or a folder that a user might have.
+Every function takes a generator and what is good, and returns a file or a folder that a user might have.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def damaged_bytes(rng: np.random.Generator, content: bytes) -> bytes:
 
 
 def clip(rng: np.random.Generator, good: Path, folder: Path) -> Path:
-    """Leave a clip, or something in the place of one.
+    """Return a clip that is left there, or something in the place of one.
 
     Args:
         rng: What is done.
@@ -94,7 +94,7 @@ def _written(path: Path, content: bytes) -> Path:
 
 
 def frames_of(good: Path) -> list[np.ndarray]:
-    """Return the pictures of a clip, RGB.
+    """Return the pictures of a clip, RGB, each (height, width, 3).
 
     Args:
         good: The clip.
@@ -201,7 +201,7 @@ def _pictures(rng: np.random.Generator, good: Path, folder: Path) -> Path:
 
 
 def model(rng: np.random.Generator, good: str, folder: Path) -> Path:
-    """Leave a mechanism file to which one to three things were done.
+    """Return a mechanism file to which one to three things were done.
 
     Args:
         rng: What is done.
@@ -279,7 +279,7 @@ _CHANGES: Sequence[Callable[[np.random.Generator, str], str]] = (
 
 
 def table(rng: np.random.Generator, good: str, folder: Path) -> Path:
-    """Leave a table of joint positions to which one or two things were done.
+    """Return a table of joint positions to which one or two things were done.
 
     Args:
         rng: What is done.
@@ -382,7 +382,7 @@ _TABLES: Sequence[Callable[[np.random.Generator, str], str]] = (
 
 
 def run_folder(rng: np.random.Generator, good: Path, folder: Path) -> Path:
-    """Leave the folder of a run of which one file was changed or lost.
+    """Return the folder of a run of which one file was changed or lost.
 
     Args:
         rng: What is done.

@@ -109,7 +109,8 @@ def test_the_method_of_the_command_line_is_that_of_every_stage(tmp_path: Path) -
         ("fit-frames = [0, 9]",
          "fit-frames: expected a text or a number, got [0, 9]; write it as on the command line."),
         ("identify.torque = 'frictoin'",
-         "identify.torque: expected one of 'auto', 'friction', 'fourier', 'free', got 'frictoin'."),
+         "identify.torque: expected one of 'auto', 'friction', 'fourier', 'free', got 'frictoin'; "
+         "did you mean 'friction'?"),
     ],
 )  # fmt: skip
 def test_what_a_file_cannot_say_is_refused(text: str, message: str, tmp_path: Path) -> None:
