@@ -48,7 +48,7 @@ def test_help_is_an_exit_code() -> None:
 
 @pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["models", "--help"]])
 def test_help_loads_nothing_heavy(words: list[str]) -> None:
-    heavy = ("numpy", "scipy", "numba", "mujoco", "cv2", "av", "plotly")
+    heavy = ("numpy", "scipy", "numba", "mujoco", "cv2", "av", "jinja2")
     code = (
         f"import sys; from monodyn.cli import main; main({words}); "
         f"print('loaded', [m for m in {heavy} if m in sys.modules])"

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_type_hints
 
 from tyro import conf
 
+from monodyn.cli.completion import Shell, completion
 from monodyn.cli.controlled import ControlOptions
-from monodyn.cli.demo import DemoOptions, WarmOptions
+from monodyn.cli.demo import DemoOptions, ModelsOptions, WarmOptions
 from monodyn.cli.forms import FORMS
 from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
@@ -270,20 +271,15 @@ class LiveOptions(CommonOptions):
 
 
 @dataclass(frozen=True)
-class ModelsOptions:
-    """List the bundled mechanisms with their joints and sizes.
+class CompletionOptions:
+    """Print a script by which a shell completes command lines."""
 
-    Attributes:
-        json: The list as JSON.
-    """
-
-    json: bool = False
+    shell: conf.Positional[Shell]
 
     def go(self) -> int:
         """Return the exit code after running the command."""
-        from monodyn.cli.show import show_models
-
-        return show_models(as_json=self.json)
+        print(completion(self.shell, {name: options_class(it) for name, it in COMMANDS.items()}), end="")
+        return 0
 
 
 class Command(NamedTuple):
@@ -368,6 +364,7 @@ COMMANDS: dict[str, Command] = {
     "demo": Command(DemoOptions, "monodyn demo --out demo-run"),
     "warm": Command(WarmOptions, "monodyn warm"),
     "models": Command(ModelsOptions, "monodyn models"),
+    "completion": Command(CompletionOptions, "monodyn completion bash"),
     "reproduce": Command(ReproduceOptions, "monodyn reproduce --out experiment"),
 }
 """The commands by name."""
