@@ -266,7 +266,7 @@ def _within(places: np.ndarray, points: np.ndarray, unit: float) -> np.ndarray:
     ends = points[corners[: convex_hull(points / unit, 0, len(points), corners)]]
     edges = np.roll(ends, -1, axis=0) - ends
     off = places[:, None] - ends
-    return (off[..., 0] * edges[:, 1] <= off[..., 1] * edges[:, 0]).all(axis=1)
+    return np.all(off[..., 0] * edges[:, 1] <= off[..., 1] * edges[:, 0], axis=1)
 
 
 def _part_name(mechanism: Mechanism, geom: int) -> str:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from support import refuses
 from monodyn.cli import main
 from monodyn.cli.completion import MODELS, _options, completion
 from monodyn.cli.options import COMMANDS, options_class
@@ -17,6 +16,7 @@ from monodyn.cli.parse import parsed
 from monodyn.errors import SettingsError
 from monodyn.mechanism import load
 from monodyn.mechanism.bundled import AUTO, BUNDLED
+from support import refuses
 
 CLASSES = {name: options_class(command) for name, command in COMMANDS.items()}
 ASK = {
@@ -26,8 +26,8 @@ ASK = {
         ask monodyn run clip.mp4 --locate.s; ask monodyn run --model c; ask monodyn run ""
         complete -p monodyn""",
     "fish": """source ./script
-        for line in "monodyn " "monodyn run --method " "monodyn run --method=p" "monodyn run clip.mp4 --locate.s" \
-            "monodyn run --model c" "monodyn run c"
+        for line in "monodyn " "monodyn run --method " "monodyn run --method=p" \\
+            "monodyn run clip.mp4 --locate.s" "monodyn run --model c" "monodyn run c"
             echo (complete -C $line | string replace -r '\\t.*' '')
         end""",
     "zsh": """compdef() { }
@@ -46,7 +46,10 @@ ASK = {
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_option_of_the_help_is_completed(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert parsed(command, ["--help"]) == 0
-    listed = set(re.findall(r"^\W*(?:-h, )?(--[a-z][\w.-]*)", capsys.readouterr().out, re.MULTILINE))
+    listed = {
+        each.rstrip(".")
+        for each in re.findall(r"^\W*(?:-h, )?(--[a-z][\w.-]*)", capsys.readouterr().out, re.MULTILINE)
+    }
     assert listed <= set(_options(CLASSES[command]))
     assert "--help" in listed
 
@@ -55,14 +58,20 @@ def test_every_option_of_the_help_is_completed(command: str, capsys: pytest.Capt
 def test_every_completed_option_is_known(command: str) -> None:
     for option in _options(CLASSES[command]):
         # whatever else is wrong with such a line, the option is not: one that is not known is named
-        try:
-            parsed(command, [option, "1"])
-        except SettingsError as error:
-            assert f"expected known options, got {option}" not in str(error)
+        assert f"expected known options, got {option}" not in complaint(command, option)
+    assert "expected known options, got --bogus" in complaint(command, "--bogus")
+
+
+def complaint(command: str, option: str) -> str:
+    try:
+        parsed(command, [*COMMANDS[command].example.split()[2:], option, "1"])
+    except SettingsError as error:
+        return str(error)
+    return ""
 
 
 def test_models_are_the_bundled_ones() -> None:
-    assert MODELS == (AUTO, *(name.replace("chain:N", "chain:3") for name in BUNDLED))
+    assert (AUTO, *(name.replace("chain:N", "chain:3") for name in BUNDLED)) == MODELS
     assert load(MODELS[-1]).joints
 
 
@@ -103,8 +112,11 @@ def test_shells_complete(shell: str, tmp_path: Path) -> None:
     assert lines[3].split() == ["--locate.search-frames", "--locate.start"]
     assert {"cartpole", "chain:3"} <= set(lines[4].split())
     # bash itself, and zsh by _files, offer files where there is nothing else
-    assert lines[5:] == {
-        "bash": ["", "complete -o default -F _monodyn monodyn"],
-        "zsh": ["FILES"],
-        "fish": ["clip.mp4"],
-    }[shell]
+    assert (
+        lines[5:]
+        == {
+            "bash": ["", "complete -o default -F _monodyn monodyn"],
+            "zsh": ["FILES"],
+            "fish": ["clip.mp4"],
+        }[shell]
+    )

@@ -118,7 +118,7 @@ def _options(kind: type[Any], group: str = "") -> dict[str, Choices]:
         if conf.Positional in marks or conf.Suppress in marks:
             continue
         factory: Any = field.default_factory
-        if is_dataclass(factory):
+        if isinstance(factory, type) and is_dataclass(factory):
             found.update(_options(factory, f"{group}{field.name}."))
             continue
         named = [mark for mark in marks if hasattr(mark, "aliases")]

@@ -1,6 +1,6 @@
 """``monodyn demo``: the main job on the clip that is installed with the program; ``monodyn warm``: the same
-where nobody looks, so that what an ordinary clip needs is compiled; ``monodyn models``: the mechanisms that are
-installed with it."""
+where nobody looks, so that what an ordinary clip needs is compiled; ``monodyn models``: the mechanisms that
+are installed with it."""
 
 from __future__ import annotations
 

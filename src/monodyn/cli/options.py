@@ -272,7 +272,11 @@ class LiveOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class CompletionOptions:
-    """Print a script by which a shell completes command lines."""
+    """Print a script by which a shell completes command lines.
+
+    Attributes:
+        shell: The shell.
+    """
 
     shell: conf.Positional[Shell]
 
@@ -351,9 +355,7 @@ COMMANDS: dict[str, Command] = {
         ),
     ),
     "identify": Command(
-        IdentifyOptions,
-        "monodyn identify run/poses.csv --model run --out fit",
-        without=_OF_CLIP,
+        IdentifyOptions, "monodyn identify run/poses.csv --model run --out fit", without=_OF_CLIP
     ),
     "predict": Command(
         PredictOptions, "monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead"

@@ -1,4 +1,4 @@
-"""Half width of a 95 % interval where the noise is known from a few residuals only: Student's distribution."""
+"""Half width of a 95 % interval where a few residuals only tell the noise: Student's distribution."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ def cheapest_pairs(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         cost: Cost of each pair, finite, (row, column).
 
     Returns:
-        Rows in order and the column of each, both (pair,).
+        Rows in order, and the column of each, (2, row) in all, or (2, column) where there are fewer.
 
     Source:
         The Hungarian method by shortest augmenting paths: Jonker and Volgenant, A shortest augmenting path
