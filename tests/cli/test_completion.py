@@ -54,6 +54,7 @@ def test_every_option_of_the_help_is_completed(command: str, capsys: pytest.Capt
     assert "--help" in listed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_completed_option_is_known(command: str) -> None:
     for option in _options(CLASSES[command]):
