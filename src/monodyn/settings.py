@@ -52,8 +52,8 @@ def published_method() -> Iterator[None]:
         SettingsError: the published method is not installed, or scipy, whose searches it takes.
     """
     try:
-        import_module("scipy")
         yield
+        import_module("scipy")
     except ModuleNotFoundError as error:
         if error.name == "scipy":
             raise SettingsError(
