@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import Field, dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, get_args
 
@@ -74,11 +75,17 @@ def published_method() -> Iterator[None]:
     """Import the published method inside; where it is not installed, raise an error of one sentence.
 
     Raises:
-        SettingsError: the published method is not installed.
+        SettingsError: the published method is not installed, or scipy, whose searches it takes.
     """
     try:
         yield
+        import_module("scipy")
     except ModuleNotFoundError as error:
+        if error.name == "scipy":
+            raise SettingsError(
+                "method 'paper': expected the package scipy, which is not installed; install it with "
+                "pip install 'monodyn[paper]'."
+            ) from None
         if not _is_published(error):
             raise
         raise SettingsError(
@@ -239,9 +246,13 @@ class RunSettings:
         if settings.method is None:
             # the foreground has one method only: a run as published has nothing to choose there
             settings = replace(settings, method="fast" if stage == "segment" else self.method)
-        # a run records the settings of every installed method, even where only those of ours were given
-        if settings.method == "paper" or not isinstance(settings, kind):
+        if settings.method == "paper":
             with published_method():
                 from monodyn.paper.settings import published
+            settings = published(settings, kind)
+        # a run records the settings of every installed method, even where only those of ours were given
+        elif not isinstance(settings, kind):
+            from monodyn.paper.settings import published
+
             settings = published(settings, kind)
         return replace(settings, **{name: getattr(self, name) for name in SHARED if hasattr(settings, name)})

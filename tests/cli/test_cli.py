@@ -326,7 +326,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
     [
         (["bogus"],
          "expected a command, got 'bogus'; commands: 'run', 'live', 'track', 'identify', 'predict', "
-         "'control', 'demo', 'warm', 'models', 'reproduce'."),
+         "'control', 'demo', 'warm', 'models', 'completion', 'reproduce'."),
         (["identify", "--model", "double"],
          "identify: expected at least one table of joint positions, got none; name a poses.csv."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--bogus"],

@@ -121,7 +121,7 @@ def test_help_is_an_exit_code() -> None:
     "words", [["--help"], ["run", "--help-all"], ["live", "--help"], ["models", "--help"]]
 )
 def test_help_loads_nothing_heavy(words: list[str]) -> None:
-    heavy = ("numpy", "scipy", "numba", "mujoco", "cv2", "av", "plotly")
+    heavy = ("numpy", "scipy", "numba", "mujoco", "cv2", "av", "jinja2")
     code = (
         f"import sys; from monodyn.cli import main; main({words}); "
         f"print('loaded', [m for m in {heavy} if m in sys.modules])"

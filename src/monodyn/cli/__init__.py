@@ -31,6 +31,7 @@ Commands:
   demo       run the clip that is installed with the program
   warm       compile what runs need, once after installing
   models     list the bundled mechanisms
+  completion print a script by which bash, zsh or fish completes command lines
   reproduce  repeat the experiment of the 2012 paper and write a page about it
 
 Examples:

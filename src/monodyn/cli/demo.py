@@ -1,5 +1,6 @@
 """``monodyn demo``: the main job on the clip that is installed with the program; ``monodyn warm``: the same
-where nobody looks, so that what an ordinary clip needs is compiled."""
+where nobody looks, so that what an ordinary clip needs is compiled; ``monodyn models``: the mechanisms that
+are installed with it."""
 
 from __future__ import annotations
 
@@ -67,6 +68,23 @@ class WarmOptions:
                 "camera, motion blur or the published method needs still is at first use."
             )
         return 0
+
+
+@dataclass(frozen=True)
+class ModelsOptions:
+    """List the bundled mechanisms with their joints and sizes.
+
+    Attributes:
+        json: Print the list as JSON.
+    """
+
+    json: bool = False
+
+    def go(self) -> int:
+        """Return the exit code after running the command."""
+        from monodyn.cli.show import show_models
+
+        return show_models(as_json=self.json)
 
 
 def warm(progress: Progress | None = None) -> None:

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from monodyn.cli.controlled import ControlOptions
-from monodyn.cli.demo import DemoOptions, WarmOptions
+from monodyn.cli.demo import DemoOptions, ModelsOptions, WarmOptions
 from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 CLIP: Any = {"metavar": "CLIP", "word": True}
 FOLDER: Any = {"metavar": "DIR"}
 MODEL: Any = {"metavar": "MODEL", "file": True}
+Shell = Literal["bash", "zsh", "fish"]
 TAKEN: Any = {"hidden": True}
 """What is known of fields beyond their types; a hidden one is no option."""
 
@@ -206,20 +207,21 @@ class LiveOptions(CommonOptions):
 
 
 @dataclass(frozen=True)
-class ModelsOptions:
-    """List the bundled mechanisms with their joints and sizes.
+class CompletionOptions:
+    """Print a script by which a shell completes command lines.
 
     Attributes:
-        json: Print the list as JSON.
+        shell: The shell.
     """
 
-    json: bool = False
+    shell: Shell = field(metadata={"metavar": "bash|zsh|fish", "word": True})
 
     def go(self) -> int:
         """Return the exit code after running the command."""
-        from monodyn.cli.show import show_models
+        from monodyn.cli.completion import completion
 
-        return show_models(as_json=self.json)
+        print(completion(self.shell), end="")
+        return 0
 
 
 @dataclass(frozen=True)
@@ -286,6 +288,7 @@ COMMANDS: dict[str, Command] = {
     "demo": Command(DemoOptions, "monodyn demo --out demo-run", file=False),
     "warm": Command(WarmOptions, "monodyn warm", file=False),
     "models": Command(ModelsOptions, "monodyn models", file=False),
+    "completion": Command(CompletionOptions, "monodyn completion bash", file=False),
     "reproduce": Command(ReproduceOptions, "monodyn reproduce --out experiment"),
 }
 """The commands by name."""

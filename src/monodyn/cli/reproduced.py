@@ -63,8 +63,11 @@ class ReproduceOptions:
             )
         from monodyn.cli.show import progress_on
         from monodyn.cli.streams import printing
+        from monodyn.settings import published_method
+
+        with published_method():
+            from monodyn.reproduce.experiment import ReproduceSettings, reproduce
         from monodyn.reproduce.clip import ClipSettings
-        from monodyn.reproduce.experiment import ReproduceSettings, reproduce
         from monodyn.reproduce.given import GivenClip
         from monodyn.reproduce.plans import Design
 

@@ -14,6 +14,7 @@ from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import links_of
 from monodyn.mechanism.bundled import BUNDLED, bundled
 from monodyn.mechanism.files import read_mechanism
+from monodyn.mechanism.hull import hull
 from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Geom, Given, Joint, Link, Site
 from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, make_plan
@@ -271,7 +272,8 @@ class _File:
         if kind == "mesh":
             mesh = int(model.geom_dataid[g])
             start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-            vertices = _hull(np.array(model.mesh_vert[start : start + count], dtype=float))
+            points = np.array(model.mesh_vert[start : start + count], dtype=float)
+            vertices = points[np.unique(hull(points))]
         weighs = not self._explicit(body)
         # geometry for looks has no density of its own: MuJoCo's default stands in for it
         density = 1000.0 if look else float(given.density)
@@ -353,10 +355,3 @@ def _turned(vector: np.ndarray, angle: float) -> np.ndarray:
     """Return the first two components of a vector, turned."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
-
-
-def _hull(points: np.ndarray) -> np.ndarray:
-    """Return the corners of the convex hull of points."""
-    from scipy.spatial import ConvexHull
-
-    return points[ConvexHull(points).vertices]

@@ -21,7 +21,7 @@ from monodyn.results.folder import RunFolder
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Grade
 
-PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python-headless")
+PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco-core", "av", "opencv-python-headless")
 """Packages whose versions are kept."""
 
 

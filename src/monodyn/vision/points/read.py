@@ -113,8 +113,8 @@ def _from_hdf5(path: Path) -> PointTable:
         h5py: Any = importlib.import_module("h5py")
     except ImportError:
         raise VideoError(
-            f"{path.name}: reading HDF5 needs the package h5py, which is not installed; pip install h5py, "
-            "or give the points as CSV."
+            f"{path.name}: reading HDF5 needs the package h5py, which is not installed; "
+            "pip install 'monodyn[hdf5]', or give the points as CSV."
         ) from None
     with h5py.File(path, "r") as file:
         _check_arrays(path, file, h5py)
