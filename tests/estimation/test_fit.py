@@ -22,13 +22,13 @@ def test_names_follow_from_parameters_and_starts(fit, poses, double):
         "record0.joint1", "record0.joint2", "record0.joint1_vel", "record0.joint2_vel"
     )  # fmt: skip
     assert fit.covariance.shape == (len(fit.names),) * 2
-    refused = identify(poses.part(0, 4), double)
+    refused = identify(poses[:4], double)
     assert refused.names == refused.shared == ()
 
 
 @pytest.mark.slow
 def test_parts_of_the_covariance(double, poses):
-    fit = identify([poses, poses.part(5, 60)], double)
+    fit = identify([poses, poses[5:60]], double)
     count = len(fit.shared)
     np.testing.assert_array_equal(fit.shared_covariance, fit.covariance[:count, :count])
     for record in (0, 1):

@@ -147,7 +147,7 @@ def test_the_reason_does_not_name_the_clip(make_clip: ClipMaker) -> None:
 
 def test_rows_are_found_by_frame_number(filmed: tuple[Scene, Poses]) -> None:
     _, poses = filmed
-    part = poses.part(10, 20)
+    part = poses[10:20]
     assert [pose_row(part, frame) for frame in (9, 10, 19, 20)] == [None, 0, 9, None]
     hidden = replace(part, seen=np.arange(10) > 0)
     assert [pose_row(hidden, frame) for frame in (10, 11)] == [None, 1]

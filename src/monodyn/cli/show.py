@@ -237,7 +237,7 @@ def plain_table(*columns: str, left: int = 1) -> Table:
 
 
 def _parameters(rows: list[dict[str, Any]]) -> Table:
-    from monodyn.results.numbers import number
+    from monodyn.numbers import number
 
     table = plain_table("parameter", "value", "95 % interval", "unit")
     for row in rows:
@@ -255,7 +255,7 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
 
 
 def _combinations(rows: list[dict[str, Any]]) -> Table:
-    from monodyn.results.numbers import number, short
+    from monodyn.numbers import number, short
 
     table = plain_table("combination", "value", "standard deviation")
     for row in rows:
@@ -264,7 +264,7 @@ def _combinations(rows: list[dict[str, Any]]) -> Table:
 
 
 def _errors(outcome: Outcome) -> Table:
-    from monodyn.results.numbers import shown_in
+    from monodyn.numbers import shown_in
 
     fit, document = outcome.fit, outcome.document
     table = plain_table("joint", "fit rms", "prediction rms", "unit")

@@ -8,7 +8,8 @@ import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Fit, Start
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.parts import Start
 from monodyn.mechanism.drive import Drive
 
 ERROR_BOUND = 1e-6

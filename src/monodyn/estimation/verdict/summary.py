@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.fit import Doubt, Estimate, Fit, Start
+from monodyn.estimation.fit import Doubt, Estimate, Fit
+from monodyn.estimation.parts import Start
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.prior import Proportion, size_ratios, thickness_ratios

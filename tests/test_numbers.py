@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from monodyn.results.numbers import number, short
+from monodyn.numbers import number, short
 
 
 def test_numbers_keep_the_digits_that_their_deviation_leaves() -> None:
