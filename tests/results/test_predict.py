@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from monodyn.errors import SettingsError
+from monodyn.mechanism.steps import spacing
 from monodyn.results.fill import fill
-from monodyn.results.predict import evenly, predict, spacing
+from monodyn.results.predict import evenly, predict
 from support import refuses
 
 ALL = np.arange(120) / 30.0

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from monodyn.errors import FitError
 from monodyn.estimation.parts import Combination, Common, Start, TriedTorque, Unmodelled
+from monodyn.extras import extra
+from monodyn.markup import card, counted, sentences, table
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.assemble import following_slopes
 from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.logged import logged
 from monodyn.mechanism.plan import OWNED_COLUMNS
+from monodyn.mechanism.steps import ERROR_BOUND, Steps, fine_stamps, spacing, steps_away
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.tree import Directions
 from monodyn.names import known
+from monodyn.numbers import interval, number
 from monodyn.types import TorqueLog
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Grade = Literal["trusted", "approximate", "refused"]
 """How far a fit can be relied on: in full; for what its status says holds; not at all."""
@@ -328,6 +335,77 @@ class Fit:
         if not self.ok:
             raise FitError(self.status)
         return self
+
+    def steps(self, start: Start, record: int, times: np.ndarray, error_bound: float = ERROR_BOUND) -> Steps:
+        """Return the steps in which the motion away from a start is integrated.
+
+        Args:
+            start: The start.
+            record: Which record's torques act.
+            times: Time stamps [s], (frame,), that rise or fall from the start.
+            error_bound: Largest integration error that is aimed at [rad or m].
+        """
+        stamps, rows = fine_stamps(start.time, times, spacing(self.time[record]))
+        driven = self.driven(stamps, record)
+        return steps_away(self.mechanism, (start.position, start.velocity), stamps, rows, driven, error_bound)
+
+    def plot(self, record: int = 0) -> np.ndarray:
+        """Draw the fitted frames of a record and their motion under the fit (needs monodyn[plots]).
+
+        Args:
+            record: Which record.
+
+        Returns:
+            Axes of matplotlib: the motion of each joint, and below it what was measured less what the fit
+            makes of it, (dof, 2).
+
+        Raises:
+            FitError: Nothing was identified, or there is no such record.
+
+        Example:
+            ``fit.plot()[0, 0].figure.savefig("fit.png")``
+        """
+        from monodyn.estimation.plot import plot_motion
+        from monodyn.mechanism.simulate import rollout
+
+        if not 0 <= record < len(self.starts):
+            raise FitError(f"plot: expected one of {len(self.starts)} fitted records, got {record}.")
+        start, time = self.starts[record], self.time[record]
+        _, rows, clock, drive, substeps = self.steps(start, record, time)
+        state = (start.position, start.velocity)
+        motion = rollout(self.mechanism.tree, clock, *state, substeps=substeps, drive=drive)[0][rows]
+        # one that was read back from a run folder has none
+        residual = self.residual[record] if self.residual else np.full(motion.shape, np.nan)
+        return plot_motion(self.mechanism.joints, time, motion, residual, title=repr(self).strip("<>"))
+
+    def to_pandas(self) -> DataFrame:
+        """Return the parameters as a table of pandas (needs monodyn[tables]).
+
+        Returns:
+            One row a parameter, by name: ``value``, ``std``, ``lower`` and ``upper`` end of the 95 %
+            interval, ``unit``, ``free``, ``identifiable``, ``at_bound``.
+        """
+        pandas = extra("to_pandas", "pandas", "tables")
+        return pandas.DataFrame([asdict(one) for one in self.parameters]).set_index("name")
+
+    def __repr__(self) -> str:
+        frames = counted(sum(len(stamps) for stamps in self.time), "frame")
+        parameters = counted(len(self.shared), "parameter")
+        records = f" of {counted(len(self.time), 'record')}" if len(self.time) > 1 else ""
+        return f"<Fit of {self.mechanism.name!r}: {self.grade}, {parameters} from {frames}{records}>"
+
+    def _repr_html_(self) -> str:
+        """Return the fit as HTML, for notebooks: what came of it, and what was estimated."""
+        torques = {p.name for p in self.mechanism.parameters if p.kind == "torque"}
+        rows = []
+        for p in self.parameters:
+            if p.free and p.name not in torques:
+                within = interval(
+                    p.lower, p.upper, p.std, free=True, known=p.identifiable, at_bound=p.at_bound
+                )
+                rows.append([p.name, number(p.value, p.std), within, p.unit])
+        shown = table(("parameter", "value", "95 % interval", "unit"), rows, words=("unit",))
+        return card(repr(self), sentences([self.status]), shown, sentences(self.advice))
 
     def parameter(self, name: str) -> Estimate:
         """Return one parameter by name.

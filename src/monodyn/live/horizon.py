@@ -351,7 +351,7 @@ class Horizon:
         slopes = np.concatenate((dq, dv), axis=1)
         variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
         std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]
-        return Prediction(times, q, v, std[:, :dofs], std[:, dofs:])
+        return Prediction(self._rows.joints, times, q, v, std[:, :dofs], std[:, dofs:])
 
 
 def horizon_of(
