@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from films import film
-from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
+from monodyn.results.sight import Sight, outlines_of
 from monodyn.types import FULL, Frame, Mask, Poses
 from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.clip.video import read
+from monodyn.vision.drawing.shown import pose_row
 from monodyn.vision.foreground.masks import View
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.points.drift import Drift
@@ -129,8 +130,8 @@ def test_frames_that_were_not_tracked_are_judged_where_they_were_located(filmed:
     judged = Sight(scene.masks.video, scene.masks, few).judged
     assert {one.frame.index for one in judged} <= {0, 30}
     assert [one.tracked for one in judged] == [False] * len(judged)
-    assert located_at(few, 16)[0] == 30
-    assert located_at(few, 14)[1] == pytest.approx(poses.position[0])
+    assert few.located(16)[0] == 30
+    assert few.located(14)[1] == pytest.approx(poses.position[0])
 
 
 def test_a_clip_without_masks_has_a_background_of_its_own(make_clip: ClipMaker) -> None:

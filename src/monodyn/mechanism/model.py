@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import MechanismError
+from monodyn.markup import brief, card, counted, table
 from monodyn.mechanism.assemble import derivatives, settled, shapes_of, tree_of
 from monodyn.mechanism.parts import Joint, Parameter
 from monodyn.mechanism.plan import OWNED_COLUMNS, Plan
 from monodyn.mechanism.torques import LAG, TorqueParameters, common_names, make_torques
 from monodyn.mechanism.tree import Directions, Measured, Shapes, Tree
 from monodyn.names import known
+from monodyn.numbers import number
 
 if TYPE_CHECKING:
     from monodyn.mechanism.drive import Drive
@@ -379,6 +381,20 @@ class Mechanism:
         place = np.full(len(self.numbers), -1, dtype=np.int64)
         place[[self.row(name) for name in names]] = np.arange(len(names))
         return place[self.torques.rows]
+
+    def __repr__(self) -> str:
+        joints = counted(len(self.joints), "joint")
+        names = brief([f"{joint.name} ({joint.kind})" for joint in self.joints], "joints")
+        what = joints if names.endswith(" joints") else f"{joints} {names}"
+        return f"<Mechanism {self.name!r}: {what}; {self.free.sum()} of {len(self.free)} parameters free>"
+
+    def _repr_html_(self) -> str:
+        """Return the mechanism as HTML, for notebooks: its parameters."""
+        rows = []
+        for p in self.parameters:
+            how = "free" if p.free else "follows" if p.follows else "held"
+            rows.append([p.name, number(p.value), p.unit, how])
+        return card(repr(self), table(("parameter", "value", "unit", ""), rows, words=("unit", "")))
 
     def _parameter(self, row: int) -> Parameter:
         """Return the parameter of a row."""
