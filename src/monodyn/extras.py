@@ -31,8 +31,8 @@ def extra(where: str, module: str, name: str) -> Any:
         import_module(package)
         return import_module(module)
     except ModuleNotFoundError as error:
-        # a package that is there and lacks one of its own says so itself
-        if (error.name or "").partition(".")[0] != package:
+        # a package that is there and lacks something itself says so
+        if error.name != package:
             raise
         raise SettingsError(
             f"{where}: expected the package '{package}', which is not installed; install it with "

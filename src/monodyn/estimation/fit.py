@@ -405,6 +405,9 @@ class Fit:
                 )
                 rows.append([p.name, number(p.value, p.std), within, p.unit])
         shown = table(("parameter", "value", "95 % interval", "unit"), rows, words=("unit",))
+        ratios = [[c.name, number(c.value, c.std), f"{c.std:.2g}", c.unit] for c in self.combinations]
+        if ratios:
+            shown += table(("combination", "value", "std", "unit"), ratios, words=("unit",))
         return card(repr(self), sentences([self.status]), shown, sentences(self.advice))
 
     def parameter(self, name: str) -> Estimate:

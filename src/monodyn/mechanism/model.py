@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import MechanismError
-from monodyn.markup import brief, card, counted, table
+from monodyn.markup import brief, card, counted, sentences, table
 from monodyn.mechanism.assemble import derivatives, settled, shapes_of, tree_of
 from monodyn.mechanism.parts import Joint, Parameter
 from monodyn.mechanism.plan import OWNED_COLUMNS, Plan
@@ -383,18 +383,20 @@ class Mechanism:
         return place[self.torques.rows]
 
     def __repr__(self) -> str:
-        joints = counted(len(self.joints), "joint")
         names = brief([f"{joint.name} ({joint.kind})" for joint in self.joints], "joints")
-        what = joints if names.endswith(" joints") else f"{joints} {names}"
-        return f"<Mechanism {self.name!r}: {what}; {self.free.sum()} of {len(self.free)} parameters free>"
+        return f"<Mechanism {self.name!r}: {names}; {self.free.sum()} of {len(self.free)} parameters free>"
 
     def _repr_html_(self) -> str:
-        """Return the mechanism as HTML, for notebooks: its parameters."""
-        rows = []
-        for p in self.parameters:
-            how = "free" if p.free else "follows" if p.follows else "held"
-            rows.append([p.name, number(p.value), p.unit, how])
-        return card(repr(self), table(("parameter", "value", "unit", ""), rows, words=("unit", "")))
+        """Return the mechanism as HTML, for notebooks: its parameters, but for those without effect."""
+        shown = [p for p in self.parameters if p.free or p.value != 0.0]
+        rows = [
+            [p.name, number(p.value), p.unit, "free" if p.free else "follows" if p.follows else "held"]
+            for p in shown
+        ]
+        more = len(self.parameters) - len(shown)
+        rest = [f"{counted(more, 'parameter')} of value 0 not listed."] if more else []
+        parameters = table(("parameter", "value", "unit", ""), rows, words=("unit", ""))
+        return card(repr(self), parameters, sentences(rest))
 
     def _parameter(self, row: int) -> Parameter:
         """Return the parameter of a row."""

@@ -12,7 +12,7 @@ from monodyn.errors import VideoError
 from monodyn.extras import extra
 from monodyn.markup import card, sentences, table
 from monodyn.mechanism import Mechanism
-from monodyn.numbers import number, short
+from monodyn.numbers import number
 from monodyn.types import Camera, Frame, Poses
 from monodyn.vision.clip.colour import rgb
 from monodyn.vision.clip.repeats import NO_REPEATS
@@ -128,8 +128,8 @@ def scene_card(
     places = []
     for name, row in PARAMETERS.items():
         sure = std.get(name)
-        how = "held" if sure is None else short(sure)
-        places.append([name, number(value_of(camera, name), sure), how, row.unit])
+        how = "held" if sure is None else f"{sure:.3g}"
+        places.append([name, number(value_of(camera, name)), how, row.unit])
     seen = [p for p in mechanism.parameters if p.kind in SIZES and p.unit == "m"]
     sizes = [[p.name, number(p.value), "", p.unit] for p in seen]
     shown = table(("parameter", "value", "std", "unit"), [*places, *sizes], words=("unit",))
