@@ -19,6 +19,7 @@ from monodyn.types import Frame, Poses
 from monodyn.vision.clip.colour import rgb, stacked
 from monodyn.vision.clip.lens import Lens, straightened
 from monodyn.vision.clip.video import Video, read
+from monodyn.vision.drawing.shown import frame_of
 from monodyn.vision.foreground.given import read_masks
 from monodyn.vision.locating.scene import Scene
 from support import refuses
