@@ -19,6 +19,8 @@ from monodyn.vision.drawing.shown import pose_row
 from monodyn.vision.foreground.masks import View
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.points.drift import Drift
+from monodyn.vision.points.scene import PointScene
+from monodyn.vision.points.tracks import PointTracks
 from scenes import SIZE, moved
 from support import ClipMaker
 
@@ -195,7 +197,20 @@ def test_outlines_are_drawn_where_a_moving_camera_saw_them() -> None:
 def test_outlines_are_drawn_where_tracked_points_say_that_the_camera_was() -> None:
     box = np.array([[10.0, 20.0], [30.0, 40.0]])
     drift = Drift(np.array([[1.0, 2.0], [3.0, 4.0]]), np.zeros(2), np.zeros(2))
-    points: Any = SimpleNamespace(drift=drift, tracks=SimpleNamespace(frame=np.array([4, 7])))
+    points: Any = object.__new__(PointScene)
+    vars(points).update(
+        drift=drift,
+        tracks=PointTracks(
+            Path("points.csv"),
+            (),
+            np.array([4, 7]),
+            np.array([0.0, 0.1]),
+            np.zeros((2, 0, 2)),
+            np.zeros((2, 0)),
+            64,
+            48,
+        ),
+    )
     sight = Sight(SimpleNamespace(), points=points)  # type: ignore[arg-type]
     for frame, shift in ((4, [1.0, 2.0]), (7, [3.0, 4.0]), (9, [3.0, 4.0])):
         assert np.allclose(sight.as_filmed(frame, [box])[0], box + shift)
